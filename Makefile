@@ -1,0 +1,82 @@
+# make demo and make test need Python 3.11 or newer with venv; everything else is set up in $(VENV).
+
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+PIP    := $(BIN)/python -m pip --disable-pip-version-check
+PYTEST := $(BIN)/python -m pytest
+
+WHEELS       ?= wheels
+IMAGE_PYTHON ?= 3.13
+MACHINE      ?= $(shell uname -m)
+
+.PHONY: help demo test check lint format types imports rooms unit system compose-test figures wheels venv clean
+.NOTPARALLEL:
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+demo: $(VENV)/.run ## six robots in two sub-teams find themselves and two objects: ends with PASS or FAIL
+	@$(BIN)/blackboard demo
+
+test: check unit system ## everything but the containers: checks, unit tests, tests with real processes
+
+check: lint format types imports rooms ## ruff, mypy --strict, import-linter, who imports what
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check
+
+format: $(VENV)/.dev
+	$(BIN)/ruff format --check
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
+
+imports: $(VENV)/.dev
+	$(BIN)/lint-imports
+
+rooms: $(VENV)/.dev
+	$(PYTEST) tests/test_rooms.py
+
+unit: $(VENV)/.dev ## tests of the pure rooms, in seconds
+	$(PYTEST) -m "not system and not compose" --durations=5
+
+system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1
+	$(PYTEST) -m system --durations=5
+
+compose-test: $(VENV)/.dev ## the containers; skipped with its reason where no Docker engine answers
+	$(PYTEST) -m compose --durations=5
+
+figures: $(VENV)/.plot ## the paper's figures, into figures/
+	$(BIN)/blackboard figures --out figures
+
+wheels: | $(VENV)/bin/pip ## wheels/, from which the image is built offline: IMAGE_PYTHON=3.13 as in the base image
+	$(PIP) download --quiet --dest $(WHEELS) --only-binary :all: --python-version $(IMAGE_PYTHON) \
+	  --platform manylinux_2_28_$(MACHINE) --platform manylinux2014_$(MACHINE) hatchling .
+
+venv: $(VENV)/.dev ## the virtual environment for developers
+
+# Stamps: an environment is set up again only when pyproject.toml has changed.
+$(VENV)/.run: pyproject.toml | $(VENV)/bin/pip
+	@echo "setting up $(VENV) (once)"
+	@$(PIP) install --quiet --editable .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(VENV)/bin/pip
+	@echo "setting up $(VENV) with the developer's tools (once)"
+	@$(PIP) install --quiet --editable '.[dev]'
+	@touch $@ $(VENV)/.run
+
+$(VENV)/.plot: $(VENV)/.run
+	@$(PIP) install --quiet --editable '.[plot]'
+	@touch $@
+
+$(VENV)/bin/pip:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "$(PYTHON) is missing or older than 3.11: install Python 3.11 or newer, or say make PYTHON=/path/to/python3.12" >&2; exit 2; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+	  { echo "$(PYTHON) has no venv module: install it (on Debian and Ubuntu the package python3-venv)" >&2; exit 2; }
+	@$(PYTHON) -m venv $(VENV)
+
+clean: ## remove what make has made
+	rm -rf $(VENV) .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist figures wheels

@@ -1,0 +1,225 @@
+"""The door of the blackboard: `blackboard demo | up | serve | router`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from blackboard import door
+from blackboard.config import Scenario, load
+from blackboard.errors import Mistake
+
+app = App(
+    name="blackboard", help="A distributed blackboard for robot teams: beliefs fused with the Cooperative Opinion Pool."
+)
+
+Flag = Parameter(negative="")
+
+
+@app.command
+def demo(
+    *,
+    robots: int | None = None,
+    seed: int | None = None,
+    seconds: float | None = None,
+    realtime: Annotated[bool, Flag] = False,
+    mrclam: str | None = None,
+    start: float | None = None,
+    protocol: str | None = None,
+    rule: str | None = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    flags: door.ZenohFlags | None = None,
+) -> int:
+    """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team.
+
+    Parameters
+    ----------
+    robots
+        Another number of robots, spread over the sub-teams.
+    seed
+        Another seed than the scenario's.
+    seconds
+        Length of the run, in seconds of team time.
+    realtime
+        Pace by the wall clock instead of waiting for everybody.
+    mrclam
+        Replay the recorded team in this folder (MRCLAM format).
+    start
+        Where the replay begins, Unix time.
+    protocol
+        Which landmark sightings may be used, as A_all or C_blind12.
+    rule
+        Another rule than the scenario's for pooling first-hand beliefs.
+    as_json
+        Print the scorecard as one JSON object, and nothing else, on standard output.
+    """
+    scenario = load("mrclam" if mrclam else "demo")
+    scenario = scenario.changed("world", dir=mrclam, start=start, protocol=protocol)
+    return _run(scenario, robots, seed, seconds, realtime, rule, as_json, flags)
+
+
+@app.command
+def up(
+    scenario: str,
+    *,
+    robots: int | None = None,
+    seed: int | None = None,
+    seconds: float | None = None,
+    realtime: Annotated[bool, Flag] = False,
+    rule: str | None = None,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    flags: door.ZenohFlags | None = None,
+) -> int:
+    """Run every process of a scenario on this machine.
+
+    Parameters
+    ----------
+    scenario
+        A scenario file (TOML), or the name of one that comes with the package.
+    robots
+        Another number of robots, spread over the sub-teams.
+    seed
+        Another seed than the scenario's.
+    seconds
+        Length of the run, in seconds of team time.
+    realtime
+        Pace by the wall clock instead of waiting for everybody.
+    rule
+        Another rule than the scenario's for pooling first-hand beliefs.
+    as_json
+        Print the scorecard as one JSON object, and nothing else, on standard output.
+    """
+    return _run(load(scenario), robots, seed, seconds, realtime, rule, as_json, flags)
+
+
+@app.command
+def serve(
+    *,
+    team: str | None = None,
+    sub_team: str,
+    board: Annotated[str | None, Parameter(name="--id")] = None,
+    scenario: str | None = None,
+    flags: door.ZenohFlags | None = None,
+) -> int:
+    """Run the board of one sub-team until it is stopped.
+
+    Parameters
+    ----------
+    team
+        Name of the team [default: the scenario's].
+    sub_team
+        The sub-team whose reports it fuses.
+    board
+        Name of the board [default: board-SUB_TEAM].
+    scenario
+        A scenario file with the grid and the board's settings, or the name of one that comes with the package.
+    """
+    from blackboard.service import BoardService
+
+    chosen = load(scenario) if scenario else Scenario({})
+    name = board or f"board-{sub_team}"
+    for what, value in (("--team", team or chosen.team.name), ("--sub-team", sub_team), ("--id", name)):
+        door.check_name(what, value)
+    service = BoardService(
+        team=team or chosen.team.name,
+        sub_team=sub_team,
+        board=name,
+        grid=chosen.grid,
+        settings=chosen.board,
+    )
+    door.serve(service, name, flags or door.ZenohFlags())
+    return 0
+
+
+@app.command
+def router(*, flags: door.ZenohFlags | None = None) -> int:
+    """Run a Zenoh router until it is stopped; listens on tcp/127.0.0.1:7447 unless told otherwise with -l."""
+    door.route(flags or door.ZenohFlags())
+    return 0
+
+
+def _run(
+    scenario: Scenario,
+    robots: int | None,
+    seed: int | None,
+    seconds: float | None,
+    realtime: bool,
+    rule: str | None,
+    as_json: bool,
+    flags: door.ZenohFlags | None,
+) -> int:
+    from blackboard.launch import Failed, run_scenario
+
+    scenario = scenario.changed("world", seed=seed).changed("board", rule=rule)
+    scenario = scenario.changed("time", seconds=seconds, mode="realtime" if realtime else None)
+    if robots is not None:
+        scenario = scenario.changed("team", sub_teams=_spread(scenario, robots))
+    _ = scenario.team, scenario.grid, scenario.time, scenario.board  # a mistake here is found before anything starts
+    try:
+        with _progress(scenario.name) as progress:
+            status, card = run_scenario(scenario, progress, flags.link() if flags else None)
+    except Failed as failure:
+        print(f"error: {failure}", file=sys.stderr)
+        return 1
+    sys.stdout.write((json.dumps(card) if as_json else text(card)) + "\n")
+    return status
+
+
+def _spread(scenario: Scenario, robots: int) -> dict[str, list[str]]:
+    """r1..rN over the scenario's sub-teams, in runs of equal length."""
+    names = list(scenario.team.sub_teams)
+    if robots < len(names):
+        raise Mistake(f"--robots {robots}: at least {len(names)}, one for each sub-team")
+    bounds = [round(i * robots / len(names)) for i in range(len(names) + 1)]
+    return {
+        name: [f"r{k + 1}" for k in range(low, high)]
+        for name, low, high in zip(names, bounds, bounds[1:], strict=False)
+    }
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Any]:
+    """A progress bar on a terminal, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def text(card: dict[str, Any]) -> str:
+    """A scorecard for people: who was how far off, how sure, how honest, and the verdict."""
+    unit = card.get("unit", "")
+    head = f"{'':22} {'RMSE/' + unit:>10} {'entropy':>8} {'log score':>10} {'50 %':>6} {'90 %':>6} {'95 %':>6}"
+    lines = [head]
+    for what in ("robots", "objects"):
+        for stage in ("solo", "consensus", "agreed"):
+            s = card["scores"][what][stage]
+            if not s["n"]:
+                continue
+            cover = " ".join(f"{s['coverage'][level]:6.2f}" for level in ("50", "90", "95"))
+            lines.append(
+                f"{what + ', ' + stage:22} {s['rmse']:10.3f} {s['entropy']:8.2f} {s['log_score']:10.2f} {cover}"
+            )
+    lines.append(f"rule {card['rule']}, seed {card['seed']}, {card['ticks']} ticks, {card['simulated_s']:g} simulated s in "
+                 f"{card['wall_s']:.1f} s, hash {card['hash'][:12]}")  # fmt: skip
+    lines.append(f"{card['verdict']}: " + "; ".join(card["reasons"]))
+    return "\n".join(lines)
+
+
+def main() -> None:
+    door.main(app)
+
+
+if __name__ == "__main__":
+    main()

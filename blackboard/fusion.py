@@ -1,0 +1,97 @@
+"""One fusion: the opinions about one subject in, the pooled belief and its whole story out. Pure.
+
+independent opinions ── rule (COP) ──► first-hand ──┐
+overlapping opinions ───────────────────────────────┴── Chernoff ──► fused
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.config import BoardSection
+from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.pools import chernoff, cooperative_components, fuse, linear_pool, parameters
+from blackboard.opinion.weights import entropy, entropy_weights
+from blackboard.provenance import Opinion, split, union
+
+#: Two overlapping beliefs whose Bhattacharyya coefficient is below this contradict each other (equal Gaussians 6 sigma apart).
+CONTRADICTION = 0.01
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one opinion contributed: its weight among those pooled with it, and by which of the two steps."""
+
+    opinion: Opinion
+    weight: float
+    how: str  # "independent" or "overlapping"
+
+
+@dataclass(frozen=True, eq=False)
+class Fusion:
+    """The fused belief, what it rests on, and its first-hand part, which may be multiplied again."""
+
+    belief: Belief
+    ancestors: dict[str, float]
+    firsthand: Opinion
+    shares: list[Share]
+    components: list[float] = field(default_factory=list)
+    conflict: bool = False
+
+
+def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSection) -> Fusion:
+    """Pool opinions about one subject, at least one, all on `grid`; the order does not matter."""
+    opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
+    if settings.feedback == "paper":  # Table I to the letter: everything is multiplied
+        independent, overlapping = list(opinions), list[Opinion]()
+    else:
+        independent, overlapping = split(opinions)
+    firsthand, shares, components = _pool_independent(independent, grid, settings)
+    belief, more = _pool_overlapping(firsthand, overlapping)
+    scale = 1.0 - sum(share.weight for share in more)
+    shares = [Share(s.opinion, s.weight * scale, s.how) for s in shares] + more
+    return Fusion(
+        belief=Belief(grid, belief),
+        ancestors=union([s.opinion for s in shares if s.weight > 0]),
+        firsthand=firsthand,
+        shares=shares,
+        components=components,
+        conflict=conflict(np.stack([o.belief.p for o in opinions]), belief),
+    )
+
+
+def _pool_independent(
+    opinions: Sequence[Opinion], grid: Grid, settings: BoardSection
+) -> tuple[Opinion, list[Share], list[float]]:
+    stack = np.stack([o.belief.p for o in opinions])
+    ratio = 1.0 if settings.reference_cell is None else (settings.reference_cell / grid.cell) ** grid.ndim
+    own = {"independence": settings.independence, "power": settings.power}
+    more = {n: v for n, v in own.items() if v is not None and n in parameters(settings.rule)}
+    pooled = fuse(settings.rule, stack, k=settings.k, gamma=settings.gamma, cell_ratio=ratio, **more)
+    weights = entropy_weights(stack, settings.k, cell_ratio=ratio)
+    components = cooperative_components(stack, weights, gamma=settings.gamma, cell_ratio=ratio)
+    name = opinions[0].source if len(opinions) == 1 else ""
+    age = min(o.age for o in opinions)
+    shares = [Share(o, float(w), "independent") for o, w in zip(opinions, weights, strict=True)]
+    return Opinion(name, Belief(grid, pooled), union(opinions), age), shares, [float(c) for c in components]
+
+
+def _pool_overlapping(firsthand: Opinion, opinions: Sequence[Opinion]) -> tuple[Array, list[Share]]:
+    """Geometric means, sharpest first, each with the weight that minimises entropy; contradictions keep both hypotheses."""
+    pooled, shares = firsthand.belief.p, list[Share]()
+    for opinion in sorted(opinions, key=lambda o: (entropy(o.belief.p), o.source)):
+        other = opinion.belief.p
+        if bhattacharyya_coefficient(pooled, other) < CONTRADICTION:
+            weights = entropy_weights(np.stack([pooled, other]))
+            pooled, weight = linear_pool(np.stack([pooled, other]), weights), float(weights[1])
+        else:
+            pooled, kept = chernoff(pooled, other)
+            weight = 1.0 - kept
+        shares = [Share(s.opinion, s.weight * (1.0 - weight), s.how) for s in shares]
+        shares.append(Share(opinion, weight, "overlapping"))
+    return pooled, shares

@@ -1,0 +1,1 @@
+"""Pure math on probability grids: numpy only."""

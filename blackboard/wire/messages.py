@@ -1,0 +1,237 @@
+"""What is said between processes: one model per message, unknown fields ignored, everything bounded.
+
+Times are team time in seconds: the world's clock where a world runs, Unix time on real robots. Positions and ranges are
+in the grid's unit, angles in radians, counter-clockwise. Subjects are `robot/<id>`, `object/<name>` or `landmark/<name>`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+VERSION = 1
+
+#: Why a message was refused: the one table of reasons, in the order in which they are looked for.
+REASONS = {
+    "wild-key": "published on a key expression with a wildcard, or on a key of no known form",
+    "too-large": "more bytes than a message may have",
+    "not-msgpack": "not a msgpack map",
+    "version": "of another protocol version",
+    "fields": "a field is missing, of the wrong type or out of its bounds",
+    "impostor": "says another source, subject or sub-team than its key",
+    "grid": "a belief on another grid than the team's",
+    "mass": "NaN, infinite, negative or no probability mass",
+    "future": "stamped in the future",
+    "past": "stamped too long ago",
+    "unregistered": "from a robot without a liveliness token in the sub-team",
+    "too-many": "more subjects or sources than a board keeps",
+}
+
+MAX_BYTES = 1 << 20  # a 200 x 200 belief as float32 is 160 kB; anything near this bound is a mistake or an attack
+MAX_CELLS = 1 << 20  # the largest grid that is unpacked
+MAX_OPINIONS = 256  # the longest list in a message: sources of a consensus, sightings of a tick
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+Subject = Annotated[str, Field(pattern=r"^(robot|object|landmark)/[A-Za-z0-9_.-]{1,64}$")]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Tick = Annotated[int, Field(ge=0, lt=1 << 53)]
+Ancestors = Annotated[dict[Name, Finite], Field(max_length=MAX_OPINIONS)]
+Subjects = Annotated[list[Subject], Field(max_length=MAX_OPINIONS)]
+#: A tuple may come as a list: msgpack knows no other, and `codec.decode` is strict.
+Listed = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
+Point = Annotated[tuple[Finite, Finite], Listed]
+
+
+class Part(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class Message(Part):
+    version: Literal[1] = 1
+
+
+# --- beliefs -----------------------------------------------------------------------------------------------------------
+
+
+class PackedGrid(Part):
+    """The grid a belief lives on; a board takes only its own."""
+
+    shape: Annotated[tuple[Annotated[int, Field(ge=1, le=MAX_CELLS)], ...], Field(min_length=1, max_length=3), Listed]
+    cell: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    origin: Annotated[tuple[Finite, ...], Field(min_length=1, max_length=3), Listed]
+    unit: Annotated[str, Field(max_length=16)] = "cell"
+
+
+class PackedBelief(Part):
+    """A belief on the wire: a box of cells, each as one byte of logarithm, and the mass outside spread evenly.
+
+    `lo` and `box` are the lower corner and the shape of the box, in cells. `coding` says what `data` holds:
+    "log8": one level b = 0..255 per cell in C order, each byte less the one before it (modulo 256), then zlib;
+    the cells with b > 0 share 1 - `rest` in the proportion exp((b - 255) `step`), b = 0 means "in the rest";
+    "f32": little-endian float32 mass per cell in C order, not compressed, 0 meaning "in the rest" (`step` unused).
+    `rest` is the mass of all cells that are outside the box or in the rest, spread evenly over them.
+    """
+
+    grid: PackedGrid
+    lo: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1, max_length=3), Listed]
+    box: Annotated[tuple[Annotated[int, Field(ge=1, le=MAX_CELLS)], ...], Field(min_length=1, max_length=3), Listed]
+    coding: Literal["log8", "f32"] = "log8"
+    step: float = 0.0
+    rest: float = 0.0
+    data: Annotated[bytes, Field(max_length=MAX_BYTES)]
+
+
+class Informed(Part):
+    """A belief that already contains team-mates' information, and whose: name -> until which team time."""
+
+    belief: PackedBelief
+    ancestors: Ancestors
+
+
+# --- robots and boards ---------------------------------------------------------------------------------------------------
+
+
+class Report(Message):
+    """What `source` believes about `subject`, from its own readings alone: `belief`, first-hand unless `ancestors` says more.
+
+    `informed` is the same after what the team told it; left out where the team told it nothing.
+    """
+
+    source: Name
+    subject: Subject
+    tick: Tick
+    time: Finite
+    belief: PackedBelief
+    ancestors: Ancestors = Field(default_factory=dict)  # empty: the source alone
+    informed: Informed | None = None
+
+
+class Used(Part):
+    """An opinion that a consensus rests on."""
+
+    source: Name
+    weight: Finite
+    age: Finite  # seconds
+    entropy: Finite  # nats
+    how: Literal["independent", "overlapping"]
+
+
+class LeftOut(Part):
+    source: Name
+    reason: str
+
+
+class Consensus(Message):
+    """What a board believes about a subject, with its whole story; `level` is "consensus" or "agreed" (after the exchange)."""
+
+    board: Name
+    sub_team: Name
+    level: Literal["consensus", "agreed"]
+    subject: Subject
+    tick: Tick
+    time: Finite
+    belief: PackedBelief
+    ancestors: Ancestors
+    firsthand: Informed | None = None  # the independent part, which the exchange may multiply; None: it is `belief`
+    used: Annotated[list[Used], Field(max_length=MAX_OPINIONS)]
+    left_out: Annotated[list[LeftOut], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
+    components: Annotated[list[Finite], Field(max_length=MAX_OPINIONS)] = []  # shares of C_1..C_N, summing to 1
+    entropy: Finite  # nats
+    conflict: bool  # some opinion is sharper than the consensus (the paper's entropy test)
+    rule: str
+    parameters: dict[str, float] = Field(default_factory=dict)
+
+
+class Status(Message):
+    """What a process has done: the tick it finished, what it said in that tick, and its counters."""
+
+    process: Name
+    kind: Literal["robot", "board", "world", "router"]
+    tick: Tick
+    time: Finite
+    phase: Literal["reported", "consensus", "agreed", "idle"] = "idle"
+    subjects: Subjects = Field(default_factory=list)  # what it reported, or settled, in this tick and phase
+    counters: dict[str, int] = Field(default_factory=dict)
+    refused: dict[str, int] = Field(default_factory=dict)
+    ages: dict[str, float] = Field(default_factory=dict)  # seconds since each source was heard
+    settings: dict[str, str | float] = Field(default_factory=dict)
+
+
+# --- the world -----------------------------------------------------------------------------------------------------------
+
+
+class Clock(Message):
+    """The tick that begins. In lockstep it also says who takes part and what the boards settled in the tick before."""
+
+    run: Annotated[str, Field(max_length=64)]  # a new one means: forget everything
+    tick: Tick
+    time: Finite
+    mode: Literal["lockstep", "realtime"]
+    robots: dict[Name, list[Name]] = Field(default_factory=dict)  # sub-team -> robots that take part
+    settled: dict[Name, Subjects] = Field(default_factory=dict)  # sub-team -> subjects agreed in tick - 1
+    end: bool = False
+
+
+class Odometry(Part):
+    """A step since the last tick as the wheels tell it: forward and turn, over dt seconds."""
+
+    distance: Finite
+    turn: Finite
+    dt: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Fix(Part):
+    """An absolute position: a known start, or the paper's reset of the odometry; heading None where it is not told."""
+
+    position: Point
+    sigma: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    heading: Finite | None = None
+    heading_sigma: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.05
+
+
+class Sighting(Part):
+    """Something seen at a range and a bearing from the robot's heading; a landmark comes with its surveyed position."""
+
+    subject: Subject
+    range: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    bearing: Finite
+    landmark: Point | None = None
+    age: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0  # seconds before the end of the tick
+
+
+class Readings(Message):
+    """All that one robot's sensors said in one tick."""
+
+    run: Annotated[str, Field(max_length=64)]
+    robot: Name
+    tick: Tick
+    time: Finite
+    odometry: Odometry | None = None
+    compass: Finite | None = None  # heading, where the robot is given one
+    fix: Fix | None = None
+    sightings: Annotated[list[Sighting], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
+
+
+class Truth(Message):
+    """Where everything really is; for the referee and viewers only."""
+
+    run: Annotated[str, Field(max_length=64)]
+    tick: Tick
+    time: Finite
+    positions: dict[Subject, Point]
+
+
+class Solo(Message):
+    """What a robot would believe without its team, run beside it on the same readings; for the referee only."""
+
+    robot: Name
+    tick: Tick
+    time: Finite
+    beliefs: dict[Subject, PackedBelief]
+
+
+#: The model of each name that stands in the topic table (`keys.Topic.message`).
+MODELS: dict[str, type[Message]] = {
+    model.__name__: model for model in (Clock, Readings, Truth, Solo, Report, Consensus, Status)
+}

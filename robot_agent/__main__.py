@@ -1,0 +1,64 @@
+"""The door of a robot: `robot-agent --team T --sub-team S --id r1`."""
+
+from __future__ import annotations
+
+import socket
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from blackboard import door
+from blackboard.config import Scenario, load
+from robot_agent.config import RobotSection
+from robot_agent.service import AgentService
+
+app = App(
+    name="robot-agent",
+    help="One robot of a team: it localises itself, reports what it believes, and listens to its team.",
+)
+
+
+@app.default
+def robot_agent(
+    *,
+    team: str | None = None,
+    sub_team: Annotated[list[str], Parameter(negative="")],
+    robot: Annotated[str | None, Parameter(name="--id")] = None,
+    scenario: str | None = None,
+    flags: door.ZenohFlags | None = None,
+) -> int:
+    """Run one robot until it is stopped.
+
+    Parameters
+    ----------
+    team
+        Name of the team [default: the scenario's].
+    sub_team
+        The sub-team it registers in; may be given again.
+    robot
+        Its name in the team [default: the name of this host].
+    scenario
+        A scenario file with the grid and the robot's models, or the name of one that comes with the package.
+    """
+    chosen = load(scenario) if scenario else Scenario({})
+    name = robot or socket.gethostname()
+    for what, value in (("--team", team or chosen.team.name), ("--id", name), *(("--sub-team", s) for s in sub_team)):
+        door.check_name(what, value)
+    service = AgentService(
+        team=team or chosen.team.name,
+        sub_teams=sub_team,
+        robot=name,
+        grid=chosen.grid,
+        settings=chosen.section("robot", RobotSection),
+        feedback=chosen.board.feedback,
+    )
+    door.serve(service, name, flags or door.ZenohFlags())
+    return 0
+
+
+def main() -> None:
+    door.main(app)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,199 @@
+"""The referee: truth against beliefs at each tick. Pure.
+
+A sample is one robot, one subject (its own place, or an object), one instant and one of the robot's sub-teams, for
+which all three beliefs exist: what the robot believed alone (`solo`), its sub-team's `consensus`, and what was `agreed`
+after the exchange. So the three are judged on the same samples; where one is missing it is counted under its level.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+from blackboard.errors import Refused
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.scores import Score
+from blackboard.wire.arrays import unpack
+from blackboard.wire.messages import Consensus, PackedBelief, Solo, Status, Truth
+from sim_world.scenario import CheckSection
+
+LEVELS = ("solo", "consensus", "agreed")
+MAX_CONSENSUSES = 4096  # of a tick
+GROUPS = {"robots": "robot/", "objects": "object/"}
+
+
+@dataclass
+class Instant:
+    """One tick: what is true, who takes part, and what was said about it until now."""
+
+    truth: Truth
+    teams: dict[str, list[str]]  # sub-team -> robots
+    began: float = 0.0  # Unix seconds
+    solos: dict[str, Solo] = field(default_factory=dict)  # by robot
+    statuses: dict[tuple[str, str], Status] = field(default_factory=dict)  # by sub-team and phase, of boards
+    consensuses: dict[tuple[str, str, str], tuple[bytes, Consensus]] = field(
+        default_factory=dict
+    )  # sub-team, level, subject
+
+    def hear(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> bool:
+        """Take what was said about this tick; True if it is news. Who does not take part is not listened to."""
+        if isinstance(message, Solo):
+            news = message.robot not in self.solos
+            if any(message.robot in robots for robots in self.teams.values()):
+                self.solos[message.robot] = message
+            return news
+        if sub_team not in self.teams:
+            return False
+        if isinstance(message, Status):
+            news = (sub_team, message.phase) not in self.statuses
+            self.statuses[sub_team, message.phase] = message
+            return news
+        name = (sub_team, message.level, message.subject)
+        news = name not in self.consensuses
+        if not news or len(self.consensuses) < MAX_CONSENSUSES:
+            self.consensuses[name] = payload, message
+        return news
+
+    def settled(self, sub_team: str) -> bool:
+        """Whether a board is done with this tick, and everything that it says it published is in."""
+        said = [self.statuses.get((sub_team, level)) for level in ("consensus", "agreed")]
+        return all(
+            status is not None
+            and all((sub_team, status.phase, subject) in self.consensuses for subject in status.subjects)
+            for status in said
+        )
+
+    def belief(self, level: str, robot: str, sub_team: str, subject: str) -> PackedBelief | None:
+        """What a robot believes about a subject alone, with a sub-team of its, or after the exchange."""
+        if level == "solo":
+            solo = self.solos.get(robot)
+            return solo.beliefs.get(subject) if solo else None
+        found = self.consensuses.get((sub_team, level, subject))
+        return found[1].belief if found else None
+
+
+class Referee:
+    """Takes each instant once, in order; then tells scores, hash and verdict."""
+
+    def __init__(self, grid: Grid, check: CheckSection, robots: Sequence[str]) -> None:
+        """`robots` are those of the scenario: each must have been heard for a PASS."""
+        self.grid, self.check, self.robots = grid, check, tuple(robots)
+        self.refused: Counter[str] = Counter()
+        self._hash = hashlib.sha256()
+        self._scores: dict[str, dict[str, Score]] = {}  # subject -> level -> score
+        self._missing: dict[str, Counter[str]] = {}  # subject -> level -> samples
+
+    @property
+    def hash(self) -> str:
+        """sha256 over the payloads of all consensuses, sorted by tick, sub-team, level, subject."""
+        return self._hash.hexdigest()
+
+    def hear(self, instant: Instant, judged: bool) -> None:
+        """Take a tick that is over: into the hash, and into the scores where it is `judged`."""
+        for _, (payload, _said) in sorted(instant.consensuses.items(), key=lambda item: item[0]):
+            self._hash.update(payload)
+        if not judged:
+            return
+        known: dict[tuple[str, PackedBelief], Score | None] = {}  # each belief is unpacked once
+        objects = [subject for subject in instant.truth.positions if subject.startswith("object/")]
+        present = {robot for robots in instant.teams.values() for robot in robots}
+        for robot in sorted(set(self.robots) - present):
+            self._miss(f"robot/{robot}", "solo")
+        for sub_team, robots in instant.teams.items():
+            for robot in robots:
+                for subject in (f"robot/{robot}", *objects):
+                    if subject in instant.truth.positions:
+                        self._sample(instant, robot, sub_team, subject, known)
+
+    def _sample(
+        self,
+        instant: Instant,
+        robot: str,
+        sub_team: str,
+        subject: str,
+        known: dict[tuple[str, PackedBelief], Score | None],
+    ) -> None:
+        scores = {}
+        for level in LEVELS:
+            packed = instant.belief(level, robot, sub_team, subject)
+            score = None
+            if packed is not None:
+                if (subject, packed) not in known:
+                    known[subject, packed] = self._score(packed, instant.truth.positions[subject])
+                score = known[subject, packed]
+            if score is None:
+                self._miss(subject, level)
+            else:
+                scores[level] = score
+        if len(scores) == len(LEVELS):
+            for level, score in scores.items():
+                _extend(self._scores.setdefault(subject, {}).setdefault(level, Score()), score)
+
+    def _score(self, packed: PackedBelief, truth: Sequence[float]) -> Score | None:
+        score = Score()
+        try:
+            score.add(unpack(packed, self.grid), truth)
+        except Refused as refusal:
+            self.refused[refusal.reason] += 1
+            return None
+        return score
+
+    def _miss(self, subject: str, level: str) -> None:
+        self._missing.setdefault(subject, Counter())[level] += 1
+
+    # --- what it says at the end --------------------------------------------------------------------------------------
+
+    def scores(self) -> dict[str, Any]:
+        """The scorecard's block "scores": for robots and objects, each level, together and by name."""
+        found = {}
+        for group, prefix in GROUPS.items():
+            named = {s.removeprefix(prefix): by for s, by in sorted(self._scores.items()) if s.startswith(prefix)}
+            together = {level: reduce(Score.merge, (by[level] for by in named.values()), Score()) for level in LEVELS}
+            found[group] = {
+                **{level: score.summary() for level, score in together.items()},
+                "by_name": {name: {level: by[level].summary() for level in LEVELS} for name, by in named.items()},
+            }
+        return found
+
+    def missing(self) -> dict[str, dict[str, int]]:
+        """Samples that were not judged because a belief was missing: subject -> level -> how many."""
+        return {subject: dict(sorted(counts.items())) for subject, counts in sorted(self._missing.items())}
+
+    def verdict(self, scores: dict[str, Any]) -> tuple[bool, list[str]]:
+        """Whether `scores` PASS, and every check that failed, or all of them where none did."""
+        checks = [(f"robot/{robot}" in self._scores, f"{robot} was never judged") for robot in self.robots]
+        objects = [subject for subject in {**self._scores, **self._missing} if subject.startswith("object/")]
+        checks.append((not objects or scores["objects"]["solo"]["n"] > 0, "no object was ever judged"))
+        failed = [text for passed, text in checks if not passed]
+        told = [check for group in GROUPS for check in self._checks(group, scores[group])]
+        failed += [text for passed, text in told if not passed]
+        return not failed, failed or [text for _, text in told]
+
+    def _checks(self, group: str, scores: dict[str, Any]) -> list[tuple[bool, str]]:
+        solo, agreed, check = scores["solo"], scores["agreed"], self.check
+        if not agreed["n"]:
+            return []
+        found = []
+        limit = check.robots if group == "robots" else check.objects
+        for name, unit, most in (("rmse", self.grid.unit, limit), ("entropy", "nats", check.entropy)):
+            if most is not None:
+                text = f"{group}: agreed {name} {agreed[name]:.3f} {unit}, solo {solo[name]:.3f}, asked {most:g} of it"
+                found.append((agreed[name] <= most * solo[name], text))
+        if check.coverage is not None:
+            share = agreed["coverage"]["95"]
+            text = (
+                f"{group}: agreed 95 % regions hold the truth in {100 * share:.1f} %, asked {100 * check.coverage:g} %"
+            )
+            found.append((share >= check.coverage, text))
+        return found
+
+
+def _extend(score: Score, one: Score) -> None:
+    score.errors += one.errors
+    score.entropies += one.entropies
+    score.log_scores += one.log_scores
+    score.levels += one.levels

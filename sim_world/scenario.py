@@ -1,0 +1,118 @@
+"""The [world] tables of a scenario: what is true, what the sensors are like, and when the referee says PASS.
+
+Positions, distances and sigmas are in the grid's unit (cells in the paper's world), angles in radians, seconds;
+the robots' own models have keys of their own in [robot], on purpose: a robot with a wrong model can be tested.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from blackboard.config import Name, Positive, Section
+
+Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(allow_inf_nan=False)]
+
+#: The gain of (VI-.1): 1 is the paper's sensor (sigma up to 37 cells), 0.05 a camera (up to 1.9 cells).
+GAINS = {"paper": 1.0, "camera": 0.05}
+
+#: Which landmark sightings a protocol lets through: (number of the robot, of the landmark, seconds since the start).
+PROTOCOLS: dict[str, Callable[[int, int, float], bool]] = {
+    "A_all": lambda robot, landmark, t: True,
+    "B_turns": lambda robot, landmark, t: robot == 1 + int(t // 60) % 5,
+    "C_blind12": lambda robot, landmark, t: robot not in (1, 2),
+    "D_one3": lambda robot, landmark, t: robot == 3,
+    "E_south": lambda robot, landmark, t: 6 <= landmark <= 10,
+    "F_nolm": lambda robot, landmark, t: False,
+    "G_wake": lambda robot, landmark, t: True,
+    "H_lost12": lambda robot, landmark, t: robot not in (1, 2),
+}
+
+
+def lost(protocol: str, robot: int) -> bool:
+    """Whether a protocol keeps a robot's start pose from it; it is given a compass instead."""
+    return protocol == "G_wake" or (protocol == "H_lost12" and robot in (1, 2))
+
+
+class VisionSection(Section):
+    """The physics of the cameras: (VI-.1) times a gain, seen ahead only."""
+
+    preset: Literal["paper", "camera"] = "camera"
+    gain: Positive | None = None  # None: the preset's
+    floor: Positive = 0.5  # the printed sigma is 0 at d = 7.5
+    half_angle: Annotated[float, Field(gt=0, le=3.1416)] = 1.3  # "ahead": 75 degrees to each side of the heading
+
+    @property
+    def scale(self) -> float:
+        return GAINS[self.preset] if self.gain is None else self.gain
+
+
+class OdometrySection(Section):
+    """The physics of the wheels, and of what resets them."""
+
+    along: Sigma = 0.3  # error of the distance, per square root of the distance
+    turn: Sigma = 0.01  # error of the turn, radians per square root of a radian
+    compass: Sigma = 0.01  # error of the compass, radians
+    reset_after: Positive = 5.0  # a Fix arrives each time this distance is exceeded (the paper: 5 cells)
+    fix: Positive = 0.7  # error of a Fix in each coordinate
+
+
+class ObjectSection(Section):
+    """An object does a random walk, reflected at the walls: the motion that a robot's model can match exactly."""
+
+    start: tuple[Coordinate, Coordinate] | None = None  # None: drawn from the seed
+    drift: Sigma = 0.0  # per square root of a second, in each coordinate; 0 is an object that stands
+
+
+class CheckSection(Section):
+    """What a run must show to PASS; `None` switches a check off."""
+
+    robots: Positive | None = 0.9  # agreed RMSE of the robots' positions, at most this share of solo
+    objects: Positive | None = 0.9  # the same of the objects
+    entropy: Positive | None = 1.0  # agreed entropy, at most this share of solo
+    coverage: Annotated[float, Field(ge=0, le=1)] | None = 0.8  # of the agreed 95 % regions, at least
+
+
+class WorldSection(Section):
+    """[world], with [world.vision], [world.odometry], [world.objects.*] and [world.check]."""
+
+    kind: Literal["simulated", "mrclam"] = "simulated"
+    seed: Annotated[int, Field(ge=0, lt=1 << 63)] = 1
+
+    # simulated
+    speed: Positive = 1.0  # of the robots
+    turn_rate: Positive = 1.0  # at most, radians per second
+    lost: list[Name] = Field(default_factory=list)  # robots that are not told where they start
+    objects: dict[Name, ObjectSection] = Field(
+        default_factory=lambda: {"ball": ObjectSection(drift=0.2), "can": ObjectSection()}
+    )
+    vision: VisionSection = Field(default_factory=VisionSection)
+    odometry: OdometrySection = Field(default_factory=OdometrySection)
+
+    # mrclam
+    dir: str | None = None
+    start: Coordinate | None = None  # Unix time; None: the first whole second that all files cover
+    protocol: str = "A_all"
+    odometry_lag: Sigma = 0.22  # seconds by which the commands lead the motion (measured: 0.2 to 0.25)
+    sighting_latency: Sigma = 0.04  # seconds by which sightings are stamped late (measured: 0.03 to 0.05)
+
+    check: CheckSection = Field(default_factory=CheckSection)
+
+    # wall seconds that the world waits in lockstep
+    gather: Positive = 60.0  # for everybody to come, at the start or after everybody went
+    patience: Positive = 2.0  # until a tick is said again
+    give_up: Positive = 20.0  # until a process that lives but says nothing is no longer waited for
+    grace: Positive = 0.5  # until a token that vanished means a death, and not that the router went
+    comeback: Positive = 5.0  # for the others to return when the router is back
+
+    @field_validator("protocol")
+    @classmethod
+    def _live(cls, protocol: str) -> str:
+        if protocol in ("O1_landmark", "O2_mate"):
+            raise ValueError(f"{protocol} is judged event by event and not run live; use one of {', '.join(PROTOCOLS)}")
+        if protocol not in PROTOCOLS:
+            raise ValueError(f"no protocol of this name; use one of {', '.join(PROTOCOLS)}")
+        return protocol

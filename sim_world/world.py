@@ -1,0 +1,190 @@
+"""The simulated world: where robots and objects really are, and what the sensors say of it. Chance is an argument.
+
+Robots travel at constant speed from waypoint to waypoint, turning at most `turn_rate`: in a step they turn, then go
+straight along the new heading. Objects stand or do a random walk, reflected half a unit before the walls.
+
+Every robot and object has random streams of its own, drawn from the seed by name (a sighting's by observer and
+subject), so one more robot changes nothing about the others, except that they may see it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from blackboard.errors import Mistake
+from blackboard.opinion.grid import Grid
+from blackboard.wire.messages import Readings, Truth
+from sim_world.scenario import ObjectSection, WorldSection
+from sim_world.sensors import Odometer, see, wrap
+
+Streams = Callable[[str], np.random.Generator]  # a name -> its own random numbers
+Place = tuple[float, float]
+
+MAX_ROBOTS = 64  # whoever is welcome takes memory and time
+WALL = 0.5  # unit: objects turn back this far from the edge
+
+
+class Source(Protocol):
+    """Where sensor data come from: the simulated world, or a recording."""
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """The robots that get readings."""
+
+    def welcome(self, robot: str) -> bool:
+        """Take in a robot that nobody announced; False where it cannot be."""
+
+    def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
+        """The next tick: 0 is the start, k is k steps later. To be called once per tick, in order."""
+
+    def judged(self, tick: int) -> bool:
+        """Whether the referee looks at this tick."""
+
+
+@dataclass
+class Body:
+    """A robot as it really is."""
+
+    x: float
+    y: float
+    heading: float
+    waypoint: Place
+    chance: np.random.Generator
+    odometer: Odometer
+    told: bool  # whether it has been told where it starts
+
+    @property
+    def place(self) -> Place:
+        return self.x, self.y
+
+
+class World:
+    """The simulated world (`Source`)."""
+
+    def __init__(self, settings: WorldSection, grid: Grid, robots: Sequence[str], dt: float, streams: Streams) -> None:
+        """`dt` is the length of a tick in seconds. Mistake: no room to turn, or an object that starts outside."""
+        self.settings, self.grid, self.dt, self.streams = settings, grid, dt, streams
+        self.lower = grid.origin
+        self.upper = tuple(o + n * grid.cell for o, n in zip(grid.origin, grid.shape, strict=True))
+        self.radius = settings.speed / settings.turn_rate  # of the tightest turn
+        if min(u - o for o, u in zip(self.lower, self.upper, strict=True)) < 8 * self.radius:
+            raise Mistake(
+                f"world.speed: robots that turn on {self.radius:g} have no room on this grid; lower the speed"
+            )
+        self.bodies: dict[str, Body] = {}
+        self.objects: dict[str, Place] = {}
+        self._noises: dict[str, np.random.Generator] = {}
+        for name, thing in sorted(settings.objects.items()):
+            self.objects[name] = self._start(name, thing)
+        for robot in robots:
+            self.welcome(robot)
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        return tuple(sorted(self.bodies))
+
+    def welcome(self, robot: str) -> bool:
+        if robot not in self.bodies and len(self.bodies) < MAX_ROBOTS:
+            chance = self.streams(f"robot/{robot}")
+            (x, y), waypoint = self._somewhere(chance), self._somewhere(chance)
+            heading = math.atan2(waypoint[1] - y, waypoint[0] - x)  # towards the inside, so that it never leaves
+            odometer = Odometer(self.settings.odometry, self.streams(f"odometer/{robot}"))
+            told = robot in self.settings.lost
+            self.bodies[robot] = Body(x, y, heading, waypoint, chance, odometer, told)
+        return robot in self.bodies
+
+    def judged(self, tick: int) -> bool:
+        return tick > 0
+
+    def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
+        moved = {name: self._move(body) for name, body in sorted(self.bodies.items())} if tick else {}
+        if tick:
+            self.objects = {name: self._walk(name, place) for name, place in self.objects.items()}
+        places = {f"robot/{name}": body.place for name, body in sorted(self.bodies.items())}
+        places |= {f"object/{name}": place for name, place in self.objects.items()}
+        truth = Truth(run=run, tick=tick, time=tick * self.dt, positions=places)
+        return truth, [self._sense(robot, truth, moved.get(robot)) for robot in self.robots]
+
+    # --- motion -------------------------------------------------------------------------------------------------------
+
+    def _move(self, body: Body) -> tuple[float, float]:
+        """Turn towards the waypoint and go; the distance and the turn of this step."""
+        most = self.settings.turn_rate * self.dt
+        wanted = wrap(math.atan2(body.waypoint[1] - body.y, body.waypoint[0] - body.x) - body.heading)
+        turn = min(most, max(-most, wanted))
+        distance = self.settings.speed * self.dt
+        body.heading = wrap(body.heading + turn)
+        body.x += distance * math.cos(body.heading)
+        body.y += distance * math.sin(body.heading)
+        if math.dist(body.place, body.waypoint) < 2 * self.radius:  # any nearer and it might circle it for ever
+            body.waypoint = self._somewhere(body.chance)
+        return distance, turn
+
+    def _walk(self, name: str, place: Place) -> Place:
+        """One step of an object's random walk."""
+        drift = self.settings.objects[name].drift
+        if not drift:
+            return place
+        steps = self._noise(f"object/{name}").normal(0.0, drift * math.sqrt(self.dt), 2)
+        x, y = (
+            _reflect(c + float(s), lo, hi) for c, s, lo, hi in zip(place, steps, self.lower, self.upper, strict=True)
+        )
+        return x, y
+
+    # --- sensors ------------------------------------------------------------------------------------------------------
+
+    def _sense(self, robot: str, truth: Truth, moved: tuple[float, float] | None) -> Readings:
+        """What a robot's sensors say; `moved` is its distance and turn in this step, None at the start."""
+        body = self.bodies[robot]
+        odometry = None if moved is None else body.odometer.step(*moved, self.dt)
+        fix = body.odometer.reset(body.place) if body.told else body.odometer.fix(body.place)
+        body.told = True
+        pose = (body.x, body.y, body.heading)
+        seen = (
+            see(self.settings.vision, pose, subject, place, self._noise(f"{robot} sees {subject}"))
+            for subject, place in truth.positions.items()
+            if subject != f"robot/{robot}"
+        )
+        return Readings(
+            run=truth.run,
+            robot=robot,
+            tick=truth.tick,
+            time=truth.time,
+            odometry=odometry,
+            compass=body.odometer.compass(body.heading),
+            fix=fix,
+            sightings=[sighting for sighting in seen if sighting is not None],
+        )
+
+    # --- chance -------------------------------------------------------------------------------------------------------
+
+    def _noise(self, name: str) -> np.random.Generator:
+        if name not in self._noises:
+            self._noises[name] = self.streams(name)
+        return self._noises[name]
+
+    def _somewhere(self, chance: np.random.Generator) -> Place:
+        """A place with room to turn on all sides."""
+        margin = 3 * self.radius
+        x, y = (float(chance.uniform(lo + margin, hi - margin)) for lo, hi in zip(self.lower, self.upper, strict=True))
+        return x, y
+
+    def _start(self, name: str, thing: ObjectSection) -> Place:
+        if thing.start is None:
+            return self._somewhere(self.streams(f"start/{name}"))
+        if self.grid.index(thing.start) is None:
+            raise Mistake(f"world.objects.{name}.start: {thing.start} is outside the grid; give a place inside")
+        return thing.start
+
+
+def _reflect(x: float, lower: float, upper: float) -> float:
+    """A step over a wall, turned back; steps are small against the room."""
+    lo, hi = lower + WALL, upper - WALL
+    if x < lo:
+        return min(2 * lo - x, hi)
+    return max(2 * hi - x, lo) if x > hi else x
