@@ -1,9 +1,8 @@
 """A Zenoh-based distributed blackboard for robot teams. Here: the pooling of opinions, which needs numpy alone."""
 
 from blackboard.errors import OpinionError
-from blackboard.opinion.cooperative import cooperative_pool
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.pools import POOLS, linear_pool, logarithmic_pool
+from blackboard.opinion.pools import POOLS, cooperative_pool, linear_pool, logarithmic_pool
 from blackboard.opinion.weights import entropy, entropy_weights
 
 __all__ = [

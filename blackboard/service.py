@@ -7,7 +7,7 @@ world gives a clock, every `period` seconds of Unix time (docs/design.md, "A tic
 from __future__ import annotations
 
 import logging
-from collections import Counter
+from collections import Counter, deque
 
 from blackboard.board import Board, parameters
 from blackboard.config import BoardSection
@@ -20,6 +20,7 @@ from blackboard.wire.messages import Clock, Consensus, Message, Report, Status
 
 log = logging.getLogger(__name__)
 
+EARLY = 1024  # envelopes that are kept until the clock is known
 STATUS_PERIOD = 1.0  # seconds between statuses while nothing else is said
 
 
@@ -35,6 +36,8 @@ class BoardService:
         self._members: set[str] = set()
         self._boards: dict[str, set[str]] = {}  # sub-team -> its boards that are alive
         self._gone: set[str] = set()  # robots whose token vanished
+        self._world = False  # whether a world is alive, which gives the clock
+        self._early: deque[Envelope] = deque(maxlen=EARLY)  # what came before its first clock
         self._heard_at: dict[str, float] = {}  # source -> when, for the ages
         self._status_due = 0.0
         self._begin(None)
@@ -47,7 +50,7 @@ class BoardService:
         self.tick = -1
         self._clock_at = self._deadline = 0.0  # Unix seconds
         self._said: dict[str, Status] = {}  # robot -> its newest status
-        self._other: dict[str, Status] = {}  # sub-team -> its board's newest status
+        self._other: dict[str, Status] = {}  # sub-team -> what its board settled last
         self._sent: list[Envelope] = []  # what was said in this tick, to be said again when the world asks
         self._last_said: tuple[str, list[str]] = ("idle", [])
 
@@ -72,6 +75,7 @@ class BoardService:
         return (
             keys.MEMBER.key(team=self.team, sub_team=self.sub_team, robot="*"),
             keys.BOARD.key(team=self.team, sub_team="*", board="*"),
+            keys.WORLD.key(team=self.team),
         )
 
     @property
@@ -90,13 +94,16 @@ class BoardService:
             return []
         try:
             _, parts, message = open_envelope(envelope)
+            if self.clock is None and self._world and not isinstance(message, Clock):
+                self._early.append(envelope)  # its stamp means nothing before the world's clock is known
+                return []
             return self._hear(parts, message, now) + self._advance(now)
         except Refused as refusal:
             self._refuse(envelope.key, refusal)
             return []
 
     def wake(self, now: float) -> list[Envelope]:
-        if self.clock is None and self.tick != (tick := int(now / self.settings.period)):
+        if self.clock is None and not self._world and self.tick != (tick := int(now / self.settings.period)):
             self._start(tick, now)
         return self._advance(now) + self._idle_status(now)
 
@@ -117,6 +124,8 @@ class BoardService:
             robot = parts["robot"]
             (self._members.add if alive else self._members.discard)(robot)
             (self._gone.discard if alive else self._gone.add)(robot)
+        elif topic is keys.WORLD:
+            self._world = alive
         elif topic is keys.BOARD:
             boards = self._boards.setdefault(parts["sub_team"], set())
             (boards.add if alive else boards.discard)(parts["board"])
@@ -147,13 +156,14 @@ class BoardService:
         self.clock = clock
         self._clock_at = now
         self._start(clock.tick, now)
-        return []
+        early, self._early = self._early, deque(maxlen=EARLY)
+        return [answer for envelope in early for answer in self.receive(envelope, now)]
 
     def _hear_status(self, sub_team: str, status: Status) -> None:
         if status.kind == "robot" and sub_team == self.sub_team and status.phase == "reported":
             self._said[status.process] = status
             self.board.withdraw(status.process, status.tick, status.subjects)
-        elif status.kind == "board" and sub_team != self.sub_team:
+        elif status.kind == "board" and sub_team != self.sub_team and status.phase == "consensus":
             self._other[sub_team] = status
 
     def _refuse(self, key: str, refusal: Refused) -> None:
@@ -225,9 +235,9 @@ class BoardService:
         return all(self._consensus_in(self._other.get(s), s) for s in others - {self.sub_team})
 
     def _consensus_in(self, status: Status | None, sub_team: str) -> bool:
-        if status is None or status.tick != self.tick or status.phase not in ("consensus", "agreed"):
+        if status is None or status.tick != self.tick:
             return False
-        return status.phase == "agreed" or self.board.heard_consensus(sub_team, self.tick, status.subjects)
+        return self.board.heard_consensus(sub_team, self.tick, status.subjects)
 
     # --- what is said -----------------------------------------------------------------------------------------------------
 

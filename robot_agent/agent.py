@@ -9,12 +9,15 @@ from typing import Literal
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
+from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings, Report, Solo
 from robot_agent.chain import Chain, Mate
 from robot_agent.config import RobotSection
 
 Feedback = Literal["paper", "guarded", "off"]
+
+WORTH = 0.5  # nats that an informed belief about somebody else must be sharper to be reported beside the first-hand one
 
 MEMORY = 8  # ticks that can be gone back to when an agreed belief comes late
 
@@ -76,7 +79,7 @@ class Agent:
                 if consensus.tick == tick and self._concerns(subject):
                     told = past.told.get(subject)
                     before = None if told is None else unpack(told, self.grid)
-                    chain = chain.folded(subject, beliefs[subject], before, consensus.ancestors)
+                    chain = chain.folded(beliefs[subject], before, consensus.ancestors)
             self._past[start] = Past(past.readings, past.mates, chain, past.told)
             for i in range(start + 1, len(self._past)):
                 later = self._past[i]
@@ -85,7 +88,7 @@ class Agent:
             self.informed = chain
 
     def _concerns(self, subject: str) -> bool:
-        return subject == f"robot/{self.robot}" or subject.startswith("object/")
+        return subject == f"robot/{self.robot}"
 
     def _know_mates(self, words: Mapping[str, Consensus], beliefs: Mapping[str, Belief]) -> None:
         if not self.settings.vision.mates or self.settings.localizer != "pose":
@@ -105,7 +108,10 @@ class Agent:
         reports: list[Report] = []
         told: dict[str, PackedBelief] = {}
         for subject in sorted(first.keys() | informed.keys()):
-            later = pack(informed[subject]) if subject in informed else None
+            helped = subject in informed and (
+                self._concerns(subject) or _sharper(informed[subject], first.get(subject))
+            )
+            later = pack(informed[subject]) if helped else None
             if subject not in first:  # nothing of its own to say: an echo of the team gains nothing
                 continue
             own = pack(first[subject])
@@ -124,9 +130,15 @@ class Agent:
         return reports, told
 
     def _solo(self, readings: Readings) -> Solo:
-        own = {s: b for s, b in beliefs(self.firsthand).items() if self._concerns(s)}
+        chain = self.firsthand
+        own = {f"robot/{self.robot}": chain.localizer.marginal(), **chain.objects}
         packed = {subject: pack(belief) for subject, belief in sorted(own.items())}
         return Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=packed)
+
+
+def _sharper(informed: Belief, first: Belief | None) -> bool:
+    """Whether the team's help made a belief so much sharper that it is worth a second, overlapping opinion."""
+    return first is not None and entropy(informed.p) < entropy(first.p) - WORTH
 
 
 def beliefs(chain: Chain) -> dict[str, Belief]:

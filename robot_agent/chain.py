@@ -76,13 +76,11 @@ class Chain:
         )
         return after._learned(readings, moved, mates or {})._looked(readings, moved)
 
-    def folded(self, subject: str, agreed: Belief, reported: Belief | None, ancestors: Mapping[str, float]) -> Chain:
-        """Take the team's agreed belief about itself or an object back; `reported` is what it had told the team."""
+    def folded(self, agreed: Belief, reported: Belief | None, ancestors: Mapping[str, float]) -> Chain:
+        """Take the team's agreed belief about this robot back; `reported` is what it had told the team."""
         merged = {**self.ancestors}
         for name, until in ancestors.items():
             merged[name] = max(until, merged.get(name, until))
-        if subject != f"robot/{self.robot}":
-            return replace(self, objects={**self.objects, subject: agreed}, ancestors=merged)
         before = reported or self.localizer.marginal()
         return replace(self, localizer=self.localizer.fold(agreed, before), ancestors=merged)
 
@@ -130,7 +128,7 @@ class Chain:
             if sighting.subject.startswith("robot/"):
                 seen[sighting.subject] = belief
             else:
-                objects[sighting.subject] = combined(objects.get(sighting.subject), belief)
+                objects[sighting.subject] = combined(objects.get(sighting.subject), belief, self.settings.objects.fresh)
         return replace(chain, objects=objects, seen=seen)
 
     def _drifted(self, dt: float) -> Chain:
@@ -148,14 +146,18 @@ def newest(sightings: list[Sighting]) -> list[Sighting]:
     return list({sighting.subject: sighting for sighting in sightings}.values())
 
 
-def combined(tracked: Belief | None, seen: Belief) -> Belief:
-    """A tracked object and a new sighting of it. Both rest on the robot's own pose, so they are never multiplied:
+def combined(tracked: Belief | None, seen: Belief, fresh: float) -> Belief:
+    """A tracked object and a new sighting of it. Both rest on the robot's own pose, so they are not simply multiplied:
 
-    the geometric mean of least entropy, or both hypotheses where they contradict each other.
+    the geometric mean of least entropy; where that would leave the tracked belief as it is, Bayes with the sighting to the
+    power `fresh`, the share of it that is new; both hypotheses where they contradict each other.
     """
     if tracked is None:
         return seen
     if bhattacharyya_coefficient(tracked.p, seen.p) < CONTRADICTION:
         return Belief(seen.grid, 0.5 * (tracked.p + seen.p))
-    p, _ = chernoff(tracked.p, seen.p)
+    p, kept = chernoff(tracked.p, seen.p)
+    if kept == 1.0:
+        p = tracked.p * seen.p**fresh
+        p = p / p.sum()
     return Belief(seen.grid, p)

@@ -57,6 +57,7 @@ class ObjectsSection(Section):
     """The motion model of what is neither robot nor landmark: a random walk."""
 
     drift: Sigma = 0.5  # unit / sqrt(s)
+    fresh: Annotated[float, Field(ge=0, le=1)] = 0.04  # of a sighting that is new to a sharper tracked belief
     forget: Annotated[float, Field(gt=0, le=1)] = 0.97  # dropped once its entropy exceeds this share of ln m
 
 

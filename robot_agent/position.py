@@ -13,7 +13,7 @@ from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.localizer import log_ratio, sampled, shifted, whole_shift
-from robot_agent.sensing import Motion, bearing_variance, position_likelihood, range_variance, rewound
+from robot_agent.sensing import SEEN_TO, Motion, bearing_variance, position_likelihood, range_variance, rewound
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,16 +87,18 @@ class PositionLocalizer:
         """The belief convolved with the sensor's kernel over displacements (exact, by FFT)."""
         nx, ny = self.grid.shape
         cell = self.grid.cell
-        dx = np.arange(-(nx - 1), nx)[:, None] * cell - self.offset[0]
-        dy = np.arange(-(ny - 1), ny)[None, :] * cell - self.offset[1]
+        sees = SEEN_TO if self.settings.vision.kind == "position" else math.inf
+        rx, ry = (int(min(n - 1, sees // cell + 1)) for n in self.grid.shape)  # how far the kernel reaches, cells
+        dx = np.arange(-rx, rx + 1)[:, None] * cell - self.offset[0]
+        dy = np.arange(-ry, ry + 1)[None, :] * cell - self.offset[1]
         seen = self._seen(sighting, motion)
         if self.settings.vision.kind == "position":
             kernel = position_likelihood(dx, dy, seen, self.settings.vision)
         else:
             kernel = np.exp(-0.5 * _quadratic(dx - seen[0], dy - seen[1], self._noise(sighting)))
-        size = (3 * nx - 2, 3 * ny - 2)
+        size = (max(nx + rx, 2 * rx + 1), max(ny + ry, 2 * ry + 1))  # what comes round again is cut off below
         full = np.fft.irfft2(np.fft.rfft2(self.p, size) * np.fft.rfft2(kernel, size), size)
-        p = np.maximum(full[nx - 1 : 2 * nx - 1, ny - 1 : 2 * ny - 1], 0.0)
+        p = np.maximum(full[rx : rx + nx, ry : ry + ny], 0.0)
         return with_outlier(p, self.grid, self.settings.vision.outlier)
 
     # --- inside -------------------------------------------------------------------------------------------------------

@@ -180,16 +180,11 @@ class Referee:
         found = []
         limit = check.robots if group == "robots" else check.objects
         for name, unit, most in (("rmse", self.grid.unit, limit), ("entropy", "nats", check.entropy)):
-            if most is not None:
-                text = f"{group}: agreed {name} {agreed[name]:.3f} {unit}, solo {solo[name]:.3f}, asked {most:g} of it"
-                found.append((agreed[name] <= most * solo[name], text))
-        if check.coverage is not None:
-            share = agreed["coverage"]["95"]
-            text = (
-                f"{group}: agreed 95 % regions hold the truth in {100 * share:.1f} %, asked {100 * check.coverage:g} %"
-            )
-            found.append((share >= check.coverage, text))
-        return found
+            text = f"{group}: agreed {name} {agreed[name]:.3f} {unit}, solo {solo[name]:.3f}, asked {most:g} of it"
+            found.append((agreed[name] <= most * solo[name], text))
+        share = agreed["coverage"]["95"]
+        text = f"{group}: agreed 95 % regions hold the truth in {100 * share:.1f} %, asked {100 * check.coverage:g} %"
+        return [*found, (share >= check.coverage, text)]
 
 
 def _extend(score: Score, one: Score) -> None:

@@ -43,7 +43,7 @@ class VisionSection(Section):
     preset: Literal["paper", "camera"] = "camera"
     gain: Positive | None = None  # None: the preset's
     floor: Positive = 0.5  # the printed sigma is 0 at d = 7.5
-    half_angle: Annotated[float, Field(gt=0, le=3.1416)] = 1.3  # "ahead": 75 degrees to each side of the heading
+    half_angle: Annotated[float, Field(gt=0, le=3.1416)] = 1.5708  # "ahead": 90 degrees to each side of the heading
 
     @property
     def scale(self) -> float:
@@ -68,12 +68,12 @@ class ObjectSection(Section):
 
 
 class CheckSection(Section):
-    """What a run must show to PASS; `None` switches a check off."""
+    """What a run must show to PASS, of robots and objects alike unless it says otherwise."""
 
-    robots: Positive | None = 0.9  # agreed RMSE of the robots' positions, at most this share of solo
-    objects: Positive | None = 0.9  # the same of the objects
-    entropy: Positive | None = 1.0  # agreed entropy, at most this share of solo
-    coverage: Annotated[float, Field(ge=0, le=1)] | None = 0.8  # of the agreed 95 % regions, at least
+    robots: Positive = 0.9  # agreed RMSE of the robots' positions, at most this share of solo
+    objects: Positive = 0.9  # the same of the objects
+    entropy: Positive = 1.0  # agreed entropy, at most this share of solo
+    coverage: Annotated[float, Field(ge=0, le=1)] = 0.8  # of the agreed 95 % regions, at least
 
 
 class WorldSection(Section):

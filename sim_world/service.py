@@ -110,7 +110,8 @@ class WorldService:
         if self.tick < 0:
             return now
         if not self.lockstep:
-            return self._ticked + (LINGER if self.tick == self.ticks else self.time.tick)
+            last = self.tick == self.ticks
+            return self._open[self.tick].began + LINGER if last else self._ticked + self.time.tick
         patience = min(self._moved + self.settings.patience, self._ticked + self.settings.give_up)
         return min(patience, self.members.changes_at())
 
@@ -276,10 +277,9 @@ class WorldService:
         self._ticked = self._ticked + self.time.tick if on_time else now
         self._moved = now
         self._open[self.tick] = Instant(truth, teams, began=now)
-        clock = Clock(run=self.run, tick=self.tick, time=truth.time, mode=self.time.mode)
-        if self.lockstep:
-            clock = clock.model_copy(update={"robots": teams, "settled": settled})
-        team = self.team.name
+        named = teams if self.lockstep else {}
+        mode, team = self.time.mode, self.team.name
+        clock = Clock(run=self.run, tick=self.tick, time=truth.time, mode=mode, robots=named, settled=settled)
         self._said = [Envelope(keys.READING.key(team=team, robot=r.robot), encode(r)) for r in readings]
         self._said.append(Envelope(keys.TRUTH.key(team=team), encode(truth)))
         self._said.append(Envelope(keys.CLOCK.key(team=team), encode(clock)))

@@ -1,47 +1,75 @@
-"""Do opinions agree? Distances (II-A.1) in nats, and the paper's entropy test for a conflict (section VI)."""
+"""Do opinions agree? Distances between two opinions on one grid (II-A.1), and the paper's entropy test for a conflict."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
+from blackboard.errors import OpinionError
 from blackboard.opinion.grid import Array
+from blackboard.opinion.vectors import checked
 from blackboard.opinion.weights import entropy
 
-Distance = Callable[[Array, Array], float]
+Distance = Callable[[npt.ArrayLike, npt.ArrayLike], float]
+
+SLACK = 1e-9  # nats of entropy that are rounding
 
 
-def kullback_leibler(p: Array, q: Array) -> float:
-    """Sum p ln(p / q) >= 0, infinite where q rules out what p allows; not symmetric."""
-    held = p > 0
-    if (q[held] == 0).any():
-        return float("inf")
-    return max(0.0, float((p[held] * np.log(p[held] / q[held])).sum()))
+def kullback_leibler(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
+    """Sum p ln(p / q) in nats, at least 0; infinite where q rules out what p holds possible; not symmetric."""
+    p, q = _pair(p, q)
+    possible = p > 0
+    p, q = p[possible], q[possible]
+    if not q.all():
+        return math.inf
+    return max(0.0, float((p * (np.log(p) - np.log(q))).sum()))
 
 
-def bhattacharyya_coefficient(p: Array, q: Array) -> float:
-    """Sum sqrt(p q), between 0 (no common cell) and 1 (equal)."""
-    return min(1.0, float(np.sqrt(p * q).sum()))
+def bhattacharyya_coefficient(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
+    """Sum sqrt(p q): from 0 (no cell in common) to 1 (equal)."""
+    p, q = _pair(p, q)
+    return min(1.0, float((np.sqrt(p) * np.sqrt(q)).sum()))
 
 
-def bhattacharyya(p: Array, q: Array) -> float:
-    """-ln of the Bhattacharyya coefficient; infinite without a common cell."""
+def bhattacharyya(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
+    """-ln of the Bhattacharyya coefficient: from 0 (equal) to infinity (no cell in common), symmetric."""
     coefficient = bhattacharyya_coefficient(p, q)
-    return -float(np.log(coefficient)) if coefficient > 0 else float("inf")
+    return abs(math.log(coefficient)) if coefficient > 0 else math.inf
 
 
-def jensen_shannon(p: Array, q: Array) -> float:
-    """Mean Kullback-Leibler distance to the midpoint, between 0 and ln 2; symmetric and always finite."""
-    middle = 0.5 * (p + q)
-    return min(float(np.log(2)), 0.5 * (kullback_leibler(p, middle) + kullback_leibler(q, middle)))
+def jensen_shannon(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
+    """Mean Kullback-Leibler distance to the mean of both, in nats: from 0 (equal) to ln 2 (no cell in common), symmetric."""
+    p, q = _pair(p, q)
+    mean = 0.5 * p + 0.5 * q
+    return min(math.log(2), 0.5 * kullback_leibler(p, mean) + 0.5 * kullback_leibler(q, mean))
 
 
-def agree(p: Array, q: Array, xi: float, distance: Distance = bhattacharyya) -> bool:
-    """Two opinions agree when d(p, q) <= xi (II-A.1)."""
+def agree(p: npt.ArrayLike, q: npt.ArrayLike, xi: float, distance: Distance = bhattacharyya) -> bool:
+    """Two opinions agree when d(p, q) <= xi (II-A.1); xi in nats for the distances of this file."""
     return distance(p, q) <= xi
 
 
-def conflict(opinions: Array, fused: Array) -> bool:
-    """The paper's entropy test: some individual opinion is sharper than the cooperative belief. Shapes (N, *grid), grid."""
-    return min(entropy(p) for p in opinions) < entropy(fused) - 1e-9
+def coefficients(opinions: npt.ArrayLike) -> Array:
+    """Bhattacharyya coefficients of all pairs of opinions (N, *grid shape), shape (N, N)."""
+    stack = checked(opinions)
+    roots = np.sqrt(stack).reshape(len(stack), -1)
+    return np.asarray(roots @ roots.T)
+
+
+def conflict(opinions: npt.ArrayLike, fused: npt.ArrayLike) -> bool:
+    """The paper's second test (section VI): some individual opinion has a smaller entropy than the fused belief.
+
+    opinions (N, *grid shape), fused in the grid's shape; differences of rounding do not count.
+    """
+    return min(entropy(p) for p in checked(opinions)) < entropy(fused) - SLACK
+
+
+def _pair(p: npt.ArrayLike, q: npt.ArrayLike) -> tuple[Array, Array]:
+    p, q = np.asarray(p), np.asarray(q)
+    if p.shape != q.shape:
+        raise OpinionError(f"opinions of shapes {p.shape} and {q.shape}; give two on one grid")
+    first, second = checked(np.stack([p, q]))
+    return first, second

@@ -27,6 +27,7 @@ from blackboard.opinion.vectors import checked, from_logarithm, logarithm, posit
 
 TINY = 5e-324  # the smallest positive float: x / max(x, TINY) is 1, and 0 for x = 0
 LEAST_PRODUCT = 1e-280  # of a cell's ratios, for the simple scaling: 1e-308 is where floats end
+BLOCK = 1024  # cells worked on at a time, so that they stay in the processor's cache
 
 
 def alphas(n: int, gamma: float = 0.5) -> Array:
@@ -111,23 +112,27 @@ def coalition_pool(
 def powered_components(
     opinions: Array, weights: npt.ArrayLike | None, alpha: npt.ArrayLike, cell_ratio: float = 1.0
 ) -> Array:
-    """Ln C_q^(1/alpha_q) for q = 1..N in every cell, shape (N, cells); COP is the normalised sum of their exponentials.
+    """The logarithms of C_q^(1/alpha_q), q = 1..N, shape (N, cells); COP is the normalised sum of their exponentials.
 
     opinions (N, *grid shape), checked; alpha (N,). Rounding grows with the exponent: a term is off by about
     |ln C_q| / alpha_q times 2e-16, relatively.
     """
     n = len(opinions)
-    logs = _log_components(opinions.reshape(n, -1), shares(weights, n))
+    p, w = opinions.reshape(n, -1), shares(weights, n)
+    logs = np.empty_like(p)
+    for start in range(0, p.shape[1], BLOCK):
+        block = slice(start, start + BLOCK)
+        logs[:, block] = _log_components(p[:, block], w)
     q = np.arange(1, n + 1)[:, np.newaxis]
     logs += q * math.log(positive(cell_ratio, "cell_ratio"))
     return np.asarray(logs / np.reshape(alpha, (n, 1)))
 
 
 def _log_components(p: Array, weights: Array) -> Array:
-    """Ln C_q of opinions (N, cells), shape (N, cells); see the top of this file."""
+    """The logarithms of C_1..C_N for opinions (N, cells), shape (N, cells); see the top of this file."""
     top = p.max(axis=0)
     ratios = p / np.maximum(top, TINY)
-    logs = np.arange(1, len(p) + 1)[:, np.newaxis] * logarithm(top) + logarithm(_subset_sums(ratios, weights))
+    logs = np.arange(1, len(p) + 1)[:, np.newaxis] * logarithm(top) + logarithm(_subset_sums(ratios, weights, len(top)))
     wide = ~(np.where(ratios > 0, ratios, 1.0).prod(axis=0) > LEAST_PRODUCT)
     if wide.any():
         logs[:, wide] = _log_components_sorted(p[:, wide], weights)
@@ -139,27 +144,22 @@ def _log_components_sorted(p: Array, weights: Array) -> Array:
     order = np.argsort(-p, axis=0, kind="stable")
     p = np.take_along_axis(p, order, axis=0)
     ratios = (p[j] / np.maximum(p[: j + 1], TINY) for j in range(len(p)))  # P_j / P_q for q = 1..j
-    return np.asarray(np.cumsum(logarithm(p), axis=0) + logarithm(_subset_sums(ratios, weights[order])))
+    return np.asarray(np.cumsum(logarithm(p), axis=0) + logarithm(_subset_sums(ratios, weights[order], p.shape[1])))
 
 
-def _subset_sums(ratios: Iterable[Array], weights: Array) -> Array:
+def _subset_sums(ratios: Iterable[Array], weights: Array, cells: int) -> Array:
     """W_1..W_N by the two recursions, shape (N, cells).
 
     For each opinion j its ratio to the scale of every step q = 1..j, (cells,) or (j, cells), and its weight, () or (cells,).
     """
-    n = len(weights)
+    products, weighted = np.zeros((2, len(weights) + 1, cells))  # E_q, W_q
+    products[0] = 1.0
     for j, (ratio, weight) in enumerate(zip(ratios, weights, strict=True)):
-        if j == 0:
-            products, weighted = np.zeros((2, n + 1, ratio.shape[-1]))  # E_q, W_q
-            products[0] = 1.0
         weighted[1 : j + 2] += ratio * (weighted[: j + 1] + weight * products[: j + 1])
         products[1 : j + 2] += ratio * products[: j + 1]
     return np.asarray(weighted[1:])
 
 
 def _mass(terms: Array) -> Array:
-    """Exp of the terms relative to the largest, shape (N, cells)."""
+    """The powered components relative to the largest cell of all, shape (N, cells)."""
     return np.asarray(np.exp(terms - terms.max()))
-
-
-normalised = from_logarithm

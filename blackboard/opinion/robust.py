@@ -1,92 +1,77 @@
-"""Rules that a minority of wrong sources cannot capture. All sources are treated alike: a liar would claim a high weight."""
+"""Rules that a minority of wrong sources cannot capture. Unweighted by default: a liar would claim to be certain."""
 
 from __future__ import annotations
 
-from itertools import combinations
+import math
 
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.errors import OpinionError
-from blackboard.opinion.agreement import bhattacharyya
-from blackboard.opinion.cooperative import normalised
+from blackboard.opinion.agreement import coefficients
 from blackboard.opinion.grid import Array
-from blackboard.opinion.weights import as_opinions, as_weights
+from blackboard.opinion.vectors import checked, from_logarithm, logarithm, shares
 
-LARGEST_TEAM = 16  # cliques are enumerated; a sub-team is smaller
+CLOSE = 1e-9  # Hellinger distance below which a source is met exactly
+STEPS = 200  # of Weiszfeld's iteration, which converges linearly
 
 
 def median_log_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The cell-wise median of the log beliefs, normalised (after arXiv 1903.05817); `weights` is checked and ignored.
+    """The cell-wise weighted median of the log beliefs, normalised (after Mitra, Richards, Sundaram, arXiv 1903.05817).
 
-    For an even number the median is the mean of the middle two logarithms. Where the medians leave no cell, the linear pool.
+    opinions (N, *grid shape); weights (N,) are scaled to sum to 1, None means equal. Where exactly half of the weight is on
+    either side, the median is the mean of the two logarithms. Idempotent; half of the weight is a veto. Raises OpinionError,
+    also where no cell is left.
     """
-    stack = as_opinions(opinions)
-    as_weights(weights, len(stack), 1.0)
-    with np.errstate(divide="ignore"):
-        logs = np.sort(np.log(stack), axis=0)
-    n = len(stack)
-    median = logs[n // 2] if n % 2 else 0.5 * (logs[n // 2 - 1] + logs[n // 2])
-    if not np.isfinite(median.max()):
-        return np.asarray(stack.mean(axis=0) / stack.mean(axis=0).sum())
-    return normalised(median, "median-log")
+    stack = checked(opinions)
+    flat = stack.reshape(len(stack), -1)
+    order = np.argsort(flat, axis=0, kind="stable")
+    reached = np.cumsum(shares(weights, len(stack))[order], axis=0)
+    lower, upper = np.argmax(reached > 0.5 - 1e-9, axis=0), np.argmax(reached > 0.5 + 1e-9, axis=0)
+    logs = logarithm(np.take_along_axis(flat, order, axis=0))
+    cells = np.arange(flat.shape[1])
+    return from_logarithm(0.5 * (logs[lower, cells] + logs[upper, cells]), "median-log").reshape(stack.shape[1:])
 
 
 def geometric_median_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The belief whose square root has the least summed (Hellinger) distance to the opinions' square roots (Weiszfeld)."""
-    stack = as_opinions(opinions)
-    w = as_weights(weights, len(stack), 1.0)
+    """The belief whose square root has the least weighted sum of distances to the opinions' square roots.
+
+    These are Hellinger distances; the minimum is found by Weiszfeld's iteration from the mean, as weights of the roots, so that
+    a step needs only their inner products. opinions (N, *grid shape); weights (N,) None means equal. Breaks down only when half
+    of the weight lies; idempotent, no veto. Raises OpinionError.
+    """
+    stack = checked(opinions)
     roots = np.sqrt(stack).reshape(len(stack), -1)
-    centre = w @ roots / w.sum()
-    for _ in range(100):
-        distances = np.maximum(np.linalg.norm(roots - centre, axis=1), 1e-9)
-        pull = w / distances
-        moved = pull @ roots / pull.sum()
-        step, centre = float(np.abs(moved - centre).max()), moved
-        if step < 1e-12:
+    inner = roots @ roots.T
+    weights = shares(weights, len(stack))
+    mix = weights
+    for _ in range(STEPS):
+        squares = mix @ inner @ mix - 2.0 * inner @ mix + np.diag(inner)
+        pull = weights / np.sqrt(np.maximum(squares, CLOSE**2))
+        before, mix = mix, pull / pull.sum()
+        if np.abs(mix - before).max() < 1e-12:
             break
-    p = (centre**2).reshape(stack.shape[1:])
+    p = (mix @ roots).reshape(stack.shape[1:]) ** 2
     return np.asarray(p / p.sum())
 
 
-def clique_pool(
-    opinions: npt.ArrayLike,
-    weights: npt.ArrayLike | None = None,
-    *,
-    rule: str = "logarithmic",
-    xi: float = 3.0,
-    gamma: float = 0.5,
-    cell_ratio: float = 1.0,
-) -> Array:
-    """The largest set of opinions that agree in pairs, then any rule on it.
+def largest_cliques(opinions: npt.ArrayLike, xi: float) -> list[tuple[int, ...]]:
+    """All largest sets of opinions that agree in pairs, Bhattacharyya distance <= xi nats (II-A.1), in ascending order.
 
-    Two opinions agree when their Bhattacharyya distance is at most `xi` nats (II-A.1). Of equally large sets the one with the
-    least summed distance wins.
+    One in nearly all cases; several where nothing says which is right. Steps grow exponentially with N only where agreement
+    is made up to be as intransitive as possible.
     """
-    from blackboard.opinion.pools import fuse
+    near = coefficients(opinions) >= math.exp(-xi) * (1.0 - 1e-12)
+    largest: list[tuple[int, ...]] = [()]
 
-    stack = as_opinions(opinions)
-    if rule == "clique":
-        raise OpinionError("clique cannot gate itself; name another rule")
-    as_weights(weights, len(stack), 1.0)
-    members = largest_clique(stack, xi)
-    return fuse(rule, stack[members], gamma=gamma, cell_ratio=cell_ratio)
+    def grow(clique: tuple[int, ...], candidates: list[int]) -> None:
+        if not candidates:
+            if len(clique) > len(largest[0]):
+                largest.clear()
+            largest.append(clique)
+        for i, one in enumerate(candidates):
+            if len(clique) + len(candidates) - i < max(1, len(largest[0])):
+                break  # too few are left
+            grow((*clique, one), [other for other in candidates[i + 1 :] if near[one, other]])
 
-
-def largest_clique(stack: Array, xi: float) -> list[int]:
-    """Indices of the largest set of opinions that agree in pairs; ties by the least summed distance, then by content."""
-    n = len(stack)
-    if n > LARGEST_TEAM:
-        raise OpinionError(f"clique: {n} opinions are more than {LARGEST_TEAM}")
-    distance = {(i, j): bhattacharyya(stack[i], stack[j]) for i, j in combinations(range(n), 2)}
-    for size in range(n, 1, -1):
-        sets = [s for s in combinations(range(n), size) if all(distance[p] <= xi for p in combinations(s, 2))]
-        if sets:
-            best = min(sets, key=lambda s: (round(sum(distance[p] for p in combinations(s, 2)), 9), _content(stack, s)))
-            return list(best)
-    return [min(range(n), key=lambda i: _content(stack, (i,)))]
-
-
-def _content(stack: Array, members: tuple[int, ...]) -> list[bytes]:
-    """A key that does not depend on the order of the opinions."""
-    return sorted(stack[i].tobytes() for i in members)
+    grow((), list(range(len(near))))
+    return [clique for clique in largest if len(clique) == len(largest[0])]

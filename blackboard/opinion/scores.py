@@ -4,75 +4,89 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
 from blackboard.opinion.weights import entropy
 
+#: Highest-density regions that coverage is told for, in percent.
 LEVELS = (50, 90, 95)
 
-#: The least probability that the log score sees: a cell that was ruled out costs ln(1e-300), not everything.
-LEAST_PROBABILITY = 1e-300
+#: The log score counts a probability as at least this, -27.6 nats: a cell ruled out in error costs much, but not everything.
+LEAST_PROBABILITY = 1e-12
 
 
 def hdr_level(p: Array, index: tuple[int, ...]) -> float:
-    """Mass of the cells that are strictly denser: the cell lies in the L % highest-density region iff this is below L / 100."""
+    """Mass of all cells strictly denser than cell `index`: it is in the L % highest-density region iff this is below L / 100."""
     return float(p[p > p[index]].sum())
 
 
 def log_score(p: Array, index: tuple[int, ...]) -> float:
-    """Ln of the probability of the true cell, in nats; a proper score."""
+    """The natural logarithm of the true cell's probability, of at least LEAST_PROBABILITY: a proper score, in nats."""
     return math.log(max(float(p[index]), LEAST_PROBABILITY))
 
 
 def nees(belief: Belief, truth: Sequence[float]) -> float:
-    """Squared error of the mean over its covariance (cell^2 / 12 added), divided by the dimension: about 1 if honest."""
+    """Normalised estimation error squared, divided by the dimension: about 1 on average if the belief is honest.
+
+    The mean's error against the covariance, to which the width of a cell adds cell^2 / 12 on each axis.
+    """
     away = np.asarray(truth) - belief.mean()
-    cover = belief.covariance() + np.eye(belief.grid.ndim) * belief.grid.cell**2 / 12
-    return float(away @ np.linalg.solve(cover, away)) / belief.grid.ndim
+    covariance = belief.covariance() + np.eye(belief.grid.ndim) * belief.grid.cell**2 / 12
+    return float(away @ np.linalg.solve(covariance, away)) / belief.grid.ndim
 
 
+def errors(distances: npt.ArrayLike) -> dict[str, float]:
+    """Distances between estimate and truth, at least one, as rmse, mean, p95 (interpolated) and max, in their unit."""
+    d = np.asarray(distances, dtype=np.float64)
+    p95 = float(np.quantile(d, 0.95))
+    return {"rmse": math.sqrt(float((d**2).mean())), "mean": float(d.mean()), "p95": p95, "max": float(d.max())}
+
+
+@dataclass
 class Score:
-    """Accumulates beliefs against the truth into the scorecard's block S."""
+    """Beliefs against the truth, one entry for each; `summary` is the scorecard's block S."""
 
-    def __init__(self) -> None:
-        self.errors: list[float] = []
-        self.entropies: list[float] = []
-        self.log_scores: list[float] = []
-        self.levels: list[float] = []
+    errors: list[float] = field(default_factory=list)
+    entropies: list[float] = field(default_factory=list)
+    log_scores: list[float] = field(default_factory=list)
+    levels: list[float] = field(default_factory=list)
 
     def add(self, belief: Belief, truth: Sequence[float]) -> None:
-        """Score one belief; `truth` in the grid's unit. A truth outside the grid counts as a cell of probability zero."""
-        self.errors.append(float(np.linalg.norm(belief.mean() - np.asarray(truth))))
-        self.entropies.append(entropy(belief.p))
+        """Score a belief, the estimate being its mean; `truth` in the grid's unit.
+
+        Outside the grid the truth is in no region and its cell has the least probability.
+        """
         index = belief.grid.index(truth)
+        self.errors.append(math.dist(belief.mean(), truth))
+        self.entropies.append(entropy(belief.p))
         self.log_scores.append(math.log(LEAST_PROBABILITY) if index is None else log_score(belief.p, index))
         self.levels.append(1.0 if index is None else hdr_level(belief.p, index))
 
     def merge(self, other: Score) -> Score:
         """Both together, as a new score."""
-        both = Score()
-        for name in ("errors", "entropies", "log_scores", "levels"):
-            setattr(both, name, getattr(self, name) + getattr(other, name))
-        return both
+        return Score(
+            self.errors + other.errors,
+            self.entropies + other.entropies,
+            self.log_scores + other.log_scores,
+            self.levels + other.levels,
+        )
 
     def summary(self) -> dict[str, Any]:
         """The block S: errors in the grid's unit, entropy and log score in nats, coverage by level; None where n is 0."""
         n = len(self.errors)
         if not n:
-            empty = dict.fromkeys(("rmse", "mean", "p95", "max", "entropy", "log_score"))
-            return {"n": 0, **empty, "coverage": {str(level): None for level in LEVELS}}
-        errors, levels = np.array(self.errors), np.array(self.levels)
+            nothing = dict.fromkeys(("rmse", "mean", "p95", "max", "entropy", "log_score"))
+            return {"n": 0, **nothing, "coverage": {str(level): None for level in LEVELS}}
         return {
             "n": n,
-            "rmse": float(np.sqrt((errors**2).mean())),
-            "mean": float(errors.mean()),
-            "p95": float(np.quantile(errors, 0.95)),
-            "max": float(errors.max()),
+            **errors(self.errors),
             "entropy": float(np.mean(self.entropies)),
             "log_score": float(np.mean(self.log_scores)),
-            "coverage": {str(level): float((levels < level / 100).mean()) for level in LEVELS},
+            "coverage": {str(level): float(np.mean(np.less(self.levels, level / 100))) for level in LEVELS},
         }

@@ -84,9 +84,9 @@ def positive(value: float, name: str) -> float:
 
 
 def logarithm(p: Array) -> Array:
-    """Ln p, with ln 0 = -inf."""
+    """Natural logarithm, with ln 0 = -inf."""
     with np.errstate(divide="ignore"):
-        return np.log(p)
+        return np.asarray(np.log(p))
 
 
 def from_logarithm(logs: Array, rule: str) -> Array:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from blackboard.errors import OpinionError
 from blackboard.opinion.grid import Array
-from blackboard.opinion.vectors import checked, checked_weights, positive, shares
+from blackboard.opinion.vectors import checked, positive
 
 #: Entropies count as at least this in weights, in nats: that of a Gaussian as wide as rounding to a cell (sigma = 1 / sqrt(12)
 #: cells), 0.1765. Below it the entropy measures the grid and not the sensor, and 1 / H**k would go to infinity.
@@ -24,7 +24,7 @@ def entropy(p: npt.ArrayLike) -> float:
 
 def _entropy(p: Array) -> float:
     some = p[p > 0]
-    return max(0.0, -float(some @ np.log(some)))  # (III-.2)
+    return max(0.0, -float((some * np.log(some)).sum()))  # (III-.2)
 
 
 def entropy_weights(opinions: npt.ArrayLike, k: float = 1.0, *, cell_ratio: float = 1.0) -> Array:
@@ -42,15 +42,3 @@ def entropy_weights(opinions: npt.ArrayLike, k: float = 1.0, *, cell_ratio: floa
     bounded = np.maximum([_entropy(p) - offset for p in stack], LEAST_ENTROPY)
     weights = (bounded.min() / bounded) ** k  # (III-A.1)
     return np.asarray(weights / weights.sum())
-
-
-def as_opinions(opinions: npt.ArrayLike) -> Array:
-    return checked(opinions)
-
-
-def as_shares(weights: npt.ArrayLike | None, n: int) -> Array:
-    return shares(weights, n)
-
-
-def as_weights(weights: npt.ArrayLike | None, n: int, default: float) -> Array:
-    return checked_weights(weights, n)

@@ -15,6 +15,7 @@ import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from subprocess import DEVNULL, PIPE, STDOUT, CompletedProcess, Popen, TimeoutExpired
 from typing import Any
 
 import pytest
@@ -25,21 +26,33 @@ STAND_IN = f"cop-blackboard-stand-in:{SUITE}"
 LEFT_OUT = ("./var/cache/apt", "./var/lib/apt/lists", "./usr/share/doc/*", "./usr/share/man/*", "./usr/share/locale/*")
 
 
-def call(*command: str, seconds: float = 60, check: bool = True, **more: Any) -> str:
-    """Run a command to its end; its output, and AssertionError with all it said where it failed."""
-    done = subprocess.run(
-        command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=seconds, check=False, **more
+def run(
+    *command: str, seconds: float = 60, cwd: Path | None = None, env: Mapping[str, str] | None = None
+) -> CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run(
+        command, capture_output=True, text=True, stdin=DEVNULL, check=False, timeout=seconds, cwd=cwd, env=env
     )
-    if check and done.returncode != 0:
+
+
+def succeed(done: CompletedProcess[str]) -> str:
+    """The output of a command; AssertionError with all that it said where it failed."""
+    if done.returncode != 0:
         said = f"{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
-        raise AssertionError(f"{' '.join(command)}: exit {done.returncode}\n{said}")
-    return str(done.stdout)
+        raise AssertionError(f"{' '.join(done.args)}: exit {done.returncode}\n{said}")
+    return done.stdout
+
+
+def call(*command: str, seconds: float = 60) -> str:
+    """The output of a command that must succeed."""
+    return succeed(run(*command, seconds=seconds))
 
 
 def works(*command: str, seconds: float = 60) -> bool:
+    """Whether a command is there and succeeds."""
     try:
-        return subprocess.run(command, capture_output=True, timeout=seconds, check=False).returncode == 0
-    except (OSError, subprocess.TimeoutExpired):
+        return run(*command, seconds=seconds).returncode == 0
+    except (OSError, TimeoutExpired):
         return False
 
 
@@ -50,13 +63,12 @@ def now() -> str:
 
 def first_line(command: list[str], wanted: Callable[[str], bool], seconds: float, what: str) -> str:
     """The first line of a command's output that is wanted; the command is ended then, or at the deadline."""
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    seen = []
+    with Popen(command, stdout=PIPE, stderr=STDOUT, text=True) as process:
         deadline = threading.Timer(seconds, process.kill)
         deadline.start()
         try:
-            assert process.stdout is not None
-            seen = []
-            for line in process.stdout:
+            for line in process.stdout or ():
                 if wanted(line):
                     return line
                 seen.append(line)
@@ -100,16 +112,8 @@ def _make_stand_in(folder: Path) -> None:
             pytest.skip("no base image can be pulled, and debootstrap for a stand-in cannot be installed")
     call("debootstrap", "--variant=minbase", "--include=python3-venv", SUITE, str(folder), seconds=300)
     archive = str(folder.with_suffix(".tar"))
-    call(
-        "tar",
-        "--directory",
-        str(folder),
-        *(f"--exclude={path}" for path in LEFT_OUT),
-        "--create",
-        "--file",
-        archive,
-        ".",
-    )
+    left_out = [f"--exclude={path}" for path in LEFT_OUT]
+    call("tar", "--create", "--file", archive, "--directory", str(folder), *left_out, ".")
     call("docker", "import", archive, STAND_IN)
     shutil.rmtree(folder)
 
@@ -154,10 +158,19 @@ class Project:
     environment: Mapping[str, str]
     changes: dict[str, str] = field(default_factory=dict)  # of the environment, for one test
 
-    def __call__(self, *arguments: str, seconds: float = 120, check: bool = True) -> str:
+    def run(self, *arguments: str, seconds: float = 120) -> CompletedProcess[str]:
+        """Run compose on this project."""
         environment = {**os.environ, **self.environment, **self.changes}
         command = (*self.command, "--project-name", self.name, *arguments)
-        return call(*command, seconds=seconds, check=check, cwd=self.folder, env=environment)
+        return run(*command, seconds=seconds, cwd=self.folder, env=environment)
+
+    def __call__(self, *arguments: str, seconds: float = 120) -> str:
+        """The output of compose on this project, which must succeed."""
+        return succeed(self.run(*arguments, seconds=seconds))
+
+    def down(self) -> None:
+        """Stop and remove everything, whatever state it is in."""
+        self.run("down", "--volumes", "--remove-orphans")
 
     def containers(self, service: str) -> list[str]:
         """The containers of a service, running or not."""
@@ -169,9 +182,8 @@ class Project:
         return found
 
     def state(self, service: str) -> dict[str, Any]:
-        state: dict[str, Any] = json.loads(
-            call("docker", "inspect", "--format", "{{json .State}}", self.container(service))
-        )
+        told = call("docker", "inspect", "--format", "{{json .State}}", self.container(service))
+        state: dict[str, Any] = json.loads(told)
         return state
 
     def network(self) -> str:
@@ -189,29 +201,37 @@ class Project:
             chosen = [*events, "--filter", f"event={kind}", "--format", shows]
             first_line(chosen, lambda line: line.strip() == wanted, seconds, f"{event} of {container[:12]}")
 
-    def wait_well(self, *services: str, since: str | None = None, seconds: float = 60) -> None:
+    def wait_well(self, *services: str, since: str | None = None, seconds: float = 120) -> None:
         """Wait until a health check of each service has ended well, from now on or since then."""
         containers = [container for service in services for container in self.containers(service)]
         self.wait(containers, "exec_die=0", "{{.Actor.Attributes.exitCode}}", since or now(), seconds)
 
-    def wait_unwell(self, service: str, since: str, seconds: float = 60) -> None:
+    def wait_unwell(self, service: str, since: str, seconds: float = 120) -> None:
         """Wait until Docker calls a service unhealthy."""
         status = "health_status: unhealthy"
         self.wait(self.containers(service), f"health_status={status}", "{{.Status}}", since, seconds)
 
-    def wait_start(self, service: str, since: str, seconds: float = 60) -> None:
+    def wait_start(self, service: str, since: str, seconds: float = 120) -> None:
         """Wait until a service's container is started, by whomever."""
         self.wait(self.containers(service), "start=start", "{{.Status}}", since, seconds)
+
+    def report(self) -> str:
+        """What everybody said last, and how the health checks went: for the reader of a failed test."""
+        containers = call("docker", "ps", "--all", "--quiet", "--filter", self._label()).split()
+        tries = "{{with .State.Health}}{{range .Log}}; {{.ExitCode}} {{.Output}}{{end}}{{end}}"
+        health = "{{.Name}} {{.State.Status}}" + tries
+        checks = call("docker", "inspect", "--format", health, *containers) if containers else ""
+        return checks + self.run("logs", "--no-color", "--tail", "30").stdout
 
     def wait_exit(self, service: str, seconds: float) -> int:
         return int(call("docker", "wait", self.container(service), seconds=seconds))
 
     def left_behind(self) -> list[str]:
-        return [
-            *call("docker", "ps", "--all", "--quiet", "--filter", self._label()).split(),
-            *call("docker", "network", "ls", "--quiet", "--filter", self._label()).split(),
-            *call("docker", "volume", "ls", "--quiet", "--filter", self._label()).split(),
-        ]
+        """Containers, networks, volumes and images of this project that are still there."""
+        kinds = (["ps", "--all"], ["network", "ls"], ["volume", "ls"])
+        found = [call("docker", *kind, "--quiet", "--filter", self._label()) for kind in kinds]
+        found.append(call("docker", "image", "ls", "--quiet", self.environment["IMAGE"]))
+        return "".join(found).split()
 
     def _label(self) -> str:
         return f"label=com.docker.compose.project={self.name}"

@@ -14,18 +14,18 @@ from pathlib import Path
 from blackboard.clock import Clock
 from blackboard.door import PARENT
 from blackboard.link import Link
-from blackboard.wire.envelope import Envelope
+from blackboard.wire.envelope import Envelope, Kind
 
 ROOT = Path(__file__).parent.parent.parent
 LONG = 30.0  # seconds: a deadline that only a broken program misses, however slow the machine
 
 
-def wait_until(fact: Callable[[], object], what: str, seconds: float = LONG) -> None:
+def wait_until(fact: Callable[[], object], what: Callable[[], object] | str, seconds: float = LONG) -> None:
     """Look again and again until a fact holds; fails with `what` after a deadline."""
     clock, pause = Clock(), threading.Event()
     end = clock.now() + seconds
     while not fact():
-        assert clock.now() < end, f"after {seconds:g} s still not so: {what}"
+        assert clock.now() < end, f"after {seconds:g} s still not so: {what if isinstance(what, str) else what()}"
         pause.wait(0.01)
 
 
@@ -38,12 +38,21 @@ class Letters:
 
     def until(self, *wanted: Envelope) -> list[Envelope]:
         """Receive until all of these have come."""
-        wait_until(lambda: self._take() and set(wanted) <= set(self.read), f"{wanted} among {self.read}")
+        wait_until(lambda: set(wanted) <= set(self.take()), lambda: f"{wanted} among {self.read}")
         return self.read
 
-    def _take(self) -> bool:
+    def take(self) -> list[Envelope]:
+        """All that it has received so far."""
         self.read += self._link.receive(0.05)
-        return True
+        return self.read
+
+
+def introduce(listener: Link, speaker: Link) -> None:
+    """Wait until the speaker knows what the listener has subscribed to: a token that comes last says so."""
+    ready = f"ready/{id(listener)}/{id(speaker)}"
+    listener.token(ready)
+    speaker.watch(ready)
+    wait_until(lambda: Envelope(ready, kind=Kind.ALIVE) in speaker.receive(0.05), "the token is seen")
 
 
 def is_running(pid: int) -> bool:
@@ -85,12 +94,14 @@ class Program:
 
     def says(self, text: str) -> None:
         """Wait until it has said something on standard error."""
-        wait_until(lambda: text in self.err or self.running.poll() is not None, f"it says {text!r}; it said {self.err}")
+        wait_until(
+            lambda: text in self.err or self.running.poll() is not None, lambda: f"it says {text!r}; it said {self.err}"
+        )
         assert text in self.err, f"it ended with status {self.running.returncode}: {self.err}"
 
     def ends(self) -> int:
         """Wait until it has ended and all is read; its exit status."""
-        wait_until(lambda: self.running.poll() is not None, f"it ends; it said {self.err}")
+        wait_until(lambda: self.running.poll() is not None, lambda: f"it ends; it said {self.err}")
         for reader in self._readers:
             reader.join(LONG)
         return self.running.returncode

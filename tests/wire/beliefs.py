@@ -40,8 +40,9 @@ def belief_of(kind: str, grid: Grid, rng: np.random.Generator) -> Belief:
     elif kind == "tails":
         mass = np.exp(-700.0 * rng.random(shape))
     else:  # all that is left out just misses being kept, all that is kept rounds up
-        mass = np.exp(np.where(rng.random(shape) < 0.5, -254.5001, -rng.integers(0, 20) - 0.499) * STEP)
-    mass.flat[rng.integers(mass.size)] += mass.max() or 1.0
+        mass = np.exp(np.where(rng.random(shape) < rng.random(), -254.501, -0.499) * STEP)
+        mass.flat[0] = 1.0
+    mass.flat[rng.integers(mass.size)] = mass.max() or 1.0
     return Belief(grid, mass / math.fsum(mass.ravel()))
 
 

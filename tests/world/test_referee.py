@@ -267,9 +267,9 @@ def test_better_and_honest_is_a_pass() -> None:
 @pytest.mark.parametrize(
     ("solo_", "agreed", "check", "reason"),
     [
-        (NEAR, WIDE, {"entropy": None}, "robots: agreed rmse 1.600 cell, solo 0.100"),
+        (NEAR, WIDE, {"entropy": 9}, "robots: agreed rmse 1.600 cell, solo 0.100"),
         (WIDE, NEAR, {"robots": 0.05}, "robots: agreed rmse 0.100 cell, solo 1.600, asked 0.05 of it"),
-        (NEAR, WIDE, {"robots": None}, "robots: agreed entropy 0.500 nats, solo 0.325"),
+        (NEAR, WIDE, {"robots": 99}, "robots: agreed entropy 0.500 nats, solo 0.325"),
         (WIDE, at(2, 3), {}, "robots: agreed 95 % regions hold the truth in 0.0 %, asked 80 %"),
     ],
 )

@@ -30,7 +30,7 @@ def test_what_ships_is_sound(name: str) -> None:
     if world.kind == "simulated":
         assert isinstance(source(scenario), World)
         assert robot.vision.gain == world.vision.scale  # by default a robot's model is right
-        assert robot.odometry.along == world.odometry.along / world.speed**0.5
+        assert robot.odometry.along == world.odometry.along * world.speed**0.5
 
 
 def test_the_demo_is_the_demo() -> None:

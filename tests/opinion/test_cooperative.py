@@ -1,0 +1,154 @@
+"""The exact recursion against the sum over all subsets, its special cases, and its size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard import OpinionError, cooperative_pool, linear_pool, logarithmic_pool
+from blackboard.opinion.cooperative import (
+    alphas,
+    calibrated_pool,
+    coalition_pool,
+    cooperative_components,
+    powered_components,
+)
+from blackboard.opinion.grid import Array
+from tests import oracles
+from tests.opinion.stacks import KINDS, make, weighted
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 10])
+def test_it_is_the_sum_over_all_subsets(kind: str, n: int) -> None:
+    rng = np.random.default_rng(n)
+    opinions, weights = make(kind, n, (5,), rng), rng.random(n)
+    terms = oracles.cooperative_terms(opinions, weights.tolist(), alphas(n).tolist())
+    pool, shares = oracles.cooperative(terms)
+    assert np.abs(cooperative_pool(opinions, weights) - pool).max() <= 1e-12
+    assert np.abs(cooperative_components(opinions, weights) - shares).max() <= 1e-12
+
+
+@settings(max_examples=40)
+@given(weighted(most=4), st.floats(0.05, 1.0), st.floats(0.05, 2.0))
+def test_it_is_the_sum_over_all_subsets_with_any_parameters(
+    drawn: tuple[Array, Array], gamma: float, cell_ratio: float
+) -> None:
+    opinions, weights = drawn
+    alpha = alphas(len(opinions), gamma)
+    terms = oracles.cooperative_terms(opinions, weights.tolist(), alpha.tolist(), cell_ratio)
+    pool, shares = oracles.cooperative(terms)
+    rounding = max(1e-12, 1e-15 * 700 / alpha[0])  # |ln C_1| / alpha_1 times the precision
+    assert np.abs(cooperative_pool(opinions, weights, gamma=gamma, cell_ratio=cell_ratio).ravel() - pool).max() <= rounding
+    found = cooperative_components(opinions, weights, gamma=gamma, cell_ratio=cell_ratio)
+    assert np.abs(found - shares).max() <= rounding
+
+
+def test_products_far_below_the_smallest_float_still_decide() -> None:
+    """Two camps that rule each other out by 1e-300: C_10 is 1e-1500 everywhere, and wins over C_5 for its exponent."""
+    a, b = np.array([1.0, 1e-300, 1e-280]), np.array([1e-300, 1.0, 1e-290])
+    opinions = np.stack([a / a.sum()] * 5 + [b / b.sum()] * 5)
+    terms = oracles.cooperative_terms(opinions, [1.0] * 10, alphas(10).tolist())
+    pool, shares = oracles.cooperative(terms)
+    assert np.abs(cooperative_pool(opinions) - pool).max() <= 1e-12
+    assert np.abs(cooperative_components(opinions) - shares).max() <= 1e-12
+
+
+def test_alphas_rise_by_the_same_ratio_and_sum_to_one() -> None:
+    for n in (1, 2, 7, 30, 64):
+        for gamma in (0.3, 0.5, 1.0):
+            alpha = alphas(n, gamma)
+            assert alpha.sum() == pytest.approx(1.0, abs=1e-12)
+            assert alpha[:-1] == pytest.approx(gamma * alpha[1:])  # (V-C)
+    assert 1 / alphas(30)[0] == pytest.approx(2**30 - 1)
+    assert np.isfinite(1 / alphas(64, 1e-9)).all()
+
+
+@pytest.mark.parametrize("gamma", [0.0, -0.5, 1.5, float("nan")])
+def test_gamma_out_of_bounds(gamma: float) -> None:
+    with pytest.raises(OpinionError, match="gamma"):
+        cooperative_pool(np.full((2, 3), 1 / 3), gamma=gamma)
+
+
+@given(weighted(("random", "sparse", "mixed")))
+def test_alpha_1_alone_is_the_linear_pool(drawn: tuple[Array, Array]) -> None:
+    opinions, weights = drawn
+    first = powered_components(opinions, weights, np.ones(len(opinions)))[0]
+    assert np.exp(first) == pytest.approx(linear_pool(opinions, weights).ravel(), abs=1e-14)
+
+
+@given(weighted(("random", "identical")))
+def test_alpha_n_alone_is_the_product(drawn: tuple[Array, Array]) -> None:
+    """The smaller gamma, the nearer alpha_N is to 1 and the others to 0: then C_N is all that is left."""
+    opinions, weights = drawn
+    product = logarithmic_pool(opinions)
+    last = np.exp(powered_components(opinions, weights, np.ones(len(opinions)))[-1])
+    assert last / last.sum() == pytest.approx(product.ravel(), abs=1e-12)
+    assert cooperative_pool(opinions, weights, gamma=1e-4) == pytest.approx(product, abs=0.01)
+
+
+def test_agreement_and_conflict_show_in_the_components() -> None:
+    rng = np.random.default_rng(3)
+    alike = make("random", 1, (20,), rng)[0]
+    assert cooperative_components(np.stack([alike] * 4)).argmax() == 3
+    apart = np.eye(20)[:4]
+    assert cooperative_components(apart) == pytest.approx([1, 0, 0, 0])
+    three = np.stack([0.98 * np.eye(20)[i] + 0.001 for i in (5, 5, 5, 12)])
+    assert cooperative_components(three).argmax() == 2
+    assert cooperative_pool(three).argmax() == 5
+
+
+def test_thirty_opinions_on_200_by_200_cells() -> None:
+    rng = np.random.default_rng(4)
+    x, y = np.mgrid[:200, :200]
+    centres, widths = rng.uniform(20, 180, (30, 2)), rng.uniform(1, 20, 30)
+    raw = np.stack([np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2 * s * s)) for (a, b), s in zip(centres, widths, strict=True)])
+    opinions = raw / raw.sum(axis=(1, 2), keepdims=True)
+    fused = cooperative_pool(opinions, rng.random(30))
+    assert np.isfinite(fused).all()
+    assert fused.min() >= 0
+    assert fused.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@given(weighted(("random", "sparse", "identical", "mixed")))
+def test_calibrated_is_cop_to_a_power(drawn: tuple[Array, Array]) -> None:
+    opinions, weights = drawn
+    cop = cooperative_pool(opinions, weights)
+    assert calibrated_pool(opinions, weights, power=1.0) == pytest.approx(cop, abs=1e-12)
+    powered = cop**0.8
+    assert calibrated_pool(opinions, weights, power=0.8) == pytest.approx(powered / powered.sum(), abs=1e-9)
+    default = calibrated_pool(opinions, weights, power=float(alphas(len(opinions))[-1]))
+    assert np.array_equal(calibrated_pool(opinions, weights), default)
+
+
+@pytest.mark.parametrize("independence", [0.0, 0.3, 1.0])
+def test_coalition_mixes_the_components_by_their_mass_in_cop(independence: float) -> None:
+    rng = np.random.default_rng(5)
+    opinions, weights = make("random", 4, (3, 4), rng), rng.random(4)
+    masses = cooperative_components(opinions, weights)
+    components = np.exp(powered_components(opinions, weights, np.ones(4)))
+    expected = np.zeros(12)
+    for q, (mass, component) in enumerate(zip(masses, components, strict=True), start=1):
+        part = component ** (1.0 / q) if independence == 0 else component ** (q ** -(1 - independence))
+        expected += mass * part / part.sum()
+    found = coalition_pool(opinions, weights, independence=independence)
+    assert found.ravel() == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rule", "parameter", "value"),
+    [
+        (coalition_pool, "independence", 1.5),
+        (coalition_pool, "independence", float("nan")),
+        (calibrated_pool, "power", 0.0),
+        (calibrated_pool, "power", float("inf")),
+        (cooperative_pool, "cell_ratio", -1.0),
+        (cooperative_components, "cell_ratio", float("nan")),
+    ],
+)
+def test_parameters_out_of_bounds_are_named(rule: object, parameter: str, value: float) -> None:
+    assert callable(rule)
+    with pytest.raises(OpinionError, match=f"{parameter} {value}: give"):
+        rule(np.full((2, 3), 1 / 3), **{parameter: value})

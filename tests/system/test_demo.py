@@ -1,0 +1,122 @@
+"""The commands as a person runs them: real processes, real Zenoh, on 127.0.0.1."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.link.net import is_running, wait_until
+
+ROOT = Path(__file__).parents[2]
+RECORDING = ROOT.parent / "shared" / "mrclam" / "dataset7"
+PYTHON = (sys.executable, "-m")
+
+
+def blackboard(*arguments: str, timeout: float = 110) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*PYTHON, "blackboard", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=timeout, check=False
+    )
+
+
+def children(pid: int) -> list[int]:
+    """Processes whose environment names this launcher."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                environment = (entry / "environ").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if f"BLACKBOARD_PARENT={pid}".encode() in environment:
+                found.append(int(entry.name))
+    return found
+
+
+@pytest.fixture
+def launched() -> Iterator[subprocess.Popen[str]]:
+    """A long run, killed at the end whatever happens."""
+    command = [*PYTHON, "blackboard", "demo", "--seconds", "600", "--json"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        left = children(process.pid)
+        for pid in [process.pid, *left]:
+            if is_running(pid):
+                os.kill(pid, signal.SIGKILL)
+        process.communicate()
+
+
+def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit() -> None:
+    runs = [blackboard("demo", "--seconds", "4", "--seed", "7", "--json") for _ in range(2)]
+    first, second = (json.loads(run.stdout) for run in runs)
+    assert first["hash"] == second["hash"]
+    assert first["ticks"] == 20
+    assert first["scores"]["robots"]["agreed"]["n"] == 6 * 20
+    assert first["messages"]["refused"] == {}
+    assert {run.returncode for run in runs} <= {0, 1}
+    assert (runs[0].returncode == 0) == (first["verdict"] == "PASS")
+
+
+def test_more_robots_and_real_time() -> None:
+    run = blackboard("demo", "--robots", "8", "--seconds", "3", "--realtime", "--json")
+    card = json.loads(run.stdout)
+    assert set(card["scores"]["robots"]["by_name"]) == {f"r{i}" for i in range(1, 9)}
+    assert card["mode"] == "realtime"
+
+
+def test_ctrl_c_stops_all_and_leaves_no_orphan(launched: subprocess.Popen[str]) -> None:
+    wait_until(lambda: len(children(launched.pid)) == 10, "ten children run")
+    family = children(launched.pid)
+    launched.send_signal(signal.SIGINT)
+    launched.communicate(timeout=30)
+    wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
+
+
+def test_no_orphan_is_left_when_the_launcher_is_killed(launched: subprocess.Popen[str]) -> None:
+    wait_until(lambda: len(children(launched.pid)) == 10, "ten children run")
+    family = children(launched.pid)
+    launched.kill()
+    wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [("[grid]\nshap = [50, 50]", "grid.shap"), ("[team", "TOML"), ("[robot.vision]\ngian = 1", "robot.vision.gian")],
+)
+def test_a_mistake_in_a_scenario_is_one_line_with_file_and_field(tmp_path: Path, text: str, field: str) -> None:
+    file = tmp_path / "wrong.toml"
+    file.write_text(text)
+    run = blackboard("up", str(file))
+    assert run.returncode == 2
+    last = run.stderr.strip().splitlines()[-1]
+    assert last.startswith("error: ")
+    assert field in last
+    assert run.stdout == ""
+
+
+@pytest.mark.parametrize("folder", ["", "/no/such/folder"])
+def test_a_missing_recording_is_one_line(folder: str, tmp_path: Path) -> None:
+    run = blackboard("demo", "--mrclam", folder or str(tmp_path))
+    assert run.returncode == 2
+    assert (folder or str(tmp_path)) in run.stderr.strip().splitlines()[-1]
+
+
+def test_the_recorded_team_runs_as_processes() -> None:
+    """The first 20 seconds: five real robots, everything over Zenoh; the whole window is in benchmarks."""
+    if not RECORDING.is_dir():
+        pytest.skip("needs the MRCLAM recording in ../shared/mrclam/dataset7")
+    arguments = ("--start", "1248446200", "--seconds", "20", "--protocol", "C_blind12", "--json")
+    run = blackboard("demo", "--mrclam", str(RECORDING), *arguments)
+    card = json.loads(run.stdout)
+    assert card["unit"] == "m"
+    assert card["scores"]["robots"]["agreed"]["n"] == 100
+    assert card["team_rmse"]["agreed"] < 0.3
+    assert card["team_rmse"]["agreed"] < card["team_rmse"]["solo"]

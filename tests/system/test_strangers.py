@@ -1,0 +1,92 @@
+"""Somebody else's robot, written from docs/wire.md alone, and a hostile client, against a real board."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from blackboard.launch import free_port
+from blackboard.link import Link, LinkConfig
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import MAX_BYTES, Consensus, Status
+from tests.link.net import wait_until
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """A router and the board of sub-team a, as processes."""
+    at = f"tcp/127.0.0.1:{free_port()}"
+    python = (sys.executable, "-m", "blackboard")
+    commands = (
+        [*python, "router", "-l", at],
+        [*python, "serve", "--team", "t", "--sub-team", "a", "--id", "desk", "-e", at],
+    )
+    processes = [subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) for command in commands]
+    try:
+        with Link(LinkConfig(connect=(at,)), "fixture", patience=30.0):
+            pass  # the router answers
+        yield at
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+        for process in reversed(processes):
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def test_a_robot_from_the_wire_document_alone_is_understood(endpoint: str) -> None:
+    command = [sys.executable, str(ROOT / "examples" / "minimal_robot.py"), "-e", endpoint, "--team", "t"]
+    robot = subprocess.Popen(
+        [*command, "--sub-team", "a", "--id", "guest", "--at", "12", "20", "--seconds", "60"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        with Link(LinkConfig(connect=(endpoint,)), "watcher") as link:
+            link.subscribe("cop/t/a/agreed/**")
+            found: list[Consensus] = []
+
+            def heard() -> bool:
+                found.extend(decode(Consensus, e.payload) for e in link.receive(0.1))
+                return {"robot/guest", "object/ball"} <= {c.subject for c in found}
+
+            wait_until(heard, "the board agrees on what the guest reported")
+            place = next(c for c in found if c.subject == "robot/guest")
+            assert place.ancestors.keys() == {"guest"}
+            late = link.get("cop/t/a/agreed/robot/guest")
+            assert [e.key for e in late] == ["cop/t/a/agreed/robot/guest"]
+        assert robot.stdout is not None
+        assert "robot/guest" in robot.stdout.readline() + robot.stdout.readline()
+    finally:
+        robot.terminate()
+        robot.communicate(timeout=10)
+
+
+def test_a_hostile_client_is_counted_and_the_board_lives(endpoint: str) -> None:
+    with Link(LinkConfig(connect=(endpoint,)), "attacker") as link:
+        link.subscribe("cop/t/a/status/desk")
+        key = "cop/t/a/report/r1/object/ball"
+        statuses: list[Status] = []
+
+        def refused() -> dict[str, int]:
+            statuses.extend(decode(Status, e.payload) for e in link.receive(0.1))
+            return statuses[-1].refused if statuses else {}
+
+        wait_until(lambda: bool(refused()) or bool(statuses), "the board is alive")
+        for payload in (b"", b"\xc1", b"\x81\xa7version\x09", b"\x81\xa7version\x01", bytes(64 * MAX_BYTES)):
+            link.send(Envelope(key, payload))
+        wait_until(
+            lambda: {"not-msgpack", "version", "fields", "too-large"} <= refused().keys(),
+            lambda: f"all reasons are counted: {refused()}",
+            60.0,
+        )

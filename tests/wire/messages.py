@@ -1,0 +1,99 @@
+"""One message of each model with every field said, and the key it belongs on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgpack
+
+from blackboard.opinion.belief import gaussian
+from blackboard.opinion.grid import Grid
+from blackboard.wire import keys
+from blackboard.wire.arrays import pack
+from blackboard.wire.messages import (
+    Clock,
+    Consensus,
+    Fix,
+    Informed,
+    LeftOut,
+    Message,
+    Odometry,
+    Readings,
+    Report,
+    Sighting,
+    Solo,
+    Status,
+    Truth,
+    Used,
+)
+
+BELIEF = pack(gaussian(Grid((9, 7), 0.5, (1.0, -2.0), "m"), (3.0, 0.0), 0.2))
+INFORMED = Informed(belief=BELIEF, ancestors={"r1": 1.0, "r2": 0.5})
+CLOCK = Clock(
+    run="x1", tick=3, time=0.6, mode="lockstep", robots={"a": ["r1"]}, settled={"a": ["object/ball"]}, end=True
+)
+READINGS = Readings(
+    run="x1",
+    robot="r1",
+    tick=3,
+    time=0.6,
+    odometry=Odometry(distance=0.1, turn=-0.2, dt=0.2),
+    compass=1.5,
+    fix=Fix(position=(1.0, 2.0), sigma=0.3, heading=0.1, heading_sigma=0.2),
+    sightings=[Sighting(subject="landmark/l7", range=2.0, bearing=0.5, landmark=(4.0, 5.0), age=0.05)],
+)
+TRUTH = Truth(run="x1", tick=3, time=0.6, positions={"robot/r1": (1.0, 2.0)})
+SOLO = Solo(robot="r1", tick=3, time=0.6, beliefs={"robot/r1": BELIEF})
+REPORT = Report(
+    source="r1", subject="object/ball", tick=3, time=0.6, belief=BELIEF, ancestors={"r1": 0.6}, informed=INFORMED
+)
+CONSENSUS = Consensus(
+    board="a1",
+    sub_team="a",
+    level="consensus",
+    subject="object/ball",
+    tick=3,
+    time=0.6,
+    belief=BELIEF,
+    ancestors={"r1": 0.6},
+    firsthand=INFORMED,
+    used=[Used(source="r1", weight=1.0, age=0.2, entropy=2.5, how="independent")],
+    left_out=[LeftOut(source="r9", reason="silent for 10.2 s")],
+    components=[1.0],
+    entropy=2.5,
+    conflict=True,
+    rule="cooperative",
+    parameters={"k": 2.0},
+)
+AGREED = CONSENSUS.model_copy(update={"level": "agreed"})
+STATUS = Status(
+    process="r1",
+    kind="robot",
+    tick=3,
+    time=0.6,
+    phase="reported",
+    subjects=["object/ball"],
+    counters={"sent": 4},
+    refused={"mass": 1},
+    ages={"r2": 0.1},
+    settings={"rule": "cooperative", "k": 2.0},
+)
+
+#: A topic's name -> the parts of a key of it, and a message for it.
+EXAMPLES: dict[str, tuple[dict[str, str], Message]] = {
+    "clock": ({"team": "t"}, CLOCK),
+    "reading": ({"team": "t", "robot": "r1"}, READINGS),
+    "truth": ({"team": "t"}, TRUTH),
+    "solo": ({"team": "t", "robot": "r1"}, SOLO),
+    "report": ({"team": "t", "sub_team": "a", "source": "r1", "subject": "object/ball"}, REPORT),
+    "consensus": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, CONSENSUS),
+    "agreed": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, AGREED),
+    "status": ({"team": "t", "sub_team": "a", "process": "r1"}, STATUS),
+}
+TOPICS = {topic.name: topic for topic in keys.TOPICS}
+
+
+def as_map(message: Message) -> dict[str, Any]:
+    """A message as msgpack's own types, every field said: what a foreign robot might send."""
+    whole: dict[str, Any] = msgpack.unpackb(msgpack.packb(message.model_dump()))
+    return whole

@@ -1,0 +1,53 @@
+"""THE topic table: keys in, parts out, and nothing wild."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard.wire import keys
+from blackboard.wire.messages import MODELS
+
+name = st.from_regex(r"[A-Za-z0-9_.-]{1,64}", fullmatch=True)
+subject = st.builds("{}/{}".format, st.sampled_from(["robot", "object", "landmark"]), name)
+parts = st.fixed_dictionaries(
+    {
+        "team": name,
+        "sub_team": name.filter(lambda n: n not in ("world", "score")),
+        "source": name,
+        "robot": name,
+        "board": name,
+        "process": name,
+        "subject": subject,
+    }
+)
+
+
+@given(topic=st.sampled_from(keys.TOPICS), parts=parts)
+def test_a_key_of_a_topic_is_found_again(topic: keys.Topic, parts: dict[str, str]) -> None:
+    key = topic.key(**parts)
+    found = keys.parse(key)
+    assert found is not None
+    assert found[0] is topic
+    assert topic.key(**found[1]) == key
+    assert all(parts[part] == value for part, value in found[1].items())
+
+
+@given(topic=st.sampled_from(keys.TOPICS), parts=parts, part=st.integers(0, 9), wild=st.sampled_from("*?#$ /\n"))
+def test_a_key_with_anything_wild_in_it_is_none(topic: keys.Topic, parts: dict[str, str], part: int, wild: str) -> None:
+    key = topic.key(**parts)
+    chunks = key.split("/")
+    for bad in (wild, "**", "", chunks[part % len(chunks)] + wild):
+        assert keys.parse("/".join([*chunks[: part % len(chunks)], bad, *chunks[part % len(chunks) + 1 :]])) is None
+
+
+@given(key=st.text(max_size=60))
+def test_any_text_is_parsed_or_none(key: str) -> None:
+    found = keys.parse(key)
+    assert found is None or found[0].key(**found[1]) == key
+
+
+@pytest.mark.parametrize("topic", keys.TOPICS, ids=lambda topic: topic.name)
+def test_every_topic_carries_a_token_or_a_message_that_there_is(topic: keys.Topic) -> None:
+    assert topic.message == "token" or topic.message in MODELS
