@@ -109,7 +109,7 @@ class BoardService:
 
     def wake_at(self, now: float) -> float | None:
         if self.clock is None:
-            return (int(now / self.settings.period) + 1) * self.settings.period
+            return self._status_due if self._world else (self.tick + 1) * self.settings.period
         return self._status_due if self.phase == "idle" else min(self._deadline, self._status_due)
 
     # --- what is heard ----------------------------------------------------------------------------------------------------
