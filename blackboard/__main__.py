@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import socket
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
@@ -141,6 +142,39 @@ def router(*, flags: door.ZenohFlags | None = None) -> int:
     """Run a Zenoh router until it is stopped; listens on tcp/127.0.0.1:7447 unless told otherwise with -l."""
     door.route(flags or door.ZenohFlags())
     return 0
+
+
+@app.command
+def health(
+    kind: Literal["router", "world", "board", "robot"],
+    *,
+    process: Annotated[str | None, Parameter(name="--id")] = None,
+    team: str = "demo",
+    max_age: float = 5.0,
+    flags: door.ZenohFlags | None = None,
+) -> int:
+    """Ask a process over Zenoh whether it does its work; exit status 1 and one line where it does not.
+
+    Parameters
+    ----------
+    kind
+        What the process is.
+    process
+        Its name [default: the name of this host].
+    team
+        Its team.
+    max_age
+        Seconds of team time after which a belief or a status is no longer fresh.
+    """
+    from blackboard.clock import Clock
+    from blackboard.health import ailment
+    from blackboard.link import Link
+
+    name = process or socket.gethostname()
+    with Link((flags or door.ZenohFlags()).link(), f"health-{name}", patience=3.0) as link:
+        wrong = ailment(link, kind, name, Clock().now(), team=team, max_age=max_age)
+    sys.stdout.write(f"{wrong or 'healthy'}\n")
+    return 1 if wrong else 0
 
 
 def _run(

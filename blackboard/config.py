@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+import zlib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -37,6 +38,11 @@ class TeamSection(Section):
     def robots(self) -> tuple[str, ...]:
         """All robots, each once, in the order of the file."""
         return tuple(dict.fromkeys(robot for robots in self.sub_teams.values() for robot in robots))
+
+    def of(self, robot: str) -> list[str]:
+        """The sub-teams of a robot; one that the file does not name is spread over them by its name."""
+        named = [sub_team for sub_team, robots in self.sub_teams.items() if robot in robots]
+        return named or [list(self.sub_teams)[zlib.crc32(robot.encode()) % len(self.sub_teams)]]
 
 
 class GridSection(Section):

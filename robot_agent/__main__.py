@@ -22,7 +22,7 @@ app = App(
 def robot_agent(
     *,
     team: str | None = None,
-    sub_team: Annotated[list[str], Parameter(negative="")],
+    sub_team: Annotated[list[str] | None, Parameter(negative="")] = None,
     robot: Annotated[str | None, Parameter(name="--id")] = None,
     scenario: str | None = None,
     flags: door.ZenohFlags | None = None,
@@ -34,7 +34,7 @@ def robot_agent(
     team
         Name of the team [default: the scenario's].
     sub_team
-        The sub-team it registers in; may be given again.
+        The sub-team it registers in; may be given again [default: as the scenario says, else spread by its name].
     robot
         Its name in the team [default: the name of this host].
     scenario
@@ -42,11 +42,12 @@ def robot_agent(
     """
     chosen = load(scenario) if scenario else Scenario({})
     name = robot or socket.gethostname()
-    for what, value in (("--team", team or chosen.team.name), ("--id", name), *(("--sub-team", s) for s in sub_team)):
+    sub_teams = sub_team or chosen.team.of(name)
+    for what, value in (("--team", team or chosen.team.name), ("--id", name), *(("--sub-team", s) for s in sub_teams)):
         door.check_name(what, value)
     service = AgentService(
         team=team or chosen.team.name,
-        sub_teams=sub_team,
+        sub_teams=sub_teams,
         robot=name,
         grid=chosen.grid,
         settings=chosen.section("robot", RobotSection),

@@ -1,0 +1,181 @@
+"""The laws that every rule obeys, and those that tell the rules apart."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard import POOLS, OpinionError, entropy_weights
+from blackboard.opinion.grid import Array
+from blackboard.opinion.pools import ENTROPY_WEIGHTED, fuse, parameters
+from tests import oracles
+from tests.opinion.stacks import SHAPES, make, stacks, weighted
+
+#: Each rule with its defaults, and with other values where they make it another rule.
+RULES: dict[str, tuple[str, dict[str, object]]] = {
+    **{name: (name, {}) for name in POOLS},
+    "hoelder-2": ("hoelder", {"a": -2.0}),
+    "hoelder+3": ("hoelder", {"a": 3.0}),
+    "coalition-1": ("coalition", {"independence": 1.0}),
+    "clique-cooperative": ("clique", {"inner": "cooperative", "xi": 1.0}),
+}
+IDEMPOTENT = {
+    "linear", "geometric", "chernoff", "hoelder", "hoelder-2", "hoelder+3", "harmonic", "median-log", "geometric-median",
+}  # fmt: skip
+#: One zero rules a cell out.
+VETO = {"logarithmic", "geometric", "hoelder-2", "harmonic", "channel-filter"}
+#: Whatever the opinions, some cell survives.
+NEVER_EMPTY = {
+    "linear", "chernoff", "hoelder", "hoelder+3", "cooperative", "calibrated", "coalition", "coalition-1", "geometric-median",
+    "clique", "clique-cooperative",
+}  # fmt: skip
+#: Weights count relative to each other.
+RELATIVE = set(RULES) - {"logarithmic", "channel-filter", "clique"}
+each = pytest.mark.parametrize("name", RULES)
+few = settings(max_examples=20)
+
+
+def pool(name: str, opinions: Array, weights: Array | None = None) -> Array:
+    rule, own = RULES[name]
+    return POOLS[rule](opinions, weights, **own)
+
+
+@each
+@few
+@given(stacks())
+def test_the_result_is_a_probability_vector_and_the_input_stays(name: str, opinions: Array) -> None:
+    before = opinions.copy()
+    opinions.flags.writeable = False
+    try:
+        p = pool(name, opinions)
+    except OpinionError as error:
+        assert name not in NEVER_EMPTY
+        assert "no cell is left" in str(error)
+        assert not (opinions > 0).all(axis=0).any()
+        return
+    assert p.shape == opinions.shape[1:]
+    assert p.min() >= 0
+    assert p.sum() == pytest.approx(1.0, abs=1e-12)
+    assert np.array_equal(opinions, before)
+
+
+@each
+@few
+@given(weighted(("random",)), st.randoms(use_true_random=False))
+def test_the_order_of_opinions_does_not_matter(name: str, drawn: tuple[Array, Array], random: object) -> None:
+    opinions, weights = drawn
+    order = np.random.default_rng(random.getrandbits(32)).permutation(len(opinions))  # type: ignore[attr-defined]
+    assert pool(name, opinions[order]) == pytest.approx(pool(name, opinions), abs=1e-10)
+    assert pool(name, opinions[order], weights[order]) == pytest.approx(pool(name, opinions, weights), abs=1e-10)
+
+
+@each
+@few
+@given(stacks(("random",)), st.integers(0, 1000))
+def test_cells_are_only_names(name: str, opinions: Array, seed: int) -> None:
+    n, shape = len(opinions), opinions.shape[1:]
+    order = np.random.default_rng(seed).permutation(opinions[0].size)
+    renamed = opinions.reshape(n, -1)[:, order].reshape(opinions.shape)
+    assert pool(name, renamed).ravel() == pytest.approx(pool(name, opinions).ravel()[order], abs=1e-10)
+    assert pool(name, opinions.reshape(n, -1)) == pytest.approx(pool(name, opinions).ravel(), abs=1e-12)
+    assert pool(name, opinions).shape == shape
+
+
+@each
+@few
+@given(stacks(most=1))
+def test_a_single_opinion_is_returned_unchanged(name: str, opinions: Array) -> None:
+    assert pool(name, opinions) == pytest.approx(opinions[0], abs=1e-12)
+    assert pool(name, opinions, np.ones(1)) == pytest.approx(opinions[0], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(IDEMPOTENT))
+@few
+@given(stacks(most=1), st.integers(2, 6))
+def test_echoes_gain_nothing_where_a_rule_is_idempotent(name: str, opinions: Array, copies: int) -> None:
+    assert pool(name, np.repeat(opinions, copies, axis=0)) == pytest.approx(opinions[0], abs=1e-10)
+
+
+@pytest.mark.parametrize("name", sorted(set(RULES) - IDEMPOTENT))
+def test_echoes_do_gain_where_it_is_not(name: str) -> None:
+    p = np.array([0.1, 0.2, 0.4, 0.3])
+    gained = pool(name, np.stack([p, p]))[2] - p[2]
+    assert gained > 0.01 if name != "coalition" else abs(gained) < 0.01  # "yes in practice" (theory.md)
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_a_zero_is_a_veto_where_theory_says_so(name: str) -> None:
+    opinions = np.array([[0.0, 0.5, 0.3, 0.2], [0.4, 0.1, 0.2, 0.3], [0.4, 0.2, 0.1, 0.3]])
+    assert (pool(name, opinions)[0] == 0.0) == (name in VETO or name == "chernoff" or name.startswith("clique"))
+
+
+def test_the_gate_keeps_the_veto_of_its_inner_rule_within_the_clique() -> None:
+    """Above, all three agree, or the one with the zero is alone against two: see `test_pools.py`."""
+    opinions = np.array([[0.0, 0.5, 0.3, 0.2], [0.4, 0.1, 0.2, 0.3], [0.4, 0.2, 0.1, 0.3]])
+    assert POOLS["clique"](opinions, inner="linear", xi=9.0)[0] > 0
+    assert POOLS["clique"](opinions, inner="logarithmic", xi=9.0)[0] == 0
+
+
+@pytest.mark.parametrize("name", ["logarithmic", "channel-filter"])
+@given(stacks(("random", "near-zero")))
+def test_a_uniform_opinion_says_nothing_to_a_product(name: str, opinions: Array) -> None:
+    uniform = np.full((1, *opinions.shape[1:]), 1 / opinions[0].size)
+    assert pool(name, np.concatenate([opinions, uniform])) == pytest.approx(pool(name, opinions), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(RELATIVE))
+@few
+@given(weighted(("random",)), st.floats(1e-3, 1e3))
+def test_only_the_ratio_of_weights_counts(name: str, drawn: tuple[Array, Array], scale: float) -> None:
+    opinions, weights = drawn
+    assert pool(name, opinions, scale * weights) == pytest.approx(pool(name, opinions, weights), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(RELATIVE - {"chernoff"}))
+def test_no_weights_means_equal_weights(name: str) -> None:
+    opinions = make("random", 4, (3, 4), np.random.default_rng(1))
+    if name != "clique-cooperative":
+        assert pool(name, opinions) == pytest.approx(pool(name, opinions, np.full(4, 7.0)), abs=1e-12)
+
+
+@given(weighted(("random", "near-zero")))
+def test_the_product_is_the_product(drawn: tuple[Array, Array]) -> None:
+    opinions, weights = drawn
+    expected = oracles.product(opinions, weights.tolist())
+    assert POOLS["logarithmic"](opinions, weights) == pytest.approx(expected, abs=1e-11)
+    mean = oracles.product(opinions, (weights / weights.sum()).tolist())
+    assert POOLS["geometric"](opinions, weights) == pytest.approx(mean, abs=1e-11)
+    assert POOLS["chernoff"](opinions, weights) == pytest.approx(mean, abs=1e-11)
+
+
+@given(weighted(("random", "sparse")))
+def test_power_means_between_harmonic_and_linear(drawn: tuple[Array, Array]) -> None:
+    opinions, weights = drawn
+    hoelder = POOLS["hoelder"]
+    assert hoelder(opinions, weights, a=1.0) == pytest.approx(POOLS["linear"](opinions, weights), abs=1e-12)
+    floored = 0.99 * opinions + 0.01 / opinions[0].size
+    assert hoelder(floored, weights, a=1e-7) == pytest.approx(POOLS["geometric"](floored, weights), abs=1e-5)
+    assert np.array_equal(hoelder(floored, weights, a=0.0), POOLS["geometric"](floored, weights))
+    w = (weights / weights.sum()).reshape(-1, *(1,) * (opinions.ndim - 1))
+    harmonic = 1 / (w / floored).sum(axis=0)
+    assert POOLS["harmonic"](floored, weights) == pytest.approx(harmonic / harmonic.sum(), abs=1e-12)
+
+
+@each
+def test_fuse_takes_entropy_weights_where_the_rule_does(name: str) -> None:
+    rule, own = RULES[name]
+    opinions = make("random", 4, SHAPES[1], np.random.default_rng(2))
+    board = {"gamma": 0.4, "cell_ratio": 0.7}
+    settings = {key: value for key, value in {"k": 3.0, **board}.items() if key in parameters(rule)}
+    weights = entropy_weights(opinions, 3.0, cell_ratio=0.7) if rule in ENTROPY_WEIGHTED else None
+    expected = POOLS[rule](opinions, weights, **settings, **own)
+    assert np.array_equal(fuse(rule, opinions, k=3.0, gamma=0.4, cell_ratio=0.7, **own), expected)
+
+
+def test_every_rule_of_the_table_is_under_the_laws() -> None:
+    assert {rule for rule, _ in RULES.values()} == set(POOLS)
+    assert all(name == rule for name, (rule, own) in itertools.islice(RULES.items(), len(POOLS)))
