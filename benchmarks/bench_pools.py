@@ -1,6 +1,6 @@
 """How much the exact recursion saves against the paper's 2^N subsets, and what COP costs beside LOP: ratios, not seconds.
 
-    python benchmarks/bench_pools.py
+python benchmarks/bench_pools.py
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from blackboard import cooperative_pool, linear_pool  # noqa: E402
-from blackboard.opinion.cooperative import alphas  # noqa: E402
+from blackboard import cooperative_pool, linear_pool
+from blackboard.opinion.cooperative import alphas
 
 
 def opinions(n: int, cells: int) -> np.ndarray:

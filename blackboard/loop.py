@@ -47,6 +47,7 @@ def run(service: Service, link: Network, clock: Clock, stopped: Callable[[], boo
         if due is not None and due <= now:
             service.note(link.counters)
             _send(link, service.wake(now))
+    service.note(link.counters)
 
 
 def _send(link: Network, envelopes: list[Envelope]) -> None:

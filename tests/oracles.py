@@ -54,16 +54,11 @@ def cooperative(terms: list[list[Decimal]]) -> tuple[Array, Array]:
 
 
 def product(opinions: Array, weights: Sequence[float]) -> Array:
-    """prod_i P_i^w_i, normalised, in the grid's shape."""
-    with localcontext(EXACT):
-        cells = []
-        for values in opinions.reshape(len(opinions), -1).T.tolist():
-            cell = Decimal(1)
-            for value, weight in zip(values, weights, strict=True):
-                cell *= Decimal(value) ** Decimal(float(weight)) if weight else 1
-            cells.append(cell)
-        total = sum(cells, Decimal(0))
-        return np.array([float(cell / total) for cell in cells]).reshape(opinions.shape[1:])
+    """prod_i P_i^w_i of positive opinions, normalised, in the grid's shape."""
+    columns = opinions.reshape(len(opinions), -1).T.tolist()
+    logs = [math.fsum(w * math.log(x) for w, x in zip(weights, column, strict=True)) for column in columns]
+    cells = [math.exp(log - max(logs)) for log in logs]
+    return np.array([cell / math.fsum(cells) for cell in cells]).reshape(opinions.shape[1:])
 
 
 def cliques(near: npt.NDArray[np.bool_]) -> list[tuple[int, ...]]:

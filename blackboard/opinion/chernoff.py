@@ -48,7 +48,8 @@ def chernoff(first: Array, second: Array) -> tuple[Array, float]:
 def chernoff_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
     """The geometric mean of opinions (N, *grid shape) with the weights of least entropy, in the grid's shape.
 
-    Searched among the cells that all hold possible, downhill from equal weights, each step towards one opinion (Frank-Wolfe);
+    Searched among the cells that all hold possible, downhill from equal weights, each step from one opinion to another (pairwise
+    Frank-Wolfe);
     the opinions as they stand are candidates too, so some cell always survives. Given weights are not optimised: then it is
     `geometric_pool`. Its flaw: of opinions that contradict each other it believes the sharpest. Raises OpinionError.
     """
@@ -67,19 +68,19 @@ def chernoff_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None)
 
 def _sharpest_mean(logs: Array) -> Array:
     """sum_i w_i logs_i, shape (cells,), of logs (N, cells), with the w >= 0 of sum 1 that minimise its entropy."""
-    mean = np.asarray(logs.mean(axis=0))
+    w = np.full(len(logs), 1.0 / len(logs))
+    mean = w @ logs
     for _ in range(ROUNDS):
         p = from_logarithm(mean, "chernoff")
-        centred = mean - p @ mean
-        slopes = (logs - mean) @ (-p * centred)  # of the entropy, towards each opinion: minus a covariance
-        steepest = int(np.argmin(slopes))
-        if slopes[steepest] > -1e-4:
+        slopes = logs @ (p * (p @ mean - mean))  # of the entropy in each weight: minus a covariance
+        to, fro = int(np.argmin(slopes)), int(np.argmax(np.where(w > 0, slopes, -np.inf)))
+        least, step = _least_entropy(mean + w[fro] * (logs[to] - logs[fro]), mean)
+        if least > _entropy(mean) - SLACK:
             break
-        least, step = _least_entropy(logs[steepest], mean)
-        if least >= _entropy(mean) - SLACK:
-            break
-        mean = step * logs[steepest] + (1.0 - step) * mean
-    return mean
+        moved = step * w[fro]
+        w[to], w[fro] = w[to] + moved, w[fro] - moved
+        mean = w @ logs
+    return np.asarray(mean)
 
 
 def _least_entropy(a: Array, b: Array) -> tuple[float, float]:

@@ -41,11 +41,13 @@ def geometric_median_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None
     """
     stack = checked(opinions)
     roots = np.sqrt(stack).reshape(len(stack), -1)
-    inner = roots @ roots.T
+    away = roots - roots.mean(axis=0)
+    inner = away @ away.T
     weights = shares(weights, len(stack))
     mix = weights
     for _ in range(STEPS):
-        squares = mix @ inner @ mix - 2.0 * inner @ mix + np.diag(inner)
+        steps = mix - np.eye(len(stack))  # from each source, as weights
+        squares = ((steps @ inner) * steps).sum(axis=1)
         pull = weights / np.sqrt(np.maximum(squares, CLOSE**2))
         before, mix = mix, pull / pull.sum()
         if np.abs(mix - before).max() < 1e-12:

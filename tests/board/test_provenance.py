@@ -11,9 +11,16 @@ from blackboard.provenance import Opinion, split, union
 
 BELIEF = uniform(Grid((2,)))
 names = st.sampled_from("abcdef")
+
+
+def said_by(source: str, others: set[str], time: float) -> Opinion:
+    ancestors: dict[str, float] = {name: time for name in {source, *others}}  # noqa: C420
+    return Opinion(source, BELIEF, ancestors)
+
+
 opinions = st.lists(
     st.builds(
-        lambda source, others, time: Opinion(source, BELIEF, {source: time, **dict.fromkeys(others, time)}),
+        lambda source, others, time: Opinion(source, BELIEF, dict.fromkeys({source, *others}, time)),
         names,
         st.sets(names, max_size=3),
         st.floats(0, 10),

@@ -29,7 +29,7 @@ NAME = f"cop-test-{os.getpid()}"
 MAX_IMAGE = 350e6  # bytes
 MEMBERS = ("board-a", "board-b", "r1", "r2", "r3", "r4", "r5", "r6")
 PLAIN = 60  # seconds of team time
-HURT = 150  # wall seconds that the injuries need on a quick machine; a slow one slows the run as well
+HURT = 120  # wall seconds that the injuries need on a quick machine; a slow one slows the run as well
 
 pytestmark = pytest.mark.timeout(500)
 

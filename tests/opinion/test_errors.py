@@ -1,0 +1,116 @@
+"""Bad input: the error names the opinion, the cell and the value, and says the cure."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from blackboard import POOLS, OpinionError, entropy, entropy_weights
+from blackboard.opinion.agreement import kullback_leibler
+from blackboard.opinion.chernoff import chernoff
+from blackboard.opinion.grid import Array
+from blackboard.opinion.pools import fuse
+
+CELLS = (2, 3)
+
+
+def stack(**cells: float) -> Array:
+    """Three uniform opinions on 2 x 3 cells; cell (1, 2) of the third can be set."""
+    opinions = np.full((3, *CELLS), 1 / 6)
+    if cells:
+        opinions[2, 1, 2] = cells["value"]
+    return opinions
+
+
+@pytest.mark.parametrize("rule", POOLS)
+@pytest.mark.parametrize(
+    ("opinions", "text"),
+    [
+        (stack(value=float("nan")), "opinion 2, cell (1, 2): nan is no probability; give finite values of at least 0"),
+        (stack(value=float("inf")), "opinion 2, cell (1, 2): inf is no probability"),
+        (stack(value=-0.25), "opinion 2, cell (1, 2): -0.25 is no probability"),
+        (stack(value=-float("inf")), "opinion 2, cell (1, 2): -inf is no probability"),
+        (stack(value=0.5), "opinion 2: its cells sum to 1.33333333, not to 1 within 1e-06; divide it by its sum"),
+        (stack() * 0, "opinion 0: its cells sum to 0, not to 1"),
+        (np.full((3, 4), 1e308), "opinion 0: its cells sum to inf, not to 1"),
+        (np.ones(1), "opinions of shape (1,): give (N, *grid shape) with at least one opinion and one cell"),
+        (np.ones((0, 4)), "opinions of shape (0, 4): give"),
+        (np.ones((3, 0)), "opinions of shape (3, 0): give"),
+        ([[1.0], [0.5, 0.5]], "opinions are no array of numbers"),
+        ([["a", "b"]], "opinions are no array of numbers"),
+    ],
+)
+def test_opinions(rule: str, opinions: object, text: str) -> None:
+    with pytest.raises(OpinionError, match=f"^{re.escape(text)}"):
+        POOLS[rule](opinions)
+
+
+@pytest.mark.parametrize("rule", POOLS)
+@pytest.mark.parametrize(
+    ("weights", "text"),
+    [
+        ([1.0, 1.0], "weights of shape (2,) for 3 opinions; give one for each"),
+        ([[1.0, 1.0, 1.0]], "weights of shape (1, 3) for 3 opinions"),
+        ([1.0, 1.0, -2.0], "weight 2: -2.0; give finite values of at least 0"),
+        ([1.0, float("nan"), 1.0], "weight 1: nan; give"),
+        ([float("inf"), 1.0, 1.0], "weight 0: inf; give"),
+        ([0.0, 0.0, 0.0], "all weights are 0; give at least one opinion a positive one"),
+        (["x", "y", "z"], "weights are no array of numbers"),
+    ],
+)
+def test_weights(rule: str, weights: object, text: str) -> None:
+    with pytest.raises(OpinionError, match=f"^{re.escape(text)}"):
+        POOLS[rule](stack(), weights)
+
+
+@pytest.mark.parametrize("rule", ["logarithmic", "geometric", "harmonic", "median-log", "channel-filter"])
+def test_where_a_veto_leaves_no_cell(rule: str) -> None:
+    with pytest.raises(OpinionError, match="no cell is left .* floor or take a rule without veto"):
+        POOLS[rule](np.eye(2))
+
+
+def test_a_sum_within_the_tolerance_is_taken() -> None:
+    nearly = np.full((2, 5), 0.2 + 1e-7)
+    assert POOLS["linear"](nearly).sum() == pytest.approx(1.0, abs=1e-12)
+    assert POOLS["cooperative"](nearly.astype(np.float32)).sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_single_opinions() -> None:
+    with pytest.raises(OpinionError, match="opinion 0: its cells sum to 0.5"):
+        entropy(np.array([0.25, 0.25]))
+    with pytest.raises(OpinionError, match=re.escape("shapes (2,) and (3,)")):
+        kullback_leibler(np.full(2, 0.5), np.full(3, 1 / 3))
+    with pytest.raises(OpinionError, match=re.escape("shapes (2,) and (3,)")):
+        chernoff(np.full(2, 0.5), np.full(3, 1 / 3))
+
+
+@pytest.mark.parametrize(("k", "cell_ratio", "text"), [(-1.0, 1.0, "k -1.0"), (1.0, 0.0, "cell_ratio 0.0")])
+def test_parameters_of_weights(k: float, cell_ratio: float, text: str) -> None:
+    with pytest.raises(OpinionError, match=f"{text}: give"):
+        entropy_weights(stack(), k, cell_ratio=cell_ratio)
+
+
+def test_parameters_of_rules() -> None:
+    with pytest.raises(OpinionError, match="a nan: give"):
+        POOLS["hoelder"](stack(), a=float("nan"))
+    with pytest.raises(OpinionError, match="xi 0.0: give"):
+        POOLS["clique"](stack(), xi=0.0)
+    with pytest.raises(OpinionError, match=re.escape("common of shape (1, 6) for opinions on a grid of (2, 3)")):
+        POOLS["channel-filter"](stack(), common=np.full((1, 6), 1 / 6))
+
+
+def test_unknown_rules_and_parameters() -> None:
+    with pytest.raises(ValueError, match="rule 'median' is none of calibrated, channel-filter, chernoff"):
+        fuse("median", stack())
+    with pytest.raises(
+        ValueError, match="rule 'coalition' has no parameter 'xi'; it has cell_ratio, gamma, independence"
+    ):
+        fuse("coalition", stack(), xi=1.0)
+    with pytest.raises(ValueError, match="rule 'linear' has no parameter 'power'; it has none"):
+        fuse("linear", stack(), power=2.0)
+    with pytest.raises(ValueError, match="the inner rule cannot be clique again"):
+        fuse("clique", stack(), inner="clique")
+    with pytest.raises(ValueError, match="rule 'x' is none of"):
+        fuse("clique", stack(), inner="x")

@@ -1,0 +1,103 @@
+"""Scores: by hand, against the slow version, and honest about honest beliefs."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard import Grid, entropy
+from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.grid import Array
+from blackboard.opinion.scores import LEAST_PROBABILITY, LEVELS, Score, errors, hdr_level, log_score, nees
+from tests import oracles
+from tests.opinion.stacks import stacks
+
+GRID = Grid((4, 2), 0.5, (10.0, 20.0), "m")
+P = np.array([[0.1, 0.2], [0.3, 0.05], [0.05, 0.1], [0.15, 0.05]])
+
+
+def test_the_level_of_a_cell_is_the_mass_of_the_denser_ones() -> None:
+    assert hdr_level(P, (1, 0)) == 0.0
+    assert hdr_level(P, (0, 1)) == pytest.approx(0.3)
+    assert hdr_level(P, (0, 0)) == hdr_level(P, (2, 1)) == pytest.approx(0.65)
+    assert hdr_level(P, (3, 1)) == pytest.approx(0.85)
+
+
+@given(stacks(("random", "sparse"), most=1), st.sampled_from(LEVELS))
+def test_a_cell_is_in_a_region_when_its_level_is_below(opinions: Array, level: int) -> None:
+    p = opinions[0]
+    inside = set(oracles.densest_region(p, level / 100))
+    for cell in range(p.size):
+        index = tuple(int(i) for i in np.unravel_index(cell, p.shape))
+        assert (hdr_level(p, index) < level / 100) == (cell in inside)
+
+
+def test_log_score_has_a_floor() -> None:
+    assert log_score(P, (1, 0)) == pytest.approx(math.log(0.3))
+    assert log_score(np.array([1.0, 0.0]), (1,)) == math.log(LEAST_PROBABILITY) == pytest.approx(-27.6, abs=0.04)
+
+
+def test_errors_by_hand() -> None:
+    told = errors([0.0, 1.0, 2.0, 3.0, 4.0])
+    assert told == {"rmse": pytest.approx(math.sqrt(6)), "mean": 2.0, "p95": pytest.approx(3.8), "max": 4.0}
+
+
+def test_the_summary_is_the_scorecards_block() -> None:
+    score, belief = Score(), Belief(GRID, P)
+    for truth in ((10.6, 20.1), (10.1, 20.9), (11.9, 20.9), (99.0, 0.0)):  # levels 0, 0.3, 0.85 and outside the grid
+        score.add(belief, truth)
+    distances = [math.dist(belief.mean(), truth) for truth in ((10.6, 20.1), (10.1, 20.9), (11.9, 20.9), (99.0, 0.0))]
+    logs = [math.log(0.3), math.log(0.2), math.log(0.05), math.log(LEAST_PROBABILITY)]
+    summary = score.summary()
+    assert list(summary) == ["n", "rmse", "mean", "p95", "max", "entropy", "log_score", "coverage"]
+    assert summary == {
+        "n": 4,
+        **errors(distances),
+        "entropy": pytest.approx(entropy(P)),
+        "log_score": pytest.approx(np.mean(logs)),
+        "coverage": {"50": 0.5, "90": 0.75, "95": 0.75},
+    }
+    json.dumps(summary, allow_nan=False)
+
+
+def test_an_empty_score_says_so() -> None:
+    summary = Score().summary()
+    assert summary["n"] == 0
+    assert summary["rmse"] is None
+    assert summary["coverage"] == {"50": None, "90": None, "95": None}
+
+
+def test_scores_can_be_merged() -> None:
+    one, other, both = Score(), Score(), Score()
+    for i, truth in enumerate([(10.1, 20.1), (11.2, 20.3), (11.7, 20.6)]):
+        (one if i else other).add(Belief(GRID, P), truth)
+        both.add(Belief(GRID, P), truth)
+    assert other.merge(one).summary() == both.summary()
+    assert (len(one.errors), len(other.errors)) == (2, 1)
+
+
+def test_an_honest_belief_is_covered_as_often_as_it_claims() -> None:
+    grid, rng = Grid((60, 60), 0.5), np.random.default_rng(6)
+    score, squares = Score(), []
+    for _ in range(400):
+        truth = rng.uniform(10, 20, 2)
+        belief = gaussian(grid, truth + rng.normal(0, 1.5, 2), 1.5)
+        score.add(belief, tuple(truth))
+        squares.append(nees(belief, tuple(truth)))
+    coverage = score.summary()["coverage"]
+    for level in LEVELS:
+        assert coverage[str(level)] == pytest.approx(level / 100, abs=3 * math.sqrt(0.25 / 400))
+    assert np.mean(squares) == pytest.approx(1.0, abs=3 / math.sqrt(400))
+    assert score.summary()["log_score"] == pytest.approx(-score.summary()["entropy"], abs=3 / math.sqrt(400))
+
+
+def test_nees_counts_the_width_of_a_cell() -> None:
+    one_cell = Belief(Grid((3,), 2.0), np.array([0.0, 1.0, 0.0]))
+    assert nees(one_cell, (3.0,)) == 0.0
+    assert nees(one_cell, (4.0,)) == pytest.approx(1.0 / (4 / 12))
+    assert nees(uniform(Grid((30, 30))), (15.0, 0.0)) == pytest.approx(15**2 / (900 / 12) / 2)

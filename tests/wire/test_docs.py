@@ -1,0 +1,101 @@
+"""docs/wire.md says what the code does: every key, message, field, default, reason and limit, and its worked example."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Grid
+from blackboard.wire import keys, messages
+from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.codec import MAX_ITEMS, MAX_TEXT, decode
+from blackboard.wire.messages import MAX_BYTES, MAX_CELLS, MAX_OPINIONS, REASONS, VERSION, Message, Part, Report
+
+PAGE = (Path(__file__).parents[2] / "docs" / "wire.md").read_text(encoding="utf-8")
+MODELS = [
+    model
+    for model in vars(messages).values()
+    if isinstance(model, type) and issubclass(model, Part) and model not in (Part, Message)
+]
+
+
+def section(title: str) -> str:
+    found = re.search(rf"^#+ {re.escape(title)}$(.*?)(?=^#+ |\Z)", PAGE, re.MULTILINE | re.DOTALL)
+    assert found, f"no section {title}"
+    return found[1]
+
+
+def rows(text: str) -> list[list[str]]:
+    """The cells of the one table in a text, without its head."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def default(model: type[BaseModel], name: str) -> str:
+    """How the page writes the default of a field."""
+    field = model.model_fields[name]
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    if value is None:
+        return "none"
+    if isinstance(value, bool | list | dict):
+        return {"False": "false"}.get(repr(value), f"`{value!r}`")
+    return f'`"{value}"`' if isinstance(value, str) else f"{value:g}"
+
+
+def test_the_key_table_is_the_code_s_own() -> None:
+    assert keys.table() in PAGE
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
+def test_every_field_of_every_message_stands_there_with_its_default(model: type[BaseModel]) -> None:
+    told = {name.strip("`"): value for name, _, value, _ in rows(section(model.__name__))}
+    known = {name: default(model, name) for name in model.model_fields}
+    assert {n: v.strip("`") for n, v in told.items()} == {n: v.strip("`") for n, v in known.items()}
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
+def test_every_choice_and_bound_of_a_field_stands_there(model: type[BaseModel]) -> None:
+    told = {name.strip("`"): kind for name, kind, _, _ in rows(section(model.__name__))}
+    for name, schema in model.model_json_schema()["properties"].items():
+        assert all(f'`"{choice}"`' in told[name] for choice in schema.get("enum", []))
+        if schema.get("maxItems") != schema.get("minItems"):
+            assert f" {schema['maxItems']}" in told[name]
+        if schema.get("type") == "number":
+            bound = "> 0" if "exclusiveMinimum" in schema else ">= 0" if "minimum" in schema else ""
+            assert f"float {bound}".strip() in told[name]
+
+
+def test_the_reasons_are_the_code_s_own_and_in_their_order() -> None:
+    assert [(name.strip("`"), text) for name, text in rows(section("What is refused"))] == list(REASONS.items())
+
+
+def test_the_limits_are_the_code_s_own() -> None:
+    limits = section("Limits")
+    for limit in (MAX_BYTES, MAX_CELLS, MAX_OPINIONS, MAX_ITEMS, MAX_TEXT):
+        assert f" {limit}" in limits
+    assert f"version {VERSION}" in section("Versions")
+
+
+def test_the_worked_example_is_true() -> None:
+    text = section('Coding `"log8"`')
+    dumps = [bytes.fromhex(dump) for dump in re.findall(r"((?:^ {4}(?:[0-9a-f]{2} ?)+\n)+)", text, re.MULTILINE)]
+    data, payload = dumps
+    assert zlib.decompress(data) == bytes.fromhex("fff2f200")
+    assert f"{len(payload)} bytes" in text
+    report = decode(Report, payload)
+    assert (report.source, report.subject, report.tick, report.time) == ("r1", "object/ball", 7, 1.5)
+    assert report.belief.data == data
+    p = np.array([[0, 0, 0, 0], [0, 0.5, 0.25, 0], [0, 0.125, 0.124999, 0.000001]])
+    grid = Grid((3, 4), 0.5, (0.0, 0.0), "m")
+    found = unpack(report.belief, grid)
+    np.testing.assert_array_equal(found.p, unpack(pack(Belief(grid, p))).p)
+    told = re.findall(r"^ {4}(1\.25e-07.*)$", text, re.MULTILINE)
+    np.testing.assert_allclose([[float(x) for x in line.split()] for line in told], found.p, atol=5.1e-9)
