@@ -48,10 +48,10 @@ def chernoff(first: Array, second: Array) -> tuple[Array, float]:
 def chernoff_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
     """The geometric mean of opinions (N, *grid shape) with the weights of least entropy, in the grid's shape.
 
-    Searched among the cells that all hold possible, downhill from equal weights, each step from one opinion to another (pairwise
-    Frank-Wolfe);
-    the opinions as they stand are candidates too, so some cell always survives. Given weights are not optimised: then it is
-    `geometric_pool`. Its flaw: of opinions that contradict each other it believes the sharpest. Raises OpinionError.
+    Searched among the cells that all hold possible, downhill from equal weights, each step from one opinion to another
+    (pairwise Frank-Wolfe). The opinions as they stand are candidates too, so some cell always survives. Given weights are not
+    optimised: then it is `geometric_pool`. Its flaw: of opinions that contradict each other it believes the sharpest.
+    Raises OpinionError.
     """
     stack = checked(opinions)
     if weights is not None:
@@ -74,7 +74,8 @@ def _sharpest_mean(logs: Array) -> Array:
         p = from_logarithm(mean, "chernoff")
         slopes = logs @ (p * (p @ mean - mean))  # of the entropy in each weight: minus a covariance
         to, fro = int(np.argmin(slopes)), int(np.argmax(np.where(w > 0, slopes, -np.inf)))
-        least, step = _least_entropy(mean + w[fro] * (logs[to] - logs[fro]), mean)
+        moved_all = mean + w[fro] * (logs[to] - logs[fro])
+        least, step = min(_least_entropy(moved_all, mean), (_entropy(moved_all), 1.0))
         if least > _entropy(mean) - SLACK:
             break
         moved = step * w[fro]

@@ -36,7 +36,7 @@ NEVER_EMPTY = {
 #: Weights count relative to each other.
 RELATIVE = set(RULES) - {"logarithmic", "channel-filter", "clique"}
 each = pytest.mark.parametrize("name", RULES)
-few = settings(max_examples=20)
+few = settings(max_examples=8)
 
 
 def pool(name: str, opinions: Array, weights: Array | None = None) -> Array:

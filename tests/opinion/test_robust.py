@@ -119,4 +119,4 @@ def test_the_channel_filter_takes_out_what_both_knew() -> None:
 def test_the_channel_filter_revives_no_cell() -> None:
     prior, told = np.array([0.0, 0.5, 0.5]), np.array([[0.0, 0.8, 0.2], [0.0, 0.4, 0.6]])
     assert POOLS["channel-filter"](told, common=[prior]) == pytest.approx([0, 0.32 / 0.44, 0.12 / 0.44])
-    assert POOLS["channel-filter"]([*told, [0.1, -0.1, 0]], common=[prior])[0] == 0.0
+    assert POOLS["channel-filter"](told + np.array([0.1, -0.1, 0.0]), common=[prior])[0] == 0.0

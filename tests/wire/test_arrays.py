@@ -147,7 +147,7 @@ def grid_of(**changes: Any) -> dict[str, Any]:
         (grid_of(origin=(0.0,)), "fields"),
         (grid_of(shape=(6,)), "fields"),
         (grid_of(shape=(MAX_CELLS, MAX_CELLS, MAX_CELLS)), "fields"),
-        (grid_of(shape=(MAX_CELLS, 2)), "fields"),
+        (grid_of(shape=(MAX_CELLS, 4)), "fields"),
         (grid_of(shape=(7, 4)), "grid"),
         (grid_of(cell=2.0), "grid"),
         (grid_of(origin=(0.0, 1e-9)), "grid"),
