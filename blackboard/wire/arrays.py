@@ -68,8 +68,10 @@ def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
         raise Refused("mass", f"rest {rest} is no probability mass for {left} cells")
     if not total and not rest:
         raise Refused("mass", "no probability mass at all")
-    p = np.full(own.shape, (rest if total else 1.0) / left if rest else 0.0)
-    np.multiply(weights, (1.0 - rest) / (total or 1.0), out=p[_slices(packed.lo, packed.box)], where=kept)
+    if not total:  # no cell is kept: nothing is known
+        rest = total = 1.0
+    p = np.full(own.shape, rest / left if rest else 0.0)
+    np.multiply(weights, (1.0 - rest) / total, out=p[_slices(packed.lo, packed.box)], where=kept)
     return Belief(own, p)
 
 
