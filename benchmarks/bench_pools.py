@@ -1,54 +1,66 @@
-"""How much the exact recursion saves against the paper's 2^N subsets, and what COP costs beside LOP: ratios, not seconds.
+"""How fast the pools are: ratios to print, none to assert. Run `python benchmarks/bench_pools.py` from the repository.
 
-python benchmarks/bench_pools.py
+Processor seconds, the best of several runs; ratios compare on one machine only.
 """
 
 from __future__ import annotations
 
-import itertools
 import sys
-import timeit
+import time
 from collections.abc import Callable
 from pathlib import Path
+from timeit import repeat
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from blackboard import cooperative_pool, linear_pool
+from blackboard import POOLS, Grid, cooperative_pool, entropy_weights, linear_pool
+from blackboard.opinion.belief import gaussian
+from blackboard.opinion.chernoff import chernoff
 from blackboard.opinion.cooperative import alphas
+from blackboard.opinion.grid import Array
+from tests import oracles
 
 
-def opinions(n: int, cells: int) -> np.ndarray:
-    """Overlapping Gaussians on a line."""
-    x = np.arange(cells)
-    p = np.exp(-0.5 * ((x - cells / 2 - 3 * np.arange(n)[:, None]) / (cells / 10)) ** 2)
-    return np.asarray(p / p.sum(axis=1, keepdims=True))
+def team(n: int, side: int, rng: np.random.Generator) -> Array:
+    """Opinions of n robots about one place on side x side cells, floored as after the wire."""
+    grid = Grid((side, side))
+    around = rng.normal(side / 2, 3, (n, 2))
+    stack = np.stack([gaussian(grid, tuple(c), s).p for c, s in zip(around, rng.uniform(1.5, 4, n), strict=True)])
+    return 0.999999 * stack + 0.000001 / grid.size
 
 
-def subsets(p: np.ndarray) -> np.ndarray:
-    """COP as the paper writes it, one product for each subset, equal weights."""
-    n = len(p)
-    total = np.zeros(p.shape[1])
-    for q, alpha in enumerate(alphas(n), start=1):
-        chosen = itertools.combinations(range(n), q)
-        total += sum((q / n) * p[list(s)].prod(axis=0) for s in chosen) ** (1 / alpha)
-    return np.asarray(total / total.sum())
-
-
-def seconds(work: Callable[[], object]) -> float:
-    """The best of five."""
-    return min(timeit.repeat(work, number=3, repeat=5)) / 3
+def milliseconds(call: Callable[[], object], number: int = 5) -> float:
+    return 1e3 * min(repeat(call, number=number, repeat=5, timer=time.process_time)) / number
 
 
 def main() -> None:
-    print("   N   subsets / recursion   COP / LOP")
-    for n in (2, 4, 6, 8, 10):
-        p = opinions(n, 2500)
-        cop = seconds(lambda p=p: cooperative_pool(p))  # type: ignore[misc]
-        slow = seconds(lambda p=p: subsets(p))  # type: ignore[misc]
-        lop = seconds(lambda p=p: linear_pool(p))  # type: ignore[misc]
-        print(f"{n:4}   {slow / cop:19.1f}   {cop / lop:9.1f}")
+    rng = np.random.default_rng(0)
+    print("COP by the recursion against the sum over all subsets (12 cells; the oracle counts with 50 digits)")
+    for n in (3, 6, 10):
+        p = rng.random((n, 12))
+        p /= p.sum(axis=1, keepdims=True)
+        fast = milliseconds(lambda p=p: cooperative_pool(p))  # type: ignore[misc]
+        slow = milliseconds(lambda p=p, n=n: oracles.cooperative_terms(p, [1.0] * n, alphas(n).tolist()), 1)  # type: ignore[misc]
+        print(f"  N = {n:2}: {fast:8.3f} ms, subsets {slow:9.3f} ms: {slow / fast:8.0f} times")
+    print("COP against LOP, both with their weights (III-A.1) given")
+    for n, side in ((3, 50), (6, 50), (6, 200), (30, 200)):
+        p = team(n, side, rng)
+        w = entropy_weights(p, 2.0)
+        cop, lop = (
+            milliseconds(lambda p=p, w=w: cooperative_pool(p, w)),
+            milliseconds(lambda p=p, w=w: linear_pool(p, w)),
+        )  # type: ignore[misc]
+        print(f"  N = {n:2}, {side} x {side}: {cop:8.3f} ms, LOP {lop:7.3f} ms: {cop / lop:5.1f} times")
+    print("two opinions, Chernoff")
+    for side in (50, 200):
+        first, second = team(2, side, rng)
+        print(f"  {side} x {side}: {milliseconds(lambda a=first, b=second: chernoff(a, b)):.3f} ms")  # type: ignore[misc]
+    print("every rule, N = 5, 50 x 50")
+    p = team(5, 50, rng)
+    for name, rule in POOLS.items():
+        print(f"  {name:17} {milliseconds(lambda rule=rule: rule(p)):7.3f} ms")  # type: ignore[misc]
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blackboard.config import BoardSection
+from blackboard.errors import OpinionError
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array, Grid
@@ -72,8 +73,11 @@ def _pool_independent(
     ratio = 1.0 if settings.reference_cell is None else (settings.reference_cell / grid.cell) ** grid.ndim
     own = {"independence": settings.independence, "power": settings.power}
     more = {n: v for n, v in own.items() if v is not None and n in parameters(settings.rule)}
-    pooled = fuse(settings.rule, stack, k=settings.k, gamma=settings.gamma, cell_ratio=ratio, **more)
     weights = entropy_weights(stack, settings.k, cell_ratio=ratio)
+    try:
+        pooled = fuse(settings.rule, stack, k=settings.k, gamma=settings.gamma, cell_ratio=ratio, **more)
+    except OpinionError:  # a rule with a veto, and opinions that rule each other out: all hypotheses stay
+        pooled = linear_pool(stack, weights)
     components = cooperative_components(stack, weights, gamma=settings.gamma, cell_ratio=ratio)
     name = opinions[0].source if len(opinions) == 1 else ""
     age = min(o.age for o in opinions)

@@ -7,6 +7,7 @@ answered to queries.
 from __future__ import annotations
 
 import json
+import logging
 import re
 import threading
 from collections.abc import Callable, Sequence
@@ -23,6 +24,8 @@ from blackboard.inbox import Inbox
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import MAX_BYTES
+
+log = logging.getLogger(__name__)
 
 ENCODING = "application/msgpack;cop.v1"
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -264,8 +267,9 @@ def log_as_environment_says() -> None:
 def _open(config: LinkConfig, name: str, patience: float, stopped: Callable[[], bool], clock: Clock) -> zenoh.Session:
     """Try again until somebody answers: a try is short, because it cannot be interrupted."""
     built = config.build(name)
-    end = clock.now() + patience
-    pause = threading.Event()
+    where = ", ".join(json.loads(built.get_json("connect/endpoints")))
+    end, pause = clock.now() + patience, threading.Event()
+    told = False
     while not stopped():
         try:
             return zenoh.open(built)
@@ -273,10 +277,12 @@ def _open(config: LinkConfig, name: str, patience: float, stopped: Callable[[], 
             if not str(error).startswith("Unable to connect"):
                 raise Mistake(f"{name}: {_plain(error)}; name other endpoints with -e or -l") from error
             if clock.now() >= end:
-                where = ", ".join(json.loads(built.get_json("connect/endpoints")))
                 raise Mistake(
                     f"{name}: no Zenoh router answers at {where}; start `blackboard router` there, or name another endpoint "
                     "with -e (RUST_LOG=zenoh=debug tells more)"
                 ) from error
+        if not told:
+            log.info("%s: waiting for a router at %s", name, where)
+            told = True
         pause.wait(PAUSE)
     raise Stopped(f"{name}: stopped before it was connected")

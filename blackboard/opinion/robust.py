@@ -11,8 +11,8 @@ from blackboard.opinion.agreement import coefficients
 from blackboard.opinion.grid import Array
 from blackboard.opinion.vectors import checked, from_logarithm, logarithm, shares
 
-CLOSE = 1e-9  # Hellinger distance below which a source is met exactly
-STEPS = 200  # of Weiszfeld's iteration, which converges linearly
+CLOSE = 1e-7  # distance of roots that is rounding: the sources are the same
+STEPS = 500  # of Weiszfeld's iteration, which converges linearly
 
 
 def median_log_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
@@ -33,27 +33,44 @@ def median_log_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = Non
 
 
 def geometric_median_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The belief whose square root has the least weighted sum of distances to the opinions' square roots.
+    """The belief whose square root has the least weighted sum of distances to the opinions' square roots (Hellinger distances).
 
-    These are Hellinger distances; the minimum is found by Weiszfeld's iteration from the mean, as weights of the roots, so that
-    a step needs only their inner products. opinions (N, *grid shape); weights (N,) None means equal. Breaks down only when half
-    of the weight lies; idempotent, no veto. Raises OpinionError.
+    opinions (N, *grid shape); weights (N,) None means equal. It breaks down only when half of the weight lies; idempotent, no
+    veto. Raises OpinionError.
     """
     stack = checked(opinions)
     roots = np.sqrt(stack).reshape(len(stack), -1)
-    away = roots - roots.mean(axis=0)
-    inner = away @ away.T
-    weights = shares(weights, len(stack))
+    p = (_median_mix(roots - roots.mean(axis=0), shares(weights, len(stack))) @ roots).reshape(stack.shape[1:]) ** 2
+    return np.asarray(p / p.sum())
+
+
+def _median_mix(points: Array, weights: Array) -> Array:
+    """The geometric median of points (N, dimensions) as their convex combination, shape (N,), by Weiszfeld's iteration.
+
+    Only inner products are needed. A point to which the others pull with less than its own weight is the median itself; there
+    the iteration would crawl, so this is looked at first.
+    """
+    n = len(points)
+    inner = points @ points.T
+    each = np.eye(n)
+    for i in range(n):
+        distances = _lengths(each - each[i], inner)
+        others = distances > CLOSE
+        pull = np.where(others, weights, 0.0) / np.maximum(distances, CLOSE)
+        if _lengths((pull - pull.sum() * each[i])[np.newaxis], inner)[0] < weights[~others].sum() * (1.0 - 1e-9):
+            return np.asarray(each[i])
     mix = weights
     for _ in range(STEPS):
-        steps = mix - np.eye(len(stack))  # from each source, as weights
-        squares = ((steps @ inner) * steps).sum(axis=1)
-        pull = weights / np.sqrt(np.maximum(squares, CLOSE**2))
+        pull = weights / np.maximum(_lengths(mix - each, inner), CLOSE)
         before, mix = mix, pull / pull.sum()
         if np.abs(mix - before).max() < 1e-12:
             break
-    p = (mix @ roots).reshape(stack.shape[1:]) ** 2
-    return np.asarray(p / p.sum())
+    return mix
+
+
+def _lengths(steps: Array, inner: Array) -> Array:
+    """Lengths of vectors (M, N) given in points with these inner products, shape (M,)."""
+    return np.asarray(np.sqrt(np.maximum(((steps @ inner) * steps).sum(axis=1), 0.0)))
 
 
 def largest_cliques(opinions: npt.ArrayLike, xi: float) -> list[tuple[int, ...]]:

@@ -12,7 +12,7 @@ from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.pools import chernoff, fuse
+from blackboard.opinion.pools import POOLS, chernoff, fuse
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.messages import Consensus, Informed, Report
@@ -73,6 +73,17 @@ def test_arrival_order_changes_nothing() -> None:
     for r in reversed(said):
         second.hear(r, 0.0)
     assert first.settle(0, 0.0) == second.settle(0, 0.0)
+
+
+@pytest.mark.parametrize("rule", sorted(POOLS))
+def test_members_that_rule_each_other_out_do_not_end_the_board(rule: str) -> None:
+    """One-hot beliefs in different cells: a rule with a veto leaves no cell, and both hypotheses stay."""
+    it = board(rule=rule)
+    for source, cell in (("r1", (3, 4)), ("r2", (30, 20))):
+        p = np.zeros(GRID.shape)
+        p[cell] = 1.0
+        it.hear(report(source, Belief(GRID, p)), 0.0)
+    assert unpack(only(it.settle(0, 0.0)).belief).p.sum() == pytest.approx(1.0)
 
 
 def test_an_echo_gains_nothing() -> None:

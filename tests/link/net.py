@@ -108,10 +108,14 @@ class Program:
 
 
 @contextmanager
-def program(*arguments: str) -> Iterator[Program]:
-    """Run Python with these arguments; killed at the end, with all who were told to follow it."""
+def program(*arguments: str, keep: Sequence[str] = ()) -> Iterator[Program]:
+    """Run Python with these arguments; killed at the end, with all who were told to follow it.
+
+    Of what the environment says about us only `keep` is passed on.
+    """
     command: Sequence[str] = (sys.executable, *arguments)
-    environment = {key: value for key, value in os.environ.items() if key not in (PARENT, "RUST_LOG", "LOG_FORMAT")}
+    ours = {PARENT, "RUST_LOG", "LOG_FORMAT", "LOG_LEVEL"} - set(keep)
+    environment = {key: value for key, value in os.environ.items() if key not in ours}
     with subprocess.Popen(
         command, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as running:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from hypothesis import settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.grid import Array
+
+few = settings(max_examples=25)
 
 KINDS = ("random", "sparse", "one-hot", "near-zero", "identical", "mixed")
 SHAPES = ((5,), (3, 4), (2, 2, 3))

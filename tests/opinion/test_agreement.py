@@ -20,7 +20,7 @@ from blackboard.opinion.agreement import (
 )
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Array
-from tests.opinion.stacks import stacks
+from tests.opinion.stacks import few, stacks
 
 LINE = Grid((200,), 0.1)
 P, Q = np.array([0.5, 0.25, 0.25, 0.0]), np.array([0.25, 0.25, 0.25, 0.25])
@@ -42,6 +42,7 @@ def test_gaussians_have_their_closed_forms() -> None:
     assert bhattacharyya(p, q) == pytest.approx(0.5, abs=1e-6)
 
 
+@few
 @given(stacks(least=2, most=2))
 def test_every_distance_is_one(opinions: Array) -> None:
     p, q = opinions

@@ -13,7 +13,7 @@ from blackboard import Grid, entropy
 from blackboard.opinion.belief import Belief, blur, gaussian, shift, uniform
 from blackboard.opinion.grid import Array
 from tests import oracles
-from tests.opinion.stacks import stacks
+from tests.opinion.stacks import few, stacks
 
 GRID = Grid((8, 5), 0.5, (-1.0, 2.0), "m")
 
@@ -72,6 +72,7 @@ def test_a_gaussian_between_the_cells_or_outside_keeps_its_mass() -> None:
         gaussian(GRID, (0.0, 0.0), 0.0)
 
 
+@few
 @given(stacks(most=1), st.floats(0.01, 20))
 def test_blur_conserves_mass_and_never_sharpens(opinions: Array, sigma: float) -> None:
     p = opinions[0]
@@ -114,6 +115,7 @@ def test_a_wide_blur_looks_like_a_gaussian() -> None:
     assert blur(one, 5.0) == pytest.approx(gaussian(grid, (30.5, 30.5), 5.0).p, abs=2e-4)
 
 
+@few
 @given(stacks(("random",), most=1), st.integers(-6, 6), st.integers(-6, 6))
 def test_shift_moves_whole_cells_and_piles_up_at_the_border(opinions: Array, dx: int, dy: int) -> None:
     p = opinions[0].reshape(len(opinions[0]), -1)

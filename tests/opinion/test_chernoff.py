@@ -10,7 +10,7 @@ from blackboard import POOLS, Grid, entropy
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.chernoff import chernoff
 from blackboard.opinion.grid import Array
-from tests.opinion.stacks import stacks
+from tests.opinion.stacks import few, stacks
 
 GRID = Grid((40, 40))
 
@@ -21,6 +21,7 @@ def mean(first: Array, second: Array, w: float) -> Array:
     return np.asarray(p / p.sum())
 
 
+@few
 @given(stacks(least=2, most=2))
 def test_no_weight_gives_less_entropy(opinions: Array) -> None:
     first, second = opinions
@@ -35,6 +36,7 @@ def test_no_weight_gives_less_entropy(opinions: Array) -> None:
     assert entropy(fused) <= min(entropy(first), entropy(second)) + 1e-6
 
 
+@few
 @given(stacks(("random", "near-zero"), least=2, most=2))
 def test_the_two_may_change_places(opinions: Array) -> None:
     first, second = opinions
@@ -67,6 +69,7 @@ def test_without_a_common_cell_the_sharper_one_stands() -> None:
     assert POOLS["chernoff"](np.stack([vague, sure])) == pytest.approx(sure)
 
 
+@few
 @given(stacks(("random", "near-zero", "mixed"), least=2, most=4))
 def test_the_pool_of_many_is_no_vaguer_than_any_mean(opinions: Array) -> None:
     fused = entropy(POOLS["chernoff"](opinions))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard import Grid, OpinionError, cooperative_pool, linear_pool, logarithmic_pool
@@ -18,7 +18,7 @@ from blackboard.opinion.cooperative import (
 )
 from blackboard.opinion.grid import Array
 from tests import oracles
-from tests.opinion.stacks import KINDS, make, weighted
+from tests.opinion.stacks import KINDS, few, make, weighted
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -32,7 +32,7 @@ def test_it_is_the_sum_over_all_subsets(kind: str, n: int) -> None:
     assert np.abs(cooperative_components(opinions, weights) - shares).max() <= 1e-12
 
 
-@settings(max_examples=40)
+@few
 @given(weighted(most=4), st.floats(0.05, 1.0), st.floats(0.05, 2.0))
 def test_it_is_the_sum_over_all_subsets_with_any_parameters(
     drawn: tuple[Array, Array], gamma: float, cell_ratio: float
@@ -75,6 +75,7 @@ def test_gamma_out_of_bounds(gamma: float) -> None:
         cooperative_pool(np.full((2, 3), 1 / 3), gamma=gamma)
 
 
+@few
 @given(weighted(("random", "sparse", "mixed")))
 def test_alpha_1_alone_is_the_linear_pool(drawn: tuple[Array, Array]) -> None:
     opinions, weights = drawn
@@ -82,6 +83,7 @@ def test_alpha_1_alone_is_the_linear_pool(drawn: tuple[Array, Array]) -> None:
     assert np.exp(first) == pytest.approx(linear_pool(opinions, weights).ravel(), abs=1e-14)
 
 
+@few
 @given(weighted(("random", "identical")))
 def test_alpha_n_alone_is_the_product(drawn: tuple[Array, Array]) -> None:
     """The smaller gamma, the nearer alpha_N is to 1 and the others to 0: then C_N is all that is left."""
@@ -118,6 +120,7 @@ def test_thirty_opinions_on_200_by_200_cells() -> None:
     assert fused.sum() == pytest.approx(1.0, abs=1e-12)
 
 
+@few
 @given(weighted(("random", "sparse", "identical", "mixed")))
 def test_calibrated_is_cop_to_a_power(drawn: tuple[Array, Array]) -> None:
     opinions, weights = drawn

@@ -6,14 +6,14 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard import POOLS, OpinionError, entropy_weights
 from blackboard.opinion.grid import Array
 from blackboard.opinion.pools import ENTROPY_WEIGHTED, fuse, parameters
 from tests import oracles
-from tests.opinion.stacks import SHAPES, make, stacks, weighted
+from tests.opinion.stacks import SHAPES, few, make, stacks, weighted
 
 #: Each rule with its defaults, and with other values where they make it another rule.
 RULES: dict[str, tuple[str, dict[str, object]]] = {
@@ -36,7 +36,6 @@ NEVER_EMPTY = {
 #: Weights count relative to each other.
 RELATIVE = set(RULES) - {"logarithmic", "channel-filter", "clique"}
 each = pytest.mark.parametrize("name", RULES)
-few = settings(max_examples=8)
 
 
 def pool(name: str, opinions: Array, weights: Array | None = None) -> Array:
@@ -44,60 +43,62 @@ def pool(name: str, opinions: Array, weights: Array | None = None) -> Array:
     return POOLS[rule](opinions, weights, **own)
 
 
-@each
 @few
 @given(stacks())
-def test_the_result_is_a_probability_vector_and_the_input_stays(name: str, opinions: Array) -> None:
+def test_the_result_is_a_probability_vector_and_the_input_stays(opinions: Array) -> None:
     before = opinions.copy()
     opinions.flags.writeable = False
-    try:
-        p = pool(name, opinions)
-    except OpinionError as error:
-        assert name not in NEVER_EMPTY
-        assert "no cell is left" in str(error)
-        assert not (opinions > 0).all(axis=0).any()
-        return
-    assert p.shape == opinions.shape[1:]
-    assert p.min() >= 0
-    assert p.sum() == pytest.approx(1.0, abs=1e-12)
-    assert np.array_equal(opinions, before)
+    for name in RULES:
+        try:
+            p = pool(name, opinions)
+        except OpinionError as error:
+            assert name not in NEVER_EMPTY
+            assert "no cell is left" in str(error)
+            assert not (opinions > 0).all(axis=0).any()
+            continue
+        assert p.shape == opinions.shape[1:], name
+        assert p.min() >= 0, name
+        assert p.sum() == pytest.approx(1.0, abs=1e-12), name
+        assert np.array_equal(opinions, before), name
 
 
-@each
 @few
-@given(weighted(("random",)), st.randoms(use_true_random=False))
-def test_the_order_of_opinions_does_not_matter(name: str, drawn: tuple[Array, Array], random: object) -> None:
+@given(weighted(("random",)), st.integers(0, 1000))
+def test_the_order_of_opinions_does_not_matter(drawn: tuple[Array, Array], seed: int) -> None:
     opinions, weights = drawn
-    order = np.random.default_rng(random.getrandbits(32)).permutation(len(opinions))  # type: ignore[attr-defined]
-    assert pool(name, opinions[order]) == pytest.approx(pool(name, opinions), abs=1e-10)
-    assert pool(name, opinions[order], weights[order]) == pytest.approx(pool(name, opinions, weights), abs=1e-10)
+    order = np.random.default_rng(seed).permutation(len(opinions))
+    for name in RULES:
+        assert pool(name, opinions[order]) == pytest.approx(pool(name, opinions), abs=1e-10), name
+        assert pool(name, opinions[order], weights[order]) == pytest.approx(pool(name, opinions, weights), abs=1e-10), (
+            name
+        )
 
 
-@each
 @few
 @given(stacks(("random",)), st.integers(0, 1000))
-def test_cells_are_only_names(name: str, opinions: Array, seed: int) -> None:
-    n, shape = len(opinions), opinions.shape[1:]
-    order = np.random.default_rng(seed).permutation(opinions[0].size)
-    renamed = opinions.reshape(n, -1)[:, order].reshape(opinions.shape)
-    assert pool(name, renamed).ravel() == pytest.approx(pool(name, opinions).ravel()[order], abs=1e-10)
-    assert pool(name, opinions.reshape(n, -1)) == pytest.approx(pool(name, opinions).ravel(), abs=1e-12)
-    assert pool(name, opinions).shape == shape
+def test_cells_are_only_names(opinions: Array, seed: int) -> None:
+    flat = opinions.reshape(len(opinions), -1)
+    order = np.random.default_rng(seed).permutation(flat.shape[1])
+    renamed = flat[:, order].reshape(opinions.shape)
+    for name in RULES:
+        p = pool(name, opinions).ravel()
+        assert pool(name, renamed).ravel() == pytest.approx(p[order], abs=1e-10), name
+        assert pool(name, flat) == pytest.approx(p, abs=1e-12), name
 
 
-@each
 @few
 @given(stacks(most=1))
-def test_a_single_opinion_is_returned_unchanged(name: str, opinions: Array) -> None:
-    assert pool(name, opinions) == pytest.approx(opinions[0], abs=1e-12)
-    assert pool(name, opinions, np.ones(1)) == pytest.approx(opinions[0], abs=1e-12)
+def test_a_single_opinion_is_returned_unchanged(opinions: Array) -> None:
+    for name in RULES:
+        assert pool(name, opinions) == pytest.approx(opinions[0], abs=1e-12), name
+        assert pool(name, opinions, np.ones(1)) == pytest.approx(opinions[0], abs=1e-12), name
 
 
-@pytest.mark.parametrize("name", sorted(IDEMPOTENT))
 @few
 @given(stacks(most=1), st.integers(2, 6))
-def test_echoes_gain_nothing_where_a_rule_is_idempotent(name: str, opinions: Array, copies: int) -> None:
-    assert pool(name, np.repeat(opinions, copies, axis=0)) == pytest.approx(opinions[0], abs=1e-10)
+def test_echoes_gain_nothing_where_a_rule_is_idempotent(opinions: Array, copies: int) -> None:
+    for name in IDEMPOTENT:
+        assert pool(name, np.repeat(opinions, copies, axis=0)) == pytest.approx(opinions[0], abs=1e-10), name
 
 
 @pytest.mark.parametrize("name", sorted(set(RULES) - IDEMPOTENT))
@@ -113,28 +114,29 @@ def test_a_zero_is_a_veto_where_theory_says_so(name: str) -> None:
     assert (pool(name, opinions)[0] == 0.0) == (name in VETO)
 
 
-@pytest.mark.parametrize("name", ["logarithmic", "channel-filter"])
+@few
 @given(stacks(("random", "near-zero")))
-def test_a_uniform_opinion_says_nothing_to_a_product(name: str, opinions: Array) -> None:
+def test_a_uniform_opinion_says_nothing_to_a_product(opinions: Array) -> None:
     uniform = np.full((1, *opinions.shape[1:]), 1 / opinions[0].size)
-    assert pool(name, np.concatenate([opinions, uniform])) == pytest.approx(pool(name, opinions), abs=1e-12)
+    for name in ("logarithmic", "channel-filter"):
+        assert pool(name, np.concatenate([opinions, uniform])) == pytest.approx(pool(name, opinions), abs=1e-12)
 
 
-@pytest.mark.parametrize("name", sorted(RELATIVE))
 @few
 @given(weighted(("random",)), st.floats(1e-3, 1e3))
-def test_only_the_ratio_of_weights_counts(name: str, drawn: tuple[Array, Array], scale: float) -> None:
+def test_only_the_ratio_of_weights_counts(drawn: tuple[Array, Array], scale: float) -> None:
     opinions, weights = drawn
-    assert pool(name, opinions, scale * weights) == pytest.approx(pool(name, opinions, weights), abs=1e-9)
+    for name in RELATIVE:
+        assert pool(name, opinions, scale * weights) == pytest.approx(pool(name, opinions, weights), abs=1e-9), name
 
 
-@pytest.mark.parametrize("name", sorted(RELATIVE - {"chernoff"}))
+@pytest.mark.parametrize("name", sorted(RELATIVE - {"chernoff", "clique-cooperative"}))
 def test_no_weights_means_equal_weights(name: str) -> None:
     opinions = make("random", 4, (3, 4), np.random.default_rng(1))
-    if name != "clique-cooperative":
-        assert pool(name, opinions) == pytest.approx(pool(name, opinions, np.full(4, 7.0)), abs=1e-12)
+    assert pool(name, opinions) == pytest.approx(pool(name, opinions, np.full(4, 7.0)), abs=1e-12)
 
 
+@few
 @given(weighted(("random", "near-zero")))
 def test_the_product_is_the_product(drawn: tuple[Array, Array]) -> None:
     opinions, weights = drawn
@@ -145,6 +147,7 @@ def test_the_product_is_the_product(drawn: tuple[Array, Array]) -> None:
     assert POOLS["chernoff"](opinions, weights) == pytest.approx(mean, abs=1e-11)
 
 
+@few
 @given(weighted(("random", "sparse")))
 def test_power_means_between_harmonic_and_linear(drawn: tuple[Array, Array]) -> None:
     opinions, weights = drawn

@@ -16,7 +16,7 @@ from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.cooperative import powered_components
 from blackboard.opinion.grid import Array
 from tests import oracles
-from tests.opinion.stacks import weighted
+from tests.opinion.stacks import few, weighted
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parent.parent / "golden" / "paper.json").read_text(encoding="utf-8")
@@ -90,6 +90,7 @@ def test_agreeing_opinions_fuse_to_less_entropy_than_the_best() -> None:
     assert entropy(logarithmic_pool(disagreeing)) > max(entropy(p) for p in disagreeing)
 
 
+@few
 @given(weighted())
 def test_mean_and_variance_of_the_linear_pool(drawn: tuple[Array, Array]) -> None:
     opinions, weights = drawn

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard import POOLS, Grid
@@ -15,13 +15,14 @@ from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Array
 from blackboard.opinion.robust import largest_cliques
 from tests import oracles
-from tests.opinion.stacks import stacks, weighted
+from tests.opinion.stacks import few, stacks, weighted
 
 GRID = Grid((40, 40))
 HONEST = [gaussian(GRID, (14 + i, 20 - i), 3).p for i in range(4)]
 LIAR = gaussian(GRID, (30, 25), 1).p
 
 
+@few
 @given(stacks(("random", "near-zero", "identical")))
 def test_the_median_of_equals_is_the_median_of_logarithms(opinions: Array) -> None:
     logs = np.median(np.log(opinions), axis=0)
@@ -29,6 +30,7 @@ def test_the_median_of_equals_is_the_median_of_logarithms(opinions: Array) -> No
     assert POOLS["median-log"](opinions) == pytest.approx(p / p.sum(), abs=1e-12)
 
 
+@few
 @given(stacks(("random",)), st.lists(st.integers(1, 3), min_size=5, max_size=5))
 def test_a_weight_of_two_is_saying_it_twice(opinions: Array, counts: list[int]) -> None:
     counts = counts[: len(opinions)]
@@ -37,7 +39,7 @@ def test_a_weight_of_two_is_saying_it_twice(opinions: Array, counts: list[int]) 
     assert POOLS["geometric-median"](opinions, counts) == pytest.approx(POOLS["geometric-median"](told), abs=1e-9)
 
 
-@settings(max_examples=30)
+@few
 @given(weighted(("random", "sparse", "mixed")), st.integers(0, 1000))
 def test_no_direction_leads_nearer_to_all_roots(drawn: tuple[Array, Array], seed: int) -> None:
     """The geometric median minimises the weighted sum of distances between roots, before its root is put on the sphere again."""
@@ -67,6 +69,7 @@ def test_nor_do_two_that_collude(rule: str) -> None:
     assert math.dist(fused.mean(), (15, 19)) < 3.5
 
 
+@few
 @given(st.integers(1, 8), st.integers(0, 2**28 - 1))
 def test_the_largest_cliques_are_all_found(n: int, edges: int) -> None:
     """Any graph of agreement: opinions that share a cell with exactly those they agree with."""

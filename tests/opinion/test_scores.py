@@ -82,7 +82,7 @@ def test_scores_can_be_merged() -> None:
 
 
 def test_an_honest_belief_is_covered_as_often_as_it_claims() -> None:
-    grid, rng = Grid((60, 60), 0.5), np.random.default_rng(6)
+    grid, rng = Grid((30, 30)), np.random.default_rng(6)
     score, squares = Score(), []
     for _ in range(400):
         truth = rng.uniform(10, 20, 2)
