@@ -31,8 +31,8 @@ def team(n: int, side: int, rng: np.random.Generator) -> Array:
     return 0.999999 * stack + 0.000001 / grid.size
 
 
-def milliseconds(call: Callable[[], object], number: int = 5) -> float:
-    return 1e3 * min(repeat(call, number=number, repeat=5, timer=time.process_time)) / number
+def milliseconds(call: Callable[..., object], *arguments: object, number: int = 5) -> float:
+    return 1e3 * min(repeat(lambda: call(*arguments), number=number, repeat=5, timer=time.process_time)) / number
 
 
 def main() -> None:
@@ -41,26 +41,22 @@ def main() -> None:
     for n in (3, 6, 10):
         p = rng.random((n, 12))
         p /= p.sum(axis=1, keepdims=True)
-        fast = milliseconds(lambda p=p: cooperative_pool(p))  # type: ignore[misc]
-        slow = milliseconds(lambda p=p, n=n: oracles.cooperative_terms(p, [1.0] * n, alphas(n).tolist()), 1)  # type: ignore[misc]
+        fast = milliseconds(cooperative_pool, p)
+        slow = milliseconds(oracles.cooperative_terms, p, [1.0] * n, alphas(n).tolist(), number=1)
         print(f"  N = {n:2}: {fast:8.3f} ms, subsets {slow:9.3f} ms: {slow / fast:8.0f} times")
     print("COP against LOP, both with their weights (III-A.1) given")
     for n, side in ((3, 50), (6, 50), (6, 200), (30, 200)):
         p = team(n, side, rng)
         w = entropy_weights(p, 2.0)
-        cop, lop = (
-            milliseconds(lambda p=p, w=w: cooperative_pool(p, w)),
-            milliseconds(lambda p=p, w=w: linear_pool(p, w)),
-        )  # type: ignore[misc]
+        cop, lop = milliseconds(cooperative_pool, p, w), milliseconds(linear_pool, p, w)
         print(f"  N = {n:2}, {side} x {side}: {cop:8.3f} ms, LOP {lop:7.3f} ms: {cop / lop:5.1f} times")
     print("two opinions, Chernoff")
     for side in (50, 200):
-        first, second = team(2, side, rng)
-        print(f"  {side} x {side}: {milliseconds(lambda a=first, b=second: chernoff(a, b)):.3f} ms")  # type: ignore[misc]
+        print(f"  {side} x {side}: {milliseconds(chernoff, *team(2, side, rng)):.3f} ms")
     print("every rule, N = 5, 50 x 50")
     p = team(5, 50, rng)
     for name, rule in POOLS.items():
-        print(f"  {name:17} {milliseconds(lambda rule=rule: rule(p)):7.3f} ms")  # type: ignore[misc]
+        print(f"  {name:17} {milliseconds(rule, p):7.3f} ms")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from blackboard.opinion.weights import entropy
 SCAN = (0.2, 0.4, 0.6, 0.8)
 GOLDEN = (math.sqrt(5) - 1) / 2  # of a section, where the next one is measured
 SECTIONS = 7  # leave w within 0.014 = 2 * 0.2 * GOLDEN^7: entropy is flat at its minimum
-FAINT = 30.0  # nats below what matters, a cell adds nothing to the entropy: 4e4 exp(-30) = 4e-9
+FAINT = 18.0  # nats below what matters, a cell is left out of the search: 4e4 of them hold 4e4 exp(-18) = 6e-4
 SLACK = 1e-6  # nats that an average must gain over an opinion as it stands
 ROUNDS = 50  # of the search over more than two weights
 
@@ -37,12 +37,14 @@ def chernoff(first: Array, second: Array) -> tuple[Array, float]:
     at_first, at_second = entropy(first), entropy(second)
     met = (first > 0) & (second > 0)
     a, b = np.log(first[met]), np.log(second[met])
-    least, w = _least_entropy(a, b) if len(a) else (math.inf, 0.0)
-    if min(at_first, at_second) <= least + SLACK:
-        return (first, 1.0) if at_first <= at_second + SLACK else (second, 0.0)
-    p = np.zeros(first.shape)
-    p[met] = from_logarithm(w * a + (1.0 - w) * b, "chernoff")
-    return p, w
+    if len(a):
+        w = _sharpest(a, b)
+        mean = w * a + (1.0 - w) * b
+        if _entropy(mean) < min(at_first, at_second) - SLACK:
+            p = np.zeros(first.shape)
+            p[met] = from_logarithm(mean, "chernoff")
+            return p, w
+    return (first, 1.0) if at_first <= at_second + SLACK else (second, 0.0)
 
 
 def chernoff_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
@@ -74,18 +76,18 @@ def _sharpest_mean(logs: Array) -> Array:
         p = from_logarithm(mean, "chernoff")
         slopes = logs @ (p * (p @ mean - mean))  # of the entropy in each weight: minus a covariance
         to, fro = int(np.argmin(slopes)), int(np.argmax(np.where(w > 0, slopes, -np.inf)))
-        moved_all = mean + w[fro] * (logs[to] - logs[fro])
-        least, step = min(_least_entropy(moved_all, mean), (_entropy(moved_all), 1.0))
+        step = w[fro] * (logs[to] - logs[fro])
+        least, part = min((_entropy(mean + t * step), t) for t in (_sharpest(mean + step, mean), 1.0))
         if least > _entropy(mean) - SLACK:
             break
-        moved = step * w[fro]
+        moved = part * w[fro]
         w[to], w[fro] = w[to] + moved, w[fro] - moved
         mean = w @ logs
     return np.asarray(mean)
 
 
-def _least_entropy(a: Array, b: Array) -> tuple[float, float]:
-    """The least entropy in nats of exp(w a + (1 - w) b), normalised, for w in (0, 1), and that w. Shapes (cells,)."""
+def _sharpest(a: Array, b: Array) -> float:
+    """The w in (0, 1) for which exp(w a + (1 - w) b), normalised, has the least entropy. Shapes (cells,)."""
     matters = np.maximum(a, b) > np.minimum(a, b).max() - FAINT
     b, slope = b[matters], a[matters] - b[matters]
 
@@ -103,7 +105,7 @@ def _least_entropy(a: Array, b: Array) -> tuple[float, float]:
         else:
             low, left = left[1], right
             right = at(low + GOLDEN * (high - low))
-    return min(best, left, right)
+    return min(best, left, right)[1]
 
 
 def _entropy(logs: Array) -> float:
