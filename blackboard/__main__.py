@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import socket
 import sys
@@ -193,7 +194,7 @@ def _run(
     scenario = scenario.changed("time", seconds=seconds, mode="realtime" if realtime else None)
     if robots is not None:
         scenario = scenario.changed("team", sub_teams=_spread(scenario, robots))
-    _ = scenario.team, scenario.grid, scenario.time, scenario.board  # a mistake here is found before anything starts
+    _check(scenario)
     try:
         with _progress(scenario.name) as progress:
             status, card = run_scenario(scenario, progress, flags.link() if flags else None)
@@ -202,6 +203,16 @@ def _run(
         return 1
     sys.stdout.write((json.dumps(card) if as_json else text(card)) + "\n")
     return status
+
+
+def _check(scenario: Scenario) -> None:
+    """Find a mistake in any section before anything starts; the other packages are named, not known (docs/design.md)."""
+    _ = scenario.team, scenario.grid, scenario.time, scenario.board
+    for section, module, model in (
+        ("robot", "robot_agent.config", "RobotSection"),
+        ("world", "sim_world.scenario", "WorldSection"),
+    ):
+        scenario.section(section, getattr(importlib.import_module(module), model))
 
 
 def _spread(scenario: Scenario, robots: int) -> dict[str, list[str]]:

@@ -122,7 +122,7 @@ async def _run(
     async with Supervisor() as supervisor:
         for router in processes.routers:
             supervisor.keep(router)
-        async with _observer(config, scenario, progress) as observer:
+        async with _observer(config, scenario, supervisor.release, progress) as observer:
             for member in processes.members:
                 supervisor.keep(member)
             await observer.until_alive(processes.tokens)
@@ -134,17 +134,20 @@ async def _run(
 
 
 class Observer:
-    """What a launcher sees of a running team: which tokens are alive, and the world's clock."""
+    """What a launcher sees of a running team: which tokens are alive, that the world has begun, and its clock."""
 
-    def __init__(self, link: Link, scenario: Scenario, progress: Progress | None) -> None:
-        self._link, self._progress = link, progress
+    def __init__(self, link: Link, scenario: Scenario, begun: Callable[[], None], progress: Progress | None) -> None:
+        self._link, self._begun, self._progress = link, begun, progress
         self._ticks = round(scenario.time.seconds / scenario.time.tick)
         self._alive: set[str] = set()
         self._news = asyncio.Event()
-        link.watch(keys.BOARD.key(team=scenario.team.name, sub_team="*", board="*"))
-        link.watch(keys.MEMBER.key(team=scenario.team.name, sub_team="*", robot="*"))
+        team = scenario.team.name
+        self._world = keys.WORLD.key(team=team)
+        link.watch(self._world)
+        link.watch(keys.BOARD.key(team=team, sub_team="*", board="*"))
+        link.watch(keys.MEMBER.key(team=team, sub_team="*", robot="*"))
         if progress is not None:
-            link.subscribe(keys.CLOCK.key(team=scenario.team.name))
+            link.subscribe(keys.CLOCK.key(team=team))
 
     async def look(self) -> None:
         """Take what arrives, until cancelled."""
@@ -156,6 +159,8 @@ class Observer:
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             (self._alive.add if envelope.kind is Kind.ALIVE else self._alive.discard)(envelope.key)
             self._news.set()
+            if self._world in self._alive:
+                self._begun()
         elif self._progress is not None:
             with suppress(Refused):
                 _, _, message = open_envelope(envelope)
@@ -175,7 +180,9 @@ class Observer:
 
 
 @asynccontextmanager
-async def _observer(config: LinkConfig, scenario: Scenario, progress: Progress | None) -> AsyncIterator[Observer]:
+async def _observer(
+    config: LinkConfig, scenario: Scenario, begun: Callable[[], None], progress: Progress | None
+) -> AsyncIterator[Observer]:
     """An observer with a session of its own, which opens as soon as the router is ready."""
     given_up = threading.Event()
     try:
@@ -183,7 +190,7 @@ async def _observer(config: LinkConfig, scenario: Scenario, progress: Progress |
     finally:
         given_up.set()
     with link:
-        observer = Observer(link, scenario, progress)
+        observer = Observer(link, scenario, begun, progress)
         looking = asyncio.create_task(observer.look())
         try:
             yield observer

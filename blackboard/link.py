@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 ENCODING = "application/msgpack;cop.v1"
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 TOO_LARGE = bytes(MAX_BYTES + 1)  # stands for any larger payload: it is refused for its size, and only that matters
-PAUSE = 0.1  # seconds between tries to connect
+PAUSE, TELL = 0.1, 5.0  # seconds between tries to connect, and until a person is told of them
 
 #: Settings of a session where neither a file nor a flag says otherwise.
 OURS: dict[str, Any] = {
@@ -268,20 +268,20 @@ def _open(config: LinkConfig, name: str, patience: float, stopped: Callable[[], 
     """Try again until somebody answers: a try is short, because it cannot be interrupted."""
     built = config.build(name)
     where = ", ".join(json.loads(built.get_json("connect/endpoints")))
-    end, pause = clock.now() + patience, threading.Event()
-    told = False
+    start, pause, told = clock.now(), threading.Event(), False
     while not stopped():
         try:
             return zenoh.open(built)
         except zenoh.ZError as error:
             if not str(error).startswith("Unable to connect"):
                 raise Mistake(f"{name}: {_plain(error)}; name other endpoints with -e or -l") from error
-            if clock.now() >= end:
+            waited = clock.now() - start
+            if waited >= patience:
                 raise Mistake(
                     f"{name}: no Zenoh router answers at {where}; start `blackboard router` there, or name another endpoint "
                     "with -e (RUST_LOG=zenoh=debug tells more)"
                 ) from error
-        if not told:
+        if waited >= TELL and not told:
             log.info("%s: waiting for a router at %s", name, where)
             told = True
         pause.wait(PAUSE)

@@ -42,11 +42,13 @@ class Supervisor:
     """An asynchronous context; on leaving it, however that comes about, everything that was started is stopped.
 
     Where a process ends with the exit status of a person's mistake, the body is cancelled and `Mistake` leaves the context
-    with the process's last line.
+    with the process's last line. So that this line stands alone, what processes say is held back until `release`, a death,
+    or an end for another reason.
     """
 
-    def __init__(self, tell: Callable[[str, str], None] = say, stop_seconds: float = STOP_SECONDS) -> None:
-        self._tell, self._stop_seconds = tell, stop_seconds
+    def __init__(self, show: Callable[[str, str], None] = say, stop_seconds: float = STOP_SECONDS) -> None:
+        self._show, self._stop_seconds = show, stop_seconds
+        self._held: list[tuple[str, str]] | None = []
         self._group = asyncio.TaskGroup()
         self._kept: list[asyncio.Task[None]] = []
 
@@ -62,7 +64,12 @@ class Supervisor:
         try:
             await self._group.__aexit__(kind, error, at)
         except BaseExceptionGroup as group:
-            raise group.exceptions[0] from None  # the one that cancelled the others
+            cause = group.exceptions[0]  # the one that cancelled the others
+            if isinstance(cause, Mistake):
+                self._held = []
+            raise cause from None
+        finally:
+            self.release()
 
     def keep(self, process: Process) -> None:
         """Start a process, and again whenever it dies, later each time."""
@@ -74,9 +81,22 @@ class Supervisor:
         status = await self._once(process, output.append)
         return status, "\n".join(output)
 
+    def release(self) -> None:
+        """Show what was held back, and from now on everything at once."""
+        held, self._held = self._held or [], None
+        for name, line in held:
+            self._show(name, line)
+
+    def _tell(self, name: str, line: str) -> None:
+        if self._held is None:
+            self._show(name, line)
+        else:
+            self._held.append((name, line))
+
     async def _keep(self, process: Process) -> None:
         for pause in itertools.chain(BACK_OFF, itertools.repeat(BACK_OFF[-1])):
             status = await self._once(process, lambda line: self._tell(process.name, line))
+            self.release()
             self._tell(process.name, f"ended with status {status}; starting it again in {pause:g} s")
             await asyncio.sleep(pause)
 

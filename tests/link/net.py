@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -53,6 +54,14 @@ def introduce(listener: Link, speaker: Link) -> None:
     listener.token(ready)
     speaker.watch(ready)
     wait_until(lambda: Envelope(ready, kind=Kind.ALIVE) in speaker.receive(0.05), "the token is seen")
+
+
+@contextmanager
+def mute_server() -> Iterator[tuple[socket.socket, str]]:
+    """Somebody who takes connections and says nothing, and the endpoint."""
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        mute.settimeout(LONG)
+        yield mute, f"tcp/127.0.0.1:{mute.getsockname()[1]}"
 
 
 def is_running(pid: int) -> bool:

@@ -10,7 +10,7 @@ import pytest
 from blackboard.errors import Mistake
 from blackboard.launch import free_port
 from blackboard.link import Link, LinkConfig
-from tests.link.net import program
+from tests.link.net import mute_server, program
 
 pytestmark = pytest.mark.system
 
@@ -39,6 +39,15 @@ def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
         assert door.err.count("\n") == 1
 
 
+def test_what_only_a_child_can_find_is_one_line_too(tmp_path: Path) -> None:
+    file = tmp_path / "wrong.toml"
+    file.write_text("[team]\nsub_teams = { a = ['r1'] }\n[robot]\nlegs = 4\n")
+    with program("-m", "blackboard", "up", str(file)) as door:
+        assert door.ends() == 2
+        said = [line for line in door.err.splitlines() if "waiting for a router" not in line]  # on a slow machine
+        assert said == [f"error: {file}: robot.legs: no such key; remove it or mend its spelling"]
+
+
 def test_a_router_says_that_its_port_is_in_use(endpoint: str) -> None:
     with program("-m", "blackboard", "router", "-l", endpoint) as second:
         assert second.ends() == 2
@@ -56,10 +65,11 @@ def test_a_board_ends_in_order_at_a_signal(endpoint: str, number: signal.Signals
 
 
 def test_a_board_that_waits_for_a_router_ends_at_a_signal() -> None:
-    with program("-m", "blackboard", "serve", "--sub-team", "a", "-e", f"tcp/127.0.0.1:{free_port()}") as board:
-        board.says("waiting for a router")
+    with mute_server() as (mute, where), program("-m", "blackboard", "serve", "--sub-team", "a", "-e", where) as board:
+        mute.accept()[0].close()  # it tries to connect
         board.running.send_signal(signal.SIGTERM)
         assert board.ends() == 0
+        assert board.err == ""
 
 
 def test_the_admin_space_of_a_router_can_be_read_by_whoever_asks(endpoint: str) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +22,7 @@ from blackboard.errors import Mistake
 from blackboard.launch import Failed, Table, run_scenario, table
 from blackboard.link import LinkConfig
 from blackboard.supervisor import Process
-from tests.link.net import LONG, children, program
+from tests.link.net import children, mute_server, program
 
 TEAM = {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r2"]}}
 SCENARIO = Scenario({"team": TEAM, "time": {"tick": 0.5, "seconds": 10.0}}, "team.toml")
@@ -180,14 +179,11 @@ def test_a_mistake_of_a_child_names_the_persons_file(run: Run) -> None:
 @pytest.mark.system
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
 def test_one_signal_stops_a_run_that_still_waits_for_its_network(number: signal.Signals) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as mute:
-        mute.settimeout(LONG)
-        where = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
-        with program("-m", "blackboard", "demo", "--json", "-e", where) as demo:
-            mute.accept()[0].close()  # it tries to connect
-            demo.running.send_signal(number)
-            assert demo.ends() == INTERRUPTED
-            assert demo.out == ""
+    with mute_server() as (mute, where), program("-m", "blackboard", "demo", "--json", "-e", where) as demo:
+        mute.accept()[0].close()  # it tries to connect
+        demo.running.send_signal(number)
+        assert demo.ends() == INTERRUPTED
+        assert demo.out == ""
 
 
 @pytest.mark.system

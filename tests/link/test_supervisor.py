@@ -28,6 +28,7 @@ async def main():
         for name, text in (("usual", {ENDLESS!r}), ("stubborn", {STUBBORN!r})):
             code = "from blackboard.door import follow_parent; follow_parent();" + text
             supervisor.keep(Process(name, (sys.executable, "-c", code)))
+        supervisor.release()
         await asyncio.Event().wait()
 asyncio.run(main())
 """
@@ -56,12 +57,14 @@ class Diary:
                 await self._news.wait()
 
 
-def supervise(body: Callable[[Supervisor, Diary], Awaitable[object]]) -> Diary:
-    """Run a body inside a supervisor with a short grace."""
+def supervise(body: Callable[[Supervisor, Diary], Awaitable[object]], released: bool = True) -> Diary:
+    """Run a body inside a supervisor with a short grace; nothing is held back unless asked for."""
     diary = Diary()
 
     async def main() -> None:
         async with Supervisor(diary, stop_seconds=0.2) as supervisor:
+            if released:
+                supervisor.release()
             await body(supervisor, diary)
 
     asyncio.run(main())
@@ -112,6 +115,32 @@ def test_a_mistake_of_one_stops_all_and_is_told() -> None:
 
     with pytest.raises(Mistake, match=r"^r2\.x: no such key$"):
         supervise(body)
+
+
+def test_before_the_release_a_mistake_stands_alone() -> None:
+    diaries: list[Diary] = []
+
+    async def body(supervisor: Supervisor, diary: Diary) -> None:
+        diaries.append(diary)
+        await supervisor.run(python("r1", "import sys; print('up', file=sys.stderr)"))
+        await supervisor.run(python("r2", "import sys; print('error: no such key', file=sys.stderr); sys.exit(2)"))
+
+    with pytest.raises(Mistake, match=r"^no such key$"):
+        supervise(body, released=False)
+    assert diaries[0].lines == []
+
+
+@pytest.mark.parametrize("code", ["", "raise SystemExit(1)"])
+def test_what_was_held_back_is_shown_at_the_end_or_at_a_death(code: str) -> None:
+    async def body(supervisor: Supervisor, diary: Diary) -> None:
+        await supervisor.run(python("r1", "import sys; print('up', file=sys.stderr)"))
+        assert diary.lines == []
+        if code:
+            supervisor.keep(python("r2", code))
+            await diary.has("r2", "ended with status 1; starting it again in 0.2 s")
+            assert diary.lines[0] == ("r1", "up")
+
+    assert supervise(body, released=False).lines[0] == ("r1", "up")
 
 
 def test_a_mistake_without_a_word_names_the_process() -> None:

@@ -50,11 +50,14 @@ def test_it_is_the_sum_over_all_subsets_with_any_parameters(
 
 
 def test_products_far_below_the_smallest_float_still_decide() -> None:
-    """Two camps that rule each other out by 1e-300: C_10 is 1e-1500 everywhere, and wins over C_5 for its exponent."""
-    a, b = np.array([1.0, 1e-300, 1e-280]), np.array([1e-300, 1.0, 1e-290])
-    opinions = np.stack([a / a.sum()] * 5 + [b / b.sum()] * 5)
-    terms = oracles.cooperative_terms(opinions, [1.0] * 10, alphas(10).tolist())
-    pool, shares = oracles.cooperative(terms)
+    """Ten opinions, two cells each, 1e-40 elsewhere: C_10 is 1e-352 everywhere, and wins, for C_1^1023 is far less."""
+    rng = np.random.default_rng(11)
+    opinions = 1e-40 * rng.random((10, 20))
+    for i, opinion in enumerate(opinions):
+        opinion[2 * i : 2 * i + 2] = 0.4 + 0.2 * rng.random(2)
+    opinions /= opinions.sum(axis=1, keepdims=True)
+    pool, shares = oracles.cooperative(oracles.cooperative_terms(opinions, [1.0] * 10, alphas(10).tolist()))
+    assert shares[-1] > 0.99
     assert np.abs(cooperative_pool(opinions) - pool).max() <= 1e-12
     assert np.abs(cooperative_components(opinions) - shares).max() <= 1e-12
 

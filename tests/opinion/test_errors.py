@@ -31,6 +31,7 @@ def stack(**cells: float) -> Array:
         (stack(value=float("nan")), "opinion 2, cell (1, 2): nan is no probability; give finite values of at least 0"),
         (stack(value=float("inf")), "opinion 2, cell (1, 2): inf is no probability"),
         (stack(value=-0.25), "opinion 2, cell (1, 2): -0.25 is no probability"),
+        ([[0.5, 0.5], [1.5, -0.5]], "opinion 1, cell (1,): -0.5 is no probability"),
         (stack(value=-float("inf")), "opinion 2, cell (1, 2): -inf is no probability"),
         (stack(value=0.5), "opinion 2: its cells sum to 1.33333333, not to 1 within 1e-06; divide it by its sum"),
         (stack() * 0, "opinion 0: its cells sum to 0, not to 1"),
