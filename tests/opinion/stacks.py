@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.grid import Array
 
-few = settings(max_examples=25)
+few = settings(max_examples=15)
 
 KINDS = ("random", "sparse", "one-hot", "near-zero", "identical", "mixed")
 SHAPES = ((5,), (3, 4), (2, 2, 3))

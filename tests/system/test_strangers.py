@@ -83,10 +83,18 @@ def test_a_hostile_client_is_counted_and_the_board_lives(endpoint: str) -> None:
             return statuses[-1].refused if statuses else {}
 
         wait_until(lambda: bool(refused()) or bool(statuses), "the board is alive")
-        for payload in (b"", b"\xc1", b"\x81\xa7version\x09", b"\x81\xa7version\x01", bytes(64 * MAX_BYTES)):
-            link.send(Envelope(key, payload))
-        wait_until(
-            lambda: {"not-msgpack", "version", "fields", "too-large"} <= refused().keys(),
-            lambda: f"all reasons are counted: {refused()}",
-            60.0,
-        )
+        bad = {
+            "not-msgpack": b"\xc1",
+            "version": b"\x81\xa7version\x09",
+            "fields": b"\x81\xa7version\x01",
+            "too-large": bytes(64 * MAX_BYTES),
+        }
+        for reason, payload in bad.items():
+
+            def counted(reason: str = reason, payload: bytes = payload) -> bool:
+                link.send(Envelope(key, payload))  # again and again: a loaded network may drop what is DROP
+                return reason in refused()
+
+            wait_until(counted, f"{reason} is counted", 60.0)
+        before = len(statuses)
+        wait_until(lambda: refused() and len(statuses) > before, "the board lives on")
