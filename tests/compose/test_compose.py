@@ -71,7 +71,8 @@ def test_the_image_is_small_has_no_build_tools_and_is_not_root(project: Project)
 
 def test_up_ends_with_the_scorecard_and_pass_as_its_exit_status(plain_run: CompletedProcess[str]) -> None:
     assert plain_run.returncode == 0, plain_run.stdout[-5000:] + plain_run.stderr[-1000:]
-    lines = re.findall(r"([a-z][a-z0-9-]*)[-_]1 *\| ?(.*)", plain_run.stdout)  # service, what it said
+    said = plain_run.stdout + plain_run.stderr
+    lines = re.findall(r"([a-z][a-z0-9-]*)[-_]1 *\| ?(.*)", said)  # a service, and what it said
     assert [text for service, text in lines if service == "world" and text.startswith("PASS")]
     assert {service for service, _ in lines} >= {"router", "world", *MEMBERS}
 
