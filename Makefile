@@ -39,7 +39,7 @@ rooms: $(VENV)/.dev
 	$(PYTEST) tests/test_rooms.py
 
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds
-	$(PYTEST) -m "not system and not compose" --durations=5
+	$(PYTEST) -m "not system and not compose" -n 2 --durations=5
 
 system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1
 	$(PYTEST) -m system --durations=5
