@@ -7,12 +7,12 @@ sub-teams into the `agreed` belief. Both name everything by (subject, source), s
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
-from blackboard.fusion import Fusion, fuse_opinions
+from blackboard.fusion import Fusion, fuse_opinions, in_force
 from blackboard.opinion.belief import Belief, blur
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
@@ -74,7 +74,7 @@ class Board:
             words, left_out = self._usable(self._words[subject], now)
             opinions = [o for source in sorted(words) for o in self._admitted(words[source], now)]
             if opinions:
-                fusion = fuse_opinions(opinions, self.grid, self.settings)
+                fusion = fuse_opinions(opinions, self.grid, self.settings, subject)
                 found.append(self._consensus("consensus", subject, tick, now, fusion, left_out))
         self._words = {subject: words for subject, words in self._words.items() if words}
         return found
@@ -107,7 +107,7 @@ class Board:
                 continue
             if len(words) == 1:  # nobody to exchange with: what the sub-team believes stands
                 opinions = opinions[-1:]
-            fusion = fuse_opinions(opinions, self.grid, self.settings)
+            fusion = fuse_opinions(opinions, self.grid, self.settings, subject)
             found.append(self._consensus("agreed", subject, tick, now, fusion, left_out))
         return found
 
@@ -156,6 +156,7 @@ class Board:
         self, level: str, subject: str, tick: int, now: float, fusion: Fusion, left_out: list[LeftOut]
     ) -> Consensus:
         first = fusion.firsthand
+        rule = self.settings.of(subject)
         whole = all(share.how == "independent" for share in fusion.shares)
         return Consensus(
             board=self.name,
@@ -181,16 +182,6 @@ class Board:
             components=fusion.components,
             entropy=entropy(fusion.belief.p),
             conflict=fusion.conflict,
-            rule=self.settings.rule,
-            parameters=parameters(self.settings),
+            rule=rule.rule,
+            parameters=in_force(rule),
         )
-
-
-def parameters(settings: BoardSection) -> dict[str, float]:
-    """The numbers in force, for the story of a consensus and the status."""
-    numbers: Mapping[str, float | None] = {
-        "k": settings.k,
-        "gamma": settings.gamma,
-        "reference_cell": settings.reference_cell,
-    }
-    return {name: value for name, value in numbers.items() if value is not None}

@@ -22,6 +22,8 @@ from blackboard.opinion.grid import Grid
 SECTIONS = ("name", "team", "grid", "time", "board", "robot", "world")
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+#: A subject, or several: each of the two chunks may be `*`, as in a key expression.
+Subjects = Annotated[str, Field(pattern=r"^(robot|object|landmark|\*)/([A-Za-z0-9_.-]{1,64}|\*)$")]
 
 
 class Section(BaseModel):
@@ -61,18 +63,41 @@ class TimeSection(Section):
     mode: Literal["lockstep", "realtime"] = "lockstep"
 
 
-class BoardSection(Section):
-    """How a board pools. The rule's parameters are the paper's: weights 1 / H^k (III-A.1), alpha ratio gamma (V-C).
+class RuleSection(Section):
+    """A rule for pooling first-hand beliefs, and its parameters; those that the rule does not have are not looked at.
 
-    The defaults are argued in docs/paper.md; `rule = "cooperative"` with `gamma = 0.5` is the paper's own.
+    The defaults are argued in docs/paper.md. The paper's own are `rule = "cooperative"`, `k = 2`, `gamma = 0.5`.
     """
 
     rule: str = "coalition"
-    k: Annotated[float, Field(ge=0, le=10)] = 2.0
-    gamma: Annotated[float, Field(gt=0, le=1)] = 0.25
+    k: Annotated[float, Field(ge=0, le=10)] = 2.0  # weights 1 / H^k (III-A.1)
+    gamma: Annotated[float, Field(gt=0, le=1)] | None = None  # ratio of the alphas (V-C); None: 1/2, or by `gate`
+    gate: Annotated[float, Field(ge=0, le=100)] = 1.0  # of "coalition", where gamma is not given
     reference_cell: Positive | None = None  # edge in the grid's unit; None: the grid's own cell, the paper's formula
-    independence: Annotated[float, Field(ge=0, le=1)] = 1.0  # of opinions without a common ancestor ("coalition" only)
+    independence: Annotated[float, Field(ge=0, le=1)] = (
+        0.0  # within a coalition: 0 the mean of its members, 1 their product
+    )
     power: Positive | None = None  # of "calibrated"; None: alpha_N
+    a: Annotated[float, Field(ge=-20, le=20)] = 0.5  # exponent of "hoelder"
+    inner: str = "logarithmic"  # the rule behind the gate of "clique"
+    xi: Positive = 2.0  # nats, the gate of "clique" (II-A.1)
+
+    @model_validator(mode="after")
+    def _known_rules(self) -> RuleSection:
+        from blackboard.opinion.pools import POOLS
+
+        for field, rule in (("rule", self.rule), ("inner", self.inner)):
+            if rule not in POOLS:
+                raise ValueError(f"{field} {rule!r} is none of {', '.join(sorted(POOLS))}")
+        if self.inner == "clique":
+            raise ValueError("inner: a gate behind a gate gains nothing; name another rule")
+        return self
+
+
+class BoardSection(RuleSection):
+    """[board]: the rule, also per subject ([board.subjects."object/ball"], "object/*"), and how a board keeps time."""
+
+    subjects: dict[Subjects, RuleSection] = Field(default_factory=dict)
     feedback: Literal["paper", "guarded", "off"] = "guarded"
     max_age: Positive = 10.0  # seconds of team time after which a source that fell silent is left out
     drift: Annotated[float, Field(ge=0)] = 1.0  # unit per square root of a second: how an old report spreads
@@ -80,13 +105,14 @@ class BoardSection(Section):
     patience: Positive = 2.0  # wall seconds to wait for a registered robot or another board in one tick
     period: Positive = 0.2  # seconds between settlements where no world gives the clock
 
-    @model_validator(mode="after")
-    def _known_rule(self) -> BoardSection:
-        from blackboard.opinion.pools import POOLS
-
-        if self.rule not in POOLS:
-            raise ValueError(f"rule {self.rule!r} is none of {', '.join(sorted(POOLS))}")
-        return self
+    def of(self, subject: str) -> RuleSection:
+        """The rule for a subject: the board's, with what the matching tables set instead, the most exact one last."""
+        own = {name: getattr(self, name) for name in RuleSection.model_fields}
+        for pattern in sorted(self.subjects, key=lambda p: (-p.count("*"), p)):
+            if all(a in ("*", b) for a, b in zip(pattern.split("/"), subject.split("/"), strict=False)):
+                table = self.subjects[pattern]
+                own |= {name: getattr(table, name) for name in table.model_fields_set}
+        return RuleSection(**own)
 
 
 S = TypeVar("S", bound=Section)

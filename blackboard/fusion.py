@@ -8,15 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from blackboard.config import BoardSection
+from blackboard.config import BoardSection, RuleSection
 from blackboard.errors import OpinionError
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.pools import chernoff, cooperative_components, fuse, linear_pool, parameters
+from blackboard.opinion.pools import (
+    ENTROPY_WEIGHTED,
+    chernoff,
+    cooperative_components,
+    fuse,
+    linear_pool,
+    parameters,
+)
 from blackboard.opinion.weights import entropy, entropy_weights
 from blackboard.provenance import Opinion, split, union
 
@@ -45,14 +53,44 @@ class Fusion:
     conflict: bool = False
 
 
-def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSection) -> Fusion:
+def pool(stack: Array, grid: Grid, rule: RuleSection) -> Array:
+    """Pool opinions (N, *grid shape) by a rule with its parameters; OpinionError where a veto leaves no cell."""
+    own: dict[str, Any] = {name: v for name, v in in_force(rule).items() if name not in ("k", "reference_cell")}
+    return fuse(rule.rule, stack, k=rule.k, cell_ratio=cell_ratio(grid, rule), **own)
+
+
+def in_force(rule: RuleSection) -> dict[str, float | str]:
+    """The parameters of a rule that count, by the names of its table: its own, and those of the rule behind its gate."""
+    names = set(parameters(rule.rule, rule.inner))
+    weighted = ENTROPY_WEIGHTED & ({rule.rule, rule.inner} if rule.rule == "clique" else {rule.rule})
+    names |= {"k"} if weighted else set()
+    names |= {"reference_cell"} if weighted or "cell_ratio" in names else set()
+    if "gamma" in names:
+        names.discard("gate" if rule.gamma is not None or "gate" not in names else "gamma")
+    values = {name: getattr(rule, name) for name in RuleSection.model_fields if name in names}
+    if "gamma" in values:
+        values["gamma"] = gamma(rule)
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def gamma(rule: RuleSection) -> float:
+    """The ratio of the alphas where it counts: the paper's unless another is given."""
+    return 0.5 if rule.gamma is None else rule.gamma
+
+
+def cell_ratio(grid: Grid, rule: RuleSection) -> float:
+    """v_ref / v_cell: 1 without a reference cell."""
+    return 1.0 if rule.reference_cell is None else float((rule.reference_cell / grid.cell) ** grid.ndim)
+
+
+def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSection, subject: str) -> Fusion:
     """Pool opinions about one subject, at least one, all on `grid`; the order does not matter."""
     opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
     if settings.feedback == "paper":  # Table I to the letter: everything is multiplied
         independent, overlapping = list(opinions), list[Opinion]()
     else:
         independent, overlapping = split(opinions)
-    firsthand, shares, components = _pool_independent(independent, grid, settings)
+    firsthand, shares, components = _pool_independent(independent, grid, settings.of(subject))
     belief, more = _pool_overlapping(firsthand, overlapping)
     scale = 1.0 - sum(share.weight for share in more)
     shares = [Share(s.opinion, s.weight * scale, s.how) for s in shares] + more
@@ -67,18 +105,17 @@ def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSectio
 
 
 def _pool_independent(
-    opinions: Sequence[Opinion], grid: Grid, settings: BoardSection
+    opinions: Sequence[Opinion], grid: Grid, rule: RuleSection
 ) -> tuple[Opinion, list[Share], list[float]]:
     stack = np.stack([o.belief.p for o in opinions])
-    ratio = 1.0 if settings.reference_cell is None else (settings.reference_cell / grid.cell) ** grid.ndim
-    own = {"independence": settings.independence, "power": settings.power}
-    more = {n: v for n, v in own.items() if v is not None and n in parameters(settings.rule)}
-    weights = entropy_weights(stack, settings.k, cell_ratio=ratio)
+    ratio = cell_ratio(grid, rule)
+    weights = entropy_weights(stack, rule.k, cell_ratio=ratio)
     try:
-        pooled = fuse(settings.rule, stack, k=settings.k, gamma=settings.gamma, cell_ratio=ratio, **more)
+        pooled = pool(stack, grid, rule)
     except OpinionError:  # a rule with a veto, and opinions that rule each other out: all hypotheses stay
         pooled = linear_pool(stack, weights)
-    components = cooperative_components(stack, weights, gamma=settings.gamma, cell_ratio=ratio)
+    gate = rule.gate if "gate" in in_force(rule) else None
+    components = cooperative_components(stack, weights, gamma=gamma(rule), gate=gate, cell_ratio=ratio)
     name = opinions[0].source if len(opinions) == 1 else ""
     age = min(o.age for o in opinions)
     shares = [Share(o, float(w), "independent") for o, w in zip(opinions, weights, strict=True)]

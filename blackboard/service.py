@@ -9,9 +9,10 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 
-from blackboard.board import Board, parameters
+from blackboard.board import Board
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
+from blackboard.fusion import in_force
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.codec import encode, open_envelope
@@ -39,6 +40,7 @@ class BoardService:
         self._world = False  # whether a world is alive, which gives the clock
         self._early: deque[Envelope] = deque(maxlen=EARLY)  # what came before its first clock
         self._heard_at: dict[str, float] = {}  # source -> when, for the ages
+        self._settings = settings_in_force(settings)
         self._status_due = 0.0
         self._begin(None)
 
@@ -269,10 +271,19 @@ class BoardService:
             counters=dict(self.counters),
             refused=dict(self.refused),
             ages={source: now - at for source, at in sorted(self._heard_at.items())},
-            settings={"rule": self.settings.rule, "feedback": self.settings.feedback, **parameters(self.settings)},
+            settings=self._settings,
         )
         return Envelope(keys.STATUS.key(team=self.team, sub_team=self.sub_team, process=self.name), encode(status))
 
     def _idle_status(self, now: float) -> list[Envelope]:
         """A sign of life once a second: the last status again, with fresh counters."""
         return [self._status(*self._last_said, now)] if now >= self._status_due else []
+
+
+def settings_in_force(settings: BoardSection) -> dict[str, str | float]:
+    """For people: the rule and its parameters, and the same for each table of `subjects`, as `object/ball.rule`."""
+    found: dict[str, str | float] = {"rule": settings.rule, **in_force(settings), "feedback": settings.feedback}
+    for pattern in sorted(settings.subjects):
+        rule = settings.of(pattern)
+        found |= {f"{pattern}.{name}": value for name, value in {"rule": rule.rule, **in_force(rule)}.items()}
+    return found

@@ -30,12 +30,24 @@ LEAST_PRODUCT = 1e-280  # of a cell's ratios, for the simple scaling: 1e-308 is 
 BLOCK = 1024  # cells worked on at a time, so that they stay in the processor's cache
 
 
-def alphas(n: int, gamma: float = 0.5) -> Array:
-    """The exponents' inverses alpha_1..alpha_n, alpha_q = alpha_{q-1} / gamma, summing to 1, for 0 < gamma <= 1 (V-C)."""
-    if not 0 < gamma <= 1:
+def alphas(n: int, gamma: float = 0.5, gate: float | None = None) -> Array:
+    """The exponents' inverses alpha_1..alpha_n, summing to 1 (V-C).
+
+    The paper's are geometric, alpha_q = alpha_{q-1} / gamma, 0 < gamma <= 1. Of q opinions with about the same peak p these
+    leave one out when it costs more than ((q - 1) (1 / gamma - 1) - 1) |ln p| nats to agree with it: a tolerance that grows with the
+    number of opinions, and that a pair hardly has. A gate g >= 0 makes it g |ln p| for every q instead:
+    alpha_q = alpha_{q-1} (q + g) / (q - 1), whatever gamma (docs/paper.md). 1 gives the triangular numbers.
+    """
+    if gate is not None:
+        if not (math.isfinite(gate) and gate >= 0):
+            raise OpinionError(f"gate {gate}: give a tolerance of at least 0, in units of |ln p| at the peak")
+        q = np.arange(2, n + 1)
+        rising = np.cumprod([1.0, *((q + gate) / (q - 1))])
+    elif not 0 < gamma <= 1:
         raise OpinionError(f"gamma {gamma}: give the ratio of two alphas, above 0 and at most 1")
-    falling = float(gamma) ** np.arange(n - 1, -1, -1)
-    return np.asarray(np.maximum(falling / falling.sum(), 1e-300))  # far too small to matter, and 1 / alpha is finite
+    else:
+        rising = float(gamma) ** np.arange(n - 1, -1, -1)
+    return np.asarray(np.maximum(rising / rising.sum(), 1e-300))  # far too small to matter, and 1 / alpha is finite
 
 
 def cooperative_pool(
@@ -55,14 +67,19 @@ def cooperative_pool(
 
 
 def cooperative_components(
-    opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None, *, gamma: float = 0.5, cell_ratio: float = 1.0
+    opinions: npt.ArrayLike,
+    weights: npt.ArrayLike | None = None,
+    *,
+    gamma: float = 0.5,
+    gate: float | None = None,
+    cell_ratio: float = 1.0,
 ) -> Array:
     """The share of C_1^(1/alpha_1) .. C_N^(1/alpha_N) in the mass of the COP, shape (N,), summing to 1.
 
     The story of a consensus: most of it in C_N means all agree, in C_q that the best coalition has q members.
     """
     stack = checked(opinions)
-    mass = _mass(powered_components(stack, weights, alphas(len(stack), gamma), cell_ratio)).sum(axis=1)
+    mass = _mass(powered_components(stack, weights, alphas(len(stack), gamma, gate), cell_ratio)).sum(axis=1)
     return np.asarray(mass / mass.sum())
 
 
@@ -87,19 +104,20 @@ def coalition_pool(
     weights: npt.ArrayLike | None = None,
     *,
     gamma: float = 0.5,
+    gate: float | None = None,
     cell_ratio: float = 1.0,
     independence: float = 0.0,
 ) -> Array:
     """sum_q m_q norm(C_q^(e_q)): COP only chooses the coalitions, by the mass m_q of component q in it.
 
     Within a coalition of q opinions e_q = q^-(1 - independence): 0 is the geometric mean of its members, which is safe
-    when they share information; 1 is their product, right when they are independent.
+    when they share information; 1 is their product, right when they are independent. gamma and gate: see `alphas`.
     """
     stack = checked(opinions)
     if not 0 <= independence <= 1:
         raise OpinionError(f"independence {independence}: give a value from 0 (may be echoes) to 1 (independent)")
     n = len(stack)
-    alpha = alphas(n, gamma)
+    alpha = alphas(n, gamma, gate)
     terms = powered_components(stack, weights, alpha, cell_ratio)
     mass = _mass(terms).sum(axis=1)
     pooled = np.zeros(terms.shape[1])

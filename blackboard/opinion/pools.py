@@ -70,28 +70,26 @@ def clique_pool(
     *,
     inner: str = "logarithmic",
     xi: float = 2.0,
-    k: float = 2.0,
-    gamma: float = 0.5,
-    cell_ratio: float = 1.0,
+    **own: Any,
 ) -> Array:
     """The rule `inner` behind a gate: it pools only the largest set of opinions that agree in pairs.
 
     Two agree within a Bhattacharyya distance of `xi` nats (II-A.1): 2 is that of equally wide Gaussians 4 sigma apart, which
     honest ones exceed in 2 of 100 cases (2-D). Where several sets are equally large, nothing says which one is right, and the
-    mean of their pools keeps them all. weights None: as `fuse` takes them for the inner rule, within the set. Raises as `fuse`.
+    mean of their pools keeps them all. weights None: as `fuse` takes them for the inner rule, within the set; `own` are the
+    inner rule's parameters. Raises as `fuse`.
     """
     stack = checked(opinions)
     if inner == "clique":
         raise ValueError("clique: the inner rule cannot be clique again; name another one")
     given = None if weights is None else checked_weights(weights, len(stack))
-    offered = {"k": k, "gamma": gamma, "cell_ratio": cell_ratio}
     pooled = []
     for clique in largest_cliques(stack, positive(xi, "xi")):
         members = list(clique)
         if given is None:
-            pooled.append(fuse(inner, stack[members], k=k, gamma=gamma, cell_ratio=cell_ratio))
+            pooled.append(fuse(inner, stack[members], **own))
         else:
-            pooled.append(_call(inner, stack[members], given[members], offered))
+            pooled.append(_call(inner, stack[members], given[members], own))
     return linear_pool(np.stack(pooled))
 
 
@@ -128,26 +126,31 @@ def fuse(
     """Pool opinions (N, *grid shape) by the name of a rule, with the weights (III-A.1) where the rule takes them.
 
     k, gamma and cell_ratio are a board's settings and passed on to rules that have them; `more` are parameters of this very
-    rule. Raises OpinionError for bad opinions and where a veto leaves no cell, ValueError for an unknown rule or parameter.
+    rule (and of the one behind the gate of "clique"). Raises OpinionError for bad opinions and where a veto leaves no cell,
+    ValueError for an unknown rule or parameter.
     """
-    unknown = sorted(set(more) - parameters(rule))
+    known = parameters(rule, more.get("inner"))
+    unknown = sorted(set(more) - known)
     if unknown:
-        has = ", ".join(sorted(parameters(rule))) or "none"
-        raise ValueError(f"rule {rule!r} has no parameter {unknown[0]!r}; it has {has}")
+        raise ValueError(f"rule {rule!r} has no parameter {unknown[0]!r}; it has {', '.join(sorted(known)) or 'none'}")
     stack = checked(opinions)
     weights = entropy_weights(stack, k, cell_ratio=cell_ratio) if rule in ENTROPY_WEIGHTED else None
     return _call(rule, stack, weights, {"k": k, "gamma": gamma, "cell_ratio": cell_ratio, **more})
 
 
 @cache
-def parameters(rule: str) -> frozenset[str]:
-    """The names of a rule's own parameters; ValueError for an unknown rule."""
+def parameters(rule: str, inner: str | None = None) -> frozenset[str]:
+    """The names of a rule's own parameters, and of those of the rule behind its gate; ValueError for an unknown rule."""
     if rule not in POOLS:
         raise ValueError(f"rule {rule!r} is none of {', '.join(sorted(POOLS))}")
     own = inspect.signature(POOLS[rule]).parameters.values()
-    return frozenset(p.name for p in own if p.kind is inspect.Parameter.KEYWORD_ONLY)
+    names = frozenset(p.name for p in own if p.kind is inspect.Parameter.KEYWORD_ONLY)
+    return names | parameters(inner or "logarithmic") if rule == "clique" and inner != "clique" else names
 
 
 def _call(rule: str, stack: Array, weights: Array | None, offered: dict[str, Any]) -> Array:
     """The rule, with what it has of the parameters offered."""
-    return POOLS[rule](stack, weights, **{name: offered[name] for name in parameters(rule) & offered.keys()})
+    has = parameters(rule, offered.get("inner"))
+    if rule == "clique":
+        has |= {"k", "gamma", "cell_ratio"}  # for the weights behind the gate, too
+    return POOLS[rule](stack, weights, **{name: offered[name] for name in has & offered.keys()})

@@ -140,7 +140,7 @@ class Consensus(Message):
     entropy: Finite  # nats
     conflict: bool  # some opinion is sharper than the consensus (the paper's entropy test)
     rule: str
-    parameters: dict[str, float] = Field(default_factory=dict)
+    parameters: dict[str, str | float] = Field(default_factory=dict)
 
 
 class Status(Message):

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from blackboard.board import MAX_SOURCES, MAX_SUBJECTS, Board
-from blackboard.config import BoardSection
+from blackboard.config import BoardSection, RuleSection
 from blackboard.errors import Refused
+from blackboard.fusion import in_force
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.pools import POOLS, chernoff, fuse
+from blackboard.opinion.pools import ENTROPY_WEIGHTED, POOLS, chernoff, fuse, parameters
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.messages import Consensus, Informed, Report
@@ -101,7 +102,7 @@ def test_feeding_the_consensus_back_sharpens_only_where_the_paper_is_taken_liter
     """The echo loop of theory.md: adopt the consensus, report it, no new data. Guarded: nothing is gained."""
     gained = {}
     for feedback in ("guarded", "paper", "off"):
-        it, informed = board(feedback=feedback), None
+        it, informed = board(feedback=feedback, independence=1.0), None
         entropies = []
         for tick in range(4):
             for source, x in (("r1", 10), ("r2", 12)):
@@ -197,7 +198,8 @@ def exchanged(*sub_teams: Board, tick: int = 0, now: float = 0.0) -> dict[str, C
 
 
 def test_after_the_exchange_all_sub_teams_hold_the_same_belief() -> None:
-    a, b = Board("a", "a", GRID, BoardSection()), Board("b", "b", GRID, BoardSection())
+    settings = BoardSection(independence=1.0)
+    a, b = Board("a", "a", GRID, settings), Board("b", "b", GRID, settings)
     a.hear(report("r1", at(10, 10, 3)), 0.0)
     a.hear(report("r2", at(12, 10, 3)), 0.0)
     b.hear(report("r4", at(11, 12, 2)), 0.0)
@@ -222,3 +224,30 @@ def test_without_another_opinion_the_consensus_stands_after_the_exchange() -> No
     consensus = only(a.settle(0, 0.0))
     a.hear_consensus(consensus, 0.0)
     assert only(a.exchange(0, 0.0)).belief == consensus.belief
+
+
+def test_a_subject_has_its_own_rule_and_its_story_says_so() -> None:
+    it = board(k=1.0, subjects={"object/*": {"rule": "clique", "inner": "cooperative"}, "object/ball": {"gamma": 0.25}})
+    said = at(10, 10, 3), at(12, 11, 2)
+    for subject in ("object/ball", "object/can", "robot/r1"):
+        for source, belief in zip(("r1", "r2"), said, strict=True):
+            it.hear(report(source, belief, subject=subject), 0.0)
+    ball, can, robot = it.settle(0, 0.0)
+    assert (ball.rule, can.rule, robot.rule) == ("clique", "clique", "coalition")
+    gate = {"inner": "cooperative", "xi": 2.0}
+    assert ball.parameters == {"k": 1.0, "gamma": 0.25, **gate}
+    assert can.parameters == {"k": 1.0, "gamma": 0.5, **gate}
+    assert robot.parameters == {"k": 1.0, "gate": 1.0, "independence": 0.0}
+    stack = np.stack([unpack(pack(b)).p for b in said])
+    for consensus, gamma in ((ball, 0.25), (can, 0.5)):
+        expected = fuse("clique", stack, inner="cooperative", k=1.0, gamma=gamma)
+        assert np.array_equal(unpack(consensus.belief).p, unpack(pack(Belief(GRID, expected))).p)
+
+
+@pytest.mark.parametrize("rule", sorted(POOLS))
+def test_what_is_in_force_is_what_the_rule_has(rule: str) -> None:
+    named = set(in_force(RuleSection(rule=rule, reference_cell=2.0, power=0.5, gamma=0.3)))
+    takes = parameters(rule, "logarithmic")
+    assert named - {"k", "reference_cell"} == takes - {"cell_ratio", "common", "gate"}
+    assert ("k" in named) == (rule in ENTROPY_WEIGHTED)
+    assert ("reference_cell" in named) == (rule in ENTROPY_WEIGHTED)

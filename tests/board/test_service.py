@@ -190,3 +190,19 @@ def test_bad_input_is_counted_and_changes_nothing(reason: str, envelope: Envelop
     assert len(said[0]) == 2
     assert disturbed.status().refused == {reason: 1}
     assert calm.status().refused == {}
+
+
+def test_the_status_shows_the_rules_in_force() -> None:
+    desk = Desk(gamma=0.25, subjects={"object/ball": {"rule": "median-log"}, "robot/*": {"gamma": 0.5}})
+    assert desk.status().settings == {
+        "rule": "coalition",
+        "k": 2.0,
+        "gamma": 0.25,
+        "independence": 0.0,
+        "feedback": "guarded",
+        "object/ball.rule": "median-log",
+        "robot/*.rule": "coalition",
+        "robot/*.k": 2.0,
+        "robot/*.gamma": 0.5,
+        "robot/*.independence": 0.0,
+    }

@@ -106,7 +106,7 @@ def test_unknown_rules_and_parameters() -> None:
     with pytest.raises(ValueError, match="rule 'median' is none of calibrated, channel-filter, chernoff"):
         fuse("median", stack())
     with pytest.raises(
-        ValueError, match="rule 'coalition' has no parameter 'xi'; it has cell_ratio, gamma, independence"
+        ValueError, match="rule 'coalition' has no parameter 'xi'; it has cell_ratio, gamma, gate, independence"
     ):
         fuse("coalition", stack(), xi=1.0)
     with pytest.raises(ValueError, match="rule 'linear' has no parameter 'power'; it has none"):

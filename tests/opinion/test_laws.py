@@ -21,6 +21,7 @@ RULES: dict[str, tuple[str, dict[str, object]]] = {
     "hoelder-2": ("hoelder", {"a": -2.0}),
     "hoelder+3": ("hoelder", {"a": 3.0}),
     "coalition-1": ("coalition", {"independence": 1.0}),
+    "coalition-gate": ("coalition", {"gate": 1.0}),
     "clique-cooperative": ("clique", {"inner": "cooperative", "xi": 1.0}),
 }
 IDEMPOTENT = {
@@ -30,8 +31,8 @@ IDEMPOTENT = {
 VETO = {"logarithmic", "geometric", "chernoff", "hoelder-2", "harmonic", "channel-filter", "clique"}
 #: Whatever the opinions, some cell survives.
 NEVER_EMPTY = {
-    "linear", "chernoff", "hoelder", "hoelder+3", "cooperative", "calibrated", "coalition", "coalition-1", "geometric-median",
-    "clique-cooperative",
+    "linear", "chernoff", "hoelder", "hoelder+3", "cooperative", "calibrated", "coalition", "coalition-1", "coalition-gate",
+    "geometric-median", "clique-cooperative",
 }  # fmt: skip
 #: Weights count relative to each other.
 RELATIVE = set(RULES) - {"logarithmic", "channel-filter", "clique"}
@@ -105,7 +106,9 @@ def test_echoes_gain_nothing_where_a_rule_is_idempotent(opinions: Array, copies:
 def test_echoes_do_gain_where_it_is_not(name: str) -> None:
     p = np.array([0.1, 0.2, 0.4, 0.3])
     gained = pool(name, np.stack([p, p]))[2] - p[2]
-    assert gained > 0.01 if name != "coalition" else abs(gained) < 0.01  # "yes in practice" (theory.md)
+    assert (
+        abs(gained) < 0.01 if name in ("coalition", "coalition-gate") else gained > 0.01
+    )  # "yes in practice" (theory.md)
 
 
 @each
@@ -166,7 +169,8 @@ def test_fuse_takes_entropy_weights_where_the_rule_does(name: str) -> None:
     rule, own = RULES[name]
     opinions = make("random", 4, SHAPES[1], np.random.default_rng(2))
     board = {"gamma": 0.4, "cell_ratio": 0.7}
-    settings = {key: value for key, value in {"k": 3.0, **board}.items() if key in parameters(rule)}
+    takes = {"k", *board} if rule == "clique" else parameters(rule)
+    settings = {key: value for key, value in {"k": 3.0, **board}.items() if key in takes}
     weights = entropy_weights(opinions, 3.0, cell_ratio=0.7) if rule in ENTROPY_WEIGHTED else None
     expected = POOLS[rule](opinions, weights, **settings, **own)
     assert np.array_equal(fuse(rule, opinions, k=3.0, gamma=0.4, cell_ratio=0.7, **own), expected)
