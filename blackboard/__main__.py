@@ -1,4 +1,4 @@
-"""The door of the blackboard: `blackboard demo | up | serve | router`."""
+"""The door of the blackboard: `blackboard demo | up | serve | router | health | lab | tune | figures`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import importlib
 import json
 import socket
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
@@ -15,10 +13,18 @@ from cyclopts import App, Parameter
 from blackboard import door
 from blackboard.config import Scenario, load
 from blackboard.errors import Mistake
+from blackboard.progress import progress
 
 app = App(
     name="blackboard", help="A distributed blackboard for robot teams: beliefs fused with the Cooperative Opinion Pool."
 )
+
+for command, about in {
+    "lab": "Put all rules to the same opinions and show how each did.",
+    "tune": "Choose a board's rule and parameters from simulated or recorded runs.",
+    "figures": "Draw the paper's figures and print the numbers behind them.",
+}.items():
+    app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
 
 Flag = Parameter(negative="")
 
@@ -196,8 +202,8 @@ def _run(
         scenario = scenario.changed("team", sub_teams=_spread(scenario, robots))
     _check(scenario)
     try:
-        with _progress(scenario.name) as progress:
-            status, card = run_scenario(scenario, progress, flags.link() if flags else None)
+        with progress(scenario.name) as tell:
+            status, card = run_scenario(scenario, tell, flags.link() if flags else None)
     except Failed as failure:
         print(f"error: {failure}", file=sys.stderr)
         return 1
@@ -225,21 +231,6 @@ def _spread(scenario: Scenario, robots: int) -> dict[str, list[str]]:
         name: [f"r{k + 1}" for k in range(low, high)]
         for name, low, high in zip(names, bounds, bounds[1:], strict=False)
     }
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Any]:
-    """A progress bar on a terminal, nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def text(card: dict[str, Any]) -> str:

@@ -1,13 +1,13 @@
-"""Cases: opinions about one subject at one instant, and the truth. Pure; chance is an argument.
+"""Cases: what several sources believe about one subject at one instant, and the truth. Pure; chance is an argument.
 
-A run is what one seed (or one stretch of a recording) gives: one case in the made-up trials below, many from a team.
+A run is what one seed, or one stretch of a recording, gives: one case in the trials below, many from a team.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from blackboard.opinion.grid import Array, Grid
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Opinions (N, *grid shape) of `sources` about `subject`, the first of them by the source whose gain is asked for."""
+    """Opinions (N, *grid shape) of N sources about a subject, in the order of `sources`."""
 
     grid: Grid
     subject: str
@@ -25,6 +25,12 @@ class Case:
     sources: tuple[str, ...]
     opinions: Array
     truth: tuple[float, ...]  # in the grid's unit
+    common: Array | None = None  # (M, *grid shape): what is known to be counted M times too often
+
+    def of(self, sources: Collection[str]) -> Case:
+        """The same with the opinions of these sources only."""
+        kept = [i for i, source in enumerate(self.sources) if source in sources]
+        return replace(self, sources=tuple(self.sources[i] for i in kept), opinions=self.opinions[kept])
 
 
 Run = list[Case]
@@ -34,18 +40,18 @@ GRID = Grid((50, 50))  # cells
 SOURCES = 5
 SIGMA = (1.5, 4.0)  # cells, drawn for each source
 MARGIN = 15.0  # cells between the truth and the border, so that no opinion is cut off there
-CORRELATION = 0.8  # of the errors of any two sources
+CORRELATION = 0.8  # of the errors of any two sources, relative to their sigmas
 LIE, LIAR_SIGMA = 12.0, 1.2  # cells: how far off a liar is, and how sure
 
 
 def independent(chance: np.random.Generator) -> Case:
-    """Five honest sources: each error is what its sigma says, and its own."""
+    """Five honest sources: the error of each is what its sigma says, and its own."""
     truth, sigmas = _draw(chance)
     return _case(truth, truth + sigmas[:, None] * chance.standard_normal((SOURCES, 2)), sigmas)
 
 
 def correlated(chance: np.random.Generator) -> Case:
-    """Honest one by one, but their errors have a common part (a wrong map, a shared calibration)."""
+    """Honest one by one, but their errors have a common part: a wrong map, a shared calibration."""
     truth, sigmas = _draw(chance)
     own, common = chance.standard_normal((SOURCES, 2)), chance.standard_normal(2)
     errors = math.sqrt(1 - CORRELATION) * own + math.sqrt(CORRELATION) * common
@@ -53,25 +59,25 @@ def correlated(chance: np.random.Generator) -> Case:
 
 
 def echoes(chance: np.random.Generator) -> Case:
-    """Two honest sources, of which one speaks four times: what gossip makes of one observation."""
+    """Two honest sources, of which one is heard four times: what gossip makes of one observation."""
     truth, sigmas = _draw(chance)
-    sigmas[1:4] = sigmas[0]
     means = truth + sigmas[:, None] * chance.standard_normal((SOURCES, 2))
-    means[1:4] = means[0]
-    return _case(truth, means, sigmas)
+    sigmas[1:4], means[1:4] = sigmas[0], means[0]
+    case = _case(truth, means, sigmas)
+    return replace(case, common=case.opinions[1:4])
 
 
 def liar(chance: np.random.Generator) -> Case:
-    """Four honest sources and one that is sure of a place 12 cells off."""
+    """Four honest sources, and one that is sure of a place 12 cells off."""
     return _lied(chance, 1)
 
 
 def collusion(chance: np.random.Generator) -> Case:
-    """Three honest sources and two that are sure of the same wrong place."""
+    """Three honest sources, and two that are sure of the same wrong place."""
     return _lied(chance, 2)
 
 
-#: The trials that every rule is put to; `../shared/theory.md` has reference results for the same five.
+#: The trials that every rule is put to.
 TRIALS: dict[str, Trial] = {
     "independent": independent,
     "correlated": correlated,
@@ -89,8 +95,8 @@ def _draw(chance: np.random.Generator) -> tuple[Array, Array]:
 
 def _lied(chance: np.random.Generator, liars: int) -> Case:
     truth, sigmas = _draw(chance)
-    angle = chance.uniform(0, 2 * math.pi)
     means = truth + sigmas[:, None] * chance.standard_normal((SOURCES, 2))
+    angle = chance.uniform(0, 2 * math.pi)
     means[:liars] = truth + LIE * np.array([math.cos(angle), math.sin(angle)])
     sigmas[:liars] = LIAR_SIGMA
     return _case(truth, means, sigmas)
@@ -99,4 +105,5 @@ def _lied(chance: np.random.Generator, liars: int) -> Case:
 def _case(truth: Array, means: Array, sigmas: Array) -> Case:
     opinions = np.stack([gaussian(GRID, mean, float(sigma)).p for mean, sigma in zip(means, sigmas, strict=True)])
     names = tuple(f"s{i + 1}" for i in range(len(means)))
-    return Case(GRID, "object/target", 0.0, names, opinions, tuple(truth.tolist()))
+    x, y = truth.tolist()
+    return Case(GRID, "object/target", 0.0, names, opinions, (x, y))

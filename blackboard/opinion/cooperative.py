@@ -135,15 +135,18 @@ def powered_components(
     opinions (N, *grid shape), checked; alpha (N,). Rounding grows with the exponent: a term is off by about
     |ln C_q| / alpha_q times 2e-16, relatively.
     """
+    return np.asarray(log_components(opinions, weights, cell_ratio) / np.reshape(alpha, (len(opinions), 1)))
+
+
+def log_components(opinions: Array, weights: npt.ArrayLike | None, cell_ratio: float = 1.0) -> Array:
+    """The logarithms of C_1..C_N, shape (N, cells), as mass per reference cell."""
     n = len(opinions)
     p, w = opinions.reshape(n, -1), shares(weights, n)
     logs = np.empty_like(p)
     for start in range(0, p.shape[1], BLOCK):
         block = slice(start, start + BLOCK)
         logs[:, block] = _log_components(p[:, block], w)
-    q = np.arange(1, n + 1)[:, np.newaxis]
-    logs += q * math.log(positive(cell_ratio, "cell_ratio"))
-    return np.asarray(logs / np.reshape(alpha, (n, 1)))
+    return np.asarray(logs + np.arange(1, n + 1)[:, np.newaxis] * math.log(positive(cell_ratio, "cell_ratio")))
 
 
 def _log_components(p: Array, weights: Array) -> Array:
