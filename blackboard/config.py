@@ -22,6 +22,7 @@ from blackboard.opinion.grid import Grid
 SECTIONS = ("name", "team", "grid", "time", "board", "robot", "world")
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
 #: A subject, or several: each of the two chunks may be `*`, as in a key expression.
 Subjects = Annotated[str, Field(pattern=r"^(robot|object|landmark|\*)/([A-Za-z0-9_.-]{1,64}|\*)$")]
 
@@ -74,9 +75,7 @@ class RuleSection(Section):
     gamma: Annotated[float, Field(gt=0, le=1)] | None = None  # ratio of the alphas (V-C); None: 1/2, or by `gate`
     gate: Annotated[float, Field(ge=0, le=100)] = 1.0  # of "coalition", where gamma is not given
     reference_cell: Positive | None = None  # edge in the grid's unit; None: the grid's own cell, the paper's formula
-    independence: Annotated[float, Field(ge=0, le=1)] = (
-        0.0  # within a coalition: 0 the mean of its members, 1 their product
-    )
+    independence: Share = 0.25  # within a coalition: 0 the mean of its members, 1 their product
     power: Positive | None = None  # of "calibrated"; None: alpha_N
     a: Annotated[float, Field(ge=-20, le=20)] = 0.5  # exponent of "hoelder"
     inner: str = "logarithmic"  # the rule behind the gate of "clique"

@@ -91,7 +91,7 @@ class Agent:
         return subject == f"robot/{self.robot}"
 
     def _know_mates(self, words: Mapping[str, Consensus], beliefs: Mapping[str, Belief]) -> None:
-        if not self.settings.vision.mates or self.settings.localizer != "pose":
+        if not self.settings.vision.mates:
             return
         for subject, belief in beliefs.items():
             if subject.startswith("robot/") and not self._concerns(subject):

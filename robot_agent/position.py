@@ -13,7 +13,15 @@ from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.localizer import log_ratio, sampled, shifted, whole_shift
-from robot_agent.sensing import SEEN_TO, Motion, bearing_variance, position_likelihood, range_variance, rewound
+from robot_agent.sensing import (
+    SEEN_TO,
+    Motion,
+    bearing_variance,
+    position_likelihood,
+    range_variance,
+    rewound,
+    uncertain_likelihood,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +65,12 @@ class PositionLocalizer:
         x, y = self._centres()
         dx, dy = place[0] - x, place[1] - y
         seen = self._seen(sighting, motion)
-        if self.settings.vision.kind == "position":
-            likelihood = position_likelihood(dx, dy, seen, self.settings.vision)
-        else:
+        if self.settings.vision.kind != "position":
             likelihood = np.exp(-0.5 * _quadratic(dx - seen[0], dy - seen[1], self._noise(sighting) + covariance))
+        elif covariance.any():
+            likelihood = uncertain_likelihood(dx, dy, seen, covariance, self.settings.vision)
+        else:
+            likelihood = position_likelihood(dx, dy, seen, self.settings.vision)
         return self._weighed(likelihood + math.exp(-self.settings.vision.misread) * likelihood.max())
 
     def tempered(self, power: float) -> PositionLocalizer:

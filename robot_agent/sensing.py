@@ -58,6 +58,22 @@ def position_likelihood(dx: Array, dy: Array, seen: tuple[float, float], vision:
         return np.where(np.isfinite(sigma), np.exp(-0.5 * away / sigma**2) / (2 * math.pi * sigma**2), 0.0)
 
 
+def uncertain_likelihood(
+    dx: Array, dy: Array, seen: tuple[float, float], covariance: Array, vision: VisionSection
+) -> Array:
+    """The same where the subject's place is uncertain by a covariance (unit ** 2); (dx, dy) leads to its mean.
+
+    Sigma is that of the distance to the mean, held within the distances at which anything is seen: the subject was seen.
+    """
+    distance = np.clip(np.hypot(dx, dy), np.nextafter(SEEN_FROM, SEEN_TO), np.nextafter(SEEN_TO, SEEN_FROM))
+    variance = position_sigma(distance, vision) ** 2
+    xx, yy, xy = variance + covariance[0, 0], variance + covariance[1, 1], covariance[0, 1]
+    determinant = xx * yy - xy * xy
+    x, y = dx - seen[0], dy - seen[1]
+    away = (yy * x * x - 2 * xy * x * y + xx * y * y) / determinant
+    return np.asarray(np.exp(-0.5 * away) / (2 * math.pi * np.sqrt(determinant)))
+
+
 def range_variance(distance: float | Array, vision: VisionSection) -> float | Array:
     """Variance of a range (unit ** 2); frames that follow each other share their error."""
     return vision.frames * (vision.range_floor**2 + (vision.range_share * distance) ** 2)

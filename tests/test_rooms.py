@@ -106,7 +106,7 @@ def users(banned: tuple[str, ...], *folders: str) -> set[str]:
 
 CLOCKS = ("time.time", "time.monotonic", "time.perf_counter", "datetime.datetime.now", "datetime.datetime.utcnow")
 CHANCE = ("random", "secrets", "uuid", "numpy.random.default_rng", "numpy.random.seed", "numpy.random.RandomState")
-DOORS = {f"{package}/__main__.py" for package in PACKAGES}
+DOORS = {*(f"{package}/__main__.py" for package in PACKAGES), "blackboard/lab/__main__.py"}
 
 
 @pytest.mark.parametrize(

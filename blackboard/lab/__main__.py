@@ -13,15 +13,11 @@ from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
 from blackboard.errors import Mistake
-from blackboard.lab import contest, summary, tuning, work
+from blackboard.lab import contest, paper, summary, tuning, work
 from blackboard.lab.tuning import Trials
 from blackboard.progress import progress
 
 Json = Annotated[bool, Parameter(name="--json", negative="")]
-
-
-def figures() -> int:
-    return 0
 
 
 def lab(
@@ -158,6 +154,50 @@ def tune(
     found = summary.tuned(choices, best, judged, checks, coverage=coverage, gain=gain, chance=chance)
     sys.stdout.write((json.dumps(found) if as_json else summary.text(found)) + "\n")
     return 0 if found["gain_over_paper"]["low"] > 0 else 1
+
+
+def figures(
+    *,
+    out: Path = Path("figures"),
+    seeds: int = 20,
+    robots: int = 10,
+    grids: list[int] | None = None,
+    seconds: float = 60.0,
+    every: float = 5.0,
+) -> int:
+    """Draw the paper's figures into a folder (SVG and PNG) and print the numbers behind them as JSON.
+
+    Figs. 1 to 5 are 1-D; Figs. 6 and 7 come from the simulated world with the paper's sensors. Needs the extra `plot`.
+
+    Parameters
+    ----------
+    out
+        The folder; it is made where it is missing.
+    seeds
+        Runs of the simulated world for each grid.
+    robots
+        Robots in the world, and so the largest team in Fig. 7.
+    grids
+        Cells along each edge of the arena of 50 x 50 units [default: 50 100 200].
+    seconds
+        Length of a run, in seconds of team time.
+    every
+        Seconds of team time from one judged instant to the next.
+    """
+    drawing = _drawing()
+    sizes = grids or [50, 100, 200]
+    _at_least(seeds=(seeds, 1), robots=(robots, 2), grids=(min(sizes), 20), seconds=(seconds, every))
+    with progress("figures") as tell:
+        worlds = {n: paper.world(load("paper"), n, robots, seconds) for n in sizes}
+        jobs = [(paper.RULES, worlds[n], number, every) for n in sorted(sizes, reverse=True) for number in range(seeds)]
+        parts = work.spread(work.grown, jobs, tell)
+        runs = {n: [p for job, p in zip(jobs, parts, strict=True) if job[1] is worlds[n]] for n in sizes}
+    found = paper.numbers(runs, np.random.default_rng(1))
+    for name, figure in drawing.paper(found).items():
+        for ending in (".svg", ".png"):
+            drawing.save(figure, out / f"{name}{ending}")
+    sys.stdout.write(json.dumps(found) + "\n")
+    return 0
 
 
 def _teams(

@@ -73,3 +73,102 @@ def contest(found: Mapping[str, Any]) -> Figure:
         axes[0][0].invert_yaxis()
         figure.suptitle(f"all rules on the same opinions; thick: the default ({found['default']}); star: best")
         return figure
+
+
+# --- the paper's figures ---------------------------------------------------------------------------------------------
+
+#: Rule -> (colour, line style, marker).
+LINES = {
+    "alone": (BLACK, ":", "s"),
+    "linear": (SKY, "-.", "^"),
+    "logarithmic": (GREEN, "--", "v"),
+    "cooperative": (VERMILION, "-", "o"),
+    "cooperative, reference cell": (PURPLE, "--", "D"),
+    "coalition": (BLUE, "-.", "P"),
+    "coalition, independent": (SKY, "-", "X"),
+}
+
+
+def paper(found: Mapping[str, Any]) -> dict[str, Figure]:
+    """Figs. 1 to 7 by their file names, from `blackboard.lab.paper.numbers`."""
+    with mpl.rc_context(STYLE):
+        figures = {f"fig{n}": _beliefs(found[f"fig{n}"]) for n in (1, 2, 4, 5)}
+        figures |= {
+            "fig3": _ratios(found["fig3"]),
+            "fig6": _over_time(found["fig6"]),
+            "fig7": _over_size(found["fig7"]),
+        }
+    return dict(sorted(figures.items()))
+
+
+def _figure(rows: int, columns: int, title: str) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(1 + 3.6 * columns, 1 + 2.4 * rows), layout="constrained")
+    figure.suptitle(title)
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def _line(axis: Any, rule: str, x: Any, y: Any, marks: bool = True, label: str | None = None) -> None:
+    colour, style, marker = LINES[rule]
+    axis.plot(x, y, color=colour, ls=style, marker=marker if marks else None, ms=4, lw=1.6, label=label or rule)
+
+
+def _beliefs(told: Mapping[str, Any]) -> Figure:
+    """Opinions on a line (grey) and what each rule makes of them."""
+    figure, ((*axes,),) = _figure(1, len(told["cases"]), told["title"])
+    for axis, (name, case) in zip(axes, told["cases"].items(), strict=True):
+        for p in case["opinions"]:
+            axis.plot(case["x"], p, color="#999999", lw=1)
+        for rule, fused in case["fused"].items():
+            _line(axis, rule, case["x"], fused["p"], False, f"{rule}, H = {fused['entropy']:.3f}")
+        axis.set_title(name)
+        axis.set_xlabel("place [units]")
+        axis.legend(fontsize=7)
+    axes[0].set_ylabel("probability of a cell")
+    return figure
+
+
+def _ratios(told: Mapping[str, Any]) -> Figure:
+    figure, ((axis,),) = _figure(1, 1, told["title"])
+    for rule, ratios in told["ratios"].items():
+        _line(axis, rule, range(1, len(ratios) + 1), ratios)
+    axis.axhline(1.0, color=BLACK, lw=1)
+    axis.set_xlabel("place of the robot")
+    axis.set_ylabel("entropy / best sensor's")
+    axis.legend(fontsize=7)
+    return figure
+
+
+METRICS = {"entropy": "entropy [nats]", "log_score": "log score [nats]", "coverage_95": "95 % coverage"}
+
+
+def _over_time(told: Mapping[str, Any]) -> Figure:
+    """Fig. 6: each metric over time for each grid."""
+    figure, axes = _figure(len(METRICS), len(told["grids"]), told["title"])
+    for column, (size, by_rule) in zip(axes.T, told["grids"].items(), strict=True):
+        for axis, (metric, label) in zip(column, METRICS.items(), strict=True):
+            for rule, values in by_rule.items():
+                _line(axis, rule, told["time"], values[metric])
+            axis.set_ylabel(label)
+        column[0].set_title(f"{size} x {size} cells")
+        column[-1].set_xlabel("time [s]")
+        column[-1].axhline(0.95, color=BLACK, lw=1)
+    axes[0][0].legend(fontsize=7)
+    return figure
+
+
+def _over_size(told: Mapping[str, Any]) -> Figure:
+    """Fig. 7: each metric over the size of the team for each grid, with its spread over the seeds."""
+    metrics = {"ratio": "entropy / original entropy", **{m: METRICS[m] for m in ("log_score", "coverage_95")}}
+    figure, axes = _figure(len(metrics), len(told["grids"]), told["title"])
+    for column, (size, by_rule) in zip(axes.T, told["grids"].items(), strict=True):
+        for axis, (metric, label) in zip(column, metrics.items(), strict=True):
+            for rule, values in by_rule.items():
+                _line(axis, rule, told["robots"], values[metric])
+                low, high = (values[f"{metric}_{end}"] for end in ("low", "high"))
+                axis.fill_between(told["robots"], low, high, color=LINES[rule][0], alpha=0.15, lw=0)
+            axis.set_ylabel(label)
+        column[0].set_title(f"{size} x {size} cells")
+        column[-1].set_xlabel("robots that cooperate")
+        column[-1].axhline(0.95, color=BLACK, lw=1)
+    axes[0][0].legend(fontsize=7)
+    return figure

@@ -21,6 +21,7 @@ class Growth:
 
     run: list[int] = field(default_factory=list)
     time: list[float] = field(default_factory=list)  # seconds
+    subject: list[str] = field(default_factory=list)
     original: list[float] = field(default_factory=list)  # nats: entropy of what the robot itself believes
     entropies: list[list[float]] = field(default_factory=list)  # nats
     log_scores: list[list[float]] = field(default_factory=list)
@@ -77,6 +78,7 @@ def _row(growth: Growth, run: int, case: Case, teams: Sequence[Sequence[str]], r
     own.add(Belief(case.grid, case.of(teams[0]).opinions[0]), case.truth)
     growth.run.append(run)
     growth.time.append(case.time)
+    growth.subject.append(case.subject)
     growth.original += own.entropies
     growth.entropies.append(score.entropies)
     growth.log_scores.append(score.log_scores)

@@ -77,3 +77,8 @@ def held_out(
     first = next(iter(rules))
     growth = grow([(number, run)], scenario.team.robots, {first: rules[first]})
     return judge([(number, run)], rules, Clock().now), growth
+
+
+def grown(rules: dict[str, RuleSection], scenario: Scenario, number: int, every: float) -> dict[str, Growth]:
+    """What one more robot gains with each rule, in a variant of a scenario."""
+    return grow([(number, rehearse(variant(scenario, number), every))], scenario.team.robots, rules)

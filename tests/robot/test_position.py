@@ -14,7 +14,7 @@ from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer
 from robot_agent.position import PositionLocalizer
-from robot_agent.sensing import Motion, position_likelihood
+from robot_agent.sensing import Motion, position_likelihood, uncertain_likelihood
 
 GRID = Grid((24, 18))
 SETTINGS = RobotSection.model_validate({"vision": {"outlier": 0.0}})
@@ -83,3 +83,28 @@ def test_a_lost_robot_starts_again_where_the_team_says() -> None:
     it = standing(gaussian(GRID, (3, 3), 0.6))
     agreed = gaussian(GRID, (20, 15), 0.8)
     assert np.allclose(it.fold(agreed, it.marginal()).p, agreed.p)
+
+
+def test_an_uncertain_mate_counts_as_the_mean_over_all_places_where_it_may_be() -> None:
+    """Where sigma hardly depends on the distance, the likelihood is the exact marginal."""
+    vision = SETTINGS.vision.model_copy(update={"floor": 1.5, "gain": 1e-6})
+    covariance = np.array([[1.2, 0.5], [0.5, 0.8]])
+    dx, dy = np.array([[5.0, 6.0, 7.5]]), np.array([[1.0, -0.5, 2.0]])
+    seen = 6.2, 0.4
+    rng = np.random.default_rng(1)
+    shifts = rng.multivariate_normal((0, 0), covariance, 200_000)
+    expected = [
+        position_likelihood(x + shifts[:, 0], y + shifts[:, 1], seen, vision).mean()
+        for x, y in zip(dx[0], dy[0], strict=True)
+    ]
+    assert uncertain_likelihood(dx, dy, seen, covariance, vision)[0] == pytest.approx(np.array(expected), rel=0.02)
+    nearly = uncertain_likelihood(dx, dy, seen, 1e-12 * covariance, SETTINGS.vision)
+    assert nearly == pytest.approx(position_likelihood(dx, dy, seen, SETTINGS.vision), rel=1e-9)
+
+
+def test_a_robot_that_sees_a_mate_of_known_place_finds_itself() -> None:
+    it = standing(gaussian(GRID, (9, 9), 3.0), heading=0.0)
+    mate, covariance = np.array([15.0, 10.0]), np.eye(2) * 0.3
+    after = it.saw(Sighting(subject="robot/r2", range=7.5, bearing=0.0), None, mate, covariance).marginal()
+    assert after.mean() == pytest.approx((7.5, 10.0), abs=0.4)
+    assert np.trace(after.covariance()) < 2.0

@@ -1,0 +1,224 @@
+"""The numbers behind the paper's Figs. 1 to 7 (Pahliani & Lima, IROS 2007), with what it leaves out: log score and coverage. Pure.
+
+Figs. 1 to 5 are opinions on a line of 100 units, cell i centred at i; k = 2 and gamma = 1/2 as in the captions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from blackboard.config import RuleSection, Scenario
+from blackboard.lab.contest import DEFAULT, PAPER
+from blackboard.lab.growth import Growth
+from blackboard.opinion.averages import linear_pool, logarithmic_pool
+from blackboard.opinion.belief import gaussian
+from blackboard.opinion.cooperative import cooperative_pool
+from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.weights import entropy, entropy_weights
+
+Sensors = Sequence[tuple[float, float]]  # mean and sigma, units
+
+#: As printed in the captions; Fig. 4's text tells of four sensors that are close and one that is not.
+FIG2: Sensors = ((25, 5), (27, 4), (24, 5), (28, 4), (31, 3))
+FIG4_CAPTION: Sensors = ((25, 5), (27, 4), (26, 5), (57, 1.5), (59, 2))
+FIG4_TEXT: Sensors = ((25, 5), (27, 4), (26, 5), (27, 4), (57, 1.5))
+FIG5: Sensors = ((25, 5), (27, 4), (24, 5), (44, 4), (47, 1.5))
+#: Fig. 1 is printed without parameters: two that agree and one that does not, here.
+FIG1: Sensors = ((40, 4), (44, 5), (72, 4))
+OUTLIER = 0.1  # share of Fig. 1's sensors that may be wrong: without it no two Gaussians ever fuse to a higher entropy
+
+FAR = 40.0  # units: the sensors that agree are below, the odd ones above
+PLACES = 40  # of the robot in Fig. 3
+ARENA = 50.0  # units along each edge, in Figs. 6 and 7
+
+#: What Figs. 6 and 7 show: the paper's rule, the same without its dependence on the grid, and a board's default.
+RULES: dict[str, RuleSection] = {
+    "cooperative": PAPER,
+    "cooperative, reference cell": PAPER.model_copy(update={"reference_cell": 1.0}),
+    "coalition": DEFAULT,
+    "coalition, independent": DEFAULT.model_copy(update={"independence": 1.0}),
+}
+
+
+def line(per_unit: int = 1) -> Grid:
+    """100 units of a line; cell i is centred at i / per_unit."""
+    return Grid((100 * per_unit,), 1 / per_unit, (-0.5 / per_unit,))
+
+
+def world(paper: Scenario, cells: int, robots: int, seconds: float) -> Scenario:
+    """The paper's world with the arena of 50 x 50 units divided into cells x cells, and so many robots in one team."""
+    chosen = paper.changed("grid", shape=[cells, cells], cell=ARENA / cells)
+    chosen = chosen.changed("team", sub_teams={"a": [f"r{i + 1}" for i in range(robots)]})
+    return chosen.changed("time", seconds=seconds)
+
+
+def numbers(runs: Mapping[int, Sequence[Mapping[str, Growth]]], chance: np.random.Generator) -> dict[str, Any]:
+    """All figures' numbers as JSON; `runs` holds for each grid size what `grow` found in each run of `world`."""
+    together = {
+        size: {rule: reduce(Growth.merge, (run[rule] for run in some)) for rule in RULES} for size, some in runs.items()
+    }
+    return {
+        "fig1": fig1(),
+        "fig2": _figure("Fig. 2: five sensors that agree", {"as printed": FIG2}),
+        "fig3": fig3(chance),
+        "fig4": _figure("Fig. 4: one sensor is wrong", {"as its text tells": FIG4_TEXT, "as its caption prints": FIG4_CAPTION}),
+        "fig5": {**_figure("Fig. 5: two are wrong, and disagree", {"as printed": FIG5}), "resolution": resolution()},
+        "fig6": fig6(together),
+        "fig7": fig7(together),
+    }  # fmt: skip
+
+
+# --- on a line ---------------------------------------------------------------------------------------------------------
+
+
+def fig1() -> dict[str, Any]:
+    """What agreement does to the entropy of the LGP: P1 and P2 agree, P1 and P3 do not."""
+    grid = line()
+    gaussians = np.stack([gaussian(grid, (mean,), sigma).p for mean, sigma in FIG1])
+    cases = {}
+    for name, pair in (("P1 and P2 agree", [0, 1]), ("P1 and P3 do not", [0, 2])):
+        opinions = (1 - OUTLIER) * gaussians[pair] + OUTLIER / grid.size
+        cases[name] = _case(grid, opinions, {"logarithmic": logarithmic_pool(opinions)})
+        cases[name]["entropy of pure Gaussians"] = entropy(logarithmic_pool(gaussians[pair]))
+    return {"title": "Fig. 1: agreement and the entropy of the LGP", "cases": cases}
+
+
+def fig3(chance: np.random.Generator) -> dict[str, Any]:
+    """Three sensors of a robot that agree, at one place after the other: entropy of what each rule makes of them / the best."""
+    ratios: dict[str, list[float]] = {"linear": [], "logarithmic": [], "cooperative": []}
+    grid = line()
+    for place in np.linspace(20, 80, PLACES):
+        sigmas = chance.uniform(2.0, 5.0, 3) * (0.6 + place / 100)  # the farther, the worse
+        means = place + 0.5 * sigmas * chance.standard_normal(3)  # in agreement: half of what sigma allows
+        opinions = np.stack([gaussian(grid, (m,), float(s)).p for m, s in zip(means, sigmas, strict=True)])
+        best = min(entropy(p) for p in opinions)
+        for rule, p in _fused(opinions).items():
+            ratios[rule].append(entropy(p) / best)
+    return {
+        "title": "Fig. 3: three sensors that agree, at 40 places",
+        "ratios": ratios,
+        "share below 1": {rule: float(np.mean(np.less(values, 1.0))) for rule, values in ratios.items()},
+    }
+
+
+def resolution() -> dict[str, Any]:
+    """Fig. 5's answer on finer grids: its peak, and the mass below 40, as printed and with a reference cell of one unit."""
+    found: dict[str, Any] = {}
+    for per_unit in (1, 2, 4, 10):
+        grid = line(per_unit)
+        opinions = np.stack([gaussian(grid, (mean,), sigma).p for mean, sigma in FIG5])
+        near = grid.centres(0) < FAR - 1e-9
+        told = {}
+        for name, ratio in (("as printed", 1.0), ("reference cell", float(per_unit))):
+            p = cooperative_pool(opinions, entropy_weights(opinions, 2.0, cell_ratio=ratio), cell_ratio=ratio)
+            told[name] = {"peak": float(grid.centres(0)[p.argmax()]), "mass below 40": float(p[near].sum())}
+        found[str(per_unit)] = told
+    return found
+
+
+def _figure(title: str, cases: Mapping[str, Sensors]) -> dict[str, Any]:
+    grid, told = line(), {}
+    for name, sensors in cases.items():
+        opinions = np.stack([gaussian(grid, (mean,), sigma).p for mean, sigma in sensors])
+        told[name] = _case(grid, opinions, _fused(opinions))
+    return {"title": title, "cases": told}
+
+
+def _fused(opinions: Array) -> dict[str, Array]:
+    weights = entropy_weights(opinions, 2.0)
+    return {
+        "linear": linear_pool(opinions, weights),
+        "logarithmic": logarithmic_pool(opinions),  # w = 1
+        "cooperative": cooperative_pool(opinions, weights, gamma=0.5),
+    }
+
+
+def _case(grid: Grid, opinions: Array, fused: Mapping[str, Array]) -> dict[str, Any]:
+    x = grid.centres(0)
+    return {
+        "x": x.tolist(),
+        "opinions": opinions.tolist(),
+        "entropies": [entropy(p) for p in opinions],
+        "fused": {
+            rule: {
+                "entropy": entropy(p),
+                "peak": float(x[p.argmax()]),
+                "mass below 40": float(p[x < FAR - 1e-9].sum()),
+                "p": p.tolist(),
+            }
+            for rule, p in fused.items()
+        },
+    }
+
+
+# --- in the simulated world -----------------------------------------------------------------------------------------------
+
+
+def fig6(grids: Mapping[int, Mapping[str, Growth]]) -> dict[str, Any]:
+    """Over time: what a robot believes alone and what the whole team does, mean over robots, subjects and runs."""
+    time = sorted(set(next(iter(grids[min(grids)].values())).time))
+    told: dict[str, Any] = {}
+    for size, by_rule in grids.items():
+        first = next(iter(by_rule.values()))
+        told[str(size)] = {"alone": _at_times(first, time, 0)}
+        told[str(size)] |= {rule: _at_times(growth, time, -1) for rule, growth in by_rule.items()}
+    return {"title": "Fig. 6: one robot's belief and the cooperative belief of all", "time": time, "grids": told}
+
+
+def _at_times(growth: Growth, time: Sequence[float], size: int) -> dict[str, list[float]]:
+    """The means at each instant; size is an index: 0 the robot alone (a pool of one is that opinion), -1 the whole team."""
+    at = [np.flatnonzero(np.equal(growth.time, t)) for t in time]
+    return {metric: [float(values[rows, size].mean()) for rows in at] for metric, values in _metrics(growth).items()}
+
+
+def fig7(grids: Mapping[int, Mapping[str, Growth]]) -> dict[str, Any]:
+    """Over the size of the team: the average ratio of the cooperative entropy to the original one, and what it is worth.
+
+    low and high: the standard deviation over the runs around the mean. `by_kind` has robots and objects apart.
+    """
+    told: dict[str, Any] = {}
+    for size, by_rule in grids.items():
+        told[str(size)] = {
+            rule: {
+                **_by_size(growth),
+                "by_kind": {
+                    kind: _by_size(_only(growth, kind)) for kind in ("robot", "object") if _only(growth, kind).run
+                },
+            }
+            for rule, growth in by_rule.items()
+        }
+    any_growth = next(iter(next(iter(grids.values())).values()))
+    robots = list(range(1, len(any_growth.entropies[0]) + 1))
+    seeds = len(set(any_growth.run))
+    return {"title": f"Fig. 7: cooperating robots, {seeds} runs", "robots": robots, "seeds": seeds, "grids": told}
+
+
+def _by_size(growth: Growth) -> dict[str, list[float]]:
+    found: dict[str, list[float]] = {}
+    ratio = np.array(growth.entropies) / np.array(growth.original)[:, None]
+    for metric, values in {"ratio": ratio, **_metrics(growth)}.items():
+        rows = growth.means(values)
+        mean, spread = rows.mean(axis=0), rows.std(axis=0)
+        found[metric] = mean.tolist()
+        found[f"{metric}_low"], found[f"{metric}_high"] = (mean - spread).tolist(), (mean + spread).tolist()
+    return found
+
+
+def _metrics(growth: Growth) -> dict[str, Array]:
+    """Entropy, log score and coverage, each (rows, sizes)."""
+    return {
+        "entropy": np.array(growth.entropies),
+        "log_score": np.array(growth.log_scores),
+        "coverage_95": np.less(growth.levels, 0.95).astype(float),
+    }
+
+
+def _only(growth: Growth, kind: str) -> Growth:
+    """The rows about robots, or about objects."""
+    kept = [i for i, subject in enumerate(growth.subject) if subject.startswith(f"{kind}/")]
+    return replace(growth, **{name: [getattr(growth, name)[i] for i in kept] for name in growth.__dataclass_fields__})
