@@ -73,7 +73,7 @@ def text(found: Mapping[str, Any]) -> str:
     size, least = found["team"]["enough"], f"{asked['gain']:g} nats"
     most = size > len(found["team"]["gains"])
     lines.append(
-        f"each of {size} robots gains at least {least}" if most else f"after {size} one more gains less than {least}"
+        f"the last of {size} robots still gains {least}" if most else f"after {size} no robot more gains {least}"
     )
     lines += ["", found["board"]]
     return "\n".join(lines)

@@ -100,8 +100,8 @@ def board_table(rule: RuleSection) -> str:
 
 
 def enough(gains: Sequence[float], least: float) -> int:
-    """The size of a team after which one more robot gains less than `least`; gains[0] is what the second one gains."""
-    return next((n for n, gain in enumerate(gains, start=1) if gain < least), len(gains) + 1)
+    """The size of a team after which no further robot gains `least`; gains[0] is what the second one gains."""
+    return 1 + max((n for n, gain in enumerate(gains, start=1) if gain >= least), default=0)
 
 
 def _chosen(trials: Trials, counts: Array, coverage: float) -> Array:

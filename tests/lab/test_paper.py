@@ -1,0 +1,98 @@
+"""The numbers behind the paper's figures: golden ones, and its claims with what became of them."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blackboard.config import load
+from blackboard.lab import paper, work
+from blackboard.lab.growth import Growth
+
+GOLDEN: dict[str, Any] = json.loads(
+    (Path(__file__).parent.parent / "golden" / "paper.json").read_text(encoding="utf-8")
+)
+
+
+@cache
+def grown(seed: int) -> dict[str, Growth]:
+    world = paper.world(load("paper"), 40, 3, 12.0)
+    return work.grown(paper.RULES, world, seed, 4.0)
+
+
+@cache
+def numbers() -> dict[str, Any]:
+    return paper.numbers({40: [grown(0), grown(1)]}, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize(
+    ("golden", "figure", "case"),
+    [
+        ("Fig. 2", "fig2", "as printed"),
+        ("Fig. 4, text", "fig4", "as its text tells"),
+        ("Fig. 4, caption", "fig4", "as its caption prints"),
+        ("Fig. 5", "fig5", "as printed"),
+    ],
+)
+def test_figures_2_4_and_5_have_the_golden_numbers(golden: str, figure: str, case: str) -> None:
+    expected, found = GOLDEN["figures"][golden], numbers()[figure]["cases"][case]
+    assert f"{min(found['entropies']):.4f}" == expected["best"]
+    for rule in ("linear", "logarithmic", "cooperative"):
+        assert [f"{found['fused'][rule]['entropy']:.4f}", found["fused"][rule]["peak"]] == expected[rule]
+    assert f"{found['fused']['cooperative']['mass below 40']:.4f}" == expected["below 40"]
+
+
+def test_the_answer_depends_on_the_grid_but_for_the_reference_cell() -> None:
+    told = numbers()["fig5"]["resolution"]
+    for per_unit, mass in GOLDEN["reference cell"]["mass below 40 by cells per unit, v_ref = 1 unit"].items():
+        assert told[per_unit]["reference cell"]["mass below 40"] == pytest.approx(mass, abs=1e-5)
+    for per_unit, peak in GOLDEN["without reference cell"]["peak by cells per unit"].items():
+        assert told[per_unit]["as printed"]["peak"] == peak
+
+
+def test_figure_1_agreement_lowers_the_entropy_and_disagreement_does_not() -> None:
+    agree, disagree = numbers()["fig1"]["cases"].values()
+    assert agree["fused"]["logarithmic"]["entropy"] < min(agree["entropies"])
+    assert disagree["fused"]["logarithmic"]["entropy"] > max(disagree["entropies"])
+    assert disagree["entropy of pure Gaussians"] < min(
+        disagree["entropies"]
+    )  # the claim needs sensors that may be wrong
+
+
+def test_figure_3_says_what_the_paper_says() -> None:
+    found = numbers()["fig3"]
+    assert all(len(ratios) == paper.PLACES for ratios in found["ratios"].values())
+    assert found["share below 1"] == {"linear": 0.0, "logarithmic": 1.0, "cooperative": 1.0}
+
+
+def test_figures_6_and_7_are_means_over_what_was_grown() -> None:
+    told6, told7 = numbers()["fig6"], numbers()["fig7"]
+    assert told6["time"] == [4.0, 8.0, 12.0]
+    assert told7["robots"] == [1, 2, 3]
+    assert told7["seeds"] == 2
+    growth = grown(0)["cooperative"].merge(grown(1)["cooperative"])
+    at = np.equal(growth.time, 8.0)
+    six = told6["grids"]["40"]
+    assert six["cooperative"]["entropy"][1] == pytest.approx(np.array(growth.entropies)[at, -1].mean())
+    assert six["alone"]["entropy"][1] == pytest.approx(np.array(growth.original)[at].mean())
+    seven = told7["grids"]["40"]["cooperative"]
+    ratios = growth.means(np.array(growth.entropies) / np.array(growth.original)[:, None])
+    assert seven["ratio"] == pytest.approx(ratios.mean(axis=0))
+    assert seven["ratio"][0] == 1.0
+    assert seven["ratio"][2] < 1.0
+    for metric in ("log_score", "coverage_95"):
+        assert all(lo <= v <= hi for lo, v, hi in zip(seven[f"{metric}_low"], seven[metric], seven[f"{metric}_high"], strict=True))  # fmt: skip
+    assert set(seven["by_kind"]) == {"robot", "object"}
+
+
+def test_the_arena_is_the_same_on_every_grid() -> None:
+    for cells in (50, 200):
+        world = paper.world(load("paper"), cells, 10, 5.0)
+        assert world.grid.shape == (cells, cells)
+        assert world.grid.cell * cells == 50.0
+        assert len(world.team.robots) == 10

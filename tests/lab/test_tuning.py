@@ -1,0 +1,95 @@
+"""Tuning: every candidate against the pool itself, and the choice against its own rules."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blackboard.fusion import pool
+from blackboard.lab.cases import Case
+from blackboard.lab.tuning import SPACES, Trials, board_table, candidates, choose, enough, try_all
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.scores import hdr_level, log_score
+from tests.opinion.stacks import make
+
+GRID = Grid((6, 5), 0.5)
+
+
+def case(seed: int, n: int, truth: tuple[float, float] = (1.2, 0.7)) -> Case:
+    opinions = make("random", n, GRID.shape, np.random.default_rng(seed))
+    return Case(GRID, "object/x", 0.0, tuple(f"r{i}" for i in range(n)), opinions, truth)
+
+
+@pytest.mark.parametrize("rule", SPACES)
+def test_every_candidate_scores_as_the_pool_itself(rule: str) -> None:
+    run = [case(1, 1), case(2, 3), case(3, 4, truth=(99.0, 0.0))]
+    found = try_all(rule, [run, run[:1]])
+    assert found.cases.tolist() == [3.0, 1.0]
+    index = GRID.index(run[0].truth)
+    assert index is not None
+    settings = candidates(rule, GRID.cell)
+    assert found.log_scores.shape == found.covered.shape == (2, len(settings))
+    for i in range(0, len(settings), 7):
+        fused = [pool(c.opinions, GRID, settings[i]) for c in run[:2]]
+        scores = [log_score(p, index) for p in fused]
+        covered = [hdr_level(p, index) < 0.95 for p in fused]
+        assert found.log_scores[0, i] == pytest.approx(sum(scores) + np.log(1e-12), abs=1e-8), settings[i]
+        assert found.log_scores[1, i] == pytest.approx(scores[0], abs=1e-8)
+        assert found.covered[:, i].tolist() == [sum(covered), covered[0]], settings[i]
+
+
+def trials(log_scores: list[float], shares: list[float], runs: int = 6, cases: int = 10) -> Trials:
+    """The first candidates of "coalition" as given, all others bad; each run alike."""
+    n = len(candidates("coalition"))
+    scores, covered = np.full(n, -9.0), np.zeros(n)
+    scores[: len(log_scores)], covered[: len(shares)] = log_scores, shares
+    return Trials(
+        "coalition",
+        np.tile(scores * cases, (runs, 1)),
+        np.tile(covered * cases, (runs, 1)),
+        np.full(runs, float(cases)),
+    )
+
+
+def test_the_best_of_the_honest_is_chosen() -> None:
+    found = choose(trials([-1.0, -3.0, -2.0], [0.5, 0.95, 0.92]), 0.9, 1.0, np.random.default_rng(1))
+    assert found["setting"] == candidates("coalition")[2]
+    assert found["honest"]
+    assert (found["log_score"], found["coverage_95"]) == pytest.approx((-2.0, 0.92))
+    for name, interval in found["parameters"].items():
+        assert interval["low"] == interval["value"] == interval["high"] == getattr(found["setting"], name)
+
+
+def test_where_nobody_is_honest_the_one_that_covers_most_is_chosen_and_that_is_said() -> None:
+    found = choose(trials([-1.0, -3.0], [0.5, 0.6]), 0.9, 1.0, np.random.default_rng(1))
+    assert found["setting"] == candidates("coalition")[1]
+    assert not found["honest"]
+
+
+def test_intervals_show_when_the_runs_do_not_agree() -> None:
+    """Half of the runs are for the first candidate, half for the last: the interval spans what lies between."""
+    it = trials([-1.0], [1.0], runs=10)
+    it.log_scores[::2, 0], it.log_scores[::2, -1] = -40.0, -10.0
+    it.covered[:, -1] = 10
+    found = choose(it, 0.9, 1.0, np.random.default_rng(1))
+    spans = {name: (e["low"], e["high"]) for name, e in found["parameters"].items()}
+    assert spans["gate"] == (min(SPACES["coalition"]["gate"]), max(SPACES["coalition"]["gate"]))
+
+
+def test_the_team_is_large_enough_when_one_more_gains_less() -> None:
+    assert enough([0.5, 0.2, 0.04, 0.01], 0.05) == 3
+    assert enough([0.01, 0.5, 0.02], 0.05) == 3  # the second mate did not help, the third did
+    assert enough([0.01], 0.05) == 1
+    assert enough([0.5, 0.2], 0.05) == 3
+
+
+def test_the_board_table_is_what_a_board_reads() -> None:
+    import tomllib
+
+    from blackboard.config import BoardSection
+
+    for rule in SPACES:
+        setting = candidates(rule, 0.5)[11]
+        read = BoardSection.model_validate(tomllib.loads(board_table(setting))["board"])
+        p = make("random", 3, GRID.shape, np.random.default_rng(1))
+        assert np.array_equal(pool(p, GRID, read.of("object/x")), pool(p, GRID, setting))
