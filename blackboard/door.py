@@ -5,7 +5,6 @@ Exit codes: 0 done, 1 the run failed its own check, 2 a person's mistake (one cl
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import os
 import re
@@ -21,6 +20,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from blackboard.clock import Clock
 from blackboard.errors import Mistake
+from blackboard.lifeline import follow
 from blackboard.link import DEFAULT_ENDPOINT, Link, LinkConfig, Stopped, log_as_environment_says
 from blackboard.loop import run
 from blackboard.wire.envelope import Service
@@ -164,11 +164,7 @@ def _zenoh_log() -> None:
 
 
 def follow_parent() -> None:
-    """Die with the process that BLACKBOARD_PARENT names, also when it is killed with -9 (Linux only)."""
+    """Die with the process that BLACKBOARD_PARENT names."""
     parent = os.environ.get(PARENT)
-    if not parent or not sys.platform.startswith("linux"):
-        return
-    pr_set_pdeathsig = 1
-    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
-    if os.getppid() != int(parent):  # it died before the call
-        sys.exit(DONE)
+    if parent:
+        follow(int(parent))

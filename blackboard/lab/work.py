@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any, TypeVar
@@ -18,6 +19,7 @@ from blackboard.lab.growth import Growth, grow
 from blackboard.lab.rehearsal import rehearse, variant
 from blackboard.lab.tally import Tally
 from blackboard.lab.tuning import Trials, try_all
+from blackboard.lifeline import follow
 
 T = TypeVar("T")
 Progress = Callable[[int, int], None]  # jobs done, of all
@@ -29,7 +31,8 @@ def spread(work: Callable[..., T], jobs: Sequence[tuple[Any, ...]], progress: Pr
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one thread a process: there is one process a core
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(max(1, min(cores, len(jobs))), mp_context=spawn) as pool:
+    workers = max(1, min(cores, len(jobs)))
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_begin, initargs=(os.getpid(),)) as pool:
         try:
             futures = [pool.submit(work, *job) for job in jobs]
             for done, future in enumerate(as_completed(futures), start=1):
@@ -39,7 +42,15 @@ def spread(work: Callable[..., T], jobs: Sequence[tuple[Any, ...]], progress: Pr
             return [future.result() for future in futures]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for worker in multiprocessing.active_children():
+                worker.kill()
             raise
+
+
+def _begin(parent: int) -> None:
+    """A worker: Ctrl-C is for its parent, with which it dies."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    follow(parent)
 
 
 def trial_jobs(runs: int, chance: np.random.Generator) -> list[tuple[str, int, list[np.random.Generator]]]:

@@ -1,0 +1,150 @@
+"""The laboratory as a person runs it: tables, JSON, pictures, mistakes, and Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.link.net import wait_until
+from tests.system.test_demo import ROOT, blackboard
+
+SMALL = """
+[team.sub_teams]
+a = ["r1", "r2", "r3"]
+[grid]
+shape = [24, 24]
+[time]
+tick = 0.5
+seconds = 4
+"""
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> str:
+    file = tmp_path / "small.toml"
+    file.write_text(SMALL)
+    return str(file)
+
+
+def without_time(found: dict[str, Any]) -> dict[str, Any]:
+    for trial in found["trials"].values():
+        for row in [*trial["rules"].values(), trial["best"]]:
+            del row["ms"]
+    return found
+
+
+def test_the_lab_twice_with_one_seed_says_the_same(small: str, tmp_path: Path) -> None:
+    picture = tmp_path / "lab.svg"
+    arguments = ("lab", small, "--runs", "3", "--variants", "2", "--json", "--picture", str(picture))
+    first, second = (blackboard(*arguments) for _ in range(2))
+    assert (first.returncode, first.stderr) == (0, "")
+    found = json.loads(first.stdout)
+    assert without_time(found) == without_time(json.loads(second.stdout))
+    assert len(found["trials"]) == 6
+    assert found["trials"]["team scenario"]["runs"] == 2
+    assert found["trials"]["team scenario"]["cases"] > 10
+    assert picture.stat().st_size > 10_000
+
+
+def test_the_lab_shows_a_table_to_people() -> None:
+    told = blackboard("lab", "--runs", "2")
+    assert told.returncode == 0
+    assert "two collude: 2 runs, 2 fusions" in told.stdout
+    assert "> coalition" in told.stdout
+
+
+def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) -> None:
+    done = blackboard("tune", small, "--variants", "2", "--held-out", "2", "--every", "1", "--json")
+    assert done.returncode in (0, 1), done.stderr
+    found = json.loads(done.stdout)
+    assert (done.returncode == 0) == (found["gain_over_paper"]["low"] > 0)
+    assert set(found["held_out"]) == {"tuned", "default", "paper"}
+    assert found["held_out"]["paper"]["rule"] == {"rule": "cooperative", "k": 2.0, "gamma": 0.5}
+    assert len(found["team"]["gains"]) == 2
+    for choice in found["choices"].values():
+        assert all(e["low"] <= e["high"] for e in choice["parameters"].values())
+    scenario = tmp_path / "tuned.toml"
+    scenario.write_text(SMALL + found["board"])
+    team = blackboard("up", str(scenario), "--seconds", "1", "--json")
+    assert json.loads(team.stdout)["rule"] == found["chosen"]["rule"], team.stderr
+
+
+def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
+    small = ("--seeds", "2", "--robots", "3", "--grids", "20", "--grids", "30", "--seconds", "4", "--every", "2")
+    said = []
+    for name in ("first", "second"):
+        done = blackboard("figures", "--out", str(tmp_path / name), *small)
+        assert done.returncode == 0, done.stderr
+        said.append(done.stdout)
+    assert said[0] == said[1]
+    assert set(json.loads(said[0])) == {f"fig{n}" for n in range(1, 8)}
+    files = sorted(path.name for path in (tmp_path / "first").iterdir())
+    assert files == [f"fig{n}.{ending}" for n in range(1, 8) for ending in ("png", "svg")]
+    for file in files:
+        assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes(), file
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("lab", "--runs", "-1"), "--runs -1: give at least 0"),
+        (("lab", "--runs", "0"), "--runs 0: nothing is left to judge"),
+        (("lab", "--protocol", "A_all"), "name its folder with --mrclam"),
+        (("lab", "nowhere"), "no scenario of this name"),
+        (("lab", "--runs", "1", "--picture", "lab.jpg"), "choose one of these endings"),
+        (("tune", "demo", "--mrclam", "nowhere"), "give one of the two"),
+        (("tune", "--mrclam", "nowhere"), "nowhere"),
+        (("figures", "--grids", "3"), "--grids 3: give at least 20"),
+    ],
+)
+def test_mistakes_are_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
+    done = blackboard(*arguments)
+    assert done.returncode == 2, done.stderr
+    assert message in done.stderr
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def workers(pid: int) -> list[int]:
+    """The processes that a process has started."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                stat = (entry / "stat").read_text()
+            except OSError:
+                continue
+            state, parent = stat.rpartition(")")[2].split()[:2]
+            if int(parent) == pid and state != "Z":
+                found.append(int(entry.name))
+    return found
+
+
+@pytest.fixture
+def long_run(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-m", "blackboard", "figures", "--out", str(tmp_path), "--seconds", "500"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_nothing_is_left_when_it_is_stopped(long_run: subprocess.Popen[str], how: signal.Signals) -> None:
+    wait_until(lambda: len(workers(long_run.pid)) > 1, "workers")
+    started = workers(long_run.pid)
+    long_run.send_signal(how)
+    long_run.wait(20)
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in started), "no worker left")
+    assert long_run.stderr is not None
+    assert "Traceback" not in long_run.stderr.read()
