@@ -5,9 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
@@ -32,6 +33,7 @@ def spread(work: Callable[..., T], jobs: Sequence[tuple[Any, ...]], progress: Pr
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one thread a process: there is one process a core
     spawn = multiprocessing.get_context("spawn")
     workers = max(1, min(cores, len(jobs)))
+    before = signal.signal(signal.SIGTERM, _stop)
     with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_begin, initargs=(os.getpid(),)) as pool:
         try:
             futures = [pool.submit(work, *job) for job in jobs]
@@ -45,6 +47,13 @@ def spread(work: Callable[..., T], jobs: Sequence[tuple[Any, ...]], progress: Pr
             for worker in multiprocessing.active_children():
                 worker.kill()
             raise
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+
+def _stop(number: int, frame: object) -> NoReturn:
+    """SIGTERM: leave in order, so that the workers go first."""
+    sys.exit(128 + number)
 
 
 def _begin(parent: int) -> None:
