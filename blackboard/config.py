@@ -73,9 +73,9 @@ class RuleSection(Section):
     rule: str = "coalition"
     k: Annotated[float, Field(ge=0, le=10)] = 2.0  # weights 1 / H^k (III-A.1)
     gamma: Annotated[float, Field(gt=0, le=1)] | None = None  # ratio of the alphas (V-C); None: 1/2, or by `gate`
-    gate: Annotated[float, Field(ge=0, le=100)] = 1.0  # of "coalition", where gamma is not given
+    gate: Positive = 4.0  # nats, of "coalition", where gamma is not given: what costs more to agree with is left out
     reference_cell: Positive | None = None  # edge in the grid's unit; None: the grid's own cell, the paper's formula
-    independence: Share = 0.25  # within a coalition: 0 the mean of its members, 1 their product
+    independence: Share = 0.2  # within a coalition: 0 the mean of its members, 1 their product
     power: Positive | None = None  # of "calibrated"; None: alpha_N
     a: Annotated[float, Field(ge=-20, le=20)] = 0.5  # exponent of "hoelder"
     inner: str = "logarithmic"  # the rule behind the gate of "clique"

@@ -17,7 +17,7 @@ from blackboard.config import RuleSection
 from blackboard.fusion import in_force
 from blackboard.lab.cases import Case, Run
 from blackboard.lab.tally import resamples
-from blackboard.opinion.cooperative import alphas, log_components
+from blackboard.opinion.cooperative import alphas, gated_components, log_components
 from blackboard.opinion.grid import Array
 from blackboard.opinion.scores import LEAST_PROBABILITY
 from blackboard.opinion.weights import entropy_weights
@@ -26,7 +26,7 @@ K = (0.0, 1.0, 2.0)
 REFERENCE = (0.25, 0.5, 1.0, 2.0)  # edge of the reference cell, in cells
 GAMMA = (0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9)
 POWER = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0)
-GATE = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+GATE = (1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0)  # nats
 INDEPENDENCE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 #: What is tuned of each rule, in the order in which `_tried` returns it; k and reference_cell come first.
@@ -136,14 +136,16 @@ def _beliefs(rule: str, case: Case) -> Iterator[Array]:
     space = list(SPACES[rule].values())
     for k, edge in itertools.product(*space[:2]):
         ratio = edge**case.grid.ndim
-        logs = log_components(case.opinions, entropy_weights(case.opinions, k, cell_ratio=ratio), ratio)
-        for third in space[2]:
-            alpha = alphas(n, third) if rule == "calibrated" else alphas(n, gate=third)
-            terms = logs / alpha[:, None]
-            if rule == "calibrated":
-                yield _normalised(np.multiply.outer(POWER, np.logaddexp.reduce(terms, axis=0)))
-            else:
-                yield _coalitions(logs, terms)
+        weights = entropy_weights(case.opinions, k, cell_ratio=ratio)
+        if rule == "calibrated":
+            logs = log_components(case.opinions, weights, ratio)
+            for gamma in GAMMA:
+                cop = np.logaddexp.reduce(logs / alphas(n, gamma)[:, None], axis=0)
+                yield _normalised(np.multiply.outer(POWER, cop))
+        else:
+            for gate in GATE:
+                logs, alpha = gated_components(case.opinions, weights, gate)
+                yield _coalitions(logs, logs / alpha[:, None])
 
 
 def _coalitions(logs: Array, terms: Array) -> Array:

@@ -30,24 +30,12 @@ LEAST_PRODUCT = 1e-280  # of a cell's ratios, for the simple scaling: 1e-308 is 
 BLOCK = 1024  # cells worked on at a time, so that they stay in the processor's cache
 
 
-def alphas(n: int, gamma: float = 0.5, gate: float | None = None) -> Array:
-    """The exponents' inverses alpha_1..alpha_n, summing to 1 (V-C).
-
-    The paper's are geometric, alpha_q = alpha_{q-1} / gamma, 0 < gamma <= 1. Of q opinions with about the same peak p these
-    leave one out when it costs more than ((q - 1) (1 / gamma - 1) - 1) |ln p| nats to agree with it: a tolerance that grows with the
-    number of opinions, and that a pair hardly has. A gate g >= 0 makes it g |ln p| for every q instead:
-    alpha_q = alpha_{q-1} (q + g) / (q - 1), whatever gamma (docs/paper.md). 1 gives the triangular numbers.
-    """
-    if gate is not None:
-        if not (math.isfinite(gate) and gate >= 0):
-            raise OpinionError(f"gate {gate}: give a tolerance of at least 0, in units of |ln p| at the peak")
-        q = np.arange(2, n + 1)
-        rising = np.cumprod([1.0, *((q + gate) / (q - 1))])
-    elif not 0 < gamma <= 1:
+def alphas(n: int, gamma: float = 0.5) -> Array:
+    """The exponents' inverses alpha_1..alpha_n, alpha_q = alpha_{q-1} / gamma, summing to 1, for 0 < gamma <= 1 (V-C)."""
+    if not 0 < gamma <= 1:
         raise OpinionError(f"gamma {gamma}: give the ratio of two alphas, above 0 and at most 1")
-    else:
-        rising = float(gamma) ** np.arange(n - 1, -1, -1)
-    return np.asarray(np.maximum(rising / rising.sum(), 1e-300))  # far too small to matter, and 1 / alpha is finite
+    falling = float(gamma) ** np.arange(n - 1, -1, -1)
+    return np.asarray(np.maximum(falling / falling.sum(), 1e-300))  # far too small to matter, and 1 / alpha is finite
 
 
 def cooperative_pool(
@@ -76,10 +64,11 @@ def cooperative_components(
 ) -> Array:
     """The share of C_1^(1/alpha_1) .. C_N^(1/alpha_N) in the mass of the COP, shape (N,), summing to 1.
 
-    The story of a consensus: most of it in C_N means all agree, in C_q that the best coalition has q members.
+    The story of a consensus: most of it in C_N means all agree, in C_q that the best coalition has q members. With a gate
+    these are the m_q of `coalition_pool`.
     """
-    stack = checked(opinions)
-    mass = _mass(powered_components(stack, weights, alphas(len(stack), gamma, gate), cell_ratio)).sum(axis=1)
+    logs, alpha = _coalitions(checked(opinions), weights, gamma, gate, cell_ratio)
+    mass = _mass(logs / alpha[:, np.newaxis]).sum(axis=1)
     return np.asarray(mass / mass.sum())
 
 
@@ -111,20 +100,43 @@ def coalition_pool(
     """sum_q m_q norm(C_q^(e_q)): COP only chooses the coalitions, by the mass m_q of component q in it.
 
     Within a coalition of q opinions e_q = q^-(1 - independence): 0 is the geometric mean of its members, which is safe
-    when they share information; 1 is their product, right when they are independent. gamma and gate: see `alphas`.
+    when they share information; 1 is their product, right when they are independent. gate: see `gated_components`; with
+    it, gamma and cell_ratio do not count.
     """
     stack = checked(opinions)
     if not 0 <= independence <= 1:
         raise OpinionError(f"independence {independence}: give a value from 0 (may be echoes) to 1 (independent)")
-    n = len(stack)
-    alpha = alphas(n, gamma, gate)
-    terms = powered_components(stack, weights, alpha, cell_ratio)
-    mass = _mass(terms).sum(axis=1)
-    pooled = np.zeros(terms.shape[1])
+    logs, alpha = _coalitions(stack, weights, gamma, gate, cell_ratio)
+    mass = _mass(logs / alpha[:, np.newaxis]).sum(axis=1)
+    pooled = np.zeros(logs.shape[1])
     for q in np.flatnonzero(mass):
         exponent = (q + 1.0) ** (independence - 1.0)
-        pooled += mass[q] / mass.sum() * from_logarithm(exponent * alpha[q] * terms[q], "coalition")
+        pooled += mass[q] / mass.sum() * from_logarithm(exponent * logs[q], "coalition")
     return np.asarray((pooled / pooled.sum()).reshape(stack.shape[1:]))
+
+
+def gated_components(opinions: Array, weights: npt.ArrayLike | None, gate: float) -> tuple[Array, Array]:
+    """The logarithms of C_1..C_N, shape (N, cells), and the alphas (N,), by which who disagrees is left out, whatever N.
+
+    Every opinion counts relative to its own peak, with mass exp(-gate) there, so that one that knows little disagrees with
+    nobody; and alpha_q grows as the triangular numbers q (q + 1) / 2. Then C_q^(1/alpha_q) falls behind C_{q-1}^(1/alpha_{q-1})
+    where it costs the q-th opinion more than `gate` nats below its own peak to agree with the others (docs/paper.md).
+    opinions (N, *grid shape), checked. Raises OpinionError.
+    """
+    n = len(opinions)
+    peaks = opinions.reshape(n, -1).max(axis=1)
+    relative = opinions * (math.exp(-positive(gate, "gate")) / peaks).reshape(-1, *(1,) * (opinions.ndim - 1))
+    triangular = np.cumsum(np.arange(1.0, n + 1))
+    return log_components(relative, weights), triangular / triangular.sum()
+
+
+def _coalitions(
+    stack: Array, weights: npt.ArrayLike | None, gamma: float, gate: float | None, cell_ratio: float
+) -> tuple[Array, Array]:
+    """The logarithms of the components and the alphas: by the gate, or the paper's."""
+    if gate is not None:
+        return gated_components(stack, weights, gate)
+    return log_components(stack, weights, cell_ratio), alphas(len(stack), gamma)
 
 
 def powered_components(

@@ -237,7 +237,7 @@ def test_a_subject_has_its_own_rule_and_its_story_says_so() -> None:
     gate = {"inner": "cooperative", "xi": 2.0}
     assert ball.parameters == {"k": 1.0, "gamma": 0.25, **gate}
     assert can.parameters == {"k": 1.0, "gamma": 0.5, **gate}
-    assert robot.parameters == {"k": 1.0, "gate": 1.0, "independence": 0.25}
+    assert robot.parameters == {"k": 1.0, "gate": 4.0, "independence": 0.2}
     stack = np.stack([unpack(pack(b)).p for b in said])
     for consensus, gamma in ((ball, 0.25), (can, 0.5)):
         expected = fuse("clique", stack, inner="cooperative", k=1.0, gamma=gamma)

@@ -198,11 +198,11 @@ def test_the_status_shows_the_rules_in_force() -> None:
         "rule": "coalition",
         "k": 2.0,
         "gamma": 0.25,
-        "independence": 0.25,
+        "independence": 0.2,
         "feedback": "guarded",
         "object/ball.rule": "median-log",
         "robot/*.rule": "coalition",
         "robot/*.k": 2.0,
         "robot/*.gamma": 0.5,
-        "robot/*.independence": 0.25,
+        "robot/*.independence": 0.2,
     }

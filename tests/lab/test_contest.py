@@ -142,7 +142,7 @@ def test_every_rule_takes_part() -> None:
 
 def test_a_rule_is_judged_as_the_pool_itself() -> None:
     (case,) = drawn("one liar", 1)
-    for name, own in (("cooperative", {"k": 2.0, "gamma": 0.5}), ("coalition", {"gate": 1.0, "independence": 0.25})):
+    for name, own in (("cooperative", {"k": 2.0, "gamma": 0.5}), ("coalition", {"gate": 4.0, "independence": 0.2})):
         p = fuse(name, case.opinions, **own)
         score = Score()
         score.add(Belief(case.grid, p), case.truth)

@@ -21,7 +21,7 @@ RULES: dict[str, tuple[str, dict[str, object]]] = {
     "hoelder-2": ("hoelder", {"a": -2.0}),
     "hoelder+3": ("hoelder", {"a": 3.0}),
     "coalition-1": ("coalition", {"independence": 1.0}),
-    "coalition-gate": ("coalition", {"gate": 1.0}),
+    "coalition-gate": ("coalition", {"gate": 4.0}),
     "clique-cooperative": ("clique", {"inner": "cooperative", "xi": 1.0}),
 }
 IDEMPOTENT = {
