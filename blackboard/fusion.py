@@ -90,8 +90,9 @@ def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSectio
         independent, overlapping = list(opinions), list[Opinion]()
     else:
         independent, overlapping = split(opinions)
-    firsthand, shares, components = _pool_independent(independent, grid, settings.of(subject))
-    belief, more = _pool_overlapping(firsthand, overlapping)
+    rule = settings.of(subject)
+    firsthand, shares, components = _pool_independent(independent, grid, rule)
+    belief, more, contradicted = _pool_overlapping(firsthand, overlapping)
     scale = 1.0 - sum(share.weight for share in more)
     shares = [Share(s.opinion, s.weight * scale, s.how) for s in shares] + more
     return Fusion(
@@ -100,8 +101,21 @@ def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSectio
         firsthand=firsthand,
         shares=shares,
         components=components,
-        conflict=conflict(np.stack([o.belief.p for o in opinions]), belief),
+        conflict=contradicted or _disagree(independent, firsthand.belief, rule),
     )
+
+
+def _disagree(opinions: Sequence[Opinion], pooled: Belief, rule: RuleSection) -> bool:
+    """The paper's entropy test on first-hand opinions.
+
+    A rule that claims less than the product for caution's sake is asked what it would claim without: not every consensus that
+    is less sharp than the sharpest opinion is a conflict.
+    """
+    stack = np.stack([o.belief.p for o in opinions])
+    claim = pooled.p
+    if "independence" in in_force(rule):
+        claim = pool(stack, pooled.grid, rule.model_copy(update={"independence": 1.0}))
+    return conflict(stack, claim)
 
 
 def _pool_independent(
@@ -122,17 +136,20 @@ def _pool_independent(
     return Opinion(name, Belief(grid, pooled), union(opinions), age), shares, [float(c) for c in components]
 
 
-def _pool_overlapping(firsthand: Opinion, opinions: Sequence[Opinion]) -> tuple[Array, list[Share]]:
-    """Geometric means, sharpest first, each with the weight that minimises entropy; contradictions keep both hypotheses."""
-    pooled, shares = firsthand.belief.p, list[Share]()
+def _pool_overlapping(firsthand: Opinion, opinions: Sequence[Opinion]) -> tuple[Array, list[Share], bool]:
+    """Geometric means, sharpest first, each with the weight that minimises entropy; contradictions keep both hypotheses.
+
+    Also what each contributed, and whether there was a contradiction.
+    """
+    pooled, shares, contradicted = firsthand.belief.p, list[Share](), False
     for opinion in sorted(opinions, key=lambda o: (entropy(o.belief.p), o.source)):
         other = opinion.belief.p
         if bhattacharyya_coefficient(pooled, other) < CONTRADICTION:
             weights = entropy_weights(np.stack([pooled, other]))
-            pooled, weight = linear_pool(np.stack([pooled, other]), weights), float(weights[1])
+            pooled, weight, contradicted = linear_pool(np.stack([pooled, other]), weights), float(weights[1]), True
         else:
             pooled, kept = chernoff(pooled, other)
             weight = 1.0 - kept
         shares = [Share(s.opinion, s.weight * (1.0 - weight), s.how) for s in shares]
         shares.append(Share(opinion, weight, "overlapping"))
-    return pooled, shares
+    return pooled, shares, contradicted

@@ -138,7 +138,7 @@ class Consensus(Message):
     left_out: Annotated[list[LeftOut], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     components: Annotated[list[Finite], Field(max_length=MAX_OPINIONS)] = []  # shares of C_1..C_N, summing to 1
     entropy: Finite  # nats
-    conflict: bool  # some opinion is sharper than the consensus (the paper's entropy test)
+    conflict: bool  # a first-hand opinion is sharper than all together, or an informed one contradicts them
     rule: str
     parameters: dict[str, str | float] = Field(default_factory=dict)
 

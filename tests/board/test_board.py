@@ -251,3 +251,21 @@ def test_what_is_in_force_is_what_the_rule_has(rule: str) -> None:
     assert named - {"k", "reference_cell"} == takes - {"cell_ratio", "common", "gate"}
     assert ("k" in named) == (rule in ENTROPY_WEIGHTED)
     assert ("reference_cell" in named) == (rule in ENTROPY_WEIGHTED)
+
+
+@pytest.mark.parametrize("independence", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize(("x", "sigma", "disagrees"), [(12, 2, False), (12, 9, False), (20, 1.2, True), (20, 9, False)])
+def test_a_conflict_is_a_matter_of_opinions_and_not_of_the_rules_caution(
+    independence: float, x: float, sigma: float, disagrees: bool
+) -> None:
+    """(20, 9) knows little, and r1 is within what it holds possible: that is no conflict, as (20, 1.2) is."""
+    it = board(independence=independence)
+    it.hear(report("r1", at(10, 10, 2)), 0.0)
+    it.hear(report("r2", at(x, 10, sigma)), 0.0)
+    assert only(it.settle(0, 0.0)).conflict == disagrees
+
+
+def test_an_informed_belief_that_contradicts_is_a_conflict() -> None:
+    it = board()
+    it.hear(report("r1", at(5, 5, 1), informed=(at(30, 20, 1), {"r1": 0.0, "r2": 0.0})), 0.0)
+    assert only(it.settle(0, 0.0)).conflict
