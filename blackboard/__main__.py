@@ -6,7 +6,7 @@ import importlib
 import json
 import socket
 import sys
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
@@ -207,6 +207,7 @@ def _run(
     except Failed as failure:
         print(f"error: {failure}", file=sys.stderr)
         return 1
+    text = importlib.import_module("sim_world.scorecard").text
     sys.stdout.write((json.dumps(card) if as_json else text(card)) + "\n")
     return status
 
@@ -231,26 +232,6 @@ def _spread(scenario: Scenario, robots: int) -> dict[str, list[str]]:
         name: [f"r{k + 1}" for k in range(low, high)]
         for name, low, high in zip(names, bounds, bounds[1:], strict=False)
     }
-
-
-def text(card: dict[str, Any]) -> str:
-    """A scorecard for people: who was how far off, how sure, how honest, and the verdict."""
-    unit = card.get("unit", "")
-    head = f"{'':22} {'RMSE/' + unit:>10} {'entropy':>8} {'log score':>10} {'50 %':>6} {'90 %':>6} {'95 %':>6}"
-    lines = [head]
-    for what in ("robots", "objects"):
-        for stage in ("solo", "consensus", "agreed"):
-            s = card["scores"][what][stage]
-            if not s["n"]:
-                continue
-            cover = " ".join(f"{s['coverage'][level]:6.2f}" for level in ("50", "90", "95"))
-            lines.append(
-                f"{what + ', ' + stage:22} {s['rmse']:10.3f} {s['entropy']:8.2f} {s['log_score']:10.2f} {cover}"
-            )
-    lines.append(f"rule {card['rule']}, seed {card['seed']}, {card['ticks']} ticks, {card['simulated_s']:g} simulated s in "
-                 f"{card['wall_s']:.1f} s, hash {card['hash'][:12]}")  # fmt: skip
-    lines.append(f"{card['verdict']}: " + "; ".join(card["reasons"]))
-    return "\n".join(lines)
 
 
 def main() -> None:
