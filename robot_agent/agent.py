@@ -17,7 +17,7 @@ from robot_agent.config import RobotSection
 
 Feedback = Literal["paper", "guarded", "off"]
 
-WORTH = 0.1  # nats that an informed belief about somebody else must be sharper to be reported beside the first-hand one
+WORTH = 0.5  # nats that an informed belief about somebody else must be sharper to be reported beside the first-hand one
 
 MEMORY = 8  # ticks that can be gone back to when an agreed belief comes late
 

@@ -14,6 +14,9 @@ from robot_agent.config import OdometrySection, VisionSection
 BEST_VIEW = 7.5  # where the printed sigma is zero; this and the next four numbers are those of (VI-.1)
 SEEN_FROM, LINEAR_FROM, LINEAR_TO, SEEN_TO = 1.0, 3.0, 11.0, 13.0
 
+_nodes, _weights = np.polynomial.hermite_e.hermegauss(7)
+NODES = _nodes, _weights / _weights.sum()  # of a standard normal distribution
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -63,15 +66,23 @@ def uncertain_likelihood(
 ) -> Array:
     """The same where the subject's place is uncertain by a covariance (unit ** 2); (dx, dy) leads to its mean.
 
-    Sigma is that of the distance to the mean, held within the distances at which anything is seen: the subject was seen.
+    The mean over the distances at which the subject may be (Gauss-Hermite), each with its sigma, convolved with the covariance:
+    (VI-.1) rises so steeply that the sigma of one distance would claim too much.
     """
-    distance = np.clip(np.hypot(dx, dy), np.nextafter(SEEN_FROM, SEEN_TO), np.nextafter(SEEN_TO, SEEN_FROM))
-    variance = position_sigma(distance, vision) ** 2
-    xx, yy, xy = variance + covariance[0, 0], variance + covariance[1, 1], covariance[0, 1]
-    determinant = xx * yy - xy * xy
+    distance = np.maximum(np.hypot(dx, dy), 1e-9)
+    cxx, cyy, cxy = covariance[0, 0], covariance[1, 1], covariance[0, 1]
+    spread = np.sqrt(dx**2 * cxx + 2 * dx * dy * cxy + dy**2 * cyy) / distance
     x, y = dx - seen[0], dy - seen[1]
-    away = (yy * x * x - 2 * xy * x * y + xx * y * y) / determinant
-    return np.asarray(np.exp(-0.5 * away) / (2 * math.pi * np.sqrt(determinant)))
+    likelihood = np.zeros(np.broadcast_shapes(dx.shape, dy.shape))
+    for node, weight in zip(*NODES, strict=True):
+        variance = position_sigma(distance + node * spread, vision) ** 2
+        with np.errstate(invalid="ignore"):
+            xx, yy = variance + cxx, variance + cyy
+            determinant = xx * yy - cxy * cxy
+            away = (yy * x * x - 2 * cxy * x * y + xx * y * y) / determinant
+            density = np.exp(-0.5 * away) / (2 * math.pi * np.sqrt(determinant))
+        likelihood += weight * np.where(np.isfinite(variance), density, 0.0)
+    return likelihood
 
 
 def range_variance(distance: float | Array, vision: VisionSection) -> float | Array:
