@@ -62,7 +62,7 @@ def lab(
         Print one JSON object instead of the table.
     """
     drawing = _drawing() if picture is not None else None
-    _at_least(runs=(runs, 0), variants=(variants, 1), seed=(seed, 0))
+    _at_least(runs=(runs, 0), variants=(variants, 1), every=(every, 0), seed=(seed, 0))
     trials_chance, intervals_chance = np.random.default_rng(seed).spawn(2)
     teams = _teams(scenario, seconds, mrclam, start, protocol)
     trials = {}
@@ -135,7 +135,9 @@ def tune(
     as_json
         Print one JSON object instead of the text.
     """
-    _at_least(variants=(variants, 1), held_out=(held_out, 1), seed=(seed, 0), coverage=(coverage, 0.0))
+    _at_least(variants=(variants, 1), held_out=(held_out, 1), every=(every, 0), seed=(seed, 0), coverage=(coverage, 0))
+    if coverage > 1:
+        raise Mistake(f"--coverage {coverage:g}: give a share of at most 1")
     if scenario and mrclam:
         raise Mistake(f"{scenario} and --mrclam: give one of the two")
     (team,) = _teams(scenario or (None if mrclam else "demo"), seconds, mrclam, start, protocol)
@@ -186,7 +188,7 @@ def figures(
     """
     drawing = _drawing()
     sizes = grids or [50, 100, 200]
-    _at_least(seeds=(seeds, 1), robots=(robots, 2), grids=(min(sizes), 20), seconds=(seconds, every))
+    _at_least(seeds=(seeds, 1), robots=(robots, 2), grids=(min(sizes), 20), every=(every, 0), seconds=(seconds, every))
     with progress("figures") as tell:
         worlds = {n: paper.world(load("paper"), n, robots, seconds) for n in sizes}
         jobs = [(paper.RULES, worlds[n], number, every) for n in sorted(sizes, reverse=True) for number in range(seeds)]

@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.errors import Mistake
 from blackboard.lab.cases import Case, Run
 
 
 def rehearse(scenario: Scenario, every: float = 1.0) -> Run:
     """The cases of a simulated or recorded run, one for each subject every so many seconds, in the order of time.
 
-    The sources of a case are the robots that have a first-hand belief about the subject, sorted. Mistake: a wrong scenario.
+    The sources of a case are the robots that have a first-hand belief about the subject, sorted. Mistake: a wrong scenario, or one
+    too short.
     """
     world = importlib.import_module("sim_world.__main__").source(scenario)
     minds = _minds(scenario)
@@ -37,6 +39,10 @@ def rehearse(scenario: Scenario, every: float = 1.0) -> Run:
                 sources = tuple(sorted(said[subject]))
                 opinions = np.stack([said[subject][source].p for source in sources])
                 cases.append(Case(grid, subject, truth.time, sources, opinions, tuple(place)))
+    if not cases:
+        raise Mistake(
+            f"{scenario.source}: in {time.seconds:g} s nothing is judged every {every:g} s; give a longer run"
+        )
     return cases
 
 

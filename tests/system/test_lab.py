@@ -101,6 +101,9 @@ def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
         (("lab", "--runs", "1", "--picture", "lab.jpg"), "choose one of these endings"),
         (("tune", "demo", "--mrclam", "nowhere"), "give one of the two"),
         (("tune", "--mrclam", "nowhere"), "nowhere"),
+        (("tune", "--seconds", "1", "--variants", "1"), "give a longer run"),
+        (("tune", "--coverage", "2"), "--coverage 2: give a share of at most 1"),
+        (("lab", "--every", "-1"), "--every -1: give at least 0"),
         (("figures", "--grids", "3"), "--grids 3: give at least 20"),
     ],
 )
