@@ -9,14 +9,17 @@ PYTEST := $(BIN)/python -m pytest
 WHEELS       ?= wheels
 IMAGE_PYTHON ?= 3.13
 MACHINE      ?= $(shell uname -m)
+MUTANTS      ?= 120
+SEED         ?= 1
+ONLY         ?=
 
-.PHONY: help demo test check lint format types imports rooms unit system compose-test figures wheels venv clean
+.PHONY: help demo test check lint format types imports rooms unit system compose-test mutants figures wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-demo: $(VENV)/.run ## six robots in two sub-teams find themselves and two objects: ends with PASS or FAIL
+demo: $(VENV)/.run ## six robots in two sub-teams localise themselves and two objects: ends with PASS or FAIL
 	@$(BIN)/blackboard demo
 
 test: check unit system ## everything but the containers: checks, unit tests, tests with real processes
@@ -38,14 +41,17 @@ imports: $(VENV)/.dev
 rooms: $(VENV)/.dev
 	$(PYTEST) tests/test_rooms.py
 
-unit: $(VENV)/.dev ## tests of the pure rooms, in seconds
-	$(PYTEST) -m "not system and not compose" -n 2 --durations=5
+unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
+	$(PYTEST) -m "not system and not compose" --ignore tests/test_rooms.py -n 2 --durations=5
 
 system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1
 	$(PYTEST) -m system --durations=5
 
 compose-test: $(VENV)/.dev ## the containers; skipped with its reason where no Docker engine answers
 	$(PYTEST) -m compose --durations=5
+
+mutants: $(VENV)/.mutants ## change the pure rooms at random places and see whether the tests notice: MUTANTS=120 SEED=1 ONLY=board
+	$(BIN)/python -m tests.mutants --count $(MUTANTS) --seed $(SEED) --only '$(ONLY)'
 
 figures: $(VENV)/.plot ## the paper's figures, into figures/
 	$(BIN)/blackboard figures --out figures
@@ -66,6 +72,10 @@ $(VENV)/.dev: pyproject.toml | $(VENV)/bin/pip
 	@echo "setting up $(VENV) with the developer's tools (once)"
 	@$(PIP) install --quiet --editable '.[dev]'
 	@touch $@ $(VENV)/.run
+
+$(VENV)/.mutants: $(VENV)/.dev
+	@$(PIP) install --quiet --editable '.[mutants]'
+	@touch $@
 
 $(VENV)/.plot: $(VENV)/.run
 	@$(PIP) install --quiet --editable '.[plot]'

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from blackboard import POOLS, Grid, cooperative_pool, entropy_weights, linear_pool
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.chernoff import chernoff
-from blackboard.opinion.cooperative import alphas
+from blackboard.opinion.components import alphas
 from blackboard.opinion.grid import Array
 from tests import oracles
 

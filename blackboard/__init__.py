@@ -15,3 +15,12 @@ __all__ = [
     "linear_pool",
     "logarithmic_pool",
 ]
+
+
+def __getattr__(name: str) -> str:
+    """`blackboard.__version__`, read from the package's metadata when it is asked for, because reading it takes time."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("cop-blackboard")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,29 +6,31 @@ the sections it uses: [team] [grid] [time] [board] here, [robot] in `robot_agent
 
 from __future__ import annotations
 
+import itertools
 import json
 import tomllib
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from blackboard.errors import Mistake
+from blackboard.errors import RuleError, UnknownKeyError, UserError
 from blackboard.opinion.grid import Grid
+from blackboard.opinion.rules import Rule, find, merged, read_rule
+from blackboard.wire.names import NAME, SUBJECT_KINDS
 
 SECTIONS = ("name", "team", "grid", "time", "board", "robot", "world")
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
+Name = Annotated[str, Field(pattern=f"^{NAME}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0, le=1)]
 #: A subject, or several: each of the two chunks may be `*`, as in a key expression.
-Subjects = Annotated[str, Field(pattern=r"^(robot|object|landmark|\*)/([A-Za-z0-9_.-]{1,64}|\*)$")]
+Subjects = Annotated[str, Field(pattern=rf"^({SUBJECT_KINDS}|\*)/({NAME}|\*)$")]
 
 
 class Section(BaseModel):
-    """A table of the scenario; an unknown key is a mistake."""
+    """A table of the scenario; an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -64,79 +66,112 @@ class TimeSection(Section):
     mode: Literal["lockstep", "realtime"] = "lockstep"
 
 
-class RuleSection(Section):
-    """A rule for pooling first-hand beliefs, and its parameters; those that the rule does not have are not looked at.
+class BoardSection(Section):
+    """[board]: the rule with its parameters, also per subject ([board.subjects."object/ball"], "object/*"), and a board's own keys.
 
-    The defaults are argued in docs/paper.md. The paper's own are `rule = "cooperative"`, `k = 2`, `gamma = 0.5`.
+    The parameters of the rule stand in the same table; docs/operations.md lists those of each rule.
     """
 
+    model_config = ConfigDict(extra="allow", frozen=True)
+
     rule: str = "coalition"
-    k: Annotated[float, Field(ge=0, le=10)] = 2.0  # weights 1 / H^k (III-A.1)
-    gamma: Annotated[float, Field(gt=0, le=1)] | None = None  # ratio of the alphas (V-C); None: 1/2, or by `gate`
-    gate: Positive = 4.0  # nats, of "coalition", where gamma is not given: what costs more to agree with is left out
-    reference_cell: Positive | None = None  # edge in the grid's unit; None: the grid's own cell, the paper's formula
-    independence: Share = 0.2  # within a coalition: 0 the mean of its members, 1 their product
-    power: Positive | None = None  # of "calibrated"; None: alpha_N
-    a: Annotated[float, Field(ge=-20, le=20)] = 0.5  # exponent of "hoelder"
-    inner: str = "logarithmic"  # the rule behind the gate of "clique"
-    xi: Positive = 2.0  # nats, the gate of "clique" (II-A.1)
-
-    @model_validator(mode="after")
-    def _known_rules(self) -> RuleSection:
-        from blackboard.opinion.pools import POOLS
-
-        for field, rule in (("rule", self.rule), ("inner", self.inner)):
-            if rule not in POOLS:
-                raise ValueError(f"{field} {rule!r} is none of {', '.join(sorted(POOLS))}")
-        if self.inner == "clique":
-            raise ValueError("inner: a gate behind a gate gains nothing; name another rule")
-        return self
-
-
-class BoardSection(RuleSection):
-    """[board]: the rule, also per subject ([board.subjects."object/ball"], "object/*"), and how a board keeps time."""
-
-    subjects: dict[Subjects, RuleSection] = Field(default_factory=dict)
+    subjects: dict[Subjects, dict[str, Any]] = Field(default_factory=dict)
     feedback: Literal["paper", "guarded", "off"] = "guarded"
+    #: "joint": what robots send as evidence goes into one joint Gaussian of the team; "opinions": only beliefs are pooled
+    fusion: Literal["opinions", "joint"] = "opinions"
+    objects_drift: Annotated[float, Field(ge=0)] = 0.5  # unit per square root of a second: objects in the joint
     max_age: Positive = 10.0  # seconds of team time after which a source that fell silent is left out
     drift: Annotated[float, Field(ge=0)] = 1.0  # unit per square root of a second: how an old report spreads
     future: Positive = 1.0  # seconds that a stamp may be ahead of team time
     patience: Positive = 2.0  # wall seconds to wait for a registered robot or another board in one tick
     period: Positive = 0.2  # seconds between settlements where no world gives the clock
 
-    def of(self, subject: str) -> RuleSection:
-        """The rule for a subject: the board's, with what the matching tables set instead, the most exact one last."""
-        own = {name: getattr(self, name) for name in RuleSection.model_fields}
-        for pattern in sorted(self.subjects, key=lambda p: (-p.count("*"), p)):
-            if all(a in ("*", b) for a, b in zip(pattern.split("/"), subject.split("/"), strict=False)):
-                table = self.subjects[pattern]
-                own |= {name: getattr(table, name) for name in table.model_fields_set}
-        return RuleSection(**own)
+    @model_validator(mode="after")
+    def _rules_are_sound(self) -> Self:
+        """Read the rule of every possible subject, so that a mistake in any table is found here.
+
+        Subjects that no pattern names all have the same rule, so one name is tried for them.
+        """
+        names = {pattern.split("/")[1] for pattern in self.subjects} - {"*"}
+        for kind, name in itertools.product(("robot", "object", "landmark"), sorted(names | {"any-other"})):
+            self.of(f"{kind}/{name}")
+        return self
+
+    def of(self, subject: str) -> Rule:
+        """The rule for a subject: the board's, changed by every table of `subjects` that matches, the most exact one last.
+
+        A table that names another rule begins anew with that rule's defaults; any other keeps what it does not set.
+        """
+        return self._rule(self._matching(subject))
+
+    def in_force(self) -> dict[str, str | float]:
+        """The rule with its parameters, then the same for each table of `subjects`, as `object/ball.rule`."""
+        found = self._rule([]).in_force()
+        for pattern in sorted(self.subjects):
+            found |= {f"{pattern}.{name}": value for name, value in self.of(pattern).in_force().items()}
+        return found
+
+    def subjects_under(self, rule: str) -> dict[str, dict[str, Any]]:
+        """`subjects` for a board with another rule: tables that name no rule lose the parameters that they would not have there."""
+        subjects: dict[str, dict[str, Any]] = {}
+        for pattern in _general_first(self.subjects):
+            table, general = self.subjects[pattern], {"rule": rule}
+            for other in _general_first(subjects):
+                general = merged(general, subjects[other]) if _matches(other, pattern) else general
+            known = {"rule", *find(general["rule"]).keys({**general, **table})}
+            subjects[pattern] = table if "rule" in table else {k: v for k, v in table.items() if k in known}
+        return subjects
+
+    def _matching(self, subject: str) -> list[str]:
+        return [pattern for pattern in _general_first(self.subjects) if _matches(pattern, subject)]
+
+    def _rule(self, patterns: Sequence[str]) -> Rule:
+        """The board's rule as changed by some tables of `subjects`; RuleError names the table and the key that is wrong."""
+        table: dict[str, Any] = {"rule": self.rule, **(self.model_extra or {})}
+        place = dict.fromkeys(table, "")
+        try:
+            for pattern in patterns:
+                place |= dict.fromkeys(self.subjects[pattern], f"subjects.{pattern}.")
+                table = merged(table, self.subjects[pattern])
+            return read_rule(table)
+        except RuleError as error:
+            where, cure = place.get(error.key, ""), error.cure
+            if isinstance(error, UnknownKeyError) and not where:  # perhaps one of the board's own keys, misspelt
+                cure += f"; a board has {', '.join(sorted(type(self).model_fields))}"
+            raise RuleError(where + error.key, cure, error.value) from None
+
+
+def _general_first(patterns: Iterable[str]) -> list[str]:
+    return sorted(patterns, key=lambda pattern: (-pattern.count("*"), pattern))
+
+
+def _matches(pattern: str, subject: str) -> bool:
+    return all(a in ("*", b) for a, b in zip(pattern.split("/"), subject.split("/"), strict=True))
 
 
 S = TypeVar("S", bound=Section)
 
 
 class Scenario:
-    """A scenario file as read, and where it came from (for messages)."""
+    """A scenario file as read; `where` it came from stands in error messages."""
 
-    def __init__(self, tables: Mapping[str, Any], source: str = "the defaults") -> None:
+    def __init__(self, tables: Mapping[str, Any], where: str = "the defaults") -> None:
         unknown = sorted(set(tables) - set(SECTIONS))
         if unknown:
-            raise Mistake(f"{source}: unknown section or key '{unknown[0]}'; known are {', '.join(SECTIONS)}")
+            raise UserError(f"{where}: unknown section or key '{unknown[0]}'; known are {', '.join(SECTIONS)}")
         self.tables = dict(tables)
-        self.source = source
+        self.where = where
 
     @property
     def name(self) -> str:
         return str(self.tables.get("name", "scenario"))
 
     def section(self, name: str, model: type[S]) -> S:
-        """One table, validated; the first thing wrong with it is a `Mistake` with file, field and cure."""
+        """One table, validated; the first thing wrong with it is a `UserError` with file, field and cure."""
         try:
             return model.model_validate(self.tables.get(name, {}))
         except ValidationError as error:
-            raise Mistake(f"{self.source}: {first_fault(error, name)}") from error
+            raise UserError(f"{self.where}: {first_fault(error, name)}") from error
 
     @property
     def team(self) -> TeamSection:
@@ -155,9 +190,22 @@ class Scenario:
         return self.section("board", BoardSection)
 
     def changed(self, section: str, **values: object) -> Scenario:
-        """The same with some keys of one section set (those that are not None)."""
+        """The scenario with some keys of one section set (those that are not None)."""
         table = {**self.tables.get(section, {}), **{k: v for k, v in values.items() if v is not None}}
-        return Scenario({**self.tables, section: table}, self.source)
+        return Scenario({**self.tables, section: table}, self.where)
+
+    def with_rule(self, name: str | None) -> Scenario:
+        """The scenario with another rule for its boards, without the parameters of the rule it had; None: unchanged."""
+        board = self.board
+        if name is None or name == board.rule:
+            return self
+        kept = {key: value for key, value in self.tables.get("board", {}).items() if key in BoardSection.model_fields}
+        try:
+            find(name)
+            kept["subjects"] = board.subjects_under(name)
+        except RuleError as error:
+            raise UserError(f"{self.where}: board.{error}") from None
+        return Scenario({**self.tables, "board": {**kept, "rule": name}}, self.where)
 
     def to_json(self) -> str:
         return json.dumps(self.tables)
@@ -167,6 +215,9 @@ def first_fault(error: ValidationError, where: str) -> str:
     """The first fault of a validation as 'section.field: what is wrong'."""
     fault = error.errors()[0]
     field = ".".join(str(part) for part in (where, *fault["loc"]))
+    cause = fault.get("ctx", {}).get("error")
+    if isinstance(cause, RuleError):
+        return f"{field}.{cause.key}: {cause.cure}" + ("" if cause.value is None else f" (got {cause.value})")
     if fault["type"] == "extra_forbidden":
         return f"{field}: no such key; remove it or mend its spelling"
     return f"{field}: {fault['msg']} (got {fault['input']!r:.80})"
@@ -178,14 +229,14 @@ def load(name: str | Path) -> Scenario:
     if not path.suffix:
         shipped = resources.files("sim_world") / "scenarios" / f"{path}.toml"
         if not shipped.is_file():
-            raise Mistake(f"{name}: no scenario of this name comes with the package; give a file that ends in .toml")
+            raise UserError(f"{name}: no scenario of this name comes with the package; give a file that ends in .toml")
         return Scenario(tomllib.loads(shipped.read_text(encoding="utf-8")), f"{name} (shipped)")
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise Mistake(f"{path}: cannot be read ({error}); give an existing TOML file") from error
+        raise UserError(f"{path}: cannot be read ({error}); give an existing TOML file") from error
     try:
         tables = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except ValueError as error:
-        raise Mistake(f"{path}: not valid TOML ({error})") from error
+        raise UserError(f"{path}: not valid TOML ({error})") from error
     return Scenario(tables, str(path))

@@ -1,7 +1,9 @@
-"""Errors by whose fault they are.
+"""Errors, divided by whose fault they are.
 
-Ours crash with a sentence (plain exceptions). A peer's bytes raise `Refused`, which a service counts under its reason and drops.
-A person's mistake raises `Mistake`, which a door prints as one line before it exits with status 2.
+A fault of this program is a plain exception with a sentence; it ends the process. Bytes from another process that cannot be used
+raise `Refused`, which a service counts under its reason and drops. A person's mistake raises `UserError`, which a door prints as
+one line before it exits with status 2. A run that breaks off raises `RunFailed`, which a door prints the same way before it exits
+with status 1.
 """
 
 from __future__ import annotations
@@ -9,6 +11,25 @@ from __future__ import annotations
 
 class OpinionError(ValueError):
     """An opinion that is no probability vector; the text names the opinion, the cell and the value."""
+
+
+class VetoError(OpinionError):
+    """No cell is left that opinions hold possible together, and the rule has no answer for that."""
+
+
+class RuleError(OpinionError):
+    """A rule of an unknown name, or a parameter that a rule does not have or cannot take: which key, and the cure.
+
+    The text is "key value: cure", or "key: cure" where no value is to blame.
+    """
+
+    def __init__(self, key: str, cure: str, value: object = None) -> None:
+        super().__init__(f"{key}: {cure}" if value is None else f"{key} {value}: {cure}")
+        self.key, self.cure, self.value = key, cure, value
+
+
+class UnknownKeyError(RuleError):
+    """A parameter that a rule does not have."""
 
 
 class Refused(ValueError):
@@ -19,5 +40,9 @@ class Refused(ValueError):
         self.reason = reason
 
 
-class Mistake(Exception):
+class UserError(Exception):
     """A person's mistake, in one line: where, what, and the cure. Doors exit with status 2 on it."""
+
+
+class RunFailed(Exception):
+    """A run that ended without a scorecard, and why, in one line. Doors exit with status 1 on it."""

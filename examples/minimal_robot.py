@@ -19,12 +19,12 @@ def pack(p: np.ndarray, grid: object, step: float = 0.05) -> dict[str, object]:
     return {"grid": grid, "lo": [0, 0], "box": p.shape, "step": step, "rest": float(p[b == 0].sum()), "data": data}
 
 
-def hear(sample: zenoh.Sample) -> None:
-    said = msgpack.unpackb(bytes(sample.payload))
-    grid, lo, box, data = (said["belief"][name] for name in ("grid", "lo", "box", "data"))
+def show(sample: zenoh.Sample) -> None:
+    agreed = msgpack.unpackb(bytes(sample.payload))
+    grid, lo, box, data = (agreed["belief"][name] for name in ("grid", "lo", "box", "data"))
     levels = np.frombuffer(zlib.decompress(data), np.uint8).cumsum(dtype=np.uint8)
     cell = np.add(lo, np.unravel_index(levels.argmax(), box)) + 0.5  # the centre of the likeliest
-    print(said["tick"], said["subject"], *np.add(grid["origin"], cell * grid["cell"]).round(3), flush=True)
+    print(agreed["tick"], agreed["subject"], *np.add(grid["origin"], cell * grid["cell"]).round(3), flush=True)
 
 
 def main(args: argparse.Namespace) -> None:
@@ -32,19 +32,19 @@ def main(args: argparse.Namespace) -> None:
     away = (np.indices(grid["shape"]).T + 0.5) * grid["cell"] + grid["origin"] - args.at  # of each cell from here
     masses = {f"robot/{me}": np.exp(-(away**2).sum(-1).T / 2), "object/ball": np.exp(-((away - 5) ** 2).sum(-1).T / 8)}
     beliefs = {subject: pack(mass / mass.sum(), grid) for subject, mass in masses.items()}
-    says = {f"{home}/report/{me}/{s}": {"source": me, "subject": s, "belief": b} for s, b in beliefs.items()}
-    says[f"cop/{args.team}/score/solo/{me}"] = {"robot": me, "beliefs": beliefs}
-    says[f"{home}/status/{me}"] = {"process": me, "kind": "robot", "phase": "reported", "subjects": list(beliefs)}
+    messages = {f"{home}/report/{me}/{s}": {"source": me, "subject": s, "belief": b} for s, b in beliefs.items()}
+    messages[f"cop/{args.team}/score/solo/{me}"] = {"robot": me, "beliefs": beliefs}
+    messages[f"{home}/status/{me}"] = {"process": me, "kind": "robot", "phase": "reported", "subjects": list(beliefs)}
     clock, ticked, end = {}, threading.Semaphore(0), time.monotonic() + args.seconds
     config = zenoh.Config.from_json5(json.dumps({"mode": "client", "connect": {"endpoints": [args.connect]}}))
     with zenoh.open(config) as session, session.liveliness().declare_token(f"{home}/member/{me}"):
-        session.declare_subscriber(f"{home}/agreed/**", hear)
+        session.declare_subscriber(f"{home}/agreed/**", show)
         session.declare_subscriber(world, lambda s: (clock.update(msgpack.unpackb(bytes(s.payload))), ticked.release()))  # type: ignore[func-returns-value]
         while time.monotonic() < end:
-            if ticked.acquire(timeout=0.2) or not clock:  # the world's tick, or no world
+            if ticked.acquire(timeout=0.2) or not clock:  # at each Clock, whoever sends it; first by Unix time
                 now = {"tick": int(time.time() * 5), "time": time.time()} | clock
-                for key, said in says.items():
-                    session.put(key, msgpack.packb({"version": 1, "tick": now["tick"], "time": now["time"], **said}))
+                for key, message in messages.items():
+                    session.put(key, msgpack.packb({"version": 1, "tick": now["tick"], "time": now["time"], **message}))
 
 
 if __name__ == "__main__":

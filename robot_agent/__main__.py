@@ -7,14 +7,15 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from blackboard import door
 from blackboard.config import Scenario, load
+from blackboard.run import door
 from robot_agent.config import RobotSection
 from robot_agent.service import AgentService
 
 app = App(
     name="robot-agent",
-    help="One robot of a team: it localises itself, reports what it believes, and listens to its team.",
+    help="One robot of a team: it localises itself, reports what it believes, and takes its team's beliefs back.",
+    version=door.version,
 )
 
 
@@ -25,7 +26,7 @@ def robot_agent(
     sub_team: Annotated[list[str] | None, Parameter(negative="")] = None,
     robot: Annotated[str | None, Parameter(name="--id")] = None,
     scenario: str | None = None,
-    flags: door.ZenohFlags | None = None,
+    flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
     """Run one robot until it is stopped.
 
@@ -34,7 +35,7 @@ def robot_agent(
     team
         Name of the team [default: the scenario's].
     sub_team
-        The sub-team it registers in; may be given again [default: as the scenario says, else spread by its name].
+        The sub-team it registers in; may be given again [default: those of the scenario, else one chosen by its name].
     robot
         Its name in the team [default: the name of this host].
     scenario
@@ -52,8 +53,9 @@ def robot_agent(
         grid=chosen.grid,
         settings=chosen.section("robot", RobotSection),
         feedback=chosen.board.feedback,
+        joint=chosen.board.fusion == "joint",
     )
-    door.serve(service, name, flags or door.ZenohFlags())
+    door.serve(service, name, flags)
     return 0
 
 

@@ -1,146 +1,185 @@
-"""The agent: a robot's two chains, what it reports from them, and how it takes the team's word back. Pure."""
+"""The agent: a robot's two estimators, what it reports from them, and how it takes the team's agreed beliefs back. Pure."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from blackboard.opinion.belief import Belief
-from blackboard.opinion.grid import Grid
+from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.evidence import PackedEvidence, pack_evidence
 from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings, Report, Solo
-from robot_agent.chain import Chain, Mate
 from robot_agent.config import RobotSection
+from robot_agent.estimator import Estimator, Mate
+from robot_agent.gaussian.filter import FirstHand
+from robot_agent.gaussian.sensors import sensors_of
 
 Feedback = Literal["paper", "guarded", "off"]
 
-WORTH = 0.5  # nats that an informed belief about somebody else must be sharper to be reported beside the first-hand one
+#: Nats by which an informed belief about somebody else must be sharper than the first-hand one to be reported beside it.
+LEAST_GAIN = 0.5
 
-MEMORY = 8  # ticks that can be gone back to when an agreed belief comes late
+#: Ticks that can be gone back to when an agreed belief comes late.
+SNAPSHOTS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Past:
-    """The informed chain after a tick, what was told of it, and what led to it."""
+class Agreed:
+    """What a robot's team agreed on about one subject at a time (team time, seconds), and whose information that contains."""
+
+    tick: int
+    time: float
+    belief: Belief
+    ancestors: Mapping[str, float]
+    state: Array | None = None  # of a robot in the team's joint, shape (9,): where its filter may linearise
+
+    @classmethod
+    def unpacked(cls, consensus: Consensus, grid: Grid) -> Agreed:
+        """The belief of a consensus on the team's grid; Refused: "fields", "grid", "mass"."""
+        state = None if consensus.state is None else np.array(consensus.state.mean)
+        return cls(consensus.tick, consensus.time, unpack(consensus.belief, grid), consensus.ancestors, state)
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The informed estimator after a tick, the readings and mates of that tick, and what the robot then reported of its own place."""
 
     readings: Readings
     mates: Mapping[str, Mate]
-    chain: Chain
-    told: dict[str, PackedBelief]
+    estimator: Estimator
+    reported: PackedBelief
 
 
 class Agent:
-    """One robot's mind: `tick` takes readings and the agreed beliefs that have arrived, and returns what to report."""
+    """One robot: `tick` takes readings and the agreed beliefs that have arrived, and returns what to report."""
 
-    def __init__(self, robot: str, settings: RobotSection, grid: Grid, feedback: Feedback = "guarded") -> None:
-        self.robot = robot
+    def __init__(
+        self,
+        robot: str,
+        settings: RobotSection,
+        grid: Grid,
+        feedback: Feedback = "guarded",
+        *,
+        joint: bool = False,
+    ) -> None:
+        """`joint`: the boards keep a joint belief of the team, so the robot also sends its evidence."""
+        self.robot, self.subject = robot, f"robot/{robot}"
         self.settings, self.grid, self.feedback = settings, grid, feedback
-        self.firsthand = self.informed = Chain.begin(settings, grid, robot)
+        self.firsthand = self.informed = Estimator.begin(settings, grid, robot)
+        self.filter = FirstHand(self.subject, sensors_of(settings)) if joint else None
         self.mates: dict[str, Mate] = {}
-        self._past: deque[Past] = deque(maxlen=MEMORY)
+        self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
 
-    def tick(self, readings: Readings, agreed: Mapping[str, Consensus]) -> tuple[list[Report], Solo]:
-        """Fold what the team agreed (subject -> consensus) back, move, see, and report; raises Refused on a bad belief."""
+    def tick(self, readings: Readings, agreed: Mapping[str, Agreed]) -> tuple[list[Report], Solo]:
+        """Fold the agreed beliefs (by subject) back, predict, update, and report.
+
+        The solo message holds the same first-hand beliefs as the reports, but for the sighted mates; it is for a referee.
+        """
         if self.feedback != "off":
             self._fold(agreed)
         self.firsthand = self.firsthand.advance(readings)
-        if self._is_alone():
-            self.informed = self.firsthand
-        else:
-            self.informed = self.informed.advance(readings, self.mates)
-        reports, told = self._reports(readings)
-        self._past.append(Past(readings, self.mates, self.informed, told))
-        return reports, self._solo(readings)
+        self.informed = self.firsthand if self._is_alone() else self.informed.advance(readings, self.mates)
+        first = beliefs(self.firsthand)
+        packed = {subject: pack(belief) for subject, belief in sorted(first.items())}
+        informed = self._informed(first)
+        reports = [self._report(readings, subject, own, informed.get(subject)) for subject, own in packed.items()]
+        if self.filter is not None:
+            evidence = self._evidence(self.filter, readings, agreed.get(self.subject))
+            reports = [r.model_copy(update={"evidence": evidence}) if r.subject == self.subject else r for r in reports]
+        reported = informed.get(self.subject, packed[self.subject])
+        self._snapshots.append(Snapshot(readings, self.mates, self.informed, reported))
+        solo = {s: own for s, own in packed.items() if s == self.subject or s not in self.firsthand.seen}
+        return reports, Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=solo)
 
-    # --- the team's word ----------------------------------------------------------------------------------------------
+    # --- what the team agreed on --------------------------------------------------------------------------------------
 
     def _is_alone(self) -> bool:
-        """Whether the team has told it nothing yet, so that both chains are one."""
+        """Whether no agreed belief has been taken yet, so that both estimators are the same."""
         return not self.mates and set(self.informed.ancestors) <= {self.robot}
 
-    def _fold(self, agreed: Mapping[str, Consensus]) -> None:
-        """Go back to the tick that was agreed on, take the belief there, and play the ticks since again."""
-        words = {s: c for s, c in sorted(agreed.items()) if c.ancestors}
-        beliefs = {subject: unpack(c.belief, self.grid) for subject, c in words.items()}
-        if not words:
-            return
-        self._know_mates(words, beliefs)
-        ticks = sorted({c.tick for s, c in words.items() if self._concerns(s)})
-        for tick in ticks:
-            start = next((i for i, past in enumerate(self._past) if past.readings.tick == tick), None)
-            if start is None:
-                continue  # too long ago to go back to
-            past = self._past[start]
-            chain = past.chain
-            for subject, consensus in words.items():
-                if consensus.tick == tick and self._concerns(subject):
-                    told = past.told.get(subject)
-                    before = None if told is None else unpack(told, self.grid)
-                    chain = chain.folded(beliefs[subject], before, consensus.ancestors)
-            self._past[start] = Past(past.readings, past.mates, chain, past.told)
-            for i in range(start + 1, len(self._past)):
-                later = self._past[i]
-                chain = chain.advance(later.readings, later.mates)
-                self._past[i] = Past(later.readings, later.mates, chain, later.told)
-            self.informed = chain
+    def _fold(self, agreed: Mapping[str, Agreed]) -> None:
+        """Take the agreed beliefs: those about mates as landmarks, the one about this robot into the informed estimator."""
+        known = {subject: one for subject, one in sorted(agreed.items()) if one.ancestors}
+        if self.settings.vision.mates:
+            self.mates = {
+                **self.mates,
+                **{
+                    subject: Mate(one.belief.mean(), one.belief.covariance(), one.ancestors)
+                    for subject, one in known.items()
+                    if subject.startswith("robot/") and subject != self.subject
+                },
+            }
+        if self.subject in known:
+            self._fold_own(known[self.subject])
 
-    def _concerns(self, subject: str) -> bool:
-        return subject == f"robot/{self.robot}"
+    def _fold_own(self, agreed: Agreed) -> None:
+        """Go back to the tick that was agreed on, take the belief there, and repeat the ticks since on their readings."""
+        start = self._snapshot_of(agreed)
+        if start is None:
+            return  # too long ago: the tick is no longer kept
+        snapshot = self._snapshots[start]
+        estimator = snapshot.estimator.folded(agreed.belief, unpack(snapshot.reported, self.grid), agreed.ancestors)
+        self._snapshots[start] = replace(snapshot, estimator=estimator)
+        for i in range(start + 1, len(self._snapshots)):
+            later = self._snapshots[i]
+            estimator = estimator.advance(later.readings, later.mates)
+            self._snapshots[i] = replace(later, estimator=estimator)
+        self.informed = estimator
 
-    def _know_mates(self, words: Mapping[str, Consensus], beliefs: Mapping[str, Belief]) -> None:
-        if not self.settings.vision.mates:
-            return
-        for subject, belief in beliefs.items():
-            if subject.startswith("robot/") and not self._concerns(subject):
-                covariance = belief.covariance()
-                self.mates = {**self.mates, subject: Mate(belief.mean(), covariance, words[subject].ancestors)}
+    def _snapshot_of(self, agreed: Agreed) -> int | None:
+        """The snapshot of the tick that was agreed on.
 
-    # --- what is said -------------------------------------------------------------------------------------------------
+        Where no world counts the ticks for robots and boards alike, it is the newest one that is not younger than the belief.
+        """
+        ticks = [snapshot.readings.tick for snapshot in self._snapshots]
+        if agreed.tick in ticks:
+            return ticks.index(agreed.tick)
+        times = [snapshot.readings.time for snapshot in self._snapshots]
+        return max((i for i, time in enumerate(times) if time <= agreed.time), default=None)
 
-    def _reports(self, readings: Readings) -> tuple[list[Report], dict[str, PackedBelief]]:
-        alone = self.informed is self.firsthand
-        first = beliefs(self.firsthand)
-        informed = {} if alone else beliefs(self.informed)
+    # --- what is reported ---------------------------------------------------------------------------------------------
+
+    def _informed(self, first: Mapping[str, Belief]) -> dict[str, PackedBelief]:
+        """The informed beliefs that are worth a second opinion: the own place, and what the team made much sharper.
+
+        What the robot has no first-hand belief about is left out: it would only send the team's own information back.
+        """
+        if self.informed is self.firsthand:
+            return {}
+        return {
+            subject: pack(belief)
+            for subject, belief in beliefs(self.informed).items()
+            if subject == self.subject
+            or (subject in first and entropy(belief.p) < entropy(first[subject].p) - LEAST_GAIN)
+        }
+
+    @staticmethod
+    def _evidence(own: FirstHand, readings: Readings, agreed: Agreed | None) -> PackedEvidence:
+        """What the robot's Gaussian filter gained in this tick; the team's state of the tick before is no evidence in it."""
+        at = agreed.state if agreed is not None and agreed.tick == readings.tick - 1 else None
+        told = own.step(readings, at)
+        nuisance = own.sensors.wheels.nuisance
+        return pack_evidence(told.epoch, told.travelled, nuisance, told.belief, told.increment, told.relatives)
+
+    def _report(self, readings: Readings, subject: str, own: PackedBelief, informed: PackedBelief | None) -> Report:
         ancestors = dict(sorted(self.informed.ancestors.items()))
-        reports: list[Report] = []
-        told: dict[str, PackedBelief] = {}
-        for subject in sorted(first.keys() | informed.keys()):
-            helped = subject in informed and (
-                self._concerns(subject) or _sharper(informed[subject], first.get(subject))
-            )
-            later = pack(informed[subject]) if helped else None
-            if subject not in first:  # nothing of its own to say: an echo of the team gains nothing
-                continue
-            own = pack(first[subject])
-            told[subject] = later or own
-            reports.append(
-                Report(
-                    source=self.robot,
-                    subject=subject,
-                    tick=readings.tick,
-                    time=readings.time,
-                    belief=own,
-                    ancestors={self.robot: readings.time},
-                    informed=None if later is None else Informed(belief=later, ancestors=ancestors),
-                )
-            )
-        return reports, told
-
-    def _solo(self, readings: Readings) -> Solo:
-        chain = self.firsthand
-        own = {f"robot/{self.robot}": chain.localizer.marginal(), **chain.objects}
-        packed = {subject: pack(belief) for subject, belief in sorted(own.items())}
-        return Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=packed)
+        return Report(
+            source=self.robot,
+            subject=subject,
+            tick=readings.tick,
+            time=readings.time,
+            belief=own,
+            ancestors={self.robot: readings.time},
+            informed=None if informed is None else Informed(belief=informed, ancestors=ancestors),
+        )
 
 
-def _sharper(informed: Belief, first: Belief | None) -> bool:
-    """Whether the team's help made a belief so much sharper that it is worth a second, overlapping opinion."""
-    return first is not None and entropy(informed.p) < entropy(first.p) - WORTH
-
-
-def beliefs(chain: Chain) -> dict[str, Belief]:
-    """All that a chain believes about somebody's place on the team's grid, by subject."""
-    return {f"robot/{chain.robot}": chain.localizer.marginal(), **chain.objects, **chain.seen}
+def beliefs(estimator: Estimator) -> dict[str, Belief]:
+    """All that an estimator believes about somebody's place on the team's grid, by subject."""
+    return {f"robot/{estimator.robot}": estimator.localizer.marginal(), **estimator.objects, **estimator.seen}

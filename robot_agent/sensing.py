@@ -1,4 +1,7 @@
-"""What a sighting says, by the robot's own model of its camera (the world's physics is written elsewhere, on purpose)."""
+"""The robot's own sensor models: odometry to motion, and the likelihood of a sighting.
+
+The world's physics (`sim_world.sensors`) is written separately on purpose, so that a robot with a wrong model can be tested.
+"""
 
 from __future__ import annotations
 
@@ -11,27 +14,29 @@ from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Odometry, Sighting
 from robot_agent.config import OdometrySection, VisionSection
 
-BEST_VIEW = 7.5  # where the printed sigma is zero; this and the next four numbers are those of (VI-.1)
+# The distances of (VI-.1), in cells: the printed sigma is 0 at the best view, and nothing is seen outside SEEN_FROM..SEEN_TO.
+BEST_VIEW = 7.5
 SEEN_FROM, LINEAR_FROM, LINEAR_TO, SEEN_TO = 1.0, 3.0, 11.0, 13.0
 
 _nodes, _weights = np.polynomial.hermite_e.hermegauss(7)
-NODES = _nodes, _weights / _weights.sum()  # of a standard normal distribution
+#: Gauss-Hermite quadrature: E f(X) of a standard normal X is about the sum of weight * f(node).
+NODES = _nodes, _weights / _weights.sum()
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One tick's motion by the robot's model: forward (unit), turn (radians), and the variances it adds."""
+    """One tick's motion by the robot's model: forward distance (unit), turn (radians), and the variances of its noise."""
 
     distance: float
     turn: float
-    dt: float
+    dt: float  # seconds
     along: float  # unit ** 2
     across: float  # unit ** 2
     heading: float  # radians ** 2
 
 
 def motion(odometry: Odometry, model: OdometrySection) -> Motion:
-    """The odometry corrected by the model's scales; noise grows with the square root of time, less while standing."""
+    """The odometry corrected by the model's scales, with noise variances that grow with time, slower while standing."""
     moving = abs(odometry.distance) > 1e-9 or abs(odometry.turn) > 1e-9
     share = odometry.dt * (1.0 if moving else model.standing**2)
     return Motion(
@@ -45,33 +50,34 @@ def motion(odometry: Odometry, model: OdometrySection) -> Motion:
 
 
 def position_sigma(distance: Array, vision: VisionSection) -> Array:
-    """Sigma of a seen position at some distances (VI-.1) times the gain, at least `floor`; infinite where nothing is seen."""
+    """Sigma (unit) of a seen position at some distances: (VI-.1) times the gain, at least `floor`; infinite where unseen."""
     off = np.abs(distance - BEST_VIEW)
     with np.errstate(divide="ignore"):
+        # (VI-.1): sigma(d) = 8 |d - 7.5| for 3 <= d <= 11, and 20 ln |d - 7.5| for 1 < d < 3 and 11 < d < 13
         printed = np.where((distance >= LINEAR_FROM) & (distance <= LINEAR_TO), 8.0 * off, 20.0 * np.log(off))
     seen = (distance > SEEN_FROM) & (distance < SEEN_TO)
     return np.where(seen, np.maximum(vision.floor, vision.gain * printed), np.inf)
 
 
 def position_likelihood(dx: Array, dy: Array, seen: tuple[float, float], vision: VisionSection) -> Array:
-    """p(seen | the subject is at (dx, dy) from the robot), world axes: isotropic, sigma by the hypothesised distance."""
+    """p(seen | the subject is at (dx, dy) from the robot), world axes: N(seen; (dx, dy), sigma(|(dx, dy)|)^2 I)."""
     sigma = position_sigma(np.hypot(dx, dy), vision)
-    away = (dx - seen[0]) ** 2 + (dy - seen[1]) ** 2
+    squared = (dx - seen[0]) ** 2 + (dy - seen[1]) ** 2
     with np.errstate(invalid="ignore"):
-        return np.where(np.isfinite(sigma), np.exp(-0.5 * away / sigma**2) / (2 * math.pi * sigma**2), 0.0)
+        return np.where(np.isfinite(sigma), np.exp(-0.5 * squared / sigma**2) / (2 * math.pi * sigma**2), 0.0)
 
 
 def uncertain_likelihood(
     dx: Array, dy: Array, seen: tuple[float, float], covariance: Array, vision: VisionSection
 ) -> Array:
-    """The same where the subject's place is uncertain by a covariance (unit ** 2); (dx, dy) leads to its mean.
+    """`position_likelihood` of a subject whose place is uncertain: (dx, dy) leads to its mean, `covariance` is in unit ** 2.
 
-    The mean over the distances at which the subject may be (Gauss-Hermite), each with its sigma, convolved with the covariance:
-    (VI-.1) rises so steeply that the sigma of one distance would claim too much.
+    The sum over Gauss-Hermite nodes x_k with weights w_k of w_k N(seen; (dx, dy), sigma(d + x_k s)^2 I + covariance), where s
+    is the standard deviation of the distance d. One sigma(d) would claim too much, because (VI-.1) rises so steeply.
     """
     distance = np.maximum(np.hypot(dx, dy), 1e-9)
     cxx, cyy, cxy = covariance[0, 0], covariance[1, 1], covariance[0, 1]
-    spread = np.sqrt(dx**2 * cxx + 2 * dx * dy * cxy + dy**2 * cyy) / distance
+    spread = np.sqrt(dx**2 * cxx + 2 * dx * dy * cxy + dy**2 * cyy) / distance  # s^2 = u^T covariance u along u
     x, y = dx - seen[0], dy - seen[1]
     likelihood = np.zeros(np.broadcast_shapes(dx.shape, dy.shape))
     for node, weight in zip(*NODES, strict=True):
@@ -79,28 +85,28 @@ def uncertain_likelihood(
         with np.errstate(invalid="ignore"):
             xx, yy = variance + cxx, variance + cyy
             determinant = xx * yy - cxy * cxy
-            away = (yy * x * x - 2 * cxy * x * y + xx * y * y) / determinant
-            density = np.exp(-0.5 * away) / (2 * math.pi * np.sqrt(determinant))
+            squared = (yy * x * x - 2 * cxy * x * y + xx * y * y) / determinant  # Mahalanobis
+            density = np.exp(-0.5 * squared) / (2 * math.pi * np.sqrt(determinant))
         likelihood += weight * np.where(np.isfinite(variance), density, 0.0)
     return likelihood
 
 
 def range_variance(distance: float | Array, vision: VisionSection) -> float | Array:
-    """Variance of a range (unit ** 2); frames that follow each other share their error."""
+    """Variance of a range (unit ** 2), `frames` times that of one frame, because consecutive frames share their error."""
     return vision.frames * (vision.range_floor**2 + (vision.range_share * distance) ** 2)
 
 
 def bearing_variance(vision: VisionSection) -> float:
-    """Variance of a bearing (radians ** 2)."""
+    """Variance of a bearing (radians ** 2), `frames` times that of one frame."""
     return vision.frames * vision.bearing**2
 
 
-def rewound(sighting: Sighting, moved: Motion | None) -> tuple[float, float]:
-    """How far the robot has driven (unit) and turned (radians) since the sighting was taken."""
-    if moved is None or not sighting.age:
+def motion_since(sighting: Sighting, motion: Motion | None) -> tuple[float, float]:
+    """Distance driven (unit) and angle turned (radians) since the sighting was taken, at the constant speed of `motion`."""
+    if motion is None or not sighting.age:
         return 0.0, 0.0
-    share = sighting.age / moved.dt
-    return moved.distance * share, moved.turn * share
+    share = sighting.age / motion.dt
+    return motion.distance * share, motion.turn * share
 
 
 def wrap(angle: Array) -> Array:

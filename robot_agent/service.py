@@ -1,29 +1,35 @@
-"""A robot as a process sees it: envelopes to messages around an Agent (docs/design.md, "A tick in lockstep")."""
+"""The robot process: envelopes to messages around an Agent, and when it acts on its readings.
+
+The table `blackboard.process.rounds.ROBOT` says when a phase of a tick is over (docs/design.md, "A tick in lockstep").
+"""
 
 from __future__ import annotations
 
 import logging
-from collections import Counter
 from collections.abc import Sequence
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
+from blackboard.process.intake import Intake
+from blackboard.process.roll_call import RollCall
+from blackboard.process.roster import Roster
+from blackboard.process.rounds import ROBOT, Rounds
+from blackboard.process.team_clock import News, Pace, TeamClock
 from blackboard.wire import keys
-from blackboard.wire.arrays import unpack
-from blackboard.wire.codec import encode, open_envelope
+from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Message, Readings, Report, Solo, Status
-from robot_agent.agent import Agent, Feedback
+from blackboard.wire.messages import Clock, Consensus, Readings, Report, Solo, Status
+from blackboard.wire.types import Message
+from robot_agent.agent import Agent, Agreed, Feedback
 from robot_agent.config import RobotSection
 
 log = logging.getLogger(__name__)
 
-STATUS_PERIOD = 1.0  # seconds between signs of life
-MAX_SUBJECTS = 256  # whose agreed beliefs are kept
+MAX_AGREED = 512  # agreed beliefs that are kept between two ticks, over all boards
 
 
 class AgentService:
-    """The process of one robot (`blackboard.wire.envelope.Service`); it may be in several sub-teams."""
+    """The process of one robot (`blackboard.process.service.Service`); it may be in several sub-teams."""
 
     def __init__(
         self,
@@ -34,26 +40,29 @@ class AgentService:
         grid: Grid,
         settings: RobotSection,
         feedback: Feedback = "guarded",
+        joint: bool = False,
     ) -> None:
+        """`joint`: the boards of the team keep a joint belief ([board] fusion)."""
         self.team, self.sub_teams, self.robot = team, tuple(sub_teams), robot
-        self.grid, self.settings, self.feedback = grid, settings, feedback
-        self.counters: Counter[str] = Counter()
-        self.refused: Counter[str] = Counter()
-        self._warned: set[tuple[str, str]] = set()
-        self._status_due = 0.0
+        self.grid, self.settings, self.feedback, self.joint = grid, settings, feedback, joint
+        self.intake = Intake()
+        self.counters, self.refused = self.intake.counters, self.intake.refused
+        self.roster = Roster(self.tokens[0])
+        self.clock = TeamClock(self.roster)
+        self.rounds = Rounds(ROBOT, {"patience": settings.patience}, "readings")
         self._begin("")
 
     def _begin(self, run: str) -> None:
-        """Forget everything: a new run of the world, or the very first."""
+        """Forget everything: another run than before, or the very first."""
         self.run = run
-        self.agent = Agent(self.robot, self.settings, self.grid, self.feedback)
+        self.agent = Agent(self.robot, self.settings, self.grid, self.feedback, joint=self.joint)
         self.tick, self.time = -1, 0.0  # of the newest tick that was done
-        self._clock: Clock | None = None
-        self._readings: Readings | None = None  # waiting for its tick to begin
-        self._waiting_since: float | None = None
-        self._agreed: dict[str, dict[str, Consensus]] = {}  # sub-team -> subject -> the newest
-        self._sent: list[Envelope] = []
-        self._subjects: list[str] = []
+        self.rounds.enter("readings", 0.0)
+        self._readings: Readings | None = None  # of the tick that is to be done next
+        self._agreed: dict[tuple[str, str, str], Agreed] = {}  # by sub-team, board and subject, since the last tick
+        self._arrived: RollCall[str] = RollCall()  # agreed beliefs by sub-team
+        self._reports: list[Report] = []  # of the newest tick; sent again when the world repeats its Clock
+        self._solo: Solo | None = None
 
     # --- what the loop needs ------------------------------------------------------------------------------------------
 
@@ -68,136 +77,151 @@ class AgentService:
 
     @property
     def watches(self) -> tuple[str, ...]:
-        return ()
+        """The world's token, and one of this robot's own: where that vanishes, the network is lost."""
+        return (keys.WORLD.key(team=self.team), self.tokens[0])
 
     @property
     def done(self) -> bool:
         return False
 
-    def note(self, counters: dict[str, int]) -> None:
-        self.counters.update({name: n - self.counters[name] for name, n in counters.items()})
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        self.intake.record_link_counters(counters)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
-        if envelope.kind is not Kind.PUT:
-            return []
-        try:
-            _, _, message = open_envelope(envelope)
-            return self._hear(message, now)
-        except Refused as refusal:
-            self._refuse(envelope.key, refusal)
-            return []
+        if envelope.kind in (Kind.ALIVE, Kind.GONE):
+            self.roster.hear(envelope, now)
+            return self._advance(now)
+        return self.intake.take(envelope, lambda _, message: self._hear(message, now)) + self._advance(now)
 
     def wake(self, now: float) -> list[Envelope]:
         out = self._advance(now)
-        return out + ([self._status(s, now) for s in self.sub_teams] if now >= self._status_due else [])
+        return out + (self._statuses(now) if now >= self.intake.status_due else [])
 
     def wake_at(self, now: float) -> float | None:
-        if self._waiting_since is None:
-            return self._status_due
-        return min(self._status_due, self._waiting_since + self.settings.patience)
+        ends = self.rounds.ends_at(self.clock.pace)
+        return min(self.intake.status_due, ends, self.clock.changes_at(), self.roster.changes_at())
 
-    # --- what is heard ------------------------------------------------------------------------------------------------
+    # --- receiving ----------------------------------------------------------------------------------------------------
 
     def _hear(self, message: Message, now: float) -> list[Envelope]:
-        if isinstance(message, Clock | Readings):
+        if isinstance(message, Clock):
+            news = self.clock.hear(message, now)
+            return [] if message.end else self._follow(news, now)  # the last Clock of a run begins no tick
+        if isinstance(message, Readings):
             if message.run != self.run:
                 self._begin(message.run)
-            elif message.tick == self.tick and isinstance(message, Clock) and not message.end:
-                self.counters["repeated"] += 1
-                return list(self._sent)
-        if isinstance(message, Clock):
-            self._clock = message
-        elif isinstance(message, Readings):
             if message.tick > self.tick:
                 self._readings = message
+                self.rounds.enter("readings", now)
         elif isinstance(message, Consensus):
             self._keep(message)
-        return self._advance(now)
+        return []
+
+    def _follow(self, news: News, now: float) -> list[Envelope]:
+        """React to what is new about the team clock; a tick itself begins with its readings."""
+        clock = self.clock.followed
+        if news is News.FREE:
+            log.warning("%s: the world is gone; going by Unix time", self.robot)
+        elif clock is not None and clock.run != self.run:
+            self._begin(clock.run)
+        if clock is not None and news is News.RUN:
+            self._forget_agreed(clock.tick)
+        if clock is not None and news is not News.TICK and clock.tick == self.tick:
+            self.counters["repeated"] += 1  # the Clock is repeated, or the first one came after this tick was done
+            return self._answers(now)
+        return []
+
+    def _forget_agreed(self, tick: int) -> None:
+        """A run is followed from this tick on: what was agreed in no earlier tick is of another run, or of Unix time."""
+        self._agreed = {key: agreed for key, agreed in self._agreed.items() if agreed.tick < tick}
+        self._arrived = RollCall()
+        for (sub_team, _, subject), agreed in self._agreed.items():
+            self._arrived.record(sub_team, subject, agreed.tick)
 
     def _keep(self, consensus: Consensus) -> None:
-        """Keep the newest agreed belief about each subject, unpacked once to see that it can be used."""
-        known = self._agreed.setdefault(consensus.sub_team, {})
-        before = known.get(consensus.subject)
-        if before is not None and (before.tick, before.time) >= (consensus.tick, consensus.time):
-            return
-        if before is None and len(known) >= MAX_SUBJECTS:
-            raise Refused("too-many", f"{consensus.subject} would be one more than {MAX_SUBJECTS} subjects")
-        if consensus.tick > self.tick + 1:
-            raise Refused("future", f"agreed in tick {consensus.tick}, and this robot has done {self.tick}")
-        unpack(consensus.belief, self.grid)
-        known[consensus.subject] = consensus
-
-    def _refuse(self, key: str, refusal: Refused) -> None:
-        self.refused[refusal.reason] += 1
-        if (key[:200], refusal.reason) not in self._warned and len(self._warned) < 1000:
-            self._warned.add((key[:200], refusal.reason))
-            log.warning("refused %.200s (%s); counted, and not logged again for this source", key, refusal)
+        """Keep the newest agreed belief of each board about each subject until the next tick."""
+        newest = max(self.clock.tick, self.tick + 1)  # whoever joins a run late has done none of its ticks
+        if self.clock.followed is not None and consensus.tick > newest:
+            raise Refused("future", f"agreed in tick {consensus.tick}, and the newest is {newest}")
+        key = consensus.sub_team, consensus.board, consensus.subject
+        before = self._agreed.get(key)
+        if before is None and len(self._agreed) >= MAX_AGREED:
+            raise Refused("too-many", f"{consensus.subject} would be one more than {MAX_AGREED} agreed beliefs")
+        if before is None or (before.tick, before.time) < (consensus.tick, consensus.time):
+            self._agreed[key] = Agreed.unpacked(consensus, self.grid)
+            self._arrived.record(consensus.sub_team, consensus.subject, consensus.tick)
 
     # --- when to act --------------------------------------------------------------------------------------------------
 
     def _advance(self, now: float) -> list[Envelope]:
-        """Do the tick, once it has begun and what the boards agreed before it is in, or patience is over."""
-        readings = self._readings
-        if (
-            readings is None
-            or self._clock is None
-            or (self._clock.mode == "lockstep" and self._clock.tick < readings.tick)
-        ):
-            return []
-        if self._clock.mode == "lockstep" and not self._agreed_in(self._clock):
-            if self._waiting_since is None:
-                self._waiting_since = now
-            if now < self._waiting_since + self.settings.patience:
-                return []
-            self.counters["late"] += 1
-        self._waiting_since = None
-        self._readings = None
-        return self._act(readings, now)
+        """Do the tick once its readings are in, and in lockstep the world's clock and what the boards agreed before it."""
+        self.roster.forget(now)
+        out: list[Envelope] = []
+        while (news := self.clock.look(now)) is not News.NOTHING:
+            out += self._follow(news, now)
+        while (ended := self.rounds.turn(self.clock.pace, now, self._holds)) is not None:
+            phase, late = ended
+            self.counters["late"] += late
+            if phase == "agreed":
+                out += self._act(now)
+        return out
 
-    def _agreed_in(self, clock: Clock) -> bool:
-        """Whether all that this robot's boards settled in the tick before has arrived."""
-        return all(
-            (known := self._agreed.get(sub_team, {}).get(subject)) is not None and known.tick >= clock.tick - 1
-            for sub_team in self.sub_teams
-            for subject in clock.settled.get(sub_team, [])
-        )
+    def _holds(self, fact: str) -> bool:
+        """Whether the "readings" of the next tick are there, the world's "clock" for them, and what was "agreed" before it."""
+        clock, readings = self.clock.followed, self._readings
+        if fact == "readings":
+            return readings is not None
+        if clock is None or readings is None:
+            return False
+        if fact == "readings and clock":
+            return clock.run == readings.run and clock.tick >= readings.tick
+        settled = ((sub_team, clock.settled.get(sub_team, [])) for sub_team in self.sub_teams)
+        return all(self._arrived.arrived(sub_team, clock.tick - 1, subjects) for sub_team, subjects in settled)
 
-    def _act(self, readings: Readings, now: float) -> list[Envelope]:
-        fresh: dict[str, Consensus] = {}
-        for sub_team in sorted(self._agreed):
-            for subject, consensus in self._agreed[sub_team].items():
-                if subject not in fresh or consensus.tick > fresh[subject].tick:
-                    fresh[subject] = consensus
+    def _act(self, now: float) -> list[Envelope]:
+        readings, self._readings = self._readings, None
+        assert readings is not None, "this phase follows the one that waits for readings"
+        if self.clock.pace is Pace.FREE and self.tick < 0:
+            log.info("%s: no world gives the clock; going by its readings and Unix time", self.robot)
+        newest: dict[str, Agreed] = {}
+        for (_, _, subject), agreed in sorted(self._agreed.items()):
+            if subject not in newest or agreed.tick > newest[subject].tick:
+                newest[subject] = agreed
         self._agreed = {}
-        reports, solo = self.agent.tick(readings, fresh)
+        self._reports, self._solo = self.agent.tick(readings, newest)
         self.tick, self.time = readings.tick, readings.time
-        self._subjects = [report.subject for report in reports]
         self.counters["ticks"] += 1
-        self._sent = self._envelopes(reports, solo, now)
-        return list(self._sent)
+        return self._answers(now)
 
-    # --- what is said -------------------------------------------------------------------------------------------------
+    # --- sending ------------------------------------------------------------------------------------------------------
 
-    def _envelopes(self, reports: list[Report], solo: Solo, now: float) -> list[Envelope]:
+    def _answers(self, now: float) -> list[Envelope]:
+        """The reports of the newest tick, the solo beliefs where a world is there, whose referee reads them, and the statuses."""
         out = []
+        encoded = [(report.subject, encode(report)) for report in self._reports]
         for sub_team in self.sub_teams:
-            for report in reports:
-                key = keys.REPORT.key(team=self.team, sub_team=sub_team, source=self.robot, subject=report.subject)
-                out.append(Envelope(key, encode(report)))
-        out.append(Envelope(keys.SOLO.key(team=self.team, robot=self.robot), encode(solo)))
-        return out + [self._status(sub_team, now) for sub_team in self.sub_teams]
+            for subject, payload in encoded:
+                key = keys.REPORT.key(team=self.team, sub_team=sub_team, source=self.robot, subject=subject)
+                out.append(Envelope(key, payload))
+        if self._solo is not None and self.roster.world:
+            out.append(Envelope(keys.SOLO.key(team=self.team, robot=self.robot), encode(self._solo)))
+        return out + self._statuses(now)
 
-    def _status(self, sub_team: str, now: float) -> Envelope:
-        self._status_due = now + STATUS_PERIOD
+    def _statuses(self, now: float) -> list[Envelope]:
+        """A status in every sub-team: what was reported last, with the counters as they stand."""
         status = Status(
             process=self.robot,
             kind="robot",
             tick=max(0, self.tick),
             time=self.time,
             phase="reported" if self.tick >= 0 else "idle",
-            subjects=self._subjects,
-            counters=dict(self.counters),
-            refused=dict(self.refused),
-            settings={"localizer": self.settings.localizer, "feedback": self.feedback},
+            subjects=[report.subject for report in self._reports],
+            settings={
+                "localizer": self.settings.localizer,
+                "feedback": self.feedback,
+                "pace": self.clock.pace.value,
+            },
         )
-        return Envelope(keys.STATUS.key(team=self.team, sub_team=sub_team, process=self.robot), encode(status))
+        payload = encode(self.intake.counted(status, now))
+        keys_of = (keys.STATUS.key(team=self.team, sub_team=s, process=self.robot) for s in self.sub_teams)
+        return [Envelope(key, payload) for key in keys_of]

@@ -1,58 +1,100 @@
-"""Who takes part: the liveliness tokens of robots and boards, with patience for a router that comes back. Pure."""
+"""Who takes part in a run: those on the roster that get sensor data and send answers. Pure."""
 
 from __future__ import annotations
 
-import math
+import logging
 
+from blackboard.config import TeamSection
+from blackboard.errors import Refused
+from blackboard.process.roster import Roster
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Consensus, Solo, Status
+from sim_world.instant import Instant
+from sim_world.sources import SensorSource
+
+log = logging.getLogger(__name__)
+
+MAX_STRANGERS = 256  # that are remembered as logged
 
 
 class Members:
-    """The tokens of a team, as told.
+    """Which processes of the team take part, and which are no longer waited for.
 
-    When a router dies, all tokens vanish, the world's own among them, in any order. So a token that vanished still
-    counts for `grace` seconds; if the world's own went too, the team is `away` until that is back, and then everybody
-    has `comeback` seconds to return.
+    Those are named `robot/<robot>` and `board/<sub-team>/<board>`.
     """
 
-    def __init__(self, team: str, grace: float, comeback: float) -> None:
-        self.own = keys.WORLD.key(team=team)
-        self.away = False
-        self.boards: set[str] = set()  # the sub-teams that have a board
-        self.robots: dict[str, list[str]] = {}  # sub-team -> its robots, sorted
-        self._grace, self._comeback = grace, comeback
-        self._until: dict[str, float] = {}  # token -> until when it counts; infinity while it is there
+    def __init__(self, team: TeamSection, sensors: SensorSource, roster: Roster) -> None:
+        self.team, self.sensors, self.roster = team, sensors, roster
+        self.given_up: set[str] = set()  # who holds a token and sends nothing, and is no longer waited for
+        self.strangers: set[str] = set()  # robots that cannot take part
 
     def hear(self, envelope: Envelope, now: float) -> bool:
-        """A token appeared or vanished. True if it came back before its time was over: it may have missed something."""
-        here = envelope.kind is Kind.ALIVE
-        if envelope.key == self.own:
-            if self.away and here:
-                self._until = {token: max(until, now + self._comeback) for token, until in self._until.items()}
-            self.away = not here
-        elif here:
-            back = envelope.key in self._until
-            self._until[envelope.key] = math.inf
-            self._count()
-            return back
-        elif envelope.key in self._until:
-            self._until[envelope.key] = now + self._grace
-        return False
+        """A token appeared or vanished. True if its holder is back and may have missed something: the tick must be sent again."""
+        back = self.roster.hear(envelope, now)
+        member = keys.MEMBER.match(envelope.key)
+        if member and envelope.kind is Kind.ALIVE and not self.sensors.admit(member["robot"]):
+            self._warn_of_stranger(member["robot"])
+        return back
 
-    def changes_at(self) -> float:
-        """When the next token ceases to count, infinity if none does."""
-        return min(self._until.values(), default=math.inf)
+    def hear_answer(self, sub_team: str, message: Solo | Consensus | Status, *, in_time: bool) -> None:
+        """A robot or a board answers a tick: it is waited for again. Refused: a board without a token, if it is in time."""
+        if isinstance(message, Solo):
+            self.given_up.discard(f"robot/{message.robot}")
+            return
+        board = message.process if isinstance(message, Status) else message.board
+        if in_time and board not in self.roster.boards.get(sub_team, []):
+            raise Refused("unregistered", f"board {board} holds no liveliness token in sub-team {sub_team}")
+        self.given_up.discard(f"board/{sub_team}/{board}")
 
-    def forget(self, now: float) -> None:
-        """Drop the tokens whose time is over; not while the router is away."""
-        if not self.away and self.changes_at() <= now:
-            self._until = {token: until for token, until in self._until.items() if until > now}
-            self._count()
+    def teams(self) -> dict[str, list[str]]:
+        """Who takes part: the sub-teams that have a board, with those of their robots that get readings and answer."""
+        known, robots = set(self.sensors.robots), self.roster.robots
+        return {
+            sub_team: [r for r in robots.get(sub_team, []) if r in known and f"robot/{r}" not in self.given_up]
+            for sub_team in sorted(self.roster.boards)
+            if self._boards(sub_team)
+        }
 
-    def _count(self) -> None:
-        self.boards = {parts["sub_team"] for token in self._until if (parts := keys.BOARD.match(token))}
-        self.robots = {}
-        for token in sorted(self._until):
-            if parts := keys.MEMBER.match(token):
-                self.robots.setdefault(parts["sub_team"], []).append(parts["robot"])
+    def enough(self) -> bool:
+        """Whether the router is there, and some board with some robot."""
+        return not self.roster.away and any(self.teams().values())
+
+    def absent(self) -> list[str]:
+        """Those of the scenario that are not there."""
+        boards, robots = self.roster.boards, self.roster.robots
+        found = [f"the board of {sub_team}" for sub_team in self.team.sub_teams if sub_team not in boards]
+        for sub_team, names in self.team.sub_teams.items():
+            found += [f"{name} of {sub_team}" for name in names if name not in robots.get(sub_team, [])]
+        return found
+
+    def missing(self, instant: Instant) -> set[str]:
+        """Who takes part in a tick, is alive, and has not sent everything."""
+        alive = self.teams()
+        teams = {sub_team: robots for sub_team, robots in instant.teams.items() if sub_team in alive}
+        boards = {
+            f"board/{sub_team}/{board}"
+            for sub_team in teams
+            for board in self._boards(sub_team)
+            if not instant.settled(sub_team, board)
+        }
+        waited_for = {robot for sub_team, robots in teams.items() for robot in robots if robot in alive[sub_team]}
+        return boards | {f"robot/{robot}" for robot in waited_for - set(instant.solos)}
+
+    def give_up(self, instant: Instant) -> int:
+        """Wait no longer for those who are missing in a tick, until they answer one; how many they are."""
+        missing = self.missing(instant)
+        log.warning(
+            "tick %d: %s alive and silent; no longer waited for", instant.truth.tick, ", ".join(sorted(missing))
+        )
+        self.given_up |= missing
+        return len(missing)
+
+    def _warn_of_stranger(self, robot: str) -> None:
+        if robot in self.strangers or len(self.strangers) >= MAX_STRANGERS:
+            return
+        self.strangers.add(robot)
+        log.warning("%s cannot take part: there are no sensor data for it", robot)
+
+    def _boards(self, sub_team: str) -> list[str]:
+        return [b for b in self.roster.boards.get(sub_team, []) if f"board/{sub_team}/{b}" not in self.given_up]

@@ -1,4 +1,4 @@
-"""The referee: truth against beliefs at each tick. Pure.
+"""The referee: beliefs compared with the truth at each tick. Pure.
 
 A sample is one robot, one subject (its own place, or an object), one instant and one of the robot's sub-teams, for
 which all three beliefs exist: what the robot believed alone (`solo`), its sub-team's `consensus`, and what was `agreed`
@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
@@ -18,66 +18,29 @@ from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import Score
 from blackboard.wire.arrays import unpack
-from blackboard.wire.messages import Consensus, PackedBelief, Solo, Status, Truth
+from blackboard.wire.messages import PackedBelief
+from sim_world.instant import Instant
 from sim_world.scenario import CheckSection
 
 LEVELS = ("solo", "consensus", "agreed")
-MAX_CONSENSUSES = 4096  # of a tick
 GROUPS = {"robots": "robot/", "objects": "object/"}
 
 
-@dataclass
-class Instant:
-    """One tick: what is true, who takes part, and what was said about it until now."""
+@dataclass(frozen=True)
+class Judgement:
+    """What the referee found at the end of a run."""
 
-    truth: Truth
-    teams: dict[str, list[str]]  # sub-team -> robots
-    began: float = 0.0  # Unix seconds
-    solos: dict[str, Solo] = field(default_factory=dict)  # by robot
-    statuses: dict[tuple[str, str], Status] = field(default_factory=dict)  # by sub-team and phase, of boards
-    consensuses: dict[tuple[str, str, str], tuple[bytes, Consensus]] = field(
-        default_factory=dict
-    )  # sub-team, level, subject
-
-    def hear(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> bool:
-        """Take what was said about this tick; True if it is news. Who does not take part is not listened to."""
-        if isinstance(message, Solo):
-            news = message.robot not in self.solos
-            if any(message.robot in robots for robots in self.teams.values()):
-                self.solos[message.robot] = message
-            return news
-        if sub_team not in self.teams:
-            return False
-        if isinstance(message, Status):
-            news = (sub_team, message.phase) not in self.statuses
-            self.statuses[sub_team, message.phase] = message
-            return news
-        name = (sub_team, message.level, message.subject)
-        news = name not in self.consensuses
-        if not news or len(self.consensuses) < MAX_CONSENSUSES:
-            self.consensuses[name] = payload, message
-        return news
-
-    def settled(self, sub_team: str) -> bool:
-        """Whether a board is done with this tick, and everything that it says it published is in."""
-        said = [self.statuses.get((sub_team, level)) for level in ("consensus", "agreed")]
-        return all(
-            status is not None
-            and all((sub_team, status.phase, subject) in self.consensuses for subject in status.subjects)
-            for status in said
-        )
-
-    def belief(self, level: str, robot: str, sub_team: str, subject: str) -> PackedBelief | None:
-        """What a robot believes about a subject alone, with a sub-team of its, or after the exchange."""
-        if level == "solo":
-            solo = self.solos.get(robot)
-            return solo.beliefs.get(subject) if solo else None
-        found = self.consensuses.get((sub_team, level, subject))
-        return found[1].belief if found else None
+    passed: bool
+    reasons: list[str]  # every check that failed, or all checks where none did
+    scores: dict[str, Any]  # the scorecard's block "scores"
+    missing: dict[str, dict[str, int]]  # subject -> level -> samples that were not judged, because a belief was missing
+    hash: str
+    unit: str  # of the errors in `scores`
+    refused: dict[str, int]  # reason -> beliefs that could not be unpacked
 
 
 class Referee:
-    """Takes each instant once, in order; then tells scores, hash and verdict."""
+    """Takes each instant once, in order; its `judgement` at the end has scores, hash and verdict."""
 
     def __init__(self, grid: Grid, check: CheckSection, robots: Sequence[str]) -> None:
         """`robots` are those of the scenario: each must have been heard for a PASS."""
@@ -94,11 +57,12 @@ class Referee:
 
     def hear(self, instant: Instant, judged: bool) -> None:
         """Take a tick that is over: into the hash, and into the scores where it is `judged`."""
-        for _, (payload, _said) in sorted(instant.consensuses.items(), key=lambda item: item[0]):
+        for name in sorted(instant.consensuses):
+            payload, _ = instant.consensuses[name]
             self._hash.update(payload)
         if not judged:
             return
-        known: dict[tuple[str, PackedBelief], Score | None] = {}  # each belief is unpacked once
+        known: dict[tuple[str, PackedBelief], Score | None] = {}  # so that each belief is unpacked once
         objects = [subject for subject in instant.truth.positions if subject.startswith("object/")]
         present = {robot for robots in instant.teams.values() for robot in robots}
         for robot in sorted(set(self.robots) - present):
@@ -145,7 +109,15 @@ class Referee:
     def _miss(self, subject: str, level: str) -> None:
         self._missing.setdefault(subject, Counter())[level] += 1
 
-    # --- what it says at the end --------------------------------------------------------------------------------------
+    # --- the judgement ------------------------------------------------------------------------------------------------
+
+    def judgement(self) -> Judgement:
+        """All that was found until now."""
+        scores = self.scores()
+        passed, reasons = self.verdict(scores)
+        return Judgement(
+            passed, reasons, scores, self.missing(), self.hash, self.grid.unit, dict(sorted(self.refused.items()))
+        )
 
     def scores(self) -> dict[str, Any]:
         """The scorecard's block "scores": for robots and objects, each level, together and by name."""
@@ -169,11 +141,12 @@ class Referee:
         objects = [subject for subject in {**self._scores, **self._missing} if subject.startswith("object/")]
         checks.append((not objects or scores["objects"]["solo"]["n"] > 0, "no object was ever judged"))
         failed = [text for passed, text in checks if not passed]
-        told = [check for group in GROUPS for check in self._checks(group, scores[group])]
-        failed += [text for passed, text in told if not passed]
-        return not failed, failed or [text for _, text in told]
+        compared = [check for group in GROUPS for check in self._checks(group, scores[group])]
+        failed += [text for passed, text in compared if not passed]
+        return not failed, failed or [text for _, text in compared]
 
     def _checks(self, group: str, scores: dict[str, Any]) -> list[tuple[bool, str]]:
+        """[world.check] on a group's scores: whether each check passed, and what it compared."""
         solo, agreed, check = scores["solo"], scores["agreed"], self.check
         if not agreed["n"]:
             return []

@@ -1,4 +1,4 @@
-"""The [world] tables of a scenario: what is true, what the sensors are like, and when the referee says PASS.
+"""The [world] tables of a scenario: what is true, how the sensors measure, and what the referee asks for a PASS.
 
 Positions, distances and sigmas are in the grid's unit (cells in the paper's world), angles in radians, seconds;
 the robots' own models have keys of their own in [robot], on purpose: a robot with a wrong model can be tested.
@@ -6,35 +6,18 @@ the robots' own models have keys of their own in [robot], on purpose: a robot wi
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
 from blackboard.config import Name, Positive, Section
+from sim_world.mrclam.protocols import NOT_REPLAYED, PROTOCOLS
 
 Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 
 #: The gain of (VI-.1): 1 is the paper's sensor (sigma up to 37 cells), 0.05 a camera (up to 1.9 cells).
 GAINS = {"paper": 1.0, "camera": 0.05}
-
-#: Which landmark sightings a protocol lets through: (number of the robot, of the landmark, seconds since the start).
-PROTOCOLS: dict[str, Callable[[int, int, float], bool]] = {
-    "A_all": lambda robot, landmark, t: True,
-    "B_turns": lambda robot, landmark, t: robot == 1 + int(t // 60) % 5,
-    "C_blind12": lambda robot, landmark, t: robot not in (1, 2),
-    "D_one3": lambda robot, landmark, t: robot == 3,
-    "E_south": lambda robot, landmark, t: 6 <= landmark <= 10,
-    "F_nolm": lambda robot, landmark, t: False,
-    "G_wake": lambda robot, landmark, t: True,
-    "H_lost12": lambda robot, landmark, t: robot not in (1, 2),
-}
-
-
-def lost(protocol: str, robot: int) -> bool:
-    """Whether a protocol keeps a robot's start pose from it; it is given a compass instead."""
-    return protocol == "G_wake" or (protocol == "H_lost12" and robot in (1, 2))
 
 
 class VisionSection(Section):
@@ -51,7 +34,7 @@ class VisionSection(Section):
 
 
 class OdometrySection(Section):
-    """The physics of the wheels, and of what resets them."""
+    """The physics of odometry and compass, and of the position fixes that bound the odometry's error."""
 
     along: Sigma = 0.3  # error of the distance, per square root of the distance
     turn: Sigma = 0.01  # error of the turn, radians per square root of a radian
@@ -85,7 +68,7 @@ class WorldSection(Section):
     # simulated
     speed: Positive = 1.0  # of the robots
     turn_rate: Positive = 1.0  # at most, radians per second
-    lost: list[Name] = Field(default_factory=list)  # robots that are not told where they start
+    lost: list[Name] = Field(default_factory=list)  # robots that get no fix at the start
     objects: dict[Name, ObjectSection] = Field(
         default_factory=lambda: {"ball": ObjectSection(drift=0.2), "can": ObjectSection()}
     )
@@ -103,15 +86,15 @@ class WorldSection(Section):
 
     # wall seconds that the world waits in lockstep
     gather: Positive = 60.0  # for everybody to come, at the start or after everybody went
-    patience: Positive = 2.0  # until a tick is said again
-    give_up: Positive = 20.0  # until a process that lives but says nothing is no longer waited for
+    patience: Positive = 2.0  # until a tick is sent again
+    give_up: Positive = 20.0  # until a process that is alive but sends nothing is no longer waited for
     grace: Positive = 0.5  # until a token that vanished means a death, and not that the router went
     comeback: Positive = 5.0  # for the others to return when the router is back
 
     @field_validator("protocol")
     @classmethod
-    def _live(cls, protocol: str) -> str:
-        if protocol in ("O1_landmark", "O2_mate"):
+    def _known(cls, protocol: str) -> str:
+        if protocol in NOT_REPLAYED:
             raise ValueError(f"{protocol} is judged event by event and not run live; use one of {', '.join(PROTOCOLS)}")
         if protocol not in PROTOCOLS:
             raise ValueError(f"no protocol of this name; use one of {', '.join(PROTOCOLS)}")

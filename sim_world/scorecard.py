@@ -2,54 +2,61 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from sim_world.referee import LEVELS
-from sim_world.service import WorldService
+from sim_world.referee import LEVELS, Judgement
 
 
-def scorecard(service: WorldService) -> dict[str, Any]:
-    """The scorecard of a run that ended, or was stopped. Errors in `unit`, entropies and log scores in nats."""
-    scores = service.referee.scores()
-    passed, reasons = service.referee.verdict(scores)
-    if service.why:
-        passed, reasons = False, [service.why, *(reasons if not passed else [])]
-    settings, time = service.settings, service.time
-    ticks = max(0, service.tick)
+@dataclass(frozen=True)
+class RunResult:
+    """All that a scorecard needs of a run, live or recorded, that ended or was stopped."""
+
+    judgement: Judgement
+    stopped: str  # why not all ticks were done; empty if they were
+    seed: int
+    rule: str  # of [board]
+    fusion: str  # of [board]
+    mode: str  # "lockstep" or "realtime"
+    protocol: str | None  # of the replay; None in a simulated world
+    ticks: int
+    tick_seconds: float  # of team time
+    wall_seconds: float
+    messages: Mapping[str, int]  # of the whole team: sent, received, dropped
+    refused: Mapping[str, int]  # of the whole team: reason -> messages and beliefs
+    bytes: int  # of the whole team
+    counters: Mapping[str, int]  # of the world alone
+
+
+def scorecard(result: RunResult) -> dict[str, Any]:
+    """The scorecard as JSON. Errors in `unit`, entropies and log scores in nats. A run that was stopped is a FAIL."""
+    found = result.judgement
+    reasons = found.reasons if not result.stopped else [result.stopped, *([] if found.passed else found.reasons)]
     return {
-        "verdict": "PASS" if passed else "FAIL",
+        "verdict": "PASS" if found.passed and not result.stopped else "FAIL",
         "reasons": reasons,
-        "hash": service.referee.hash,
-        "seed": settings.seed,
-        "rule": service.rule,
-        "ticks": ticks,
-        "simulated_s": round(ticks * time.tick, 6),
-        "wall_s": round(service.wall, 3),
-        **traffic(service),
-        "scores": scores,
-        "unit": service.referee.grid.unit,
-        "protocol": settings.protocol if settings.kind == "mrclam" else None,
-        "mode": time.mode,
-        "team_rmse": {level: scores["robots"][level]["rmse"] for level in LEVELS},
-        "missing": service.referee.missing(),
-        "counters": dict(sorted(service.counters.items())),
+        "hash": found.hash,
+        "seed": result.seed,
+        "rule": result.rule,
+        "ticks": result.ticks,
+        "simulated_s": round(result.ticks * result.tick_seconds, 6),
+        "wall_s": round(result.wall_seconds, 3),
+        "messages": {**result.messages, "refused": dict(sorted(result.refused.items()))},
+        "bytes": result.bytes,
+        "scores": found.scores,
+        "unit": found.unit,
+        "protocol": result.protocol,
+        "mode": result.mode,
+        "fusion": result.fusion,
+        "team_rmse": {level: found.scores["robots"][level]["rmse"] for level in LEVELS},
+        "missing": found.missing,
+        "counters": dict(sorted(result.counters.items())),
     }
 
 
-def traffic(service: WorldService) -> dict[str, Any]:
-    """Messages and bytes of the whole team: the world's own, and what the others' newest statuses count."""
-    counts, refused = Counter(service.counters), service.refused + service.referee.refused
-    counts["dropped"] += service.link.get("dropped", 0)
-    for status in service.others:
-        counts.update(status.counters)
-        refused.update(status.refused)
-    messages = {name: counts[name] for name in ("sent", "received", "dropped")}
-    return {"messages": {**messages, "refused": dict(sorted(refused.items()))}, "bytes": counts["bytes"]}
-
-
 def text(card: dict[str, Any]) -> str:
-    """The scorecard for people: a table of levels, then the verdict and why."""
+    """The scorecard as text: a table of levels, then the verdict and its reasons."""
     names = (f"RMSE {card['unit']}", "p95", "entropy", "log score", "50 %", "90 %", "95 %")
     lines = [f"{'':<18}{'n':>7}" + "".join(f"{name:>10}" for name in names)]
     for group in ("robots", "objects"):
@@ -63,7 +70,7 @@ def text(card: dict[str, Any]) -> str:
     lines += [
         "",
         f"{card['ticks']} ticks, {card['simulated_s']:g} s of team time in {card['wall_s']:.1f} s",
-        f"rule {card['rule']}, seed {card['seed']}, consensuses {card['hash']}",
+        f"rule {card['rule']}, fusion {card['fusion']}, seed {card['seed']}, consensuses {card['hash']}",
         f"{messages['received']} messages received, {messages['dropped']} dropped, {refused} refused",
         card["verdict"],
         *(f"  {reason}" for reason in card["reasons"]),

@@ -1,100 +1,95 @@
-"""The world as a process sees it: who is there, when a tick is over, and what the referee gets to hear.
+"""The world process: it sends the readings and the Clock of each tick, waits for the answers, and gives the tick to the referee.
 
-docs/design.md, "A tick in lockstep", is the protocol. In real time the world paces by `now` and waits for nobody.
+docs/design.md, "A tick in lockstep", is the protocol, and `blackboard.process.rounds.WORLD` the table of its phases.
 """
 
 from __future__ import annotations
 
 import logging
-import math
 from collections import Counter
 
 from blackboard.config import Scenario
-from blackboard.errors import Refused
+from blackboard.process.intake import Intake
+from blackboard.process.roster import Roster
+from blackboard.process.rounds import WORLD, Rounds
+from blackboard.process.team_clock import Pace
 from blackboard.wire import keys
-from blackboard.wire.codec import encode, open_envelope
+from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Message, Solo, Status
+from blackboard.wire.messages import Clock, Consensus, Solo, Status
+from blackboard.wire.types import Message
+from sim_world.instant import PHASES, Instant
 from sim_world.members import Members
-from sim_world.referee import Instant, Referee
+from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
-from sim_world.world import Source
+from sim_world.scorecard import RunResult
+from sim_world.sources import SensorSource
+from sim_world.traffic import Traffic
 
 log = logging.getLogger(__name__)
 
-MAX_NAMES = 256  # of processes and strangers that are kept
 LINGER = 1.0  # seconds that a tick may still be answered in real time
 
 
 class WorldService:
-    """The world process of a team (`blackboard.wire.envelope.Service`), with its referee."""
+    """The world process of a team (`blackboard.process.service.Service`), with its referee."""
 
-    def __init__(self, scenario: Scenario, source: Source, referee: Referee) -> None:
-        self.team, self.time, self.rule = scenario.team, scenario.time, scenario.board.rule
-        self.settings = scenario.section("world", WorldSection)
-        self.lockstep = self.time.mode == "lockstep"
-        self.source, self.referee = source, referee
+    def __init__(self, scenario: Scenario, sensors: SensorSource, referee: Referee) -> None:
+        self.team, self.time, self.board = scenario.team, scenario.time, scenario.board
+        self.settings = settings = scenario.section("world", WorldSection)
+        self.pace = Pace.LOCKSTEP if self.time.mode == "lockstep" else Pace.REALTIME
+        self.sensors, self.referee = sensors, referee
         self.ticks = max(1, round(self.time.seconds / self.time.tick))  # after tick 0, the start
-        self.members = Members(self.team.name, self.settings.grace, self.settings.comeback)
-        self.counters: Counter[str] = Counter()
-        self.refused: Counter[str] = Counter()
+        self.intake = Intake()
+        self.counters, self.refused = self.intake.counters, self.intake.refused
+        self.roster = Roster(*self.tokens, grace=settings.grace, comeback=settings.comeback)
+        self.members = Members(self.team, sensors, self.roster)
+        waits = {"gather": settings.gather, "give_up": settings.give_up, "tick": self.time.tick, "linger": LINGER}
+        self.traffic, self.rounds = Traffic(), Rounds(WORLD, waits, "start")
         self.run, self.tick = "", -1
-        self.link: dict[str, int] = {}  # the link's counters
-        self._others: dict[tuple[str, str], Status] = {}  # (its sub-team if a board) and process -> its newest status
-        self._strangers: set[str] = set()  # robots that cannot take part
-        self._mute: set[str] = set()  # robots and boards that live and say nothing
         self._open: dict[int, Instant] = {}  # ticks that are not over
-        self._said: list[Envelope] = []  # what was sent in the newest tick
-        self._waiting: float | None = None  # since when too few are there to go on
-        self._began = self._ticked = self._moved = self._now = 0.0  # Unix seconds
+        self._sent: list[Envelope] = []  # what was sent in the newest tick
+        self._news_at = 0.0  # Unix seconds of the newest first answer to the tick, or of asking again
+        self._elapsed = 0.0  # seconds of the tick that had passed when too few were there to go on
+        self._began = self._now = 0.0  # Unix seconds of the first tick, and of the newest event
         self._end: str | None = None  # why it ended; "" when all ticks are done
 
     # --- what the loop needs ------------------------------------------------------------------------------------------
 
     @property
     def tokens(self) -> tuple[str, ...]:
-        return (self.members.own,)
+        return (keys.WORLD.key(team=self.team.name),)
 
     @property
     def listens(self) -> tuple[str, ...]:
-        team = self.team.name
-        return (
-            keys.SOLO.key(team=team, robot="*"),
-            keys.CONSENSUS.key(team=team, sub_team="*", subject="**"),
-            keys.AGREED.key(team=team, sub_team="*", subject="**"),
-            keys.STATUS.key(team=team, sub_team="*", process="*"),
+        topics = (keys.SOLO, keys.CONSENSUS, keys.AGREED, keys.STATUS)
+        return tuple(
+            topic.key(team=self.team.name, sub_team="*", robot="*", process="*", subject="**") for topic in topics
         )
 
     @property
     def watches(self) -> tuple[str, ...]:
-        team = self.team.name
-        return (
-            self.members.own,  # when this one vanishes, the router is down
-            keys.MEMBER.key(team=team, sub_team="*", robot="*"),
-            keys.BOARD.key(team=team, sub_team="*", board="*"),
-        )
+        """Also its own token: when that vanishes, the router is down."""
+        topics = (keys.WORLD, keys.MEMBER, keys.BOARD)
+        return tuple(topic.key(team=self.team.name, sub_team="*", robot="*", board="*") for topic in topics)
 
     @property
     def done(self) -> bool:
         return self._end is not None
 
-    def note(self, counters: dict[str, int]) -> None:
-        self.link = counters
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        self.intake.record_link_counters(counters)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         self._now = now
         out: list[Envelope] = []
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
-            if self._liveliness(envelope, now) and self._open:
-                out = self._send(self._said)
-        elif envelope.kind is Kind.PUT:
-            self.counters["received"] += 1
-            self.counters["bytes"] += len(envelope.payload)
-            try:
-                _, parts, message = open_envelope(envelope)
-                self._hear(parts, message, envelope.payload)
-            except Refused as refusal:
-                self._refuse(envelope.key, refusal)
+            if self.members.hear(envelope, now) and self._open:
+                out += self._sent
+            if self.members.strangers:
+                self.counters["strangers"] = len(self.members.strangers)
+        else:
+            out = self.intake.take(envelope, lambda parts, message: self._hear(parts, message, envelope.payload))
         return out + self._advance(now)
 
     def wake(self, now: float) -> list[Envelope]:
@@ -104,194 +99,152 @@ class WorldService:
     def wake_at(self, now: float) -> float | None:
         if self._end is not None:
             return None
-        if self._waiting is not None:
-            changes = math.inf if self.members.away else self.members.changes_at()
-            return min(self._waiting + self.settings.gather, changes)
-        if self.tick < 0:
-            return now
-        if not self.lockstep:
-            last = self.tick == self.ticks
-            return self._open[self.tick].began + LINGER if last else self._ticked + self.time.tick
-        patience = min(self._moved + self.settings.patience, self._ticked + self.settings.give_up)
-        return min(patience, self.members.changes_at())
+        due = min(self.rounds.ends_at(self.pace), self.roster.changes_at())
+        return min(due, self._news_at + self.settings.patience) if self._is_waiting_for_answers else due
 
-    # --- what the scorecard asks --------------------------------------------------------------------------------------
+    # --- for the scorecard --------------------------------------------------------------------------------------------
 
     @property
     def why(self) -> str:
         """Why not all ticks were done; empty if they were."""
         return f"stopped in tick {self.tick} of {self.ticks}" if self._end is None else self._end
 
-    @property
-    def wall(self) -> float:
-        """Wall seconds from the first tick to the newest event."""
-        return self._now - self._began if self._began else 0.0
+    def result(self) -> RunResult:
+        """The run until now; traffic is the world's own, and what the newest status of every other process counts."""
+        judgement = self.referee.judgement()
+        counts = self.traffic.counters(self.counters)
+        return RunResult(
+            judgement=judgement,
+            stopped=self.why,
+            seed=self.settings.seed,
+            rule=self.board.rule,
+            fusion=self.board.fusion,
+            mode=self.time.mode,
+            protocol=self.settings.protocol if self.settings.kind == "mrclam" else None,
+            ticks=max(0, self.tick),
+            tick_seconds=self.time.tick,
+            wall_seconds=self._now - self._began if self._began else 0.0,
+            messages={name: counts[name] for name in ("sent", "received", "dropped")},
+            refused=self.traffic.refused(self.refused + Counter(judgement.refused)),
+            bytes=counts["bytes"],
+            counters=dict(self.counters),
+        )
 
-    @property
-    def others(self) -> list[Status]:
-        """The newest status of every other process."""
-        return list(self._others.values())
+    # --- receiving ----------------------------------------------------------------------------------------------------
 
-    # --- what is heard ------------------------------------------------------------------------------------------------
-
-    def _liveliness(self, envelope: Envelope, now: float) -> bool:
-        """Whether somebody who takes part is back and wants to be told again."""
-        back = self.members.hear(envelope, now)
-        member = keys.MEMBER.match(envelope.key)
-        if member and envelope.kind is Kind.ALIVE and not self.source.welcome(member["robot"]):
-            if member["robot"] not in self._strangers and len(self._strangers) < MAX_NAMES:
-                self._strangers.add(member["robot"])
-                log.warning("%s cannot take part: there are no sensor data for it", member["robot"])
-            self.counters["strangers"] = len(self._strangers)
-        return back
-
-    def _hear(self, parts: dict[str, str], message: Message, payload: bytes) -> None:
+    def _hear(self, parts: dict[str, str], message: Message, payload: bytes) -> list[Envelope]:
+        sub_team = parts.get("sub_team", "")
         if isinstance(message, Status):
-            name = parts["sub_team"] if message.kind == "board" else "", message.process
-            if name in self._others or len(self._others) < MAX_NAMES:
-                self._others[name] = message
-            if message.kind != "board" or message.phase not in ("consensus", "agreed"):
-                return
+            self.traffic.hear(sub_team, message)
+            if message.kind != "board" or message.phase not in PHASES:
+                return []
         if not isinstance(message, Solo | Consensus | Status):
-            return
-        self._mute.discard(f"robot/{message.robot}" if isinstance(message, Solo) else f"board/{parts['sub_team']}")
+            return []
         instant = self._open.get(message.tick)
-        if instant is None:
-            self.counters["late"] += not isinstance(message, Status)  # statuses are said again, for life
-        elif instant.hear(parts.get("sub_team", ""), message, payload):
-            self._moved = self._now
-
-    def _refuse(self, key: str, refusal: Refused) -> None:
-        self.refused[refusal.reason] += 1
-        if self.refused[refusal.reason] == 1:
-            log.warning("refused %.200s (%s); counted, and not logged again for this reason", key, refusal)
+        self.members.hear_answer(sub_team, message, in_time=instant is not None)
+        if instant is not None and instant.hear(sub_team, message, payload):
+            self._news_at = self._now
+        elif instant is None and not isinstance(message, Status):  # statuses are sent again once a second
+            self.counters["late"] += 1
+        return []
 
     # --- when a tick is over ------------------------------------------------------------------------------------------
 
+    @property
+    def _is_waiting_for_answers(self) -> bool:
+        return self.pace is Pace.LOCKSTEP and self.rounds.phase == "tick"
+
     def _advance(self, now: float) -> list[Envelope]:
-        """Do what can be done."""
+        """End the phases that are over, and send the tick again where answers are missing."""
         if self._end is not None:
             return []
-        self.members.forget(now)
-        if (self.lockstep or self.tick < 0) and not self._enough(now):
-            return self._farewell() if self._end is not None else []
-        if self.tick < 0:
-            self.run = f"{self.settings.seed}-{now:.6f}"
-            self._began = now
-            return self._next(now, {})
-        return self._step(now) if self.lockstep else self._pace(now)
-
-    def _enough(self, now: float) -> bool:
-        """Whether there are enough to go on: everybody at the start, later some board and some robot.
-
-        Where that lasts too long, the run starts with those who came, or ends with nobody.
-        """
-        here = not self.members.away and any(self._teams().values())
-        absent = self._absent() if self.tick < 0 else []
-        since = now if self._waiting is None else self._waiting
-        if here and (not absent or now - since >= self.settings.gather):
-            if absent:
-                log.warning("not there after %g s: %s; going on without", self.settings.gather, ", ".join(absent))
-            self._waiting = None
-            self._ticked += now - since  # the time away does not count against anybody
-            return True
-        self._waiting = since
-        if now - since >= self.settings.gather:
-            who = "no router" if self.members.away else f"nobody ({', '.join(absent) or 'all went'})"
-            self._end = f"{who} there for {self.settings.gather:g} s, in tick {self.tick} of {self.ticks}"
-        return False
-
-    def _absent(self) -> list[str]:
-        """Those of the scenario that are not there."""
-        boards, robots = self.members.boards, self.members.robots
-        found = [f"the board of {sub_team}" for sub_team in self.team.sub_teams if sub_team not in boards]
-        for sub_team, names in self.team.sub_teams.items():
-            found += [f"{name} of {sub_team}" for name in names if name not in robots.get(sub_team, [])]
-        return found
-
-    def _teams(self) -> dict[str, list[str]]:
-        """Who takes part: the sub-teams that have a board, with those of their robots that get readings and answer."""
-        known = set(self.source.robots)
-        return {
-            sub_team: [
-                name
-                for name in self.members.robots.get(sub_team, [])
-                if name in known and f"robot/{name}" not in self._mute
-            ]
-            for sub_team in sorted(self.members.boards)
-            if f"board/{sub_team}" not in self._mute
-        }
-
-    def _step(self, now: float) -> list[Envelope]:
-        """Lockstep: the next tick, once everybody who takes part and still lives has answered; else ask again."""
-        instant = self._open[self.tick]
-        missing = self._missing(instant)
-        if missing and now - self._ticked >= self.settings.give_up:
-            log.warning("tick %d: %s alive and silent; no longer waited for", self.tick, ", ".join(sorted(missing)))
-            self.counters["given_up"] += len(missing)
-            self._mute |= missing
-            missing = set()
-        if not missing:
-            settled = {s: instant.statuses[s, "agreed"].subjects for s in instant.teams if instant.settled(s)}
-            self._over(self.tick)
-            return self._next(now, settled)
-        if now - self._moved >= self.settings.patience:
-            self._moved = now
+        self.roster.forget(now)
+        if self._is_waiting_for_answers and not self.members.enough():
+            self._elapsed = now - self.rounds.began
+            self.rounds.enter("gather", now)
+        if self.pace is Pace.REALTIME:
+            self._close(*[tick for tick, instant in self._open.items() if now - instant.began >= LINGER])
+        out: list[Envelope] = []
+        began = self.rounds.began
+        while self._end is None and (ended := self.rounds.turn(self.pace, now, self._holds)) is not None:
+            phase, late = ended
+            if phase == "gather":
+                out += self._set_off(now)
+            elif phase != "start":
+                out += self._finish_tick(began, now, late)
+            began = self.rounds.began
+        if self._end is None and self._is_waiting_for_answers and now - self._news_at >= self.settings.patience:
+            self._news_at = now
             self.counters["repeated"] += 1
-            return self._send(self._said)
-        return []
+            out += self._sent
+        return out
 
-    def _missing(self, instant: Instant) -> set[str]:
-        """Who takes part in a tick, is alive, and has not said everything."""
-        alive = self._teams()
-        boards = {f"board/{s}" for s in instant.teams if s in alive and not instant.settled(s)}
-        robots = {r for s, names in instant.teams.items() for r in names if r in alive.get(s, [])}
-        return boards | {f"robot/{robot}" for robot in robots - set(instant.solos)}
+    def _holds(self, fact: str) -> bool:
+        """Whether the "team" is there (all of it, before the first tick), or all "answers" to the tick."""
+        if fact == "team":
+            return self.members.enough() and not (self.tick < 0 and self.members.absent())
+        return not self.members.missing(self._open[self.tick])
 
-    def _pace(self, now: float) -> list[Envelope]:
-        """Real time: a tick every `tick` seconds, without catching up; what is said within LINGER counts."""
-        for tick, instant in list(self._open.items()):
-            if now - instant.began >= LINGER:
-                self._over(tick)
-        if self.tick < self.ticks and now - self._ticked >= self.time.tick:
-            return self._next(now, {})
-        return self._next(now, {}) if self.tick == self.ticks and not self._open else []
+    def _set_off(self, now: float) -> list[Envelope]:
+        """The team is there, or the wait for it is over: begin, or go on, with those who are there; end where nobody is."""
+        absent = ", ".join(self.members.absent()) if self.tick < 0 else ""
+        if not self.members.enough():
+            who = "no router" if self.roster.away else f"nobody ({absent or 'all went'})"
+            return self._stop(f"{who} there for {self.settings.gather:g} s, in tick {self.tick} of {self.ticks}")
+        if self.tick >= 0:
+            self.rounds.enter("tick", now - self._elapsed)  # the time without them does not count towards `give_up`
+            return []
+        if absent:
+            log.warning("not there after %g s: %s; going on without", self.settings.gather, absent)
+        self.run = f"{self.settings.seed}-{now:.6f}"
+        self._began = now
+        return self._begin_tick(now, now, {})
 
-    def _over(self, tick: int) -> None:
-        self.referee.hear(self._open.pop(tick), self.source.judged(tick))
+    def _finish_tick(self, began: float, now: float, late: bool) -> list[Envelope]:
+        """A tick that began at `began` is over: begin the next one, or end after the last."""
+        if self.pace is Pace.REALTIME:
+            if self.tick == self.ticks:
+                self._close(*self._open)
+                return self._stop("")
+            fell_behind = now - began >= 2 * self.time.tick  # the world does not catch up; otherwise there is no drift
+            return self._begin_tick(now, now if fell_behind else began + self.time.tick, {})
+        instant = self._open[self.tick]
+        if late:
+            self.counters["given_up"] += self.members.give_up(instant)
+        self._close(self.tick)
+        return self._stop("") if self.tick == self.ticks else self._begin_tick(now, now, instant.agreed_subjects())
 
-    # --- what is said -------------------------------------------------------------------------------------------------
+    def _close(self, *ticks: int) -> None:
+        """Take no more answers to these ticks, and give them to the referee."""
+        for tick in ticks:
+            self.referee.hear(self._open.pop(tick), self.sensors.judged(tick))
 
-    def _next(self, now: float, settled: dict[str, list[str]]) -> list[Envelope]:
-        """Begin the next tick, or end after the last one."""
-        if self.tick == self.ticks:
-            self._end = ""
-            return self._farewell()
+    # --- sending ------------------------------------------------------------------------------------------------------
+
+    def _begin_tick(self, now: float, due: float, settled: dict[str, list[str]]) -> list[Envelope]:
+        """Begin the next tick, which was `due` at a time: readings, the truth, and the Clock last."""
         self.tick += 1
         if self.tick % max(1, self.ticks // 10) == 0:
             log.info("tick %d of %d", self.tick, self.ticks)
-        truth, readings = self.source.advance(self.run, self.tick)
-        teams = self._teams()
-        # in real time without drift, unless the world itself fell behind
-        on_time = not self.lockstep and self.tick and now - self._ticked < 2 * self.time.tick
-        self._ticked = self._ticked + self.time.tick if on_time else now
-        self._moved = now
+        truth, readings = self.sensors.advance(self.run, self.tick)
+        teams = self.members.teams()
         self._open[self.tick] = Instant(truth, teams, began=now)
-        named = teams if self.lockstep else {}
-        mode, team = self.time.mode, self.team.name
-        clock = Clock(run=self.run, tick=self.tick, time=truth.time, mode=mode, robots=named, settled=settled)
-        self._said = [Envelope(keys.READING.key(team=team, robot=r.robot), encode(r)) for r in readings]
-        self._said.append(Envelope(keys.TRUTH.key(team=team), encode(truth)))
-        self._said.append(Envelope(keys.CLOCK.key(team=team), encode(clock)))
-        return self._send(self._said)
+        self._news_at = now
+        if self.pace is Pace.REALTIME and self.tick == self.ticks:
+            self.rounds.enter("last", now)
+        else:
+            self.rounds.enter("tick", due)
+        named = teams if self.pace is Pace.LOCKSTEP else {}
+        clock = Clock(run=self.run, tick=self.tick, time=truth.time, mode=self.time.mode, robots=named, settled=settled)
+        team = self.team.name
+        self._sent = [Envelope(keys.READING.key(team=team, robot=r.robot), encode(r)) for r in readings]
+        self._sent.append(Envelope(keys.TRUTH.key(team=team), encode(truth)))
+        self._sent.append(Envelope(keys.CLOCK.key(team=team), encode(clock)))
+        return list(self._sent)
 
-    def _farewell(self) -> list[Envelope]:
-        """The last word to everybody."""
+    def _stop(self, why: str) -> list[Envelope]:
+        """End, and send a last Clock that says so; `why` is empty where all ticks are done."""
+        self._end = why
         tick = max(0, self.tick)
         clock = Clock(run=self.run, tick=tick, time=tick * self.time.tick, mode=self.time.mode, end=True)
-        return self._send([Envelope(keys.CLOCK.key(team=self.team.name), encode(clock))])
-
-    def _send(self, envelopes: list[Envelope]) -> list[Envelope]:
-        self.counters["sent"] += len(envelopes)
-        self.counters["bytes"] += sum(len(envelope.payload) for envelope in envelopes)
-        return list(envelopes)
+        return [Envelope(keys.CLOCK.key(team=self.team.name), encode(clock))]

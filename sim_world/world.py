@@ -1,4 +1,4 @@
-"""The simulated world: where robots and objects really are, and what the sensors say of it. Chance is an argument.
+"""The simulated world: where robots and objects really are, and what the sensors measure. Random numbers are an argument.
 
 Robots travel at constant speed from waypoint to waypoint, turning at most `turn_rate`: in a step they turn, then go
 straight along the new heading. Objects stand or do a random walk, reflected half a unit before the walls.
@@ -12,38 +12,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from blackboard.errors import Mistake
+from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Readings, Truth
 from sim_world.scenario import ObjectSection, WorldSection
 from sim_world.sensors import Odometer, see, wrap
 
-Streams = Callable[[str], np.random.Generator]  # a name -> its own random numbers
+Streams = Callable[[str], np.random.Generator]  # name of a stream -> its generator, at its beginning
 Place = tuple[float, float]
 
-MAX_ROBOTS = 64  # whoever is welcome takes memory and time
+MAX_ROBOTS = 64  # each takes memory and time in every tick
 WALL = 0.5  # unit: objects turn back this far from the edge
-
-
-class Source(Protocol):
-    """Where sensor data come from: the simulated world, or a recording."""
-
-    @property
-    def robots(self) -> tuple[str, ...]:
-        """The robots that get readings."""
-
-    def welcome(self, robot: str) -> bool:
-        """Take in a robot that nobody announced; False where it cannot be."""
-
-    def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
-        """The next tick: 0 is the start, k is k steps later. To be called once per tick, in order."""
-
-    def judged(self, tick: int) -> bool:
-        """Whether the referee looks at this tick."""
 
 
 @dataclass
@@ -54,9 +36,9 @@ class Body:
     y: float
     heading: float
     waypoint: Place
-    chance: np.random.Generator
+    rng: np.random.Generator
     odometer: Odometer
-    told: bool  # whether it has been told where it starts
+    start_fix_due: bool  # whether its next readings hold a fix of the place where it starts; never for a lost robot
 
     @property
     def place(self) -> Place:
@@ -64,16 +46,16 @@ class Body:
 
 
 class World:
-    """The simulated world (`Source`)."""
+    """The simulated world, a `sim_world.sources.SensorSource`."""
 
     def __init__(self, settings: WorldSection, grid: Grid, robots: Sequence[str], dt: float, streams: Streams) -> None:
-        """`dt` is the length of a tick in seconds. Mistake: no room to turn, or an object that starts outside."""
+        """`dt` is the length of a tick in seconds. UserError: no room to turn, or an object that starts outside."""
         self.settings, self.grid, self.dt, self.streams = settings, grid, dt, streams
         self.lower = grid.origin
         self.upper = tuple(o + n * grid.cell for o, n in zip(grid.origin, grid.shape, strict=True))
         self.radius = settings.speed / settings.turn_rate  # of the tightest turn
         if min(u - o for o, u in zip(self.lower, self.upper, strict=True)) < 8 * self.radius:
-            raise Mistake(
+            raise UserError(
                 f"world.speed: robots that turn on {self.radius:g} have no room on this grid; lower the speed"
             )
         self.bodies: dict[str, Body] = {}
@@ -82,20 +64,20 @@ class World:
         for name, thing in sorted(settings.objects.items()):
             self.objects[name] = self._start(name, thing)
         for robot in robots:
-            self.welcome(robot)
+            self.admit(robot)
 
     @property
     def robots(self) -> tuple[str, ...]:
         return tuple(sorted(self.bodies))
 
-    def welcome(self, robot: str) -> bool:
+    def admit(self, robot: str) -> bool:
         if robot not in self.bodies and len(self.bodies) < MAX_ROBOTS:
-            chance = self.streams(f"robot/{robot}")
-            (x, y), waypoint = self._somewhere(chance), self._somewhere(chance)
+            rng = self.streams(f"robot/{robot}")
+            (x, y), waypoint = self._random_place(rng), self._random_place(rng)
             heading = math.atan2(waypoint[1] - y, waypoint[0] - x)  # towards the inside, so that it never leaves
             odometer = Odometer(self.settings.odometry, self.streams(f"odometer/{robot}"))
-            told = robot in self.settings.lost
-            self.bodies[robot] = Body(x, y, heading, waypoint, chance, odometer, told)
+            start_fix_due = robot not in self.settings.lost
+            self.bodies[robot] = Body(x, y, heading, waypoint, rng, odometer, start_fix_due)
         return robot in self.bodies
 
     def judged(self, tick: int) -> bool:
@@ -121,8 +103,8 @@ class World:
         body.heading = wrap(body.heading + turn)
         body.x += distance * math.cos(body.heading)
         body.y += distance * math.sin(body.heading)
-        if math.dist(body.place, body.waypoint) < 2 * self.radius:  # any nearer and it might circle it for ever
-            body.waypoint = self._somewhere(body.chance)
+        if math.dist(body.place, body.waypoint) < 2 * self.radius:  # a nearer waypoint might be circled for ever
+            body.waypoint = self._random_place(body.rng)
         return distance, turn
 
     def _walk(self, name: str, place: Place) -> Place:
@@ -139,11 +121,11 @@ class World:
     # --- sensors ------------------------------------------------------------------------------------------------------
 
     def _sense(self, robot: str, truth: Truth, moved: tuple[float, float] | None) -> Readings:
-        """What a robot's sensors say; `moved` is its distance and turn in this step, None at the start."""
+        """What a robot's sensors measure; `moved` is its distance and turn in this step, None at the start."""
         body = self.bodies[robot]
         odometry = None if moved is None else body.odometer.step(*moved, self.dt)
-        fix = body.odometer.reset(body.place) if body.told else body.odometer.fix(body.place)
-        body.told = True
+        fix = body.odometer.fix(body.place) if body.start_fix_due else body.odometer.fix_if_due(body.place)
+        body.start_fix_due = False
         pose = (body.x, body.y, body.heading)
         seen = (
             see(self.settings.vision, pose, subject, place, self._noise(f"{robot} sees {subject}"))
@@ -161,24 +143,24 @@ class World:
             sightings=[sighting for sighting in seen if sighting is not None],
         )
 
-    # --- chance -------------------------------------------------------------------------------------------------------
+    # --- random numbers -----------------------------------------------------------------------------------------------
 
     def _noise(self, name: str) -> np.random.Generator:
         if name not in self._noises:
             self._noises[name] = self.streams(name)
         return self._noises[name]
 
-    def _somewhere(self, chance: np.random.Generator) -> Place:
+    def _random_place(self, rng: np.random.Generator) -> Place:
         """A place with room to turn on all sides."""
         margin = 3 * self.radius
-        x, y = (float(chance.uniform(lo + margin, hi - margin)) for lo, hi in zip(self.lower, self.upper, strict=True))
+        x, y = (float(rng.uniform(lo + margin, hi - margin)) for lo, hi in zip(self.lower, self.upper, strict=True))
         return x, y
 
     def _start(self, name: str, thing: ObjectSection) -> Place:
         if thing.start is None:
-            return self._somewhere(self.streams(f"start/{name}"))
+            return self._random_place(self.streams(f"start/{name}"))
         if self.grid.index(thing.start) is None:
-            raise Mistake(f"world.objects.{name}.start: {thing.start} is outside the grid; give a place inside")
+            raise UserError(f"world.objects.{name}.start: {thing.start} is outside the grid; give a place inside")
         return thing.start
 
 

@@ -1,11 +1,18 @@
-"""What all tests share: Hypothesis without chance or deadlines, and a mark on tests that need more than one process."""
+"""What all tests share: Hypothesis without chance or deadlines, marks, signals as a program expects them, and a router."""
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+if TYPE_CHECKING:
+    from blackboard.net.link import Link
 
 settings.register_profile(
     "house",
@@ -18,6 +25,16 @@ settings.register_profile(
 settings.load_profile("house")
 
 
+def pytest_configure() -> None:
+    """Give the programs that tests start the default disposition of SIGINT, also where this run was started to ignore it.
+
+    A shell script starts what it puts into the background (`make test &`) with SIGINT ignored, and every child would inherit
+    that. A handler is not inherited; this one does nothing, so that the test run itself goes on ignoring the signal.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, lambda *_: None)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The folders `system` and `compose` mark their tests: none with real processes runs among the unit tests."""
@@ -26,3 +43,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         room = item.path.relative_to(here).parts[0]
         if room in ("system", "compose"):
             item.add_marker(room)
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """Where a Zenoh router of this test listens: a free port of 127.0.0.1."""
+    from blackboard.net.link import Link
+    from blackboard.net.settings import LinkConfig
+    from blackboard.run.launch import free_port
+
+    where = f"tcp/127.0.0.1:{free_port()}"
+    with Link(LinkConfig(mode="router", listen=(where,)), "router"):
+        yield where
+
+
+@pytest.fixture
+def connect(endpoint: str) -> Iterator[Callable[[str], Link]]:
+    """Makes a link of a given name to the router; all are closed however the test ends."""
+    from blackboard.net.link import Link
+    from blackboard.net.settings import LinkConfig
+
+    with ExitStack() as links:
+        yield lambda name: links.enter_context(Link(LinkConfig(connect=(endpoint,)), name))

@@ -90,3 +90,31 @@ def random_walk(n: int, variance: float) -> Array:
     one[0, 0] += rate
     one[-1, -1] += rate
     return np.linalg.matrix_power(one, steps)
+
+
+def memberships(opinions: Array, weights: Sequence[float], mass: Array) -> Array:
+    """The mass (N, cells) of each component in each cell, given to the subsets of q opinions by their terms of C_q (V-.2): what the
+    subsets with each opinion hold together, shape (N,).
+    """
+    n = len(opinions)
+    w = [Decimal(x) / sum((Decimal(x) for x in weights), Decimal(0)) for x in weights]
+    p = [[Decimal(x) for x in opinion.ravel().tolist()] for opinion in opinions]
+    found = [Decimal(0)] * n
+    with localcontext(EXACT):
+        for q in range(1, n + 1):
+            for cell in range(len(p[0])):
+                terms = {
+                    s: sum((w[i] for i in s), Decimal(0)) * _product(p, s, cell) for s in combinations(range(n), q)
+                }
+                total = sum(terms.values(), Decimal(0))
+                for subset, term in terms.items():
+                    for i in subset:
+                        found[i] += Decimal(float(mass[q - 1, cell])) * term / total if total else 0
+    return np.array([float(x) for x in found])
+
+
+def _product(p: list[list[Decimal]], subset: Sequence[int], cell: int) -> Decimal:
+    value = Decimal(1)
+    for i in subset:
+        value *= p[i][cell]
+    return value

@@ -6,18 +6,18 @@ import json
 import sys
 from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from types import ModuleType
 
 import numpy as np
-from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
-from blackboard.errors import Mistake
-from blackboard.lab import contest, paper, summary, tuning, work
-from blackboard.lab.tuning import Trials
-from blackboard.progress import progress
+from blackboard.errors import UserError
+from blackboard.lab import comparison, paper, parallel, tuning, tuning_report
+from blackboard.lab.tuning import CandidateScores
+from blackboard.run.flags import LengthFlags, OutputFlags, RecordingFlags
+from blackboard.run.progress import progress
 
-Json = Annotated[bool, Parameter(name="--json", negative="")]
+SEED = 1  # of the trials and of the bootstrap, where --seed does not give another
 
 
 def lab(
@@ -25,136 +25,113 @@ def lab(
     *,
     runs: int = 300,
     variants: int = 5,
-    seconds: float | None = None,
     every: float = 1.0,
-    seed: int = 1,
-    mrclam: str | None = None,
-    start: float | None = None,
-    protocol: str | None = None,
+    length: LengthFlags = LengthFlags(),
+    recording: RecordingFlags = RecordingFlags(),
     picture: Path | None = None,
-    as_json: Json = False,
+    output: OutputFlags = OutputFlags(),
 ) -> int:
-    """Put all rules to the same opinions and show how each did: five trials, and any simulated or recorded team.
+    """Fuse the same opinions with every rule and score the results: five trials, and any simulated or recorded team.
 
     Parameters
     ----------
     scenario
-        A scenario whose team is rehearsed too: a TOML file, or the name of one that comes with the package.
+        A scenario whose team is judged too: a TOML file, or the name of one that comes with the package.
     runs
         Runs of each of the five trials; 0 leaves them out.
     variants
         Seeds of the scenario, or stretches of the recording that follow each other.
-    seconds
-        Length of each of these, in seconds of team time.
     every
         Seconds of team time from one fusion to the next.
-    seed
-        Seed of the trials and of the intervals.
-    mrclam
-        The recorded team in this folder (MRCLAM format) is rehearsed too.
-    start
-        Where the recording's first stretch begins, Unix time.
-    protocol
-        Which of its landmark sightings may be used, as A_all or C_blind12.
     picture
         Also draw the table into this file (.svg or .png); needs the extra `plot`.
-    as_json
-        Print one JSON object instead of the table.
     """
     drawing = _drawing() if picture is not None else None
+    seed = SEED if length.seed is None else length.seed
     _at_least(runs=(runs, 0), variants=(variants, 1), every=(every, 0), seed=(seed, 0))
-    trials_chance, intervals_chance = np.random.default_rng(seed).spawn(2)
-    teams = _teams(scenario, seconds, mrclam, start, protocol)
-    trials = {}
-    with progress("lab") as tell:
+    trials_rng, intervals_rng = np.random.default_rng(seed).spawn(2)
+    teams = _teams(scenario, length, recording)
+    situations = {}
+    with progress("lab") as show_progress:
         if runs:
-            jobs = work.trial_jobs(runs, trials_chance)
-            parts = work.spread(work.trial, jobs, tell)
+            jobs = parallel.trial_jobs(runs, trials_rng)
+            parts = parallel.run_jobs(parallel.judge_trial, jobs, show_progress)
             for name in dict.fromkeys(job[0] for job in jobs):
-                trials[name] = contest.merged([p for job, p in zip(jobs, parts, strict=True) if job[0] == name])
+                situations[name] = comparison.merged([p for job, p in zip(jobs, parts, strict=True) if job[0] == name])
         for one in teams:
-            parts = work.spread(work.team, [(one, number, every) for number in range(variants)], tell)
-            trials[f"team {one.name}"] = contest.merged(parts)
-            if not trials[f"team {one.name}"][contest.THE_DEFAULT].runs:
-                raise Mistake(f"{one.source}: nobody ever had a second opinion; give more robots or a longer run")
-    if not trials:
-        raise Mistake("--runs 0: nothing is left to judge; name a scenario or a recording too")
-    found = contest.report(trials, intervals_chance)
+            parts = parallel.run_jobs(
+                parallel.judge_team, [(one, number, every) for number in range(variants)], show_progress
+            )
+            situations[f"team {one.name}"] = comparison.merged(parts)
+            if not situations[f"team {one.name}"][comparison.DEFAULT_NAME].runs:
+                raise UserError(f"{one.where}: nobody ever had a second opinion; give more robots or a longer run")
+    if not situations:
+        raise UserError("--runs 0: nothing is left to judge; name a scenario or a recording too")
+    found = comparison.report(situations, intervals_rng)
     if drawing is not None and picture is not None:
-        drawing.save(drawing.contest(found), picture)
-    sys.stdout.write((json.dumps(found) if as_json else contest.text(found)) + "\n")
+        drawing.save(drawing.comparison(found), picture)
+    output.show(found, comparison.text)
     return 0
 
 
 def tune(
     scenario: str | None = None,
     *,
-    rule: Literal["calibrated", "coalition"] | None = None,
+    rule: str | None = None,
     variants: int = 8,
     held_out: int = 8,
-    seconds: float | None = None,
     every: float = 2.0,
     coverage: float = 0.9,
     gain: float = 0.05,
-    seed: int = 1,
-    mrclam: str | None = None,
-    start: float | None = None,
-    protocol: str | None = None,
-    as_json: Json = False,
+    length: LengthFlags = LengthFlags(),
+    recording: RecordingFlags = RecordingFlags(),
+    output: OutputFlags = OutputFlags(),
 ) -> int:
-    """Choose the rule and the parameters of a board from runs, and hold them against the paper's on other runs.
+    """Choose the rule and the parameters of a board from runs, and compare them with the paper's on other runs.
 
-    The exit status is 0 if the choice has the higher log score there, as far as its interval can tell.
+    The exit status is 0 if the choice has the higher log score there, the whole interval of the difference being above 0.
 
     Parameters
     ----------
     scenario
-        The scenario whose team is rehearsed: a TOML file, or the name of one that comes with the package [default: demo].
+        The scenario whose team is run: a TOML file, or the name of one that comes with the package [default: demo].
     rule
-        Choose among the settings of this rule only.
+        Choose among the settings of this rule only, "calibrated", "coalition" or a plug-in's.
     variants
         Seeds of the scenario, or stretches of the recording, from which is chosen.
     held_out
         The ones after these, on which the choice is judged.
-    seconds
-        Length of each, in seconds of team time.
     every
         Seconds of team time from one fusion to the next.
     coverage
         The share of 95 % regions that must hold the truth.
     gain
         Nats of log score that one more robot must gain to be worth it.
-    seed
-        Seed of the intervals.
-    mrclam
-        Take the recorded team in this folder (MRCLAM format) instead.
-    start
-        Where the recording's first stretch begins, Unix time.
-    protocol
-        Which of its landmark sightings may be used, as A_all or C_blind12.
-    as_json
-        Print one JSON object instead of the text.
     """
+    seed = SEED if length.seed is None else length.seed
     _at_least(variants=(variants, 1), held_out=(held_out, 1), every=(every, 0), seed=(seed, 0), coverage=(coverage, 0))
     if coverage > 1:
-        raise Mistake(f"--coverage {coverage:g}: give a share of at most 1")
-    if scenario and mrclam:
-        raise Mistake(f"{scenario} and --mrclam: give one of the two")
-    (team,) = _teams(scenario or (None if mrclam else "demo"), seconds, mrclam, start, protocol)
-    chance = np.random.default_rng(seed)
-    rules = [rule] if rule else list(tuning.SPACES)
-    with progress("tune") as tell:
-        parts = work.spread(work.tried, [(rules, team, n, every) for n in range(variants)], tell)
+        raise UserError(f"--coverage {coverage:g}: give a share of at most 1")
+    if scenario and recording.mrclam is not None:
+        raise UserError(f"{scenario} and --mrclam: give one of the two")
+    (team,) = _teams(scenario if scenario or recording.given else "demo", length, recording)
+    rng = np.random.default_rng(seed)
+    rules = [rule] if rule else list(tuning.spaces())
+    for name in rules:
+        tuning.space(name)
+    with progress("tune") as show_progress:
+        jobs = [(rules, team, number, every) for number in range(variants)]
+        parts = parallel.run_jobs(parallel.try_settings, jobs, show_progress)
         choices = {
-            name: tuning.choose(reduce(Trials.merge, (p[name] for p in parts)), coverage, team.grid.cell, chance)
+            name: tuning.choose(reduce(CandidateScores.merge, (p[name] for p in parts)), coverage, team.grid.cell, rng)
             for name in rules
         }
         best = max(choices.values(), key=lambda c: (c["honest"], c["log_score"]))
-        judged = {"tuned": best["setting"], "default": contest.DEFAULT, "paper": contest.PAPER}
+        judged = {"tuned": best["setting"], "default": comparison.DEFAULT, "paper": comparison.PAPER}
         numbers = range(variants, variants + held_out)
-        checks = work.spread(work.held_out, [(judged, team, n, every) for n in numbers], tell)
-    found = summary.tuned(choices, best, judged, checks, coverage=coverage, gain=gain, chance=chance)
-    sys.stdout.write((json.dumps(found) if as_json else summary.text(found)) + "\n")
+        checks = parallel.run_jobs(parallel.judge_held_out, [(judged, team, n, every) for n in numbers], show_progress)
+    found = tuning_report.tuned(choices, best, judged, checks, coverage=coverage, gain=gain, rng=rng)
+    output.show(found, tuning_report.text)
     return 0 if found["gain_over_paper"]["low"] > 0 else 1
 
 
@@ -189,10 +166,10 @@ def figures(
     drawing = _drawing()
     sizes = grids or [50, 100, 200]
     _at_least(seeds=(seeds, 1), robots=(robots, 2), grids=(min(sizes), 20), every=(every, 0), seconds=(seconds, every))
-    with progress("figures") as tell:
+    with progress("figures") as show_progress:
         worlds = {n: paper.world(load("paper"), n, robots, seconds) for n in sizes}
         jobs = [(paper.RULES, worlds[n], number, every) for n in sorted(sizes, reverse=True) for number in range(seeds)]
-        parts = work.spread(work.grown, jobs, tell)
+        parts = parallel.run_jobs(parallel.score_team_sizes, jobs, show_progress)
         runs = {n: [p for job, p in zip(jobs, parts, strict=True) if job[1] is worlds[n]] for n in sizes}
     found = paper.numbers(runs, np.random.default_rng(1))
     for name, figure in drawing.paper(found).items():
@@ -202,28 +179,24 @@ def figures(
     return 0
 
 
-def _teams(
-    scenario: str | None, seconds: float | None, mrclam: str | None, start: float | None, protocol: str | None
-) -> list[Scenario]:
-    """The scenarios that are to be rehearsed."""
+def _teams(scenario: str | None, length: LengthFlags, recording: RecordingFlags) -> list[Scenario]:
+    """The scenarios whose teams are judged: the named one, and the recording where its flags are given."""
     teams = [load(scenario)] if scenario else []
-    if mrclam is not None:
-        teams.append(load("mrclam").changed("world", dir=mrclam, start=start, protocol=protocol))
-    elif start is not None or protocol is not None:
-        raise Mistake("--start and --protocol are about a recording: name its folder with --mrclam")
-    return [team.changed("time", seconds=seconds) for team in teams]
+    if recording.given:
+        teams.append(recording.scenario())
+    return [team.changed("time", seconds=length.seconds) for team in teams]
 
 
 def _at_least(**numbers: tuple[float, float]) -> None:
     for name, (value, least) in numbers.items():
         if not value >= least:
-            raise Mistake(f"--{name.replace('_', '-')} {value:g}: give at least {least:g}")
+            raise UserError(f"--{name.replace('_', '-')} {value:g}: give at least {least:g}")
 
 
-def _drawing() -> Any:
-    """The drawing room, for which matplotlib must be there."""
+def _drawing() -> ModuleType:
+    """`blackboard.lab.drawing`. UserError: matplotlib, which it needs, is not installed."""
     try:
         from blackboard.lab import drawing
     except ModuleNotFoundError as error:
-        raise Mistake(f"{error.name} is missing: install the extra, as pip install 'cop-blackboard[plot]'") from error
+        raise UserError(f"{error.name} is missing: install the extra, as pip install 'cop-blackboard[plot]'") from error
     return drawing

@@ -1,4 +1,4 @@
-"""Cases: what several sources believe about one subject at one instant, and the truth. Pure; chance is an argument.
+"""Cases: what several sources believe about one subject at one instant, and the truth. Pure; the random generator is an argument.
 
 A run is what one seed, or one stretch of a recording, gives: one case in the trials below, many from a team.
 """
@@ -25,10 +25,16 @@ class Case:
     sources: tuple[str, ...]
     opinions: Array
     truth: tuple[float, ...]  # in the grid's unit
-    common: Array | None = None  # (M, *grid shape): what is known to be counted M times too often
+    common: Array | None = None  # (M, *grid shape): known pieces of information, each counted once too often
+
+    def __post_init__(self) -> None:
+        if self.opinions.shape != (len(self.sources), *self.grid.shape):
+            raise ValueError(
+                f"case of {len(self.sources)} sources on a grid of {self.grid.shape}: opinions of shape {self.opinions.shape}"
+            )
 
     def of(self, sources: Collection[str]) -> Case:
-        """The same with the opinions of these sources only."""
+        """The case with the opinions of some sources only."""
         kept = [i for i, source in enumerate(self.sources) if source in sources]
         return replace(self, sources=tuple(self.sources[i] for i in kept), opinions=self.opinions[kept])
 
@@ -41,43 +47,43 @@ SOURCES = 5
 SIGMA = (1.5, 4.0)  # cells, drawn for each source
 MARGIN = 15.0  # cells between the truth and the border, so that no opinion is cut off there
 CORRELATION = 0.8  # of the errors of any two sources, relative to their sigmas
-LIE, LIAR_SIGMA = 12.0, 1.2  # cells: how far off a liar is, and how sure
+LIE, LIAR_SIGMA = 12.0, 1.2  # cells: the error of a source that lies, and the sigma of its belief
 
 
-def independent(chance: np.random.Generator) -> Case:
-    """Five honest sources: the error of each is what its sigma says, and its own."""
-    truth, sigmas = _draw(chance)
-    return _case(truth, truth + sigmas[:, None] * chance.standard_normal((SOURCES, 2)), sigmas)
+def independent(rng: np.random.Generator) -> Case:
+    """Five honest sources: their errors are independent, and each is drawn with its own sigma."""
+    truth, sigmas = _draw(rng)
+    return _case(truth, truth + sigmas[:, None] * rng.standard_normal((SOURCES, 2)), sigmas)
 
 
-def correlated(chance: np.random.Generator) -> Case:
-    """Honest one by one, but their errors have a common part: a wrong map, a shared calibration."""
-    truth, sigmas = _draw(chance)
-    own, common = chance.standard_normal((SOURCES, 2)), chance.standard_normal(2)
+def correlated(rng: np.random.Generator) -> Case:
+    """The errors are as large as their sigmas say, but have a common part, as from a wrong map or a shared calibration."""
+    truth, sigmas = _draw(rng)
+    own, common = rng.standard_normal((SOURCES, 2)), rng.standard_normal(2)
     errors = math.sqrt(1 - CORRELATION) * own + math.sqrt(CORRELATION) * common
     return _case(truth, truth + sigmas[:, None] * errors, sigmas)
 
 
-def echoes(chance: np.random.Generator) -> Case:
-    """Two honest sources, of which one is heard four times: what gossip makes of one observation."""
-    truth, sigmas = _draw(chance)
-    means = truth + sigmas[:, None] * chance.standard_normal((SOURCES, 2))
+def echoes(rng: np.random.Generator) -> Case:
+    """Two honest sources, of which one is repeated by three others, as when robots pass on what they received."""
+    truth, sigmas = _draw(rng)
+    means = truth + sigmas[:, None] * rng.standard_normal((SOURCES, 2))
     sigmas[1:4], means[1:4] = sigmas[0], means[0]
     case = _case(truth, means, sigmas)
     return replace(case, common=case.opinions[1:4])
 
 
-def liar(chance: np.random.Generator) -> Case:
-    """Four honest sources, and one that is sure of a place 12 cells off."""
-    return _lied(chance, 1)
+def liar(rng: np.random.Generator) -> Case:
+    """Four honest sources, and one whose sharp belief is 12 cells off."""
+    return _with_liars(rng, 1)
 
 
-def collusion(chance: np.random.Generator) -> Case:
-    """Three honest sources, and two that are sure of the same wrong place."""
-    return _lied(chance, 2)
+def collusion(rng: np.random.Generator) -> Case:
+    """Three honest sources, and two with the same sharp belief 12 cells off."""
+    return _with_liars(rng, 2)
 
 
-#: The trials that every rule is put to.
+#: The trials: five generated situations, by their names in tables.
 TRIALS: dict[str, Trial] = {
     "independent": independent,
     "correlated": correlated,
@@ -87,22 +93,24 @@ TRIALS: dict[str, Trial] = {
 }
 
 
-def _draw(chance: np.random.Generator) -> tuple[Array, Array]:
+def _draw(rng: np.random.Generator) -> tuple[Array, Array]:
     """The truth, shape (2,), and the sources' sigmas, shape (SOURCES,)."""
-    truth = np.array([chance.uniform(MARGIN, n - MARGIN) for n in GRID.shape])
-    return truth, chance.uniform(*SIGMA, SOURCES)
+    truth = np.array([rng.uniform(MARGIN, n - MARGIN) for n in GRID.shape])
+    return truth, rng.uniform(*SIGMA, SOURCES)
 
 
-def _lied(chance: np.random.Generator, liars: int) -> Case:
-    truth, sigmas = _draw(chance)
-    means = truth + sigmas[:, None] * chance.standard_normal((SOURCES, 2))
-    angle = chance.uniform(0, 2 * math.pi)
+def _with_liars(rng: np.random.Generator, liars: int) -> Case:
+    truth, sigmas = _draw(rng)
+    means = truth + sigmas[:, None] * rng.standard_normal((SOURCES, 2))
+    angle = rng.uniform(0, 2 * math.pi)
     means[:liars] = truth + LIE * np.array([math.cos(angle), math.sin(angle)])
     sigmas[:liars] = LIAR_SIGMA
     return _case(truth, means, sigmas)
 
 
 def _case(truth: Array, means: Array, sigmas: Array) -> Case:
+    """Gaussians about these means (N, 2), cells; an error above 3.7 sigma may lead over the border, where the mean then stays."""
+    means = np.clip(means, 0.0, GRID.shape)
     opinions = np.stack([gaussian(GRID, mean, float(sigma)).p for mean, sigma in zip(means, sigmas, strict=True)])
     names = tuple(f"s{i + 1}" for i in range(len(means)))
     x, y = truth.tolist()

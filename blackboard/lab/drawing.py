@@ -13,7 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from blackboard.errors import Mistake
+from blackboard.errors import UserError
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
@@ -37,37 +37,42 @@ def save(figure: Figure, file: Path) -> None:
         file.suffix, {}
     )
     if not metadata:
-        raise Mistake(f"{file}: pictures are written as .svg or .png; choose one of these endings")
+        raise UserError(f"{file}: pictures are written as .svg or .png; choose one of these endings")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with mpl.rc_context(STYLE):
             figure.savefig(file, metadata=metadata)
     except OSError as error:
-        raise Mistake(f"{file}: cannot be written ({error.strerror}); choose another place") from error
+        raise UserError(f"{file}: cannot be written ({error.strerror}); choose another place") from error
 
 
-def contest(found: Mapping[str, Any]) -> Figure:
-    """The lab's table: for each trial the rules' 95 % coverage, log score and median error, with intervals."""
+def comparison(found: Mapping[str, Any]) -> Figure:
+    """The lab's table: for each situation the rules' 95 % coverage, log score and median error, with intervals."""
     columns = {"coverage_95": "95 % coverage", "log_score": "log score [nats]", "median": "median error"}
-    rules, trials = list(found["rules"]), found["trials"]
+    rules, situations = list(found["rules"]), found["trials"]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(2.4 + 2.6 * len(trials), 1.2 + 0.62 * len(rules)), layout="constrained")
-        axes = figure.subplots(len(columns), len(trials), squeeze=False, sharey=True, sharex="row")
+        figure = Figure(figsize=(2.4 + 2.6 * len(situations), 1.2 + 0.62 * len(rules)), layout="constrained")
+        axes = figure.subplots(len(columns), len(situations), squeeze=False, sharey=True, sharex="row")
         for row, (column, label) in zip(axes, columns.items(), strict=True):
-            for axis, (trial, told) in zip(row, trials.items(), strict=True):
+            for axis, (situation, results) in zip(row, situations.items(), strict=True):
                 for place, rule in enumerate(rules):
-                    e = told["rules"][rule][column]
-                    ours, best = rule == found["default"], rule in told["best"][column]
+                    if rule not in results["rules"]:  # a scenario's own [board] takes part in its team's run only
+                        continue
+                    e = results["rules"][rule][column]
+                    default, best = rule == found["default"], rule in results["best"][column]
                     axis.plot(
-                        [e["low"], e["high"]], [place, place], color=VERMILION if ours else BLUE, lw=3 if ours else 1.5
+                        [e["low"], e["high"]],
+                        [place, place],
+                        color=VERMILION if default else BLUE,
+                        lw=3 if default else 1.5,
                     )
                     axis.plot(
                         e["value"], place, marker="*" if best else "o", ms=10 if best else 5,
-                        color=VERMILION if ours else BLUE,
+                        color=VERMILION if default else BLUE,
                     )  # fmt: skip
                 if column == "coverage_95":
                     axis.axvline(0.95, color=BLACK, ls=":", lw=1)
-                    axis.set_title(trial)
+                    axis.set_title(situation)
                 axis.set_xlabel(label)
         axes[0][0].set_yticks(np.arange(len(rules)), rules)
         axes[0][0].invert_yaxis()
@@ -112,10 +117,10 @@ def _line(axis: Any, rule: str, x: Any, y: Any, marks: bool = True, label: str |
     axis.plot(x, y, color=colour, ls=style, marker=marker if marks else None, ms=4, lw=1.6, label=label or rule)
 
 
-def _beliefs(told: Mapping[str, Any]) -> Figure:
+def _beliefs(data: Mapping[str, Any]) -> Figure:
     """Opinions on a line (grey) and what each rule makes of them."""
-    figure, ((*axes,),) = _figure(1, len(told["cases"]), told["title"])
-    for axis, (name, case) in zip(axes, told["cases"].items(), strict=True):
+    figure, ((*axes,),) = _figure(1, len(data["cases"]), data["title"])
+    for axis, (name, case) in zip(axes, data["cases"].items(), strict=True):
         for p in case["opinions"]:
             axis.plot(case["x"], p, color="#999999", lw=1)
         for rule, fused in case["fused"].items():
@@ -127,9 +132,9 @@ def _beliefs(told: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _ratios(told: Mapping[str, Any]) -> Figure:
-    figure, ((axis,),) = _figure(1, 1, told["title"])
-    for rule, ratios in told["ratios"].items():
+def _ratios(data: Mapping[str, Any]) -> Figure:
+    figure, ((axis,),) = _figure(1, 1, data["title"])
+    for rule, ratios in data["ratios"].items():
         _line(axis, rule, range(1, len(ratios) + 1), ratios)
     axis.axhline(1.0, color=BLACK, lw=1)
     axis.set_xlabel("place of the robot")
@@ -141,13 +146,13 @@ def _ratios(told: Mapping[str, Any]) -> Figure:
 METRICS = {"entropy": "entropy [nats]", "log_score": "log score [nats]", "coverage_95": "95 % coverage"}
 
 
-def _over_time(told: Mapping[str, Any]) -> Figure:
+def _over_time(data: Mapping[str, Any]) -> Figure:
     """Fig. 6: each metric over time for each grid."""
-    figure, axes = _figure(len(METRICS), len(told["grids"]), told["title"])
-    for column, (size, by_rule) in zip(axes.T, told["grids"].items(), strict=True):
+    figure, axes = _figure(len(METRICS), len(data["grids"]), data["title"])
+    for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
         for axis, (metric, label) in zip(column, METRICS.items(), strict=True):
             for rule, values in by_rule.items():
-                _line(axis, rule, told["time"], values[metric])
+                _line(axis, rule, data["time"], values[metric])
             axis.set_ylabel(label)
         column[0].set_title(f"{size} x {size} cells")
         column[-1].set_xlabel("time [s]")
@@ -156,16 +161,16 @@ def _over_time(told: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _over_size(told: Mapping[str, Any]) -> Figure:
+def _over_size(data: Mapping[str, Any]) -> Figure:
     """Fig. 7: each metric over the size of the team for each grid, with its spread over the seeds."""
     metrics = {"ratio": "entropy / original entropy", **{m: METRICS[m] for m in ("log_score", "coverage_95")}}
-    figure, axes = _figure(len(metrics), len(told["grids"]), told["title"])
-    for column, (size, by_rule) in zip(axes.T, told["grids"].items(), strict=True):
+    figure, axes = _figure(len(metrics), len(data["grids"]), data["title"])
+    for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
         for axis, (metric, label) in zip(column, metrics.items(), strict=True):
             for rule, values in by_rule.items():
-                _line(axis, rule, told["robots"], values[metric])
+                _line(axis, rule, data["robots"], values[metric])
                 low, high = (values[f"{metric}_{end}"] for end in ("low", "high"))
-                axis.fill_between(told["robots"], low, high, color=LINES[rule][0], alpha=0.15, lw=0)
+                axis.fill_between(data["robots"], low, high, color=LINES[rule][0], alpha=0.15, lw=0)
             axis.set_ylabel(label)
         column[0].set_title(f"{size} x {size} cells")
         column[-1].set_xlabel("robots that cooperate")

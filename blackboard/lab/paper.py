@@ -12,18 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from blackboard.config import RuleSection, Scenario
-from blackboard.lab.contest import DEFAULT, PAPER
-from blackboard.lab.growth import Growth
+from blackboard.config import Scenario
+from blackboard.lab.comparison import DEFAULT, PAPER
+from blackboard.lab.team_size import TeamSizeScores
 from blackboard.opinion.averages import linear_pool, logarithmic_pool
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.cooperative import cooperative_pool
 from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.rules import Rule
 from blackboard.opinion.weights import entropy, entropy_weights
 
 Sensors = Sequence[tuple[float, float]]  # mean and sigma, units
 
-#: As printed in the captions; Fig. 4's text tells of four sensors that are close and one that is not.
+#: As printed in the captions; Fig. 4's text describes four sensors that are close and one that is not.
 FIG2: Sensors = ((25, 5), (27, 4), (24, 5), (28, 4), (31, 3))
 FIG4_CAPTION: Sensors = ((25, 5), (27, 4), (26, 5), (57, 1.5), (59, 2))
 FIG4_TEXT: Sensors = ((25, 5), (27, 4), (26, 5), (27, 4), (57, 1.5))
@@ -37,11 +38,11 @@ PLACES = 40  # of the robot in Fig. 3
 ARENA = 50.0  # units along each edge, in Figs. 6 and 7
 
 #: What Figs. 6 and 7 show: the paper's rule, the same without its dependence on the grid, and a board's default.
-RULES: dict[str, RuleSection] = {
+RULES: dict[str, Rule] = {
     "cooperative": PAPER,
-    "cooperative, reference cell": PAPER.model_copy(update={"reference_cell": 1.0}),
+    "cooperative, reference cell": replace(PAPER, reference_cell=1.0),
     "coalition": DEFAULT,
-    "coalition, independent": DEFAULT.model_copy(update={"independence": 1.0}),
+    "coalition, independent": replace(DEFAULT, independence=1.0),
 }
 
 
@@ -57,15 +58,16 @@ def world(paper: Scenario, cells: int, robots: int, seconds: float) -> Scenario:
     return chosen.changed("time", seconds=seconds)
 
 
-def numbers(runs: Mapping[int, Sequence[Mapping[str, Growth]]], chance: np.random.Generator) -> dict[str, Any]:
-    """All figures' numbers as JSON; `runs` holds for each grid size what `grow` found in each run of `world`."""
+def numbers(runs: Mapping[int, Sequence[Mapping[str, TeamSizeScores]]], rng: np.random.Generator) -> dict[str, Any]:
+    """All figures' numbers as JSON; `runs` holds for each grid size what `score_sizes` found in each run of `world`."""
     together = {
-        size: {rule: reduce(Growth.merge, (run[rule] for run in some)) for rule in RULES} for size, some in runs.items()
+        size: {rule: reduce(TeamSizeScores.merge, (run[rule] for run in some)) for rule in RULES}
+        for size, some in runs.items()
     }
     return {
         "fig1": fig1(),
         "fig2": _figure("Fig. 2: five sensors that agree", {"as printed": FIG2}),
-        "fig3": fig3(chance),
+        "fig3": fig3(rng),
         "fig4": _figure("Fig. 4: one sensor is wrong", {"as its text tells": FIG4_TEXT, "as its caption prints": FIG4_CAPTION}),
         "fig5": {**_figure("Fig. 5: two are wrong, and disagree", {"as printed": FIG5}), "resolution": resolution()},
         "fig6": fig6(together),
@@ -88,13 +90,13 @@ def fig1() -> dict[str, Any]:
     return {"title": "Fig. 1: agreement and the entropy of the LGP", "cases": cases}
 
 
-def fig3(chance: np.random.Generator) -> dict[str, Any]:
+def fig3(rng: np.random.Generator) -> dict[str, Any]:
     """Three sensors of a robot that agree, at one place after the other: entropy of what each rule makes of them / the best."""
     ratios: dict[str, list[float]] = {"linear": [], "logarithmic": [], "cooperative": []}
     grid = line()
     for place in np.linspace(20, 80, PLACES):
-        sigmas = chance.uniform(2.0, 5.0, 3) * (0.6 + place / 100)  # the farther, the worse
-        means = place + 0.5 * sigmas * chance.standard_normal(3)  # in agreement: half of what sigma allows
+        sigmas = rng.uniform(2.0, 5.0, 3) * (0.6 + place / 100)  # the farther, the worse
+        means = place + 0.5 * sigmas * rng.standard_normal(3)  # in agreement: half of what sigma allows
         opinions = np.stack([gaussian(grid, (m,), float(s)).p for m, s in zip(means, sigmas, strict=True)])
         best = min(entropy(p) for p in opinions)
         for rule, p in _fused(opinions).items():
@@ -113,20 +115,20 @@ def resolution() -> dict[str, Any]:
         grid = line(per_unit)
         opinions = np.stack([gaussian(grid, (mean,), sigma).p for mean, sigma in FIG5])
         near = grid.centres(0) < FAR - 1e-9
-        told = {}
+        of_grid = {}
         for name, ratio in (("as printed", 1.0), ("reference cell", float(per_unit))):
             p = cooperative_pool(opinions, entropy_weights(opinions, 2.0, cell_ratio=ratio), cell_ratio=ratio)
-            told[name] = {"peak": float(grid.centres(0)[p.argmax()]), "mass below 40": float(p[near].sum())}
-        found[str(per_unit)] = told
+            of_grid[name] = {"peak": float(grid.centres(0)[p.argmax()]), "mass below 40": float(p[near].sum())}
+        found[str(per_unit)] = of_grid
     return found
 
 
 def _figure(title: str, cases: Mapping[str, Sensors]) -> dict[str, Any]:
-    grid, told = line(), {}
+    grid, fused_cases = line(), {}
     for name, sensors in cases.items():
         opinions = np.stack([gaussian(grid, (mean,), sigma).p for mean, sigma in sensors])
-        told[name] = _case(grid, opinions, _fused(opinions))
-    return {"title": title, "cases": told}
+        fused_cases[name] = _case(grid, opinions, _fused(opinions))
+    return {"title": title, "cases": fused_cases}
 
 
 def _fused(opinions: Array) -> dict[str, Array]:
@@ -159,66 +161,66 @@ def _case(grid: Grid, opinions: Array, fused: Mapping[str, Array]) -> dict[str, 
 # --- in the simulated world -----------------------------------------------------------------------------------------------
 
 
-def fig6(grids: Mapping[int, Mapping[str, Growth]]) -> dict[str, Any]:
+def fig6(grids: Mapping[int, Mapping[str, TeamSizeScores]]) -> dict[str, Any]:
     """Over time: what a robot believes alone and what the whole team does, mean over robots, subjects and runs."""
     time = sorted(set(next(iter(grids[min(grids)].values())).time))
-    told: dict[str, Any] = {}
+    by_grid: dict[str, Any] = {}
     for size, by_rule in grids.items():
         first = next(iter(by_rule.values()))
-        told[str(size)] = {"alone": _at_times(first, time, 0)}
-        told[str(size)] |= {rule: _at_times(growth, time, -1) for rule, growth in by_rule.items()}
-    return {"title": "Fig. 6: one robot's belief and the cooperative belief of all", "time": time, "grids": told}
+        by_grid[str(size)] = {"alone": _at_times(first, time, 0)}
+        by_grid[str(size)] |= {rule: _at_times(scores, time, -1) for rule, scores in by_rule.items()}
+    return {"title": "Fig. 6: one robot's belief and the cooperative belief of all", "time": time, "grids": by_grid}
 
 
-def _at_times(growth: Growth, time: Sequence[float], size: int) -> dict[str, list[float]]:
+def _at_times(scores: TeamSizeScores, time: Sequence[float], size: int) -> dict[str, list[float]]:
     """The means at each instant; size is an index: 0 the robot alone (a pool of one is that opinion), -1 the whole team."""
-    at = [np.flatnonzero(np.equal(growth.time, t)) for t in time]
-    return {metric: [float(values[rows, size].mean()) for rows in at] for metric, values in _metrics(growth).items()}
+    at = [np.flatnonzero(np.equal(scores.time, t)) for t in time]
+    return {metric: [float(values[rows, size].mean()) for rows in at] for metric, values in _metrics(scores).items()}
 
 
-def fig7(grids: Mapping[int, Mapping[str, Growth]]) -> dict[str, Any]:
+def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]]) -> dict[str, Any]:
     """Over the size of the team: the average ratio of the cooperative entropy to the original one, and what it is worth.
 
     low and high: the standard deviation over the runs around the mean. `by_kind` has robots and objects apart.
     """
-    told: dict[str, Any] = {}
+    by_grid: dict[str, Any] = {}
     for size, by_rule in grids.items():
-        told[str(size)] = {
+        by_grid[str(size)] = {
             rule: {
-                **_by_size(growth),
+                **_by_size(scores),
                 "by_kind": {
-                    kind: _by_size(_only(growth, kind)) for kind in ("robot", "object") if _only(growth, kind).run
+                    kind: _by_size(_only(scores, kind)) for kind in ("robot", "object") if _only(scores, kind).run
                 },
             }
-            for rule, growth in by_rule.items()
+            for rule, scores in by_rule.items()
         }
-    any_growth = next(iter(next(iter(grids.values())).values()))
-    robots = list(range(1, len(any_growth.entropies[0]) + 1))
-    seeds = len(set(any_growth.run))
-    return {"title": f"Fig. 7: cooperating robots, {seeds} runs", "robots": robots, "seeds": seeds, "grids": told}
+    any_scores = next(iter(next(iter(grids.values())).values()))
+    robots = list(range(1, len(any_scores.entropies[0]) + 1))
+    seeds = len(set(any_scores.run))
+    return {"title": f"Fig. 7: cooperating robots, {seeds} runs", "robots": robots, "seeds": seeds, "grids": by_grid}
 
 
-def _by_size(growth: Growth) -> dict[str, list[float]]:
+def _by_size(scores: TeamSizeScores) -> dict[str, list[float]]:
     found: dict[str, list[float]] = {}
-    ratio = np.array(growth.entropies) / np.array(growth.original)[:, None]
-    for metric, values in {"ratio": ratio, **_metrics(growth)}.items():
-        rows = growth.means(values)
+    ratio = np.array(scores.entropies) / np.array(scores.original)[:, None]
+    for metric, values in {"ratio": ratio, **_metrics(scores)}.items():
+        rows = scores.means(values)
         mean, spread = rows.mean(axis=0), rows.std(axis=0)
         found[metric] = mean.tolist()
         found[f"{metric}_low"], found[f"{metric}_high"] = (mean - spread).tolist(), (mean + spread).tolist()
     return found
 
 
-def _metrics(growth: Growth) -> dict[str, Array]:
+def _metrics(scores: TeamSizeScores) -> dict[str, Array]:
     """Entropy, log score and coverage, each (rows, sizes)."""
     return {
-        "entropy": np.array(growth.entropies),
-        "log_score": np.array(growth.log_scores),
-        "coverage_95": np.less(growth.levels, 0.95).astype(float),
+        "entropy": np.array(scores.entropies),
+        "log_score": np.array(scores.log_scores),
+        "coverage_95": np.less(scores.levels, 0.95).astype(float),
     }
 
 
-def _only(growth: Growth, kind: str) -> Growth:
+def _only(scores: TeamSizeScores, kind: str) -> TeamSizeScores:
     """The rows about robots, or about objects."""
-    kept = [i for i, subject in enumerate(growth.subject) if subject.startswith(f"{kind}/")]
-    return replace(growth, **{name: [getattr(growth, name)[i] for i in kept] for name in growth.__dataclass_fields__})
+    kept = [i for i, subject in enumerate(scores.subject) if subject.startswith(f"{kind}/")]
+    return replace(scores, **{name: [getattr(scores, name)[i] for i in kept] for name in scores.__dataclass_fields__})

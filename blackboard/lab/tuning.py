@@ -1,11 +1,13 @@
-"""Parameters chosen, not guessed: the setting with the highest log score of those that are honest. Pure; chance is an argument.
+"""Choosing a rule's parameters: the highest log score of those settings whose 95 % regions hold the truth often enough. Pure.
 
 Every candidate of a rule is tried on every case. The components of COP are made once for each weight exponent k and
-reference cell; all other parameters only weigh and power them (`tests/lab` holds this against the pools themselves).
+reference cell; all other parameters only weigh and power them (`tests/lab` holds this against the pools themselves). Rules of
+plug-ins, which may do anything, simply pool once for each candidate.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,31 +15,51 @@ from typing import Any
 
 import numpy as np
 
-from blackboard.config import RuleSection
-from blackboard.fusion import in_force
+from blackboard.errors import UserError
 from blackboard.lab.cases import Case, Run
-from blackboard.lab.tally import resamples
-from blackboard.opinion.cooperative import alphas, gated_components, log_components
+from blackboard.lab.estimates import resamples
+from blackboard.opinion.components import alphas, log_components, relative_to_peak, triangular_alphas
+from blackboard.opinion.cooperative import Calibrated, Coalition
 from blackboard.opinion.grid import Array
+from blackboard.opinion.pools import POOLS, fuse
+from blackboard.opinion.rules import Rule, find, read_rule
 from blackboard.opinion.scores import LEAST_PROBABILITY
 from blackboard.opinion.weights import entropy_weights
 
 K = (0.0, 1.0, 2.0)
 REFERENCE = (0.25, 0.5, 1.0, 2.0)  # edge of the reference cell, in cells
-GAMMA = (0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9)
-POWER = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0)
-GATE = (1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0)  # nats
-INDEPENDENCE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
-#: What is tuned of each rule, in the order in which `_tried` returns it; k and reference_cell come first.
-SPACES: dict[str, dict[str, tuple[float, ...]]] = {
-    "calibrated": {"k": K, "reference_cell": REFERENCE, "gamma": GAMMA, "power": POWER},
-    "coalition": {"k": K, "reference_cell": REFERENCE, "gate": GATE, "independence": INDEPENDENCE},
+Space = dict[str, tuple[float, ...]]
+
+
+def _tried(rule: type[Rule]) -> Space:
+    """The values that a rule's parameters say are worth trying (`rules.parameter`)."""
+    fields = dataclasses.fields(rule)  # type: ignore[arg-type]  # every rule is a dataclass
+    return {it.name: it.metadata["tried"] for it in fields if it.metadata.get("tried")}
+
+
+#: What is tuned of the rules that come with the package, in the order of `_beliefs`: k and reference_cell come first.
+SPACES: dict[str, Space] = {
+    rule.name: {"k": K, "reference_cell": REFERENCE, **_tried(rule)} for rule in (Calibrated, Coalition)
 }
 
 
+def spaces() -> dict[str, Space]:
+    """What is tuned of each rule of the package, and of plug-ins whose parameters have values to try."""
+    others = {name: _tried(find(name)) for name in POOLS if name not in SPACES}
+    return {**SPACES, **{name: space for name, space in others.items() if space}}
+
+
+def space(rule: str) -> Space:
+    """What is tuned of a rule; UserError where nothing is."""
+    known = spaces()
+    if rule not in known:
+        raise UserError(f"--rule {rule}: nothing to tune; rules with parameters that are tried are {', '.join(known)}")
+    return known[rule]
+
+
 @dataclass(frozen=True)
-class Trials:
+class CandidateScores:
     """What all candidates of a rule scored: sums over the cases of each run, (runs, candidates), and the cases (runs,)."""
 
     rule: str
@@ -45,58 +67,60 @@ class Trials:
     covered: Array
     cases: Array
 
-    def merge(self, other: Trials) -> Trials:
+    def merge(self, other: CandidateScores) -> CandidateScores:
         pairs = ((self.log_scores, other.log_scores), (self.covered, other.covered), (self.cases, other.cases))
-        return Trials(self.rule, *(np.concatenate(pair) for pair in pairs))
+        return CandidateScores(self.rule, *(np.concatenate(pair) for pair in pairs))
 
 
-def candidates(rule: str, cell: float = 1.0) -> list[RuleSection]:
+def candidates(rule: str, cell: float = 1.0) -> list[Rule]:
     """All settings of a rule that are tried, on a grid whose cells have this edge."""
-    names = SPACES[rule]
-    settings = (dict(zip(names, values, strict=True)) for values in itertools.product(*names.values()))
-    return [RuleSection(**{**s, "rule": rule, "reference_cell": s["reference_cell"] * cell}) for s in settings]  # type: ignore[arg-type]
+    known = space(rule)
+    if "reference_cell" in known:
+        known = {**known, "reference_cell": tuple(edge * cell for edge in known["reference_cell"])}
+    settings = (dict(zip(known, values, strict=True)) for values in itertools.product(*known.values()))
+    return [read_rule({"rule": rule, **setting}) for setting in settings]
 
 
-def try_all(rule: str, runs: Sequence[Run]) -> Trials:
+def try_all(rule: str, runs: Sequence[Run]) -> CandidateScores:
     """Score every candidate on every case of some runs, at least one case each."""
     log_scores, covered = [], []
     for run in runs:
         found = np.array([_scores(rule, case) for case in run])  # (cases, candidates, 2)
         log_scores.append(found[..., 0].sum(axis=0))
         covered.append((found[..., 1] < 0.95).sum(axis=0))
-    return Trials(rule, np.array(log_scores), np.array(covered), np.array([float(len(run)) for run in runs]))
+    return CandidateScores(rule, np.array(log_scores), np.array(covered), np.array([float(len(run)) for run in runs]))
 
 
-def choose(trials: Trials, coverage: float, cell: float, chance: np.random.Generator) -> dict[str, Any]:
+def choose(scores: CandidateScores, coverage: float, cell: float, rng: np.random.Generator) -> dict[str, Any]:
     """The candidate with the highest log score of those whose 95 % regions hold the truth in at least a share of `coverage`.
 
     With its parameters' 95 % intervals: the spread of the choice when the runs are drawn anew. `honest` is False where no
-    candidate is; then the one that covers most is chosen.
+    candidate covers so much; then the one that covers most is chosen.
     """
-    every = np.ones((1, len(trials.cases)))
-    settings = candidates(trials.rule, cell)
-    chosen = settings[_chosen(trials, every, coverage)[0]]
-    drawn = [settings[i] for i in _chosen(trials, resamples(len(trials.cases), chance), coverage)]
+    every = np.ones((1, len(scores.cases)))
+    settings = candidates(scores.rule, cell)
+    chosen = settings[_chosen(scores, every, coverage)[0]]
+    drawn = [settings[i] for i in _chosen(scores, resamples(len(scores.cases), rng), coverage)]
     intervals = {}
-    for name in SPACES[trials.rule]:
+    for name in space(scores.rule):
         values = np.array([getattr(setting, name) for setting in drawn])
         low, high = np.quantile(values, (0.025, 0.975), method="nearest")
         intervals[name] = {"value": getattr(chosen, name), "low": float(low), "high": float(high)}
     i = settings.index(chosen)
-    share = float(trials.covered[:, i].sum() / trials.cases.sum())
+    share = float(scores.covered[:, i].sum() / scores.cases.sum())
     return {
         "setting": chosen,
         "parameters": intervals,
-        "log_score": float(trials.log_scores[:, i].sum() / trials.cases.sum()),
+        "log_score": float(scores.log_scores[:, i].sum() / scores.cases.sum()),
         "coverage_95": share,
         "honest": share >= coverage,
     }
 
 
-def board_table(rule: RuleSection) -> str:
+def board_table(rule: Rule) -> str:
     """A setting as a [board] table."""
-    told = {"rule": rule.rule, **in_force(rule)}
-    return "\n".join(["[board]", *(f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v:g}" for k, v in told.items())])
+    values = rule.in_force().items()
+    return "\n".join(["[board]", *(f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v:g}" for k, v in values)])
 
 
 def enough(gains: Sequence[float], least: float) -> int:
@@ -104,10 +128,10 @@ def enough(gains: Sequence[float], least: float) -> int:
     return 1 + max((n for n, gain in enumerate(gains, start=1) if gain >= least), default=0)
 
 
-def _chosen(trials: Trials, counts: Array, coverage: float) -> Array:
+def _chosen(scores: CandidateScores, counts: Array, coverage: float) -> Array:
     """The best candidate for each row of counts (resamples, runs)."""
-    cases = (counts @ trials.cases)[:, None]
-    log_scores, shares = counts @ trials.log_scores / cases, counts @ trials.covered / cases
+    cases = (counts @ scores.cases)[:, None]
+    log_scores, shares = counts @ scores.log_scores / cases, counts @ scores.covered / cases
     honest = np.where(shares >= coverage, log_scores, -np.inf)
     some = np.isfinite(honest.max(axis=1))
     return np.asarray(np.where(some, honest.argmax(axis=1), shares.argmax(axis=1)))
@@ -132,29 +156,32 @@ def _scores(rule: str, case: Case) -> Array:
 
 def _beliefs(rule: str, case: Case) -> Iterator[Array]:
     """The fused beliefs of all candidates in their order, those that differ in the last parameter together."""
+    if rule not in SPACES:
+        for candidate in candidates(rule, case.grid.cell):
+            yield fuse(candidate, case.opinions, case.grid).p.reshape(1, -1)
+        return
     n = len(case.opinions)
-    space = list(SPACES[rule].values())
-    for k, edge in itertools.product(*space[:2]):
+    for k, edge in itertools.product(K, REFERENCE):
         ratio = edge**case.grid.ndim
         weights = entropy_weights(case.opinions, k, cell_ratio=ratio)
         if rule == "calibrated":
             logs = log_components(case.opinions, weights, ratio)
-            for gamma in GAMMA:
+            for gamma in SPACES[rule]["gamma"]:
                 cop = np.logaddexp.reduce(logs / alphas(n, gamma)[:, None], axis=0)
-                yield _normalised(np.multiply.outer(POWER, cop))
+                yield _normalised(np.multiply.outer(SPACES[rule]["power"], cop))
         else:
-            for gate in GATE:
-                logs, alpha = gated_components(case.opinions, weights, gate)
-                yield _coalitions(logs, logs / alpha[:, None])
+            for gate in SPACES[rule]["gate"]:
+                logs = log_components(relative_to_peak(case.opinions, gate), weights)
+                yield _coalitions(logs, logs / triangular_alphas(n)[:, None], SPACES[rule]["independence"])
 
 
-def _coalitions(logs: Array, terms: Array) -> Array:
-    """The coalition mix for each INDEPENDENCE, from ln C_q and ln C_q^(1/alpha_q), both (N, cells)."""
+def _coalitions(logs: Array, terms: Array, independence: Sequence[float]) -> Array:
+    """The coalition mix for each value of independence, from ln C_q and ln C_q^(1/alpha_q), both (N, cells)."""
     mass = np.exp(terms - terms.max()).sum(axis=1)
     mass /= mass.sum()
-    mixed = np.zeros((len(INDEPENDENCE), terms.shape[1]))
+    mixed = np.zeros((len(independence), terms.shape[1]))
     for q in np.flatnonzero(mass > 1e-9):
-        mixed += mass[q] * _normalised(np.multiply.outer((q + 1.0) ** (np.array(INDEPENDENCE) - 1.0), logs[q]))
+        mixed += mass[q] * _normalised(np.multiply.outer((q + 1.0) ** (np.array(independence) - 1.0), logs[q]))
     return np.asarray(mixed / mixed.sum(axis=1, keepdims=True))
 
 

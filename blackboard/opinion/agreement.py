@@ -15,7 +15,7 @@ from blackboard.opinion.weights import entropy
 
 Distance = Callable[[npt.ArrayLike, npt.ArrayLike], float]
 
-SLACK = 1e-9  # nats of entropy that are rounding
+SLACK = 1e-9  # nats by which entropies differ by rounding alone
 
 
 def kullback_leibler(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
@@ -25,13 +25,13 @@ def kullback_leibler(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
     p, q = p[possible], q[possible]
     if not q.all():
         return math.inf
-    return max(0.0, float((p * (np.log(p) - np.log(q))).sum()))
+    return max(0.0, float((p * (np.log(p) - np.log(q))).sum()))  # sum p ln(p / q)
 
 
 def bhattacharyya_coefficient(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
     """Sum sqrt(p q): from 0 (no cell in common) to 1 (equal)."""
     p, q = _pair(p, q)
-    return min(1.0, float((np.sqrt(p) * np.sqrt(q)).sum()))
+    return min(1.0, float((np.sqrt(p) * np.sqrt(q)).sum()))  # sum sqrt(p q)
 
 
 def bhattacharyya(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
@@ -49,7 +49,7 @@ def jensen_shannon(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
 
 def agree(p: npt.ArrayLike, q: npt.ArrayLike, xi: float, distance: Distance = bhattacharyya) -> bool:
     """Two opinions agree when d(p, q) <= xi (II-A.1); xi in nats for the distances of this file."""
-    return distance(p, q) <= xi
+    return distance(p, q) <= xi  # (II-A.1)
 
 
 def coefficients(opinions: npt.ArrayLike) -> Array:
@@ -64,7 +64,7 @@ def conflict(opinions: npt.ArrayLike, fused: npt.ArrayLike) -> bool:
 
     opinions (N, *grid shape), fused in the grid's shape; differences of rounding do not count.
     """
-    return min(entropy(p) for p in checked(opinions)) < entropy(fused) - SLACK
+    return min(entropy(p) for p in checked(opinions)) < entropy(fused) - SLACK  # (III-B.1) is broken
 
 
 def _pair(p: npt.ArrayLike, q: npt.ArrayLike) -> tuple[Array, Array]:

@@ -2,14 +2,113 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
 from blackboard.errors import OpinionError
 from blackboard.opinion.grid import Array
+from blackboard.opinion.rules import EntropyWeighted, Pooled, Rule, parameter, pooled, rule
 from blackboard.opinion.vectors import checked, checked_weights, from_logarithm, logarithm, shares
+
+
+@rule("linear")
+class Linear(EntropyWeighted):
+    """LOP, sum_i w_i P_i (IV-A.1), with weights scaled to sum to 1. Idempotent, without veto.
+
+    Contribution of an opinion: its w_i.
+    """
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        w = shares(weights, len(opinions))
+        p = np.einsum("n,n...->...", w, opinions)  # (IV-A.1)
+        return Pooled(np.asarray(p / p.sum()), w)
+
+
+@rule("logarithmic")
+class Logarithmic(Rule):
+    """LGP, prod_i P_i^w_i normalised (IV-B.1). Weights are exponents, 1 each on a board; P^0 = 1, also for P = 0. A zero is a veto.
+
+    Contribution of an opinion: its exponent w_i.
+    """
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        w = checked_weights(weights, len(opinions))
+        return Pooled(from_logarithm(log_product(opinions, w), self.name), w)  # (IV-B.1)
+
+
+@rule("geometric")
+class Geometric(Rule):
+    """The geometric mean density, prod_i P_i^w_i normalised, with weights scaled to sum to 1. Idempotent; a zero is a veto.
+
+    Contribution of an opinion: its exponent w_i.
+    """
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        w = shares(weights, len(opinions))
+        return Pooled(from_logarithm(log_product(opinions, w), self.name), w)  # (IV-B.1), sum_i w_i = 1
+
+
+@rule("hoelder")
+class Hoelder(Rule):
+    """The power mean (sum_i w_i P_i^a)^(1/a), normalised, with weights scaled to sum to 1. Idempotent.
+
+    a = 1 is the linear pool, a -> 0 the geometric mean, a = -1 the harmonic mean; a zero is a veto for a <= 0
+    (Koliander, El-Laham, Djuric, Hlawatsch, Proc. IEEE 110(4), 2022). Contribution of an opinion: its w_i.
+    """
+
+    a: float = parameter(default=0.5, least=-20, most=20)
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        w = shares(weights, len(opinions))
+        if abs(self.a) < 1e-8:  # where rounding would be divided by a
+            return Geometric().pool(opinions, w)
+        counted = w > 0
+        offsets = np.log(w[counted]).reshape(-1, *(1,) * (opinions.ndim - 1))
+        # ln (sum_i w_i P_i^a)^(1/a) = ln(sum_i exp(a ln P_i + ln w_i)) / a
+        logs = np.logaddexp.reduce(self.a * logarithm(opinions[counted]) + offsets, axis=0) / self.a
+        return Pooled(from_logarithm(logs, "hoelder"), w)
+
+
+@rule("harmonic")
+class Harmonic(Rule):
+    """The harmonic mean density (sum_i w_i / P_i)^-1, normalised (Sharma et al., arXiv 2412.06716): `Hoelder` with a = -1."""
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        return Hoelder(a=-1.0).pool(opinions, weights)
+
+
+@rule("channel-filter")
+class ChannelFilter(Rule):
+    """prod_i P_i^w_i / prod_j Q_j, normalised: the product without what is known to be counted more than once.
+
+    On a board nothing is known to be common, and it is the product. Contribution of an opinion: its exponent w_i.
+    """
+
+    def pool(
+        self,
+        opinions: Array,
+        weights: Array | None = None,
+        *,
+        cell_ratio: float = 1.0,
+        common: npt.ArrayLike | None = None,
+    ) -> Pooled:
+        """As every rule, and `common` (M, *grid shape): see `channel_filter_pool`."""
+        w = checked_weights(weights, len(opinions))
+        logs = log_product(opinions, w)
+        if common is not None:
+            pieces = checked(common)
+            if pieces.shape[1:] != opinions.shape[1:]:
+                raise OpinionError(
+                    f"common of shape {pieces.shape} for opinions on a grid of {opinions.shape[1:]}; give (M, *grid shape)"
+                )
+            shared = logarithm(pieces).sum(axis=0)
+            possible = np.isfinite(shared)
+            # ln prod_i P_i^w_i - ln prod_j Q_j
+            logs = np.where(possible, logs - np.where(possible, shared, 0.0), -np.inf)
+        return Pooled(from_logarithm(logs, self.name), w)
+
+
+# --- the belief alone --------------------------------------------------------------------------------------------------
 
 
 def linear_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
@@ -17,20 +116,17 @@ def linear_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -
 
     weights (N,) are scaled to sum to 1, None means equal. Idempotent, without veto. Raises OpinionError.
     """
-    stack = checked(opinions)
-    p = np.einsum("n,n...->...", shares(weights, len(stack)), stack)
-    return np.asarray(p / p.sum())
+    return pooled(Linear(), opinions, weights)
 
 
 def logarithmic_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
     """LGP, prod_i P_i^w_i normalised (IV-B.1), of opinions (N, *grid shape), in the grid's shape.
 
     weights (N,) are exponents and taken as they are; None means 1 each: the Bayes product, which is right for opinions
-    that are independent given the truth, on a uniform prior. P^0 = 1, also for P = 0: weight 0 means unheard.
+    that are independent given the truth, on a uniform prior. P^0 = 1, also for P = 0: weight 0 leaves an opinion out.
     A zero is a veto; only true zeros are, as all is done with logarithms. Raises OpinionError, also where no cell is left.
     """
-    stack = checked(opinions)
-    return from_logarithm(log_product(stack, checked_weights(weights, len(stack))), "logarithmic")
+    return pooled(Logarithmic(), opinions, weights)
 
 
 def geometric_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
@@ -39,30 +135,20 @@ def geometric_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None
     Known as Chernoff fusion or generalised covariance intersection: idempotent, so it is safe where correlation is unknown.
     Otherwise as `logarithmic_pool`.
     """
-    stack = checked(opinions)
-    return from_logarithm(log_product(stack, shares(weights, len(stack))), "geometric")
+    return pooled(Geometric(), opinions, weights)
 
 
 def hoelder_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None, *, a: float = 0.5) -> Array:
-    """The power mean (sum_i w_i P_i^a)^(1/a), normalised, with weights scaled to sum to 1; None means equal.
+    """The power mean (sum_i w_i P_i^a)^(1/a) of `Hoelder`, -20 <= a <= 20; weights None means equal.
 
-    a = 1 is the linear pool, a -> 0 the geometric mean, a = -1 the harmonic mean; idempotent, a zero is a veto for a <= 0
-    (Koliander, El-Laham, Djuric, Hlawatsch, Proc. IEEE 110(4), 2022). Raises OpinionError, also where no cell is left.
+    Raises OpinionError, also where no cell is left.
     """
-    stack = checked(opinions)
-    if not math.isfinite(a):
-        raise OpinionError(f"a {a}: give a finite exponent")
-    weights = shares(weights, len(stack))
-    if abs(a) < 1e-8:  # where rounding would be divided by a
-        return geometric_pool(stack, weights)
-    heard = weights > 0
-    offsets = np.log(weights[heard]).reshape(-1, *(1,) * (stack.ndim - 1))
-    return from_logarithm(np.logaddexp.reduce(a * logarithm(stack[heard]) + offsets, axis=0) / a, "hoelder")
+    return pooled(Hoelder(a=a), opinions, weights)
 
 
 def harmonic_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The harmonic mean density (sum_i w_i / P_i)^-1, normalised (Sharma et al., arXiv 2412.06716): `hoelder_pool` with a = -1."""
-    return hoelder_pool(opinions, weights, a=-1.0)
+    """The harmonic mean density (sum_i w_i / P_i)^-1, normalised: `hoelder_pool` with a = -1."""
+    return pooled(Harmonic(), opinions, weights)
 
 
 def channel_filter_pool(
@@ -76,20 +162,10 @@ def channel_filter_pool(
     `logarithmic_pool`. Raises OpinionError, also where no cell is left.
     """
     stack = checked(opinions)
-    logs = log_product(stack, checked_weights(weights, len(stack)))
-    if common is not None:
-        pieces = checked(common)
-        if pieces.shape[1:] != stack.shape[1:]:
-            raise OpinionError(
-                f"common of shape {pieces.shape} for opinions on a grid of {stack.shape[1:]}; give (M, *grid shape)"
-            )
-        shared = logarithm(pieces).sum(axis=0)
-        possible = np.isfinite(shared)
-        logs = np.where(possible, logs - np.where(possible, shared, 0.0), -np.inf)
-    return from_logarithm(logs, "channel-filter")
+    return ChannelFilter().pool(stack, checked_weights(weights, len(stack)), common=common).p
 
 
 def log_product(stack: Array, weights: Array) -> Array:
     """sum_i w_i ln P_i, in the grid's shape, with 0 ln 0 = 0."""
-    heard = weights > 0
-    return np.asarray(sum(w * logarithm(p) for w, p in zip(weights[heard], stack[heard], strict=True)))
+    counted = weights > 0
+    return np.asarray(sum(w * logarithm(p) for w, p in zip(weights[counted], stack[counted], strict=True)))

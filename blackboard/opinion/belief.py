@@ -1,4 +1,4 @@
-"""A belief: a probability grid in one head, with the few shapes that priors and tests are made of."""
+"""A belief: a probability grid, the shapes that priors and tests are made of, and how mass moves and spreads on it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,16 @@ from blackboard.opinion.grid import Array, Grid
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """Probability mass on a grid: `p` has the grid's shape, is non-negative and sums to 1."""
+    """Probability mass on a grid: `p` has the grid's shape, is non-negative and sums to 1. ValueError for another shape."""
 
     grid: Grid
     p: Array
+
+    def __post_init__(self) -> None:
+        if np.shape(self.p) != self.grid.shape:
+            raise ValueError(
+                f"belief of shape {np.shape(self.p)} on a grid of {self.grid.shape}; give one value a cell"
+            )
 
     def mean(self) -> Array:
         """Expected position in the grid's unit, shape (ndim,)."""
@@ -33,23 +39,29 @@ class Belief:
 
 
 def uniform(grid: Grid) -> Belief:
-    """Nothing is known: 1 / m in every cell."""
+    """The same mass in each of the m cells, 1 / m: no information."""
     return Belief(grid, np.full(grid.shape, 1.0 / grid.size))
 
 
 def gaussian(grid: Grid, mean: Sequence[float], sigma: float | Sequence[float]) -> Belief:
     """An axis-parallel Gaussian at the cell centres, normalised on the grid; `mean` and `sigma` in the grid's unit.
 
-    A sigma far below a cell, or a mean far outside, would leave no mass on any centre, so the exponent is taken
-    relative to its best cell.
+    A sigma far below a cell would leave no mass on any centre, so the exponent is taken relative to its best cell.
+    Raises ValueError for a mean outside the grid, whose border belongs to it, and for a sigma that is not positive.
     """
+    for axis, m in enumerate(mean):
+        low, high = grid.origin[axis], grid.origin[axis] + grid.shape[axis] * grid.cell
+        if not low <= m <= high:  # a NaN is on no grid either
+            raise ValueError(
+                f"gaussian: mean {m} on axis {axis} is outside the grid, which is from {low:g} to {high:g}"
+            )
     sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (grid.ndim,))
     if not (np.all(np.isfinite(sigmas)) and np.all(sigmas > 0)):
         raise ValueError(f"gaussian: sigma {sigma} must be positive")
     exponent: Array = np.zeros(grid.shape)
     for x, m, s in zip(grid.mesh(), mean, sigmas, strict=True):
         exponent = exponent - 0.5 * ((x - m) / s) ** 2
-    p = np.exp(exponent - exponent.max())
+    p = np.exp(exponent - exponent.max())  # exp(-((x - m) / s)^2 / 2) in each cell, relative to the largest
     return Belief(grid, p / math.fsum(p.ravel()))
 
 

@@ -1,7 +1,7 @@
-"""The geometric mean with the weights that minimise entropy (Chernoff fusion): it never gains from an echo.
+"""The geometric mean with the weights that minimise entropy (Chernoff fusion): the same information again adds nothing to it.
 
-Along P^w Q^(1-w) the entropy of Gaussians is convex in w, of other beliefs it need not be: a coarse scan finds the valley, a
-golden section its bottom, so that a narrow second valley can be missed, at the price of a less sharp result, never a wrong one.
+Along P^w Q^(1-w) the entropy of Gaussians is convex in w, of other beliefs it need not be: a coarse scan finds the lowest
+part, a golden section the minimum there. A narrow second minimum can be missed; the result is then less sharp, and still valid.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.errors import OpinionError
-from blackboard.opinion.averages import geometric_pool
+from blackboard.opinion.averages import Geometric
 from blackboard.opinion.grid import Array
-from blackboard.opinion.vectors import checked, from_logarithm
+from blackboard.opinion.rules import Pooled, Rule, pooled, rule
+from blackboard.opinion.vectors import from_logarithm
 from blackboard.opinion.weights import entropy
 
 SCAN = (0.2, 0.4, 0.6, 0.8)
@@ -22,7 +23,7 @@ GOLDEN = (math.sqrt(5) - 1) / 2  # of a section, where the next one is measured
 SECTIONS = 7  # leave w within 0.014 = 2 * 0.2 * GOLDEN^7: entropy is flat at its minimum
 FAINT = 18.0  # nats below what matters, a cell is left out of the search: 4e4 of them hold 4e4 exp(-18) = 6e-4
 SLACK = 1e-6  # nats that an average must gain over an opinion as it stands
-ROUNDS = 50  # of the search over more than two weights
+MAX_STEPS = 50  # of the search over more than two weights
 
 
 def chernoff(first: Array, second: Array) -> tuple[Array, float]:
@@ -39,7 +40,7 @@ def chernoff(first: Array, second: Array) -> tuple[Array, float]:
     a, b = np.log(first[met]), np.log(second[met])
     if len(a):
         w = _sharpest(a, b)
-        mean = w * a + (1.0 - w) * b
+        mean = w * a + (1.0 - w) * b  # ln(P^w Q^(1-w))
         if _entropy(mean) < min(at_first, at_second) - SLACK:
             p = np.zeros(first.shape)
             p[met] = from_logarithm(mean, "chernoff")
@@ -47,34 +48,45 @@ def chernoff(first: Array, second: Array) -> tuple[Array, float]:
     return (first, 1.0) if at_first <= at_second + SLACK else (second, 0.0)
 
 
+@rule("chernoff")
+class Chernoff(Rule):
+    """The geometric mean with the weights of least entropy; given weights are not optimised: then it is `Geometric`.
+
+    Idempotent; a zero is a veto, but some cell always survives, as the opinions as they stand are candidates too. Its flaw: of
+    opinions that contradict each other it believes the sharpest. Contribution of an opinion: the exponent w_i that was found.
+    """
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        if weights is not None:
+            return Geometric().pool(opinions, weights)
+        entropies = [entropy(p) for p in opinions]
+        sharpest = int(np.argmin(entropies))
+        met = (opinions > 0).all(axis=0)
+        if met.any():
+            logs, w = _sharpest_mean(np.log(opinions[:, met]))
+            p = np.zeros(met.shape)
+            p[met] = from_logarithm(logs, self.name)
+            if entropy(p) < min(entropies) - SLACK:
+                return Pooled(p, w)
+        return Pooled(np.asarray(opinions[sharpest] / opinions[sharpest].sum()), np.eye(len(opinions))[sharpest])
+
+
 def chernoff_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
     """The geometric mean of opinions (N, *grid shape) with the weights of least entropy, in the grid's shape.
 
     Searched among the cells that all hold possible, downhill from equal weights, each step from one opinion to another
-    (pairwise Frank-Wolfe). The opinions as they stand are candidates too, so some cell always survives. Given weights are not
-    optimised: then it is `geometric_pool`. Its flaw: of opinions that contradict each other it believes the sharpest.
-    Raises OpinionError.
+    (pairwise Frank-Wolfe). Given weights are not optimised: then it is `geometric_pool`. Raises OpinionError.
     """
-    stack = checked(opinions)
-    if weights is not None:
-        return geometric_pool(stack, weights)
-    entropies = [entropy(p) for p in stack]
-    sharpest = stack[int(np.argmin(entropies))]
-    met = (stack > 0).all(axis=0)
-    if not met.any():
-        return np.asarray(sharpest / sharpest.sum())
-    pooled = np.zeros(met.shape)
-    pooled[met] = from_logarithm(_sharpest_mean(np.log(stack[:, met])), "chernoff")
-    return pooled if entropy(pooled) < min(entropies) - SLACK else np.asarray(sharpest / sharpest.sum())
+    return pooled(Chernoff(), opinions, weights)
 
 
-def _sharpest_mean(logs: Array) -> Array:
-    """sum_i w_i logs_i, shape (cells,), of logs (N, cells), with the w >= 0 of sum 1 that minimise its entropy."""
+def _sharpest_mean(logs: Array) -> tuple[Array, Array]:
+    """sum_i w_i logs_i, shape (cells,), of logs (N, cells), and the w >= 0 (N,) of sum 1 that minimise its entropy."""
     w = np.full(len(logs), 1.0 / len(logs))
-    mean = w @ logs
-    for _ in range(ROUNDS):
+    mean = w @ logs  # ln prod_i P_i^w_i
+    for _ in range(MAX_STEPS):
         p = from_logarithm(mean, "chernoff")
-        slopes = logs @ (p * (p @ mean - mean))  # of the entropy in each weight: minus a covariance
+        slopes = logs @ (p * (p @ mean - mean))  # dH/dw_i = -Cov(ln P_i, ln p) under p
         to, fro = int(np.argmin(slopes)), int(np.argmax(np.where(w > 0, slopes, -np.inf)))
         step = w[fro] * (logs[to] - logs[fro])
         least, part = min((_entropy(mean + t * step), t) for t in (_sharpest(mean + step, mean), 1.0))
@@ -83,7 +95,7 @@ def _sharpest_mean(logs: Array) -> Array:
         moved = part * w[fro]
         w[to], w[fro] = w[to] + moved, w[fro] - moved
         mean = w @ logs
-    return np.asarray(mean)
+    return np.asarray(mean), w
 
 
 def _sharpest(a: Array, b: Array) -> float:
@@ -113,4 +125,4 @@ def _entropy(logs: Array) -> float:
     shifted = logs - logs.max()
     p = np.exp(shifted)
     total = float(p.sum())
-    return math.log(total) - float((p * shifted).sum()) / total
+    return math.log(total) - float((p * shifted).sum()) / total  # (III-.2)

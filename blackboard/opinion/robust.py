@@ -1,47 +1,156 @@
-"""Rules that a minority of wrong sources cannot capture. Unweighted by default: a liar would claim to be certain."""
+"""Rules whose result a minority of wrong sources cannot decide. Weights are equal by default: a wrong source may be sharp."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from blackboard.errors import RuleError
 from blackboard.opinion.agreement import coefficients
-from blackboard.opinion.grid import Array
-from blackboard.opinion.vectors import checked, from_logarithm, logarithm, shares
+from blackboard.opinion.averages import Logarithmic, linear_pool
+from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.rules import Pooled, Rule, find, parameter, pooled, read_rule, rule
+from blackboard.opinion.vectors import from_logarithm, logarithm, shares
 
-CLOSE = 1e-7  # distance of roots that is rounding: the sources are the same
+CLOSE = 1e-7  # two roots nearer than this differ by rounding alone
 STEPS = 500  # of Weiszfeld's iteration, which converges linearly
 
 
-def median_log_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
+@rule("median-log")
+class MedianLog(Rule):
     """The cell-wise weighted median of the log beliefs, normalised (after Mitra, Richards, Sundaram, arXiv 1903.05817).
 
-    opinions (N, *grid shape); weights (N,) are scaled to sum to 1, None means equal. Where exactly half of the weight is on
-    either side, the median is the mean of the two logarithms. Idempotent; half of the weight is a veto. Raises OpinionError,
-    also where no cell is left.
+    Where exactly half of the weight is on either side, the median is the mean of the two logarithms. Idempotent; half of the weight
+    is a veto. Contribution of an opinion: the mass of the cells in which it is the median, or half of that where it is one of two;
+    opinions that are equal there share it by their weights. They sum to 1.
     """
-    stack = checked(opinions)
-    flat = stack.reshape(len(stack), -1)
-    order = np.argsort(flat, axis=0, kind="stable")
-    reached = np.cumsum(shares(weights, len(stack))[order], axis=0)
-    lower, upper = np.argmax(reached > 0.5 - 1e-9, axis=0), np.argmax(reached > 0.5 + 1e-9, axis=0)
-    logs = logarithm(np.take_along_axis(flat, order, axis=0))
-    cells = np.arange(flat.shape[1])
-    return from_logarithm(0.5 * (logs[lower, cells] + logs[upper, cells]), "median-log").reshape(stack.shape[1:])
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        flat, w = opinions.reshape(len(opinions), -1), shares(weights, len(opinions))
+        order = np.argsort(flat, axis=0, kind="stable")
+        reached = np.cumsum(w[order], axis=0)
+        lower, upper = np.argmax(reached > 0.5 - 1e-9, axis=0), np.argmax(reached > 0.5 + 1e-9, axis=0)
+        ascending = np.take_along_axis(flat, order, axis=0)
+        logs, cells = logarithm(ascending), np.arange(flat.shape[1])
+        # the median of ln P_i in each cell: the mean of the two in the middle, which are mostly one
+        p = from_logarithm(0.5 * (logs[lower, cells] + logs[upper, cells]), self.name)
+        found = np.zeros(len(opinions))
+        for middle in (lower, upper):
+            equal = np.where(flat == ascending[middle, cells], w[:, np.newaxis], 0.0)
+            found += 0.5 * (equal / equal.sum(axis=0)) @ p
+        return Pooled(p.reshape(opinions.shape[1:]), found)
+
+
+@rule("geometric-median")
+class GeometricMedian(Rule):
+    """The belief whose square root has the least weighted sum of distances to the opinions' square roots (Hellinger distances).
+
+    It breaks down only when half of the weight lies; idempotent, no veto. Contribution of an opinion: the share of its root in the
+    mix of roots that is the median.
+    """
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        roots = np.sqrt(opinions).reshape(len(opinions), -1)
+        mix = _median_mix(roots - roots.mean(axis=0), shares(weights, len(opinions)))
+        p = (mix @ roots).reshape(opinions.shape[1:]) ** 2
+        return Pooled(np.asarray(p / p.sum()), mix)
+
+
+@rule("clique")
+class Clique(Rule):
+    """The rule `inner` for the largest set of opinions that agree in pairs; the others are left out.
+
+    Two agree within a Bhattacharyya distance of the threshold `xi`, in nats (II-A.1): 2 is that of equally wide Gaussians 4 sigma
+    apart, which honest ones exceed in 2 of 100 cases (2-D). Where several sets are equally large, the result is the mean of their
+    pools, which keeps the hypotheses of all. As a flat table it has the inner rule's parameters, too; `inner` is then its name.
+    Contribution of an opinion: the share of the largest sets that it is in, 0 or 1 where there is one.
+    """
+
+    inner: Rule = field(default_factory=Logarithmic)
+    xi: float = parameter(default=2.0, above=0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.inner, Clique):
+            raise RuleError("inner", "a clique of a clique gains nothing; name another rule")
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        cliques = largest_cliques(opinions, self.xi)
+        pools = [
+            self._within(opinions[list(c)], None if weights is None else weights[list(c)], cell_ratio) for c in cliques
+        ]
+        members = np.array([[float(i in clique) for i in range(len(opinions))] for clique in cliques])
+        return Pooled(
+            linear_pool(np.stack([pooled.p for pooled in pools])),
+            members.mean(axis=0),
+            np.mean([pooled.components for pooled in pools], axis=0),
+            if_independent=lambda: linear_pool(np.stack([pooled.claim() for pooled in pools])),
+        )
+
+    def _within(self, opinions: Array, weights: Array | None, cell_ratio: float) -> Pooled:
+        own = self.inner.weigh(opinions, cell_ratio) if weights is None else weights
+        return self.inner.pool(opinions, own, cell_ratio=cell_ratio)
+
+    def cell_ratio(self, grid: Grid) -> float:
+        return self.inner.cell_ratio(grid)
+
+    def in_force(self) -> dict[str, str | float]:
+        inner = self.inner.in_force()
+        return {"rule": self.name, "inner": inner.pop("rule"), "xi": self.xi, **inner}
+
+    @classmethod
+    def keys(cls, table: Mapping[str, Any]) -> tuple[str, ...]:
+        return ("inner", "xi", *cls._inner(table).keys(table))
+
+    @classmethod
+    def read(cls, table: Mapping[str, Any]) -> Clique:
+        own = {key: value for key, value in table.items() if key == "xi"}
+        rest = {key: value for key, value in table.items() if key not in ("inner", "xi")}
+        return cls(inner=cls._inner(table).read(rest), **own)
+
+    @staticmethod
+    def _inner(table: Mapping[str, Any]) -> type[Rule]:
+        name = table.get("inner", Logarithmic.name)
+        if name == Clique.name:
+            raise RuleError("inner", "a clique of a clique gains nothing; name another rule")
+        try:
+            return find(name)
+        except RuleError as error:
+            raise RuleError("inner", error.cure) from None
+
+
+def median_log_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
+    """The cell-wise weighted median of the log beliefs of opinions (N, *grid shape), in the grid's shape: `MedianLog`.
+
+    weights (N,) are scaled to sum to 1, None means equal. Raises OpinionError, also where no cell is left.
+    """
+    return pooled(MedianLog(), opinions, weights)
 
 
 def geometric_median_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The belief whose square root has the least weighted sum of distances to the opinions' square roots (Hellinger distances).
+    """The geometric median of opinions (N, *grid shape), in the grid's shape: `GeometricMedian`; weights (N,) None means equal."""
+    return pooled(GeometricMedian(), opinions, weights)
 
-    opinions (N, *grid shape); weights (N,) None means equal. It breaks down only when half of the weight lies; idempotent, no
-    veto. Raises OpinionError.
+
+def clique_pool(
+    opinions: npt.ArrayLike,
+    weights: npt.ArrayLike | None = None,
+    *,
+    inner: str = "logarithmic",
+    xi: float = 2.0,
+    cell_ratio: float = 1.0,
+    **own: Any,
+) -> Array:
+    """The belief of `Clique` with the rule `inner` and its own parameters. Raises OpinionError.
+
+    weights None: within the largest set as the inner rule's board would weigh, (III-A.1) for the paper's rules.
     """
-    stack = checked(opinions)
-    roots = np.sqrt(stack).reshape(len(stack), -1)
-    p = (_median_mix(roots - roots.mean(axis=0), shares(weights, len(stack))) @ roots).reshape(stack.shape[1:]) ** 2
-    return np.asarray(p / p.sum())
+    return pooled(read_rule({"rule": "clique", "inner": inner, "xi": xi, **own}), opinions, weights, cell_ratio)
 
 
 def _median_mix(points: Array, weights: Array) -> Array:
@@ -60,6 +169,7 @@ def _median_mix(points: Array, weights: Array) -> Array:
         if _lengths((pull - pull.sum() * each[i])[np.newaxis], inner)[0] < weights[~others].sum() * (1.0 - 1e-9):
             return np.asarray(each[i])
     mix = weights
+    # Weiszfeld: each point is weighed by w_i / |point - median|
     for _ in range(STEPS):
         pull = weights / np.maximum(_lengths(mix - each, inner), CLOSE)
         before, mix = mix, pull / pull.sum()
@@ -76,10 +186,10 @@ def _lengths(steps: Array, inner: Array) -> Array:
 def largest_cliques(opinions: npt.ArrayLike, xi: float) -> list[tuple[int, ...]]:
     """All largest sets of opinions that agree in pairs, Bhattacharyya distance <= xi nats (II-A.1), in ascending order.
 
-    One in nearly all cases; several where nothing says which is right. Steps grow exponentially with N only where agreement
+    Usually one; several where sets are equally large. Steps grow exponentially with N only where agreement
     is made up to be as intransitive as possible.
     """
-    near = coefficients(opinions) >= math.exp(-xi) * (1.0 - 1e-12)
+    near = coefficients(opinions) >= math.exp(-xi) * (1.0 - 1e-12)  # (II-A.1): -ln coefficient <= xi
     largest: list[tuple[int, ...]] = [()]
 
     def grow(clique: tuple[int, ...], candidates: list[int]) -> None:

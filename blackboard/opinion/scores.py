@@ -1,4 +1,4 @@
-"""How good a belief was, once the truth is known: error, log score and coverage, so that entropy never stands alone."""
+"""How good a belief was, once the truth is known: error, log score and coverage, which are shown beside every entropy."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
 from blackboard.opinion.weights import entropy
 
-#: Highest-density regions that coverage is told for, in percent.
+#: The highest-density regions whose coverage is given, in percent.
 LEVELS = (50, 90, 95)
 
-#: The log score counts a probability as at least this, -27.6 nats: a cell ruled out in error costs much, but not everything.
+#: The log score counts a probability as at least this, -27.6 nats: one cell that was wrongly ruled out does not decide a mean.
 LEAST_PROBABILITY = 1e-12
 
 
@@ -38,7 +38,7 @@ def nees(belief: Belief, truth: Sequence[float]) -> float:
     """
     away = np.asarray(truth) - belief.mean()
     covariance = belief.covariance() + np.eye(belief.grid.ndim) * belief.grid.cell**2 / 12
-    return float(away @ np.linalg.solve(covariance, away)) / belief.grid.ndim
+    return float(away @ np.linalg.solve(covariance, away)) / belief.grid.ndim  # e^T C^-1 e / dimension
 
 
 def errors(distances: npt.ArrayLike) -> dict[str, float]:
@@ -69,7 +69,7 @@ class Score:
         self.levels.append(1.0 if index is None else hdr_level(belief.p, index))
 
     def merge(self, other: Score) -> Score:
-        """Both together, as a new score."""
+        """The entries of both, as a new score."""
         return Score(
             self.errors + other.errors,
             self.entropies + other.entropies,

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.errors import OpinionError
+from blackboard.errors import OpinionError, VetoError
 from blackboard.opinion.grid import Array
 
 #: How far the sum of an opinion may be off 1: float32 on the wire is off by 1e-7, a forgotten normalisation by far more.
@@ -77,7 +77,7 @@ def shares(weights: npt.ArrayLike | None, n: int) -> Array:
 
 
 def positive(value: float, name: str) -> float:
-    """A parameter that must be positive and finite; otherwise OpinionError."""
+    """An argument that must be positive and finite; otherwise OpinionError."""
     if not (math.isfinite(value) and value > 0):
         raise OpinionError(f"{name} {value}: give a finite value above 0")
     return value
@@ -92,11 +92,11 @@ def logarithm(p: Array) -> Array:
 def from_logarithm(logs: Array, rule: str) -> Array:
     """exp(logs), normalised to sum to 1: only a true zero (-inf) is a veto, however small the rest.
 
-    Raises OpinionError where no cell survives.
+    Raises VetoError where no cell survives.
     """
     peak = logs.max()
     if peak == -math.inf:
-        raise OpinionError(
+        raise VetoError(
             f"{rule}: no cell is left that its opinions hold possible together; "
             "give the opinions a floor or take a rule without veto (linear, cooperative)"
         )

@@ -1,4 +1,4 @@
-"""How certain an opinion is, and what it therefore weighs."""
+"""The entropy of an opinion, and the weights that opinions get by it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def entropy_weights(opinions: npt.ArrayLike, k: float = 1.0, *, cell_ratio: floa
     stack = checked(opinions)
     if not (math.isfinite(k) and k >= 0):
         raise OpinionError(f"k {k}: give a finite exponent of at least 0")
-    offset = math.log(positive(cell_ratio, "cell_ratio"))
+    offset = math.log(positive(cell_ratio, "cell_ratio"))  # H + ln(v_cell / v_ref) is H - offset
     bounded = np.maximum([_entropy(p) - offset for p in stack], LEAST_ENTROPY)
     weights = (bounded.min() / bounded) ** k  # (III-A.1)
     return np.asarray(weights / weights.sum())

@@ -1,1 +1,1 @@
-"""Pure bytes: messages, the belief coding, the codec, THE topic table and envelopes. docs/wire.md tells it to other languages."""
+"""Pure bytes: messages, the belief coding, the codec, the topic table and envelopes. docs/wire.md describes them all."""

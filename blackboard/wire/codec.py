@@ -1,4 +1,4 @@
-"""Messages as msgpack and back: the only place that knows msgpack. Bytes are a message or raise `Refused`, never anything else."""
+"""Messages as msgpack and back: the only place that uses msgpack. Bytes are a message or raise `Refused`, never anything else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from blackboard.errors import Refused
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import MAX_BYTES, MODELS, VERSION, Message
+from blackboard.wire.messages import MAX_BYTES, MODELS, VERSION
+from blackboard.wire.types import Message
 
 MAX_ITEMS = 1024  # the longest array or map, known or not, before any field is looked at
 MAX_TEXT = 4096  # bytes of the longest text
@@ -47,7 +48,7 @@ def decode(model: type[M], payload: bytes) -> M:
 def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Message]:
     """The message in an envelope of kind PUT, with its topic and the parts of its key.
 
-    Refused: "wild-key", what `decode` refuses, and "impostor" where the message says otherwise than its key.
+    Refused: "wild-key", what `decode` refuses, and "impostor" where the message names another sender or subject than its key.
     """
     found = keys.parse(envelope.key)
     model = MODELS.get(found[0].message) if found else None
@@ -55,10 +56,10 @@ def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Messa
         raise Refused("wild-key", f"no message belongs on {envelope.key!r:.200}")
     topic, parts = found
     message = decode(model, envelope.payload)
-    for name, told in {**parts, "level": topic.name}.items():
-        said = getattr(message, name, told)
-        if said != told:
-            raise Refused("impostor", f"{name} {said!r} on the key {envelope.key}")
+    for name, in_key in {**parts, "level": topic.name}.items():
+        in_message = getattr(message, name, in_key)
+        if in_message != in_key:
+            raise Refused("impostor", f"{name} {in_message!r} on the key {envelope.key}")
     return topic, parts, message
 
 

@@ -1,10 +1,18 @@
-"""THE topic table: every key expression of a team, once. docs/wire.md shows it as `python -m blackboard.wire.keys` prints it."""
+"""The topic table: every key expression of a team, once. docs/wire.md shows it as `python -m blackboard.wire.keys` prints it."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from functools import cache
+from typing import Literal
+
+from blackboard.wire.names import NAME
+
+Role = Literal["world", "robot", "board", "operator"]  # the world's process has the referee; operators only read
+Period = Literal["every tick", "once a second", "while it runs"]
+
+EVERYBODY: tuple[Role, ...] = ("world", "robot", "board", "operator")
 
 
 @dataclass(frozen=True)
@@ -13,9 +21,12 @@ class Topic:
 
     name: str
     pattern: str
-    message: str  # the model's name, or "token"
-    flow: str
-    says: str
+    message: str  # the model's name, or "token" for a liveliness token
+    writers: tuple[Role, ...]  # who may put on the key, or hold the token
+    owner: str  # the part of the key that names the writer, or its sub-team; "" where there is one writer in a team
+    readers: tuple[Role, ...]
+    period: Period  # how often it is sent at least
+    content: str  # what it is, in a few words
 
     def key(self, **parts: str) -> str:
         """The key (or, with `*` or `**` among the parts, the key expression) of this topic."""
@@ -29,34 +40,65 @@ class Topic:
 
 @cache
 def _regex(pattern: str) -> re.Pattern[str]:
-    chunk = r"[A-Za-z0-9_.-]{1,64}"
     parts = re.split(r"\{(\w+)\}", pattern)
     text = "".join(
-        re.escape(part) if i % 2 == 0 else f"(?P<{part}>{chunk + '/' + chunk if part == 'subject' else chunk})"
+        re.escape(part) if i % 2 == 0 else f"(?P<{part}>{NAME + '/' + NAME if part == 'subject' else NAME})"
         for i, part in enumerate(parts)
     )
     return re.compile(text)
 
 
-CLOCK = Topic("clock", "cop/{team}/world/clock", "Clock", "world -> all", "the tick and the simulated time")
-READING = Topic("reading", "cop/{team}/world/reading/{robot}", "Readings", "world -> robot", "sensor data of one tick")
-TRUTH = Topic("truth", "cop/{team}/world/truth", "Truth", "world -> referee, viewers", "ground truth, never for robots")
-WORLD = Topic("world", "cop/{team}/world/alive", "token", "world -> all", "liveliness token of the world")
-SOLO = Topic("solo", "cop/{team}/score/solo/{robot}", "Solo", "robot -> referee", "its beliefs without the team")
-REPORT = Topic("report", "cop/{team}/{sub_team}/report/{source}/{subject}", "Report", "robot -> board", "a belief")
+#                     key, message, writers, owner, readers, period, what
+CLOCK = Topic(
+    "clock", "cop/{team}/world/clock", "Clock",
+    ("world",), "", EVERYBODY, "every tick", "the tick and the simulated time",
+)  # fmt: skip
+READING = Topic(
+    "reading", "cop/{team}/world/reading/{robot}", "Readings",
+    ("world", "robot"), "robot", ("robot",), "every tick", "sensor data of one tick; of a real robot by its own drivers",
+)  # fmt: skip
+TRUTH = Topic(
+    "truth", "cop/{team}/world/truth", "Truth",
+    ("world",), "", ("world", "operator"), "every tick", "ground truth, never for robots",
+)  # fmt: skip
+WORLD = Topic(
+    "world", "cop/{team}/world/alive", "token",
+    ("world",), "", EVERYBODY, "while it runs", "liveliness token of the world",
+)  # fmt: skip
+SOLO = Topic(
+    "solo", "cop/{team}/score/solo/{robot}", "Solo",
+    ("robot",), "robot", ("world",), "every tick", "its beliefs without the team",
+)  # fmt: skip
+REPORT = Topic(
+    "report", "cop/{team}/{sub_team}/report/{source}/{subject}", "Report",
+    ("robot",), "source", ("board",), "every tick", "a belief",
+)  # fmt: skip
 CONSENSUS = Topic(
-    "consensus", "cop/{team}/{sub_team}/consensus/{subject}", "Consensus", "board -> all", "the sub-team's belief"
-)
+    "consensus", "cop/{team}/{sub_team}/consensus/{subject}", "Consensus",
+    ("board",), "sub_team", EVERYBODY, "every tick", "the sub-team's belief",
+)  # fmt: skip
 AGREED = Topic(
-    "agreed", "cop/{team}/{sub_team}/agreed/{subject}", "Consensus", "board -> robots", "the belief after the exchange"
-)
-MEMBER = Topic("member", "cop/{team}/{sub_team}/member/{robot}", "token", "robot -> all", "registration of a robot")
-BOARD = Topic("board", "cop/{team}/{sub_team}/board/{board}", "token", "board -> all", "liveliness token of a board")
+    "agreed", "cop/{team}/{sub_team}/agreed/{subject}", "Consensus",
+    ("board",), "sub_team", EVERYBODY, "every tick", "the belief after the exchange",
+)  # fmt: skip
+FORWARD = Topic(
+    "forward", "cop/{team}/{sub_team}/forward/{board}", "Forward",
+    ("board",), "board", ("board", "operator"), "every tick", "its robots' evidence, for a joint",
+)  # fmt: skip
+MEMBER = Topic(
+    "member", "cop/{team}/{sub_team}/member/{robot}", "token",
+    ("robot",), "robot", EVERYBODY, "while it runs", "registration of a robot",
+)  # fmt: skip
+BOARD = Topic(
+    "board", "cop/{team}/{sub_team}/board/{board}", "token",
+    ("board",), "board", EVERYBODY, "while it runs", "liveliness token of a board",
+)  # fmt: skip
 STATUS = Topic(
-    "status", "cop/{team}/{sub_team}/status/{process}", "Status", "all -> operators", "counters, the tick done, ages"
-)
+    "status", "cop/{team}/{sub_team}/status/{process}", "Status",
+    ("robot", "board"), "process", EVERYBODY, "once a second", "counters, the tick done, ages",
+)  # fmt: skip
 
-TOPICS = (CLOCK, READING, TRUTH, WORLD, SOLO, REPORT, CONSENSUS, AGREED, MEMBER, BOARD, STATUS)
+TOPICS = (CLOCK, READING, TRUTH, WORLD, SOLO, REPORT, CONSENSUS, AGREED, FORWARD, MEMBER, BOARD, STATUS)
 
 
 def parse(key: str) -> tuple[Topic, dict[str, str]] | None:
@@ -70,9 +112,16 @@ def parse(key: str) -> tuple[Topic, dict[str, str]] | None:
 
 def table() -> str:
     """The table as Markdown."""
-    rows = ["| key | message | flow | what |", "|---|---|---|---|"]
-    rows += [f"| `{t.pattern}` | {t.message} | {t.flow} | {t.says} |" for t in TOPICS]
+    rows = ["| key | message | who writes | named by | who reads | how often | what |", "|---|---|---|---|---|---|---|"]
+    for t in TOPICS:
+        owner = f"`{{{t.owner}}}`" if t.owner else "-"
+        cells = (f"`{t.pattern}`", t.message, _roles(t.writers), owner, _roles(t.readers), t.period, t.content)
+        rows.append(f"| {' | '.join(cells)} |")
     return "\n".join(rows)
+
+
+def _roles(roles: tuple[Role, ...]) -> str:
+    return "all" if roles == EVERYBODY else ", ".join(roles)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What is said between processes: one model per message, unknown fields ignored, everything bounded.
+"""The messages between processes: one model each, unknown fields ignored, everything bounded.
 
 Times are team time in seconds: the world's clock where a world runs, Unix time on real robots. Positions and ranges are
 in the grid's unit, angles in radians, counter-clockwise. Subjects are `robot/<id>`, `object/<name>` or `landmark/<name>`.
@@ -8,7 +8,23 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import Field
+
+from blackboard.opinion.rules import Outcome
+from blackboard.wire.evidence import Forward, PackedEvidence, PackedState
+from blackboard.wire.types import (
+    MAX_OPINIONS,
+    Ancestors,
+    Finite,
+    Listed,
+    Message,
+    Name,
+    Part,
+    Point,
+    Subject,
+    Subjects,
+    Tick,
+)
 
 VERSION = 1
 
@@ -24,31 +40,12 @@ REASONS = {
     "mass": "NaN, infinite, negative or no probability mass",
     "future": "stamped in the future",
     "past": "stamped too long ago",
-    "unregistered": "from a robot without a liveliness token in the sub-team",
+    "unregistered": "from a robot or a board without a liveliness token in the sub-team",
     "too-many": "more subjects or sources than a board keeps",
 }
 
 MAX_BYTES = 1 << 20  # a 200 x 200 belief as float32 is 160 kB; anything near this bound is a mistake or an attack
 MAX_CELLS = 1 << 20  # the largest grid that is unpacked
-MAX_OPINIONS = 256  # the longest list in a message: sources of a consensus, sightings of a tick
-
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
-Subject = Annotated[str, Field(pattern=r"^(robot|object|landmark)/[A-Za-z0-9_.-]{1,64}$")]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Tick = Annotated[int, Field(ge=0, lt=1 << 53)]
-Ancestors = Annotated[dict[Name, Finite], Field(max_length=MAX_OPINIONS)]
-Subjects = Annotated[list[Subject], Field(max_length=MAX_OPINIONS)]
-#: A tuple may come as a list: msgpack knows no other, and `codec.decode` is strict.
-Listed = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-Point = Annotated[tuple[Finite, Finite], Listed]
-
-
-class Part(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class Message(Part):
-    version: Literal[1] = 1
 
 
 # --- beliefs -----------------------------------------------------------------------------------------------------------
@@ -95,7 +92,7 @@ class Informed(Part):
 class Report(Message):
     """What `source` believes about `subject`, from its own readings alone: `belief`, first-hand unless `ancestors` says more.
 
-    `informed` is the same after what the team told it; left out where the team told it nothing.
+    `informed` is the same with the team's agreed beliefs folded in; left out before any was.
     """
 
     source: Name
@@ -105,13 +102,14 @@ class Report(Message):
     belief: PackedBelief
     ancestors: Ancestors = Field(default_factory=dict)  # empty: the source alone
     informed: Informed | None = None
+    evidence: PackedEvidence | None = None  # in the report about the source itself, for a board that keeps a joint
 
 
 class Used(Part):
     """An opinion that a consensus rests on."""
 
     source: Name
-    weight: Finite
+    weight: Finite  # what it contributed, in the terms of the rule
     age: Finite  # seconds
     entropy: Finite  # nats
     how: Literal["independent", "overlapping"]
@@ -123,7 +121,7 @@ class LeftOut(Part):
 
 
 class Consensus(Message):
-    """What a board believes about a subject, with its whole story; `level` is "consensus" or "agreed" (after the exchange)."""
+    """What a board believes about a subject, and how it was made; `level` is "consensus" or "agreed" (after the exchange)."""
 
     board: Name
     sub_team: Name
@@ -136,20 +134,23 @@ class Consensus(Message):
     firsthand: Informed | None = None  # the independent part, which the exchange may multiply; None: it is `belief`
     used: Annotated[list[Used], Field(max_length=MAX_OPINIONS)]
     left_out: Annotated[list[LeftOut], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
-    components: Annotated[list[Finite], Field(max_length=MAX_OPINIONS)] = []  # shares of C_1..C_N, summing to 1
+    #: shares of C_1..C_N; empty: the rule has none
+    components: Annotated[list[Finite], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     entropy: Finite  # nats
     conflict: bool  # a first-hand opinion is sharper than all together, or an informed one contradicts them
     rule: str
     parameters: dict[str, str | float] = Field(default_factory=dict)
+    outcome: Outcome = "pooled"  # or the rule that pooled instead, where a veto left `rule` no cell
+    state: PackedState | None = None  # of a robot in a joint: where its own filter may linearise; no evidence
 
 
 class Status(Message):
-    """What a process has done: the tick it finished, what it said in that tick, and its counters."""
+    """What a process has done: the tick it finished, the subjects it sent in that tick, and its counters."""
 
     process: Name
     kind: Literal["robot", "board", "world", "router"]
     tick: Tick
-    time: Finite
+    time: Finite  # of that tick; of a board that has settled nothing yet, the time of sending
     phase: Literal["reported", "consensus", "agreed", "idle"] = "idle"
     subjects: Subjects = Field(default_factory=list)  # what it reported, or settled, in this tick and phase
     counters: dict[str, int] = Field(default_factory=dict)
@@ -164,7 +165,7 @@ class Status(Message):
 class Clock(Message):
     """The tick that begins. In lockstep it also says who takes part and what the boards settled in the tick before."""
 
-    run: Annotated[str, Field(max_length=64)]  # a new one means: forget everything
+    run: Annotated[str, Field(max_length=64)]  # another one than before means: forget everything and begin again
     tick: Tick
     time: Finite
     mode: Literal["lockstep", "realtime"]
@@ -174,7 +175,7 @@ class Clock(Message):
 
 
 class Odometry(Part):
-    """A step since the last tick as the wheels tell it: forward and turn, over dt seconds."""
+    """The step since the last tick as odometry measures it: forward and turn, over dt seconds."""
 
     distance: Finite
     turn: Finite
@@ -182,7 +183,7 @@ class Odometry(Part):
 
 
 class Fix(Part):
-    """An absolute position: a known start, or the paper's reset of the odometry; heading None where it is not told."""
+    """An absolute position: a known start, or the paper's reset of the odometry; heading None where it is not measured."""
 
     position: Point
     sigma: Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -201,14 +202,14 @@ class Sighting(Part):
 
 
 class Readings(Message):
-    """All that one robot's sensors said in one tick."""
+    """All sensor data of one robot in one tick."""
 
     run: Annotated[str, Field(max_length=64)]
     robot: Name
     tick: Tick
     time: Finite
     odometry: Odometry | None = None
-    compass: Finite | None = None  # heading, where the robot is given one
+    compass: Finite | None = None  # heading, where the robot has a compass
     fix: Fix | None = None
     sightings: Annotated[list[Sighting], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
 
@@ -233,5 +234,5 @@ class Solo(Message):
 
 #: The model of each name that stands in the topic table (`keys.Topic.message`).
 MODELS: dict[str, type[Message]] = {
-    model.__name__: model for model in (Clock, Readings, Truth, Solo, Report, Consensus, Status)
+    model.__name__: model for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status)
 }

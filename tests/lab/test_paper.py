@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from blackboard.config import load
-from blackboard.lab import paper, work
-from blackboard.lab.growth import Growth
+from blackboard.lab import paper, parallel
+from blackboard.lab.team_size import TeamSizeScores
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parent.parent / "golden" / "paper.json").read_text(encoding="utf-8")
@@ -20,14 +20,14 @@ GOLDEN: dict[str, Any] = json.loads(
 
 
 @cache
-def grown(seed: int) -> dict[str, Growth]:
+def score_team_sizes(seed: int) -> dict[str, TeamSizeScores]:
     world = paper.world(load("paper"), 40, 3, 12.0)
-    return work.grown(paper.RULES, world, seed, 4.0)
+    return parallel.score_team_sizes(paper.RULES, world, seed, 4.0)
 
 
 @cache
 def numbers() -> dict[str, Any]:
-    return paper.numbers({40: [grown(0), grown(1)]}, np.random.default_rng(1))
+    return paper.numbers({40: [score_team_sizes(0), score_team_sizes(1)]}, np.random.default_rng(1))
 
 
 @pytest.mark.parametrize(
@@ -70,12 +70,12 @@ def test_figure_3_says_what_the_paper_says() -> None:
     assert found["share below 1"] == {"linear": 0.0, "logarithmic": 1.0, "cooperative": 1.0}
 
 
-def test_figures_6_and_7_are_means_over_what_was_grown() -> None:
+def test_figures_6_and_7_are_means_over_what_was_score_team_sizes() -> None:
     told6, told7 = numbers()["fig6"], numbers()["fig7"]
     assert told6["time"] == [4.0, 8.0, 12.0]
     assert told7["robots"] == [1, 2, 3]
     assert told7["seeds"] == 2
-    growth = grown(0)["cooperative"].merge(grown(1)["cooperative"])
+    growth = score_team_sizes(0)["cooperative"].merge(score_team_sizes(1)["cooperative"])
     at = np.equal(growth.time, 8.0)
     six = told6["grids"]["40"]
     assert six["cooperative"]["entropy"][1] == pytest.approx(np.array(growth.entropies)[at, -1].mean())

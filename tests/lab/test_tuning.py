@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blackboard.fusion import pool
 from blackboard.lab.cases import Case
-from blackboard.lab.tuning import SPACES, Trials, board_table, candidates, choose, enough, try_all
+from blackboard.lab.tuning import SPACES, CandidateScores, board_table, candidates, choose, enough, try_all
 from blackboard.opinion.grid import Grid
+from blackboard.opinion.pools import fuse
 from blackboard.opinion.scores import hdr_level, log_score
 from tests.opinion.stacks import make
 
@@ -30,7 +30,7 @@ def test_every_candidate_scores_as_the_pool_itself(rule: str) -> None:
     settings = candidates(rule, GRID.cell)
     assert found.log_scores.shape == found.covered.shape == (2, len(settings))
     for i in range(0, len(settings), 7):
-        fused = [pool(c.opinions, GRID, settings[i]) for c in run[:2]]
+        fused = [fuse(settings[i], c.opinions, GRID).p for c in run[:2]]
         scores = [log_score(p, index) for p in fused]
         covered = [hdr_level(p, index) < 0.95 for p in fused]
         assert found.log_scores[0, i] == pytest.approx(sum(scores) + np.log(1e-12), abs=1e-8), settings[i]
@@ -38,12 +38,12 @@ def test_every_candidate_scores_as_the_pool_itself(rule: str) -> None:
         assert found.covered[:, i].tolist() == [sum(covered), covered[0]], settings[i]
 
 
-def trials(log_scores: list[float], shares: list[float], runs: int = 6, cases: int = 10) -> Trials:
+def told(log_scores: list[float], shares: list[float], runs: int = 6, cases: int = 10) -> CandidateScores:
     """The first candidates of "coalition" as given, all others bad; each run alike."""
     n = len(candidates("coalition"))
     scores, covered = np.full(n, -9.0), np.zeros(n)
     scores[: len(log_scores)], covered[: len(shares)] = log_scores, shares
-    return Trials(
+    return CandidateScores(
         "coalition",
         np.tile(scores * cases, (runs, 1)),
         np.tile(covered * cases, (runs, 1)),
@@ -52,7 +52,7 @@ def trials(log_scores: list[float], shares: list[float], runs: int = 6, cases: i
 
 
 def test_the_best_of_the_honest_is_chosen() -> None:
-    found = choose(trials([-1.0, -3.0, -2.0], [0.5, 0.95, 0.92]), 0.9, 1.0, np.random.default_rng(1))
+    found = choose(told([-1.0, -3.0, -2.0], [0.5, 0.95, 0.92]), 0.9, 1.0, np.random.default_rng(1))
     assert found["setting"] == candidates("coalition")[2]
     assert found["honest"]
     assert (found["log_score"], found["coverage_95"]) == pytest.approx((-2.0, 0.92))
@@ -61,14 +61,14 @@ def test_the_best_of_the_honest_is_chosen() -> None:
 
 
 def test_where_nobody_is_honest_the_one_that_covers_most_is_chosen_and_that_is_said() -> None:
-    found = choose(trials([-1.0, -3.0], [0.5, 0.6]), 0.9, 1.0, np.random.default_rng(1))
+    found = choose(told([-1.0, -3.0], [0.5, 0.6]), 0.9, 1.0, np.random.default_rng(1))
     assert found["setting"] == candidates("coalition")[1]
     assert not found["honest"]
 
 
 def test_intervals_show_when_the_runs_do_not_agree() -> None:
     """Half of the runs are for the first candidate, half for the last: the interval spans what lies between."""
-    it = trials([-1.0], [1.0], runs=10)
+    it = told([-1.0], [1.0], runs=10)
     it.log_scores[::2, 0], it.log_scores[::2, -1] = -40.0, -10.0
     it.covered[:, -1] = 10
     found = choose(it, 0.9, 1.0, np.random.default_rng(1))
@@ -92,4 +92,4 @@ def test_the_board_table_is_what_a_board_reads() -> None:
         setting = candidates(rule, 0.5)[11]
         read = BoardSection.model_validate(tomllib.loads(board_table(setting))["board"])
         p = make("random", 3, GRID.shape, np.random.default_rng(1))
-        assert np.array_equal(pool(p, GRID, read.of("object/x")), pool(p, GRID, setting))
+        assert np.array_equal(fuse(read.of("object/x"), p, GRID).p, fuse(setting, p, GRID).p)

@@ -7,30 +7,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.grid import Array
+from blackboard.opinion.laws import KINDS, SHAPES
+from blackboard.opinion.laws import draw as make
+
+__all__ = ["KINDS", "SHAPES", "few", "make", "stacks", "weighted"]
 
 few = settings(max_examples=15)
-
-KINDS = ("random", "sparse", "one-hot", "near-zero", "identical", "mixed")
-SHAPES = ((5,), (3, 4), (2, 2, 3))
-
-
-def make(kind: str, n: int, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    """A stack of n opinions, shape (n, *shape)."""
-    if kind == "mixed":
-        return np.stack([make(str(rng.choice(KINDS[:4])), 1, shape, rng)[0] for _ in range(n)])
-    p = rng.random((n, *shape))
-    if kind == "sparse":
-        p *= rng.random(p.shape) < 0.4
-    elif kind == "near-zero":
-        p *= 10.0 ** -rng.uniform(0, 300, p.shape)
-    elif kind == "identical":
-        p[:] = p[0]
-    flat = p.reshape(n, -1)
-    chosen = rng.integers(flat.shape[1], size=n)
-    if kind == "one-hot":
-        flat[:] = 0.0
-    flat[np.arange(n), chosen] += 0.5  # none is empty
-    return np.asarray(p / flat.sum(axis=1).reshape(n, *(1,) * len(shape)))
 
 
 @st.composite

@@ -65,11 +65,21 @@ def test_a_gaussian_has_its_mean_and_width() -> None:
     assert belief.p.sum() == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_gaussian_between_the_cells_or_outside_keeps_its_mass() -> None:
+@pytest.mark.parametrize("mean", [(900.0, 3.0), (-1.01, 3.0), (0.0, 4.6), (float("nan"), 3.0), (0.0, float("inf"))])
+def test_a_gaussian_outside_the_grid_is_an_error_that_names_the_value(mean: tuple[float, float]) -> None:
+    axis = 0 if mean[1] == 3.0 else 1
+    borders = ("from -1 to 3", "from 2 to 4.5")[axis]
+    with pytest.raises(
+        ValueError, match=rf"^gaussian: mean {mean[axis]} on axis {axis} is outside the grid, which is {borders}"
+    ):
+        gaussian(GRID, mean, 1.0)
+
+
+def test_a_gaussian_between_the_cells_or_on_the_border_keeps_its_mass() -> None:
     assert gaussian(GRID, (0.3, 3.1), 1e-6).p.max() == pytest.approx(1.0)
-    assert gaussian(GRID, (900.0, 900.0), 0.01).p[-1, -1] == pytest.approx(1.0)
+    assert gaussian(GRID, (3.0, 4.5), 0.01).p[-1, -1] == pytest.approx(1.0)
     with pytest.raises(ValueError, match="sigma"):
-        gaussian(GRID, (0.0, 0.0), 0.0)
+        gaussian(GRID, (0.0, 3.0), 0.0)
 
 
 @few

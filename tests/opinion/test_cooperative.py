@@ -9,13 +9,8 @@ from hypothesis import strategies as st
 
 from blackboard import Grid, OpinionError, cooperative_pool, linear_pool, logarithmic_pool
 from blackboard.opinion.belief import gaussian
-from blackboard.opinion.cooperative import (
-    alphas,
-    calibrated_pool,
-    coalition_pool,
-    cooperative_components,
-    powered_components,
-)
+from blackboard.opinion.components import alphas, powered_components
+from blackboard.opinion.cooperative import calibrated_pool, coalition_pool, cooperative_components
 from blackboard.opinion.grid import Array
 from tests import oracles
 from tests.opinion.stacks import KINDS, few, make, weighted

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from blackboard import POOLS, OpinionError, entropy, entropy_weights
+from blackboard.errors import RuleError
 from blackboard.opinion.agreement import kullback_leibler
+from blackboard.opinion.belief import Belief
 from blackboard.opinion.chernoff import chernoff
-from blackboard.opinion.grid import Array
+from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import fuse
+from blackboard.opinion.rules import Pooled, Rule, read_rule
 
 CELLS = (2, 3)
 
@@ -102,16 +105,65 @@ def test_parameters_of_rules() -> None:
         POOLS["channel-filter"](stack(), common=np.full((1, 6), 1 / 6))
 
 
-def test_unknown_rules_and_parameters() -> None:
-    with pytest.raises(ValueError, match="rule 'median' is none of calibrated, channel-filter, chernoff"):
-        fuse("median", stack())
-    with pytest.raises(
-        ValueError, match="rule 'coalition' has no parameter 'xi'; it has cell_ratio, gamma, gate, independence"
-    ):
-        fuse("coalition", stack(), xi=1.0)
-    with pytest.raises(ValueError, match="rule 'linear' has no parameter 'power'; it has none"):
-        fuse("linear", stack(), power=2.0)
-    with pytest.raises(ValueError, match="the inner rule cannot be clique again"):
-        fuse("clique", stack(), inner="clique")
-    with pytest.raises(ValueError, match="rule 'x' is none of"):
-        fuse("clique", stack(), inner="x")
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({"rule": "median"}, "rule: 'median' is none of calibrated, channel-filter, chernoff"),
+        ({"rule": "coalition", "xi": 1}, "xi: rule 'coalition' has no such key; it has gamma, gate, independence, k,"),
+        ({"rule": "linear", "power": 2}, "power: rule 'linear' has no such key; it has k, reference_cell"),
+        ({"rule": "logarithmic", "k": 2}, "k: rule 'logarithmic' has no such key; it has none"),
+        ({"rule": "clique", "inner": "clique"}, "inner: a clique of a clique gains nothing; name another rule"),
+        ({"rule": "clique", "inner": "x"}, "inner: 'x' is none of calibrated, "),
+        ({"rule": "clique", "gamma": 0.5}, "gamma: rule 'clique' has no such key; it has inner, xi"),
+        ({"rule": "coalition", "gate": 3, "gamma": 0.5}, "gate: give it or gamma, not both"),
+        ({"rule": "linear", "k": "two"}, "k two: give a finite value of at least 0 and at most 10"),
+        ({"rule": "linear", "k": True}, "k True: give a finite value"),
+        ({"rule": "linear", "k": 10.5}, "k 10.5: give a finite value of at least 0 and at most 10"),
+        ({"rule": "hoelder", "a": float("nan")}, "a nan: give a finite value of at least -20 and at most 20"),
+        ({"rule": "coalition", "independence": None}, "independence: give a finite value"),
+    ],
+)
+def test_a_rule_names_the_key_that_is_wrong(table: dict[str, object], text: str) -> None:
+    with pytest.raises(RuleError, match=f"^{re.escape(text)}"):
+        read_rule(table)
+
+
+def test_a_function_names_the_parameter_too() -> None:
+    with pytest.raises(OpinionError, match="^gate: rule 'clique' has no such key; it has inner, k, reference_cell, xi"):
+        POOLS["clique"](stack(), inner="linear", gate=3)
+    with pytest.raises(KeyError):
+        POOLS["median"]
+
+
+def test_opinions_of_another_grid_are_refused_where_they_are_pooled() -> None:
+    with pytest.raises(OpinionError, match=re.escape("opinions of shape (3, 2, 3) for a grid of (3, 2)")):
+        fuse(read_rule({"rule": "linear"}), stack(), Grid((3, 2)))
+    with pytest.raises(ValueError, match=re.escape("belief of shape (2, 3) on a grid of (3, 2)")):
+        Belief(Grid((3, 2)), stack()[0])
+
+
+class Broken(Rule):
+    """A rule that returns what it was told to."""
+
+    name = "broken"
+
+    def __init__(self, pooled: Pooled) -> None:
+        object.__setattr__(self, "pooled", pooled)
+
+    def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        return self.pooled  # type: ignore[attr-defined,no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("pooled", "text"),
+    [
+        (Pooled(np.full(6, 1 / 6), np.ones(3)), r"a belief of shape \(6,\) for a grid of \(2, 3\)"),
+        (Pooled(stack()[0] / 2, np.ones(3)), r"a belief that sums to 0\.5"),
+        (Pooled(stack()[0], np.ones(2)), r"weights \[1\. 1\.\] for 3 opinions"),
+        (Pooled(stack()[0], np.array([1, 1, -1.0])), r"weights \[ 1\.  1\. -1\.\] for 3 opinions"),
+        (Pooled(stack()[0], np.ones(3), np.full(4, 0.25)), r"components .* for 3 opinions; give at most 3"),
+    ],
+)
+def test_a_rule_that_breaks_its_promise_is_named(pooled: Pooled, text: str) -> None:
+    with pytest.raises(ValueError, match=f"^rule 'broken' returned {text}"):
+        fuse(Broken(pooled), stack(), Grid(CELLS))

@@ -10,8 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard import POOLS, OpinionError, entropy_weights
-from blackboard.opinion.grid import Array
-from blackboard.opinion.pools import ENTROPY_WEIGHTED, fuse, parameters
+from blackboard.opinion import laws
+from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.pools import fuse
+from blackboard.opinion.rules import EntropyWeighted, Rule, read_rule
 from tests import oracles
 from tests.opinion.stacks import SHAPES, few, make, stacks, weighted
 
@@ -42,6 +44,27 @@ each = pytest.mark.parametrize("name", RULES)
 def pool(name: str, opinions: Array, weights: Array | None = None) -> Array:
     rule, own = RULES[name]
     return POOLS[rule](opinions, weights, **own)
+
+
+def model(name: str) -> Rule:
+    rule, own = RULES[name]
+    return read_rule({"rule": rule, **own})
+
+
+@few
+@given(stacks(), st.integers(0, 1000))
+def test_every_rule_keeps_the_laws_that_a_plug_in_is_put_to(opinions: Array, seed: int) -> None:
+    for name in RULES:
+        for law in set(laws.LAWS) - laws.ON_RANDOM_OPINIONS:
+            law(model(name), opinions, np.random.default_rng(seed))
+
+
+@few
+@given(stacks(("random",)), st.integers(0, 1000))
+def test_every_rule_keeps_the_laws_of_order(opinions: Array, seed: int) -> None:
+    for name in RULES:
+        for law in laws.ON_RANDOM_OPINIONS:
+            law(model(name), opinions, np.random.default_rng(seed))
 
 
 @few
@@ -77,7 +100,7 @@ def test_the_order_of_opinions_does_not_matter(drawn: tuple[Array, Array], seed:
 
 @few
 @given(stacks(("random",)), st.integers(0, 1000))
-def test_cells_are_only_names(opinions: Array, seed: int) -> None:
+def test_the_order_of_cells_does_not_matter(opinions: Array, seed: int) -> None:
     flat = opinions.reshape(len(opinions), -1)
     order = np.random.default_rng(seed).permutation(flat.shape[1])
     renamed = flat[:, order].reshape(opinions.shape)
@@ -165,15 +188,22 @@ def test_power_means_between_harmonic_and_linear(drawn: tuple[Array, Array]) -> 
 
 
 @each
-def test_fuse_takes_entropy_weights_where_the_rule_does(name: str) -> None:
-    rule, own = RULES[name]
+def test_a_board_pools_with_entropy_weights_where_the_rule_does(name: str) -> None:
+    rule, _ = RULES[name]
     opinions = make("random", 4, SHAPES[1], np.random.default_rng(2))
-    board = {"gamma": 0.4, "cell_ratio": 0.7}
-    takes = {"k", *board} if rule == "clique" else parameters(rule)
-    settings = {key: value for key, value in {"k": 3.0, **board}.items() if key in takes}
-    weights = entropy_weights(opinions, 3.0, cell_ratio=0.7) if rule in ENTROPY_WEIGHTED else None
-    expected = POOLS[rule](opinions, weights, **settings, **own)
-    assert np.array_equal(fuse(rule, opinions, k=3.0, gamma=0.4, cell_ratio=0.7, **own), expected)
+    grid = Grid(SHAPES[1], 2.0)
+    board, weighted_by = {"k": 3.0, "reference_cell": 1.0}, 0.25  # (1 / 2)^2 cells
+    it = model(name)
+    if name == "clique-cooperative":
+        assert np.array_equal(fuse(it, opinions, grid).p, pool(name, opinions))
+    elif isinstance(it, EntropyWeighted):
+        it = read_rule({**it.in_force(), **board})
+        arguments = {key: value for key, value in it.in_force().items() if key not in ("rule", *board)}
+        ratio = {} if rule == "linear" else {"cell_ratio": weighted_by}
+        weights = entropy_weights(opinions, 3.0, cell_ratio=weighted_by)
+        assert np.array_equal(fuse(it, opinions, grid).p, POOLS[rule](opinions, weights, **arguments, **ratio))
+    else:
+        assert np.array_equal(fuse(it, opinions, grid).p, pool(name, opinions))
 
 
 def test_every_rule_of_the_table_is_under_the_laws() -> None:

@@ -13,7 +13,7 @@ from hypothesis import given
 
 from blackboard import Grid, cooperative_pool, entropy, entropy_weights, linear_pool, logarithmic_pool
 from blackboard.opinion.belief import Belief, gaussian
-from blackboard.opinion.cooperative import powered_components
+from blackboard.opinion.components import powered_components
 from blackboard.opinion.grid import Array
 from tests import oracles
 from tests.opinion.stacks import few, weighted

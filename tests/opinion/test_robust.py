@@ -1,4 +1,4 @@
-"""The rules that a lying minority cannot capture, and the gate that keeps it out."""
+"""The rules that a lying minority cannot capture, and the clique that leaves it out."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from blackboard.opinion.agreement import bhattacharyya
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Array
 from blackboard.opinion.robust import largest_cliques
+from blackboard.opinion.rules import read_rule
 from tests import oracles
 from tests.opinion.stacks import few, stacks, weighted
 
@@ -91,7 +92,7 @@ def test_the_largest_cliques_are_all_found(n: int, edges: int) -> None:
     assert largest_cliques(p, 5.0) == oracles.cliques(near)
 
 
-def test_the_gate_closes_at_xi() -> None:
+def test_agreement_ends_at_the_threshold_xi() -> None:
     p, q = gaussian(GRID, (10, 20), 2).p, gaussian(GRID, (18, 20), 2).p
     distance = bhattacharyya(p, q)
     assert distance == pytest.approx(2.0, abs=1e-3)  # equal widths, 4 sigma apart
@@ -99,14 +100,15 @@ def test_the_gate_closes_at_xi() -> None:
     assert largest_cliques(np.stack([p, q]), distance * (1 - 1e-6)) == [(0,), (1,)]
 
 
-def test_the_gate_stands_in_front_of_any_rule() -> None:
+def test_any_rule_can_pool_the_largest_clique() -> None:
     everybody, honest = np.stack([LIAR, *HONEST]), np.stack(HONEST)
     weights = np.array([50.0, 1.0, 2.0, 3.0, 4.0])
     for rule in set(POOLS) - {"clique"}:
         behind = POOLS["clique"](everybody, inner=rule)
         assert behind == pytest.approx(POOLS["clique"](honest, inner=rule), abs=1e-12)
         given = POOLS["clique"](everybody, weights, inner=rule)
-        assert given == pytest.approx(POOLS[rule](honest, weights[1:]), abs=1e-12)
+        own = {key: it for key, it in read_rule({"rule": rule}).in_force().items() if key not in ("rule", "k")}
+        assert given == pytest.approx(POOLS[rule](honest, weights[1:], **own), abs=1e-12)
 
 
 def test_where_nothing_says_which_clique_is_right_all_are_kept() -> None:

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.link.net import is_running, wait_until
+from blackboard.config import load
+from blackboard.lab.team import Team
+from tests.processes import children, is_running, wait_until
 
 ROOT = Path(__file__).parents[2]
 RECORDING = ROOT.parent / "shared" / "mrclam" / "dataset7"
@@ -23,20 +25,6 @@ def blackboard(*arguments: str, timeout: float = 110) -> subprocess.CompletedPro
     return subprocess.run(
         [*PYTHON, "blackboard", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=timeout, check=False
     )
-
-
-def children(pid: int) -> list[int]:
-    """Processes whose environment names this launcher."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                environment = (entry / "environ").read_bytes().split(b"\0")
-            except OSError:
-                continue
-            if f"BLACKBOARD_PARENT={pid}".encode() in environment:
-                found.append(int(entry.name))
-    return found
 
 
 @pytest.fixture
@@ -63,6 +51,9 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit() -> None:
     assert first["messages"]["refused"] == {}
     assert {run.returncode for run in runs} <= {0, 1}
     assert (runs[0].returncode == 0) == (first["verdict"] == "PASS")
+    in_one_process = Team(load("demo").changed("world", seed=7).changed("time", seconds=4.0)).run()
+    assert in_one_process["hash"] == first["hash"]
+    assert in_one_process["scores"] == first["scores"]
 
 
 def test_more_robots_and_real_time() -> None:

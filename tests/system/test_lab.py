@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from tests.link.net import wait_until
+from blackboard.run.door import INTERRUPTED
+from tests.processes import IN_THE_BACKGROUND, program, wait_until
 from tests.system.test_demo import ROOT, blackboard
 
 SMALL = """
@@ -149,3 +150,12 @@ def test_nothing_is_left_when_it_is_stopped(long_run: subprocess.Popen[str], how
     long_run.send_signal(how)
     long_run.wait(20)
     wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in started), "no worker left")
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_sigint_stops_it_also_where_a_script_has_started_it_in_the_background(tmp_path: Path) -> None:
+    arguments = ("-m", "blackboard", "figures", "--out", str(tmp_path), "--seconds", "500")
+    with program("-c", IN_THE_BACKGROUND, *arguments) as figures:
+        wait_until(lambda: len(workers(figures.running.pid)) > 1, "workers")
+        figures.running.send_signal(signal.SIGINT)
+        assert figures.ends() == INTERRUPTED

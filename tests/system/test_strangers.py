@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from blackboard.launch import free_port
-from blackboard.link import Link, LinkConfig
+from blackboard.net.link import Link
+from blackboard.net.settings import LinkConfig
+from blackboard.run.launch import free_port
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import MAX_BYTES, Consensus, Status
-from tests.link.net import wait_until
+from tests.processes import wait_until
 
 ROOT = Path(__file__).parents[2]
 

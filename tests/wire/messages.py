@@ -5,18 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import msgpack
+import numpy as np
 
 from blackboard.opinion.belief import gaussian
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import Bias, Relative
+from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
+from blackboard.wire.evidence import Forward, Forwarded, pack_evidence
 from blackboard.wire.messages import (
     Clock,
     Consensus,
     Fix,
     Informed,
     LeftOut,
-    Message,
     Odometry,
     Readings,
     Report,
@@ -26,6 +31,7 @@ from blackboard.wire.messages import (
     Truth,
     Used,
 )
+from blackboard.wire.types import Message
 
 BELIEF = pack(gaussian(Grid((9, 7), 0.5, (1.0, -2.0), "m"), (3.0, 0.0), 0.2))
 INFORMED = Informed(belief=BELIEF, ancestors={"r1": 1.0, "r2": 0.5})
@@ -66,6 +72,31 @@ CONSENSUS = Consensus(
     parameters={"k": 2.0},
 )
 AGREED = CONSENSUS.model_copy(update={"level": "agreed"})
+STATE = Moments(np.arange(9.0), np.diag(np.arange(1.0, 10.0)))
+EVIDENCE = pack_evidence(
+    2,
+    Motion(1.0, 0.5, 0.2, 0.2, 0.01, 0.001, 0.002),
+    Nuisance(0.9, 0.95, (0.05, 0.03, 0.003, 0.008, 0.25, 0.02), (0.003, 0.0, 0.0002), (300.0, 2.3, 300.0)),
+    STATE,
+    Increment(np.arange(9.0), np.eye(9), np.ones(9)),
+    [
+        Relative(
+            observer="robot/r1",
+            subject="robot/r2",
+            range=2.0,
+            bearing=-0.5,
+            range_variance=0.01,
+            bearing_variance=0.001,
+            age=0.05,
+            biases=(Bias(0.1, 7.0),),
+            group="post",
+            profile=((1.0, 0.5), (3.0, 0.25)),
+        )
+    ],
+)
+FORWARD = Forward(
+    board="a1", sub_team="a", tick=3, time=0.6, evidence=[Forwarded(robot="r1", tick=3, evidence=EVIDENCE)]
+)
 STATUS = Status(
     process="r1",
     kind="robot",
@@ -88,6 +119,7 @@ EXAMPLES: dict[str, tuple[dict[str, str], Message]] = {
     "report": ({"team": "t", "sub_team": "a", "source": "r1", "subject": "object/ball"}, REPORT),
     "consensus": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, CONSENSUS),
     "agreed": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, AGREED),
+    "forward": ({"team": "t", "sub_team": "a", "board": "a1"}, FORWARD),
     "status": ({"team": "t", "sub_team": "a", "process": "r1"}, STATUS),
 }
 TOPICS = {topic.name: topic for topic in keys.TOPICS}

@@ -12,15 +12,16 @@ from pydantic import BaseModel
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
-from blackboard.wire import keys, messages
+from blackboard.wire import evidence, keys, messages
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import MAX_ITEMS, MAX_TEXT, decode
-from blackboard.wire.messages import MAX_BYTES, MAX_CELLS, MAX_OPINIONS, REASONS, VERSION, Message, Part, Report
+from blackboard.wire.messages import MAX_BYTES, MAX_CELLS, REASONS, VERSION, Report
+from blackboard.wire.types import MAX_OPINIONS, Message, Part
 
 PAGE = (Path(__file__).parents[2] / "docs" / "wire.md").read_text(encoding="utf-8")
 MODELS = [
     model
-    for model in vars(messages).values()
+    for model in {**vars(messages), **vars(evidence)}.values()
     if isinstance(model, type) and issubclass(model, Part) and model not in (Part, Message)
 ]
 

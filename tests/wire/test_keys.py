@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import get_args
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -51,3 +54,25 @@ def test_any_text_is_parsed_or_none(key: str) -> None:
 @pytest.mark.parametrize("topic", keys.TOPICS, ids=lambda topic: topic.name)
 def test_every_topic_carries_a_token_or_a_message_that_there_is(topic: keys.Topic) -> None:
     assert topic.message == "token" or topic.message in MODELS
+
+
+@pytest.mark.parametrize("topic", keys.TOPICS, ids=lambda topic: topic.name)
+def test_every_topic_says_who_writes_whose_name_it_carries_and_how_often(topic: keys.Topic) -> None:
+    assert topic.writers
+    assert set(topic.writers) | set(topic.readers) <= set(get_args(keys.Role))
+    assert topic.period in get_args(keys.Period)
+    assert (topic.period == "while it runs") == (topic.message == "token")
+    assert (topic.owner == "") == (topic.writers == ("world",))  # a team has one world
+    assert not topic.owner or f"{{{topic.owner}}}" in topic.pattern
+
+
+def test_no_robot_may_read_the_truth() -> None:
+    assert "robot" not in keys.TRUTH.readers
+
+
+def test_the_pattern_of_a_name_is_written_once() -> None:
+    root = Path(__file__).parents[2]
+    packages = ("blackboard", "robot_agent", "sim_world")
+    files = [path for package in packages for path in (root / package).rglob("*.py")]
+    found = [path.name for path in files if "A-Za-z0-9_" in path.read_text(encoding="utf-8")]
+    assert found == ["names.py"]

@@ -1,0 +1,1 @@
+"""The board of a sub-team: reports in, consensuses out."""

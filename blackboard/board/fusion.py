@@ -1,0 +1,99 @@
+"""One fusion: from the opinions about one subject to the pooled belief and its story, which says how it was made. Pure.
+
+independent opinions ── rule (COP) ──► first-hand ──┐
+overlapping opinions ───────────────────────────────┴── Chernoff ──► fused
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from blackboard.board.provenance import Opinion, split, union
+from blackboard.config import BoardSection
+from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.chernoff import chernoff
+from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.pools import fuse, linear_pool
+from blackboard.opinion.rules import Outcome, Rule
+from blackboard.opinion.weights import entropy, entropy_weights
+
+#: Two overlapping beliefs whose Bhattacharyya coefficient is below this contradict each other. Equally wide Gaussians do so
+#: that are just over 6 sigma apart: exp(-6^2 / 8) = 0.011.
+CONTRADICTION = 0.01
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one opinion contributed, and by which of the two steps.
+
+    weight: of an overlapping opinion its share in the fused belief; of an independent one its weight in the rule, times the share
+    that the rule's result has in the fused belief.
+    """
+
+    opinion: Opinion
+    weight: float
+    how: str  # "independent" or "overlapping"
+
+
+@dataclass(frozen=True, eq=False)
+class Fusion:
+    """The fused belief, what it rests on, and its first-hand part, which may be multiplied again."""
+
+    belief: Belief
+    ancestors: dict[str, float]
+    firsthand: Belief
+    firsthand_ancestors: dict[str, float]
+    shares: list[Share]
+    components: list[float]
+    conflict: bool
+    rule: Rule
+    outcome: Outcome
+
+
+def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSection, subject: str) -> Fusion:
+    """Pool opinions about one subject, at least one, all on `grid`; the order does not matter."""
+    opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
+    if settings.feedback == "paper":  # Table I to the letter: everything is multiplied
+        independent, overlapping = list(opinions), list[Opinion]()
+    else:
+        independent, overlapping = split(opinions)
+    rule = settings.of(subject)
+    stack = np.stack([opinion.belief.p for opinion in independent])
+    pooled = fuse(rule, stack, grid)
+    fused, more, contradicted = _pool_overlapping(pooled.p, overlapping)
+    kept = 1.0 - sum(share.weight for share in more)  # the share of `pooled` in `fused`
+    shares = [Share(o, float(w) * kept, "independent") for o, w in zip(independent, pooled.weights, strict=True)]
+    return Fusion(
+        belief=Belief(grid, fused),
+        ancestors=union([*(independent if kept > 0 else []), *(share.opinion for share in more if share.weight > 0)]),
+        firsthand=Belief(grid, pooled.p),
+        firsthand_ancestors=union(independent),
+        shares=shares + more,
+        components=[float(c) for c in pooled.components],
+        conflict=contradicted or conflict(stack, pooled.claim()),
+        rule=rule,
+        outcome=pooled.outcome,
+    )
+
+
+def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array, list[Share], bool]:
+    """Geometric means, sharpest first, each with the weight that minimises entropy; contradictions keep both hypotheses.
+
+    Also what each contributed, and whether there was a contradiction.
+    """
+    shares, contradicted = list[Share](), False
+    for opinion in sorted(opinions, key=lambda o: (entropy(o.belief.p), o.source)):
+        other = opinion.belief.p
+        if bhattacharyya_coefficient(pooled, other) < CONTRADICTION:
+            weights = entropy_weights(np.stack([pooled, other]))  # (III-A.1), k = 1
+            pooled, weight, contradicted = linear_pool(np.stack([pooled, other]), weights), float(weights[1]), True
+        else:
+            pooled, kept = chernoff(pooled, other)
+            weight = 1.0 - kept
+        shares = [Share(s.opinion, s.weight * (1.0 - weight), s.how) for s in shares]
+        shares.append(Share(opinion, weight, "overlapping"))
+    return pooled, shares, contradicted

@@ -1,0 +1,246 @@
+"""The joint of a board: evidence from the wire in, once each; agreed consensuses with their story out. Pure.
+
+Evidence is numbered by robot, epoch and tick, so that what a robot reports to two boards, or what two boards forward, counts
+once. What has arrived is settled step by step, in each step one tick of every robot: in lockstep that is the tick itself, and
+where ticks are the robots' own it is as many steps as the robot that reports most often needs.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from blackboard.board.joint.evidence import Evidence, Verdict
+from blackboard.board.joint.team import GATES, Objects, TeamJoint
+from blackboard.config import BoardSection
+from blackboard.errors import Refused
+from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.weights import entropy
+from blackboard.wire.arrays import pack
+from blackboard.wire.evidence import (
+    Forward,
+    Forwarded,
+    PackedEvidence,
+    PackedState,
+    pack_state,
+    unpack_increment,
+    unpack_motion,
+    unpack_nuisance,
+    unpack_relatives,
+    unpack_state,
+)
+from blackboard.wire.messages import Consensus, LeftOut, Used
+
+log = logging.getLogger(__name__)
+
+MAX_ROBOTS = 64
+TICKS = 8  # of another board that are remembered as heard; a stale one may arrive after the newest
+MAX_OBJECTS = 64  # in the joint; sightings of others are left to the pooled opinions
+MAX_STATES = 2000  # of the joint, lasting errors included: a step costs their square
+MAX_WAITING = 64  # ticks of one robot that wait to be settled; the oldest are dropped
+
+#: Makes a consensus of what the joint knows about a subject: its board adds its names, the tick and the time.
+Make = Callable[..., Consensus]
+
+
+class JointDesk:
+    """Takes evidence, settles it, and publishes what the joint knows.
+
+    A robot that falls silent stays in the joint, because the sum of its motions restores what was lost once it is heard again;
+    its marginal spreads by `[board] drift` meanwhile, and is not published after `max_age`.
+    """
+
+    def __init__(self, grid: Grid, settings: BoardSection) -> None:
+        self.grid, self.settings = grid, settings
+        self.team = self._begun()
+        self.restarts = 0  # of the joint, after evidence that no arithmetic survives
+        self.dropped = 0  # ticks that waited too long, and sightings of more objects than are taken
+        self._waiting: dict[str, deque[Evidence]] = {}
+        self._objects: set[str] = set()  # that the joint takes sightings of
+        self._newest: dict[str, tuple[int, int]] = {}  # robot -> epoch and tick of the newest that was taken
+        self._until: dict[str, float] = {}  # robot -> team time until which its evidence is in the joint
+        self._forward: list[Forwarded] = []
+        self._heard: dict[tuple[str, str], deque[int]] = {}  # sub-team and board -> the last ticks that it forwarded
+        self._forwarders: set[tuple[str, str]] = set()  # the other boards that keep a joint
+        self._settled_at: float | None = None  # team time, seconds
+
+    # --- in -------------------------------------------------------------------------------------------------------------
+
+    def _begun(self) -> TeamJoint:
+        return TeamJoint(Objects(drift=self.settings.objects_drift))
+
+    def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool) -> None:
+        """Take the evidence of a robot's tick, once; `own` evidence is kept to be forwarded. Refused: "mass", "too-many"."""
+        number = packed.epoch, tick
+        if number <= self._newest.get(robot, (-1, -1)):
+            return
+        if robot not in self._newest and len(self._newest) >= MAX_ROBOTS:
+            raise Refused("too-many", f"{robot} would be one more than {MAX_ROBOTS} robots in the joint")
+        evidence = self._bounded(unpack(robot, tick, packed))
+        self._newest[robot] = number
+        self._until[robot] = time
+        waiting = self._waiting.setdefault(robot, deque())
+        waiting.append(evidence)
+        if len(waiting) > MAX_WAITING:
+            waiting.popleft()
+            self.dropped += 1
+        if own:
+            self._forward = [*self._forward[1 - MAX_WAITING :], Forwarded(robot=robot, tick=tick, evidence=packed)]
+
+    def _bounded(self, evidence: Evidence) -> Evidence:
+        """The evidence without sightings of more objects than the joint takes."""
+        seen = {it.subject for it in evidence.relatives if not it.subject.startswith("robot/")}
+        for subject in sorted(seen - self._objects)[: MAX_OBJECTS - len(self._objects)]:
+            self._objects.add(subject)
+        kept = tuple(it for it in evidence.relatives if it.subject not in seen or it.subject in self._objects)
+        self.dropped += len(evidence.relatives) - len(kept)
+        return replace(evidence, relatives=kept)
+
+    def hear(self, forward: Forward) -> None:
+        """Take the evidence that another board passes on. Refused as in `take`."""
+        self._heard.setdefault((forward.sub_team, forward.board), deque(maxlen=TICKS)).append(forward.tick)
+        for one in forward.evidence:
+            self.take(one.robot, one.tick, forward.time, one.evidence, own=False)
+
+    def expect(self, board: tuple[str, str], joint: bool) -> None:
+        """Whether a board, named by its sub-team and its name, keeps a joint too, as its status says; if not, it forwards nothing."""
+        (self._forwarders.add if joint else self._forwarders.discard)(board)
+
+    def has_heard(self, board: tuple[str, str], tick: int) -> bool:
+        """Whether a board has passed on the evidence of a tick, or is not expected to."""
+        return board not in self._forwarders or tick in self._heard.get(board, ())
+
+    def forward(self) -> list[Forwarded]:
+        """The own robots' evidence since the last call, sorted: what the other boards need."""
+        found, self._forward = sorted(self._forward, key=lambda it: (it.robot, it.tick)), []
+        return found
+
+    # --- out ------------------------------------------------------------------------------------------------------------
+
+    def settle(self, time: float, make: Make) -> list[Consensus]:
+        """Settle all that waits, at a team time in seconds: a consensus on every subject that the joint knows, by name."""
+        steps = max((len(waiting) for waiting in self._waiting.values()), default=0)
+        elapsed = 0.0 if self._settled_at is None else max(0.0, time - self._settled_at)
+        self._settled_at = time
+        verdicts: list[Verdict] = []
+        for _ in range(max(1, steps)):
+            number = self.team.tick + 1
+            batch = [replace(waiting.popleft(), tick=number) for waiting in self._waiting.values() if waiting]
+            verdicts += self._settle(number, elapsed / max(1, steps), batch)
+        known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
+        return [self._consensus(subject, verdicts, time, make) for subject in known]
+
+    def _settle(self, number: int, dt: float, batch: list[Evidence]) -> list[Verdict]:
+        """One step of the joint; it begins anew where a robot's numbers break it, and every robot enters again by its state."""
+        try:
+            with np.errstate(over="raise", invalid="raise", divide="raise"):
+                verdicts = list(self.team.settle(number, dt, batch))
+                _check(self.team.joint)
+                return verdicts
+        except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+            self.restarts += 1
+            log.warning("the joint begins anew: %s", error)
+            self.team = self._begun()
+            self.team.tick = number
+            return []
+
+    def _age(self, subject: str, time: float) -> float:
+        """Seconds since the newest evidence of a robot; 0 for an object, whose random walk is in the joint."""
+        return max(0.0, time - self._until.get(subject.removeprefix("robot/"), time))
+
+    def _consensus(self, subject: str, verdicts: list[Verdict], time: float, make: Make) -> Consensus:
+        about = [verdict for verdict in verdicts if verdict.subject == subject]
+        taken = sorted({verdict.source for verdict in about if verdict.taken})
+        marginal = self.team.marginal(subject)
+        spread = np.eye(2) * self.settings.drift**2 * self._age(subject, time)
+        belief = draw(self.grid, Moments(marginal.mean, marginal.covariance + spread))
+        left_out = {verdict.source: _reason(verdict) for verdict in about if not verdict.taken}
+        return make(
+            subject=subject,
+            belief=pack(belief),
+            ancestors={name: self._until[name] for name in sorted(self._until) if f"robot/{name}" in self.team.joint},
+            used=[
+                Used(
+                    source=source.removeprefix("robot/"),
+                    weight=1.0 / len(taken),
+                    age=0.0,
+                    entropy=self._entropy(source, subject),
+                    how="independent",
+                )
+                for source in taken
+            ],
+            left_out=[
+                LeftOut(source=source.removeprefix("robot/"), reason=reason)
+                for source, reason in sorted(left_out.items())
+            ],
+            entropy=entropy(belief.p),
+            conflict=bool(left_out),
+            rule="joint",
+            parameters={"gate": GATES[1]},
+            state=self._state(subject),
+        )
+
+    def _state(self, subject: str) -> PackedState | None:
+        return pack_state(self.team.pose(subject)) if subject.startswith("robot/") else None
+
+    def _entropy(self, source: str, subject: str) -> float:
+        """Nats on the grid's cells of what a source says about a subject: itself in the joint, or a sighting from there."""
+        moments = self.team.marginal(source)
+        covariance = moments.covariance
+        if source != subject:
+            covariance = covariance + _spread(self.team.pose(source), self.team.marginal(subject))
+        determinant = float(np.linalg.det(covariance + np.eye(2) * self.grid.cell**2 / 12))
+        return max(
+            0.0, 0.5 * math.log((2 * math.pi * math.e) ** 2 * max(determinant, 1e-300)) - math.log(self.grid.volume)
+        )
+
+
+def _spread(observer: Moments, subject: Moments) -> np.ndarray:
+    """The covariance that the uncertain heading and bearing of an observer add at the distance of a subject, shape (2, 2)."""
+    away = subject.mean - observer.mean[AXES]
+    across = np.array([-away[1], away[0]])
+    heading = observer.covariance[HEADING, HEADING] + observer.covariance[BEARING, BEARING]
+    return np.asarray(np.outer(across, across) * heading)
+
+
+def unpack(robot: str, tick: int, packed: PackedEvidence) -> Evidence:
+    """The evidence of a robot's tick, under the name of its subject. Refused: "mass", a matrix that is no covariance."""
+    subject = f"robot/{robot}"
+    relatives: tuple[Relative, ...] = unpack_relatives(packed, subject)
+    return Evidence(
+        robot=subject,
+        epoch=packed.epoch,
+        tick=tick,
+        travelled=unpack_motion(packed.travelled),
+        nuisance=unpack_nuisance(packed.nuisance),
+        belief=None if packed.state is None else unpack_state(packed.state),
+        increment=None if packed.increment is None else unpack_increment(packed.increment),
+        relatives=tuple(it for it in relatives if not it.subject.startswith("landmark/")),
+    )
+
+
+def _check(joint: Joint) -> None:
+    """ValueError: the joint is no Gaussian any more, or too large."""
+    if len(joint.mean) > MAX_STATES:
+        raise ValueError(f"{len(joint.mean)} states; at most {MAX_STATES} are kept")
+    if not (np.isfinite(joint.mean).all() and np.isfinite(joint.covariance).all()):
+        raise ValueError("a mean or a covariance is not finite")
+    if (np.diag(joint.covariance) < 0).any():
+        raise ValueError("a variance is negative")
+
+
+def _reason(verdict: Verdict) -> str:
+    """Why evidence was not multiplied in, for people."""
+    most = GATES[min(verdict.freedom, len(GATES)) - 1]
+    if verdict.squared > most:
+        return f"its {verdict.kind} contradicts the joint: squared distance {verdict.squared:.1f}, at most {most:.1f}"
+    return "most of the team contradicts it or what it saw"

@@ -1,0 +1,228 @@
+"""The joint belief of a team: robots with their lasting errors, and objects. Increments in, marginals out.
+
+Each tick is settled once with all evidence that came in time, in an order that depends on names only: so the order of
+arrival changes nothing. What was settled is never taken again (`_news`): a repeated report is ignored, a lost one loses
+its evidence, and no evidence is counted twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blackboard.board.joint.evidence import Evidence, Tally, Verdict
+from blackboard.board.joint.trust import Trust
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.gaussian.increment import likelihood
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive
+from blackboard.opinion.grid import Grid
+
+#: The 99.9 % quantiles of chi-squared, by degrees of freedom from 1 on.
+GATES = (10.83, 13.82, 16.27, 18.47, 20.52, 22.46, 24.32, 26.12, 27.88)
+UNKNOWN = 1e3  # unit ** 2: a position with a larger variance is not known
+PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
+WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
+
+
+@dataclass(frozen=True)
+class Objects:
+    """How objects move: a random walk (unit / sqrt(s)), and for how many seconds without a sighting they are kept."""
+
+    drift: float = 0.5
+    kept: float = 60.0
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is settled of a robot: its epoch, the sum of its motions, and how many increments in a row were left out."""
+
+    epoch: int
+    travelled: Motion
+    left_out: int = 0
+
+
+@dataclass
+class TeamJoint:
+    """Mutable; `settle` once per tick. Robots and objects are named as subjects: `robot/r1`, `object/ball`."""
+
+    objects: Objects = field(default_factory=Objects)
+    joint: Joint = field(default_factory=Joint)
+    tally: Tally = field(default_factory=Tally)
+    trust: Trust = field(default_factory=Trust)
+    tick: int = -1
+    _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
+    _known: dict[str, Known] = field(default_factory=dict)
+    _seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
+
+    # --- in -------------------------------------------------------------------------------------------------------------
+
+    def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
+        """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing."""
+        if tick <= self.tick:
+            self.tally.repeated += sum(1 for _ in reports)
+            return []
+        self.tick = tick
+        news = self._news(tick, reports)
+        self.tally.verdicts = []
+        self._left_out = self.trust.left_out()
+        motions = self._predict(dt, news)
+        entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
+        heard = entered | set(motions)
+        for robot in sorted(set(motions) - entered):
+            self._multiply(news[robot])
+        for evidence in news.values():
+            for relative in sorted(evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing)):
+                if relative.observer == evidence.robot:
+                    self._relate(relative, motions, heard)
+        for robot, evidence in news.items():
+            self._known[robot] = replace(self._known[robot], travelled=evidence.travelled)
+        self._forget_objects()
+        return self.tally.verdicts
+
+    def _news(self, tick: int, reports: Iterable[Evidence]) -> dict[str, Evidence]:
+        """One report per robot, of this tick and not of an epoch that is over, sorted by name."""
+        news: dict[str, Evidence] = {}
+        for evidence in sorted(reports, key=lambda e: (e.robot, e.epoch, e.tick)):
+            known = self._known.get(evidence.robot)
+            over = known is not None and evidence.epoch < known.epoch
+            if (
+                evidence.tick != tick
+                or over
+                or (evidence.robot in news and news[evidence.robot].epoch == evidence.epoch)
+            ):
+                self.tally.repeated += 1
+            else:
+                news[evidence.robot] = evidence
+        return news
+
+    def _predict(self, dt: float, news: Mapping[str, Evidence]) -> dict[str, Motion]:
+        """Move every robot that is known and was heard by all that it has travelled since; let biases and objects drift."""
+        motions = {}
+        for robot, evidence in news.items():
+            known = self._known.get(robot)
+            if robot not in self.joint or known is None or known.epoch != evidence.epoch:
+                continue
+            motions[robot] = evidence.travelled.since(known.travelled)
+            drive(self.joint, robot, motions[robot], evidence.nuisance)
+        forget_biases(self.joint, dt)
+        for name in self._seen:
+            walk = np.eye(2) * self.objects.drift**2 * dt
+            self.joint.move(name, self.joint.moments(name).mean, np.eye(2), walk)
+            self._seen[name] += dt
+        return motions
+
+    def _enter(self, evidence: Evidence) -> bool:
+        """A robot enters with its first-hand belief, once per epoch: what it adds later are increments.
+
+        A new epoch rests on new evidence alone, so its belief is independent of everything in the joint. A robot that is
+        not in the joint though its epoch is not new (a board that was restarted) enters in the same way.
+        """
+        robot, known = evidence.robot, self._known.get(evidence.robot)
+        if known is None or known.epoch < evidence.epoch:
+            self._known[robot] = Known(evidence.epoch, evidence.travelled)
+            self._drop(robot)
+            self.trust.forget(robot)
+        if robot in self.joint or evidence.belief is None:
+            return False
+        self.joint.add(robot, evidence.belief)
+        return True
+
+    def _drop(self, subject: str) -> None:
+        """Forget a subject, and the lasting errors of what it saw and of sightings of it."""
+        for block in list(self.joint.blocks):
+            if block == subject or (isinstance(block, tuple) and subject in block[1:3]):
+                self.joint.drop(block)
+
+    def _multiply(self, evidence: Evidence) -> None:
+        """Take an increment into the joint, if the gate lets it through."""
+        robot = evidence.robot
+        it = None if evidence.increment is None else likelihood(self.joint, robot, evidence.increment)
+        if it is None:
+            return
+        squared, freedom = it.innovation(self.joint).squared, len(it.residual)
+        taken = squared <= GATES[freedom - 1]
+        self._judge(Verdict(robot, robot, "increment", squared, freedom, taken))
+        if taken:
+            it.multiply(self.joint)
+        left_out = 0 if taken else self._known[robot].left_out + 1
+        if left_out >= PATIENCE:
+            self._widen(robot)
+            left_out = 0
+        self._known[robot] = replace(self._known[robot], left_out=left_out)
+
+    def _widen(self, robot: str) -> None:
+        """Widen position and heading of a robot that may have moved in a way that its odometry did not measure."""
+        block = self.joint.moments(robot)
+        noise = np.zeros((STATES, STATES))
+        position, heading = WIDENED
+        noise[AXES, AXES] = position**2 * block.covariance[AXES, AXES]
+        noise[HEADING, HEADING] = heading**2
+        self.joint.move(robot, block.mean, np.eye(STATES), noise)
+
+    def _relate(self, relative: Relative, motions: Mapping[str, Motion], heard: set[str]) -> None:
+        """Take a relative belief into the joint; an object of which nothing is known enters with its first sighting."""
+        observer, subject = relative.observer, relative.subject
+        robot = subject.startswith("robot/")
+        if observer not in heard or subject == observer or (robot and subject not in self.joint):
+            return
+        if subject not in self.joint and observer in self._left_out:
+            return
+        if robot and subject not in heard:  # it has moved by it is not known what
+            self.tally.silent += 1
+            return
+        if subject not in self.joint:
+            self.joint.add(subject, Moments(np.zeros(2), np.eye(2) * FLAT))
+            self._seen[subject] = 0.0
+        expectation = expect(self.joint, relative, motions)
+        squared = expectation.innovation(self.joint).squared
+        agrees = squared <= GATES[1]
+        taken = agrees and not {observer, subject} & self._left_out
+        self.trust.judge(observer, subject, agrees)
+        self._judge(Verdict(observer, subject, "relative", squared, 2, taken))
+        if taken:
+            correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
+            if subject in self._seen:
+                self._seen[subject] = 0.0
+
+    def _judge(self, verdict: Verdict) -> None:
+        self.tally.verdicts.append(verdict)
+        self.tally.gated += not verdict.taken
+
+    def _forget_objects(self) -> None:
+        """Drop the objects that were not sighted for long, and those that most observers see elsewhere."""
+        gone = [n for n, age in self._seen.items() if age > self.objects.kept or self.trust.misplaced(n)]
+        for name in gone:
+            self._drop(name)
+            self.trust.forget(name)
+            del self._seen[name]
+
+    # --- out ------------------------------------------------------------------------------------------------------------
+
+    def subjects(self) -> list[str]:
+        """All robots and objects whose position is known, sorted."""
+        names = [b for b in self.joint.blocks if isinstance(b, str)]
+        return sorted(n for n in names if self.knows(n))
+
+    def knows(self, subject: str) -> bool:
+        """Whether the joint holds a position of the subject that is not flat."""
+        if subject not in self.joint:
+            return False
+        return bool(np.trace(self.joint.moments(subject).covariance[AXES, AXES]) < UNKNOWN)
+
+    def marginal(self, subject: str) -> Moments:
+        """Mean and covariance of a subject's position; KeyError where it is not in the joint."""
+        block = self.joint.moments(subject)
+        return Moments(block.mean[AXES], block.covariance[AXES, AXES])
+
+    def pose(self, robot: str) -> Moments:
+        """The whole block of a robot, shape (9,) and (9, 9): where its first-hand filter may linearise."""
+        return self.joint.moments(robot)
+
+    def drawn(self, subject: str, grid: Grid) -> Belief:
+        """The marginal on the team's grid."""
+        return draw(grid, self.marginal(subject))

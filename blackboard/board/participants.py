@@ -1,0 +1,64 @@
+"""Who takes part in a tick, for one board: from whom it takes messages, and for whom it waits. Pure.
+
+Without a world a message may come before the token of its sender, or before the world that names its sender: it is
+refused, and tried again when more is known.
+"""
+
+from __future__ import annotations
+
+from blackboard.errors import Refused
+from blackboard.process.intake import TooEarly
+from blackboard.process.roster import Roster
+from blackboard.process.team_clock import Pace, TeamClock
+from blackboard.wire import keys
+
+
+class Participants:
+    """In lockstep the world's Clock names the robots, and those that have gone are not waited for; else all with a token do."""
+
+    def __init__(self, roster: Roster, clock: TeamClock, team: str, sub_team: str) -> None:
+        self.roster, self.clock = roster, clock
+        self.team, self.sub_team = team, sub_team
+
+    def check_robot(self, robot: str) -> None:
+        """Refused: a robot without a token in the sub-team that the world does not name. TooEarly: its token may be on its way."""
+        if robot in self.roster.robots.get(self.sub_team, []) or robot in self._named().get(self.sub_team, []):
+            return
+        refusal = Refused("unregistered", f"{robot} holds no liveliness token in sub-team {self.sub_team}")
+        raise TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
+
+    def check_board(self, sub_team: str, board: str) -> None:
+        """Refused: a board of another sub-team that holds no token. TooEarly: the token may be on its way."""
+        if board in self.roster.boards.get(sub_team, []):
+            return
+        refusal = Refused("unregistered", f"board {board} holds no liveliness token in sub-team {sub_team}")
+        if self._is_expected(sub_team):
+            raise TooEarly
+        raise TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
+
+    def robots(self) -> list[str]:
+        """The robots of the sub-team that are waited for."""
+        if self.clock.pace is not Pace.LOCKSTEP:
+            return self.roster.robots.get(self.sub_team, [])
+        tokens = {
+            robot: keys.MEMBER.key(team=self.team, sub_team=self.sub_team, robot=robot)
+            for robot in self._named().get(self.sub_team, [])
+        }
+        return [robot for robot, token in tokens.items() if not self.roster.has_gone(token)]
+
+    def boards(self) -> list[tuple[str, str]] | None:
+        """The boards of the other sub-teams that are waited for, as (sub-team, board); None while a token is still to come."""
+        named = self._named() if self.clock.pace is Pace.LOCKSTEP else self.roster.boards
+        others = [sub_team for sub_team in named if sub_team != self.sub_team]
+        if any(self._is_expected(sub_team) for sub_team in others):
+            return None
+        return [(sub_team, board) for sub_team in others for board in self.roster.boards.get(sub_team, [])]
+
+    def _named(self) -> dict[str, list[str]]:
+        """Sub-team -> robots, as the world's Clock names them; empty outside lockstep."""
+        return self.clock.followed.robots if self.clock.followed is not None else {}
+
+    def _is_expected(self, sub_team: str) -> bool:
+        """Whether the world names a sub-team of which no board was ever seen: the token of its board is on its way."""
+        seen = sub_team in self.roster.boards or self.roster.has_lost_boards(sub_team)
+        return self.clock.pace is Pace.LOCKSTEP and sub_team in self._named() and not seen

@@ -1,0 +1,50 @@
+"""Provenance: which opinions rest on different evidence, so that they may be multiplied.
+
+Multiplying opinions is right only where they rest on different evidence. An opinion names its ancestors: all robots whose
+information it contains. Opinions without a common ancestor are independent; all others may hold the same evidence twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from blackboard.opinion.belief import Belief
+
+Ancestors = Mapping[str, float]  # robot -> until which team time (seconds) its information is contained
+
+
+@dataclass(frozen=True, eq=False)
+class Opinion:
+    """A belief, who reported it, and whose information it contains; `age` in seconds of team time."""
+
+    source: str
+    belief: Belief
+    ancestors: Ancestors
+    age: float = 0.0
+
+
+def split(opinions: Iterable[Opinion]) -> tuple[list[Opinion], list[Opinion]]:
+    """The independent opinions, and the rest, which overlap with them.
+
+    Fewest ancestors first (first-hand opinions), then by name: the choice does not depend on the order of arrival.
+    """
+    independent: list[Opinion] = []
+    overlapping: list[Opinion] = []
+    taken: set[str] = set()
+    for opinion in sorted(opinions, key=lambda o: (len(o.ancestors), o.source, sorted(o.ancestors))):
+        if taken.isdisjoint(opinion.ancestors):
+            independent.append(opinion)
+            taken |= opinion.ancestors.keys()
+        else:
+            overlapping.append(opinion)
+    return independent, overlapping
+
+
+def union(opinions: Sequence[Opinion]) -> dict[str, float]:
+    """All ancestors of some opinions, each until the latest time any of them names, sorted by name."""
+    found: dict[str, float] = {}
+    for opinion in opinions:
+        for name, until in opinion.ancestors.items():
+            found[name] = max(until, found.get(name, until))
+    return dict(sorted(found.items()))

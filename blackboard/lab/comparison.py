@@ -1,0 +1,154 @@
+"""The comparison of rules: all of them fuse the same cases, and error, log score, coverage, entropy and time are compared. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from blackboard.config import BoardSection
+from blackboard.lab.cases import Case, Run
+from blackboard.lab.estimates import COLUMNS, Estimate, RuleScores, estimates
+from blackboard.opinion.averages import ChannelFilter
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.cooperative import Coalition, Cooperative
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.pools import POOLS, fuse
+from blackboard.opinion.robust import Clique
+from blackboard.opinion.rules import Pooled, Rule, read_rule
+from blackboard.opinion.scores import LEVELS
+
+Timer = Callable[[], float]  # seconds
+#: What is compared: a rule, or a whole [board] table with its rules for each subject.
+Contender = Rule | BoardSection
+
+#: The paper's own parameters (Sec. V).
+PAPER = Cooperative(k=2.0, gamma=0.5)
+#: What a board does where nothing else is set.
+DEFAULT = Coalition()
+DEFAULT_NAME = "coalition"
+#: The name of a scenario's own [board] table.
+OWN_BOARD = "[board]"
+
+
+def contenders(grid: Grid, board: BoardSection | None = None) -> dict[str, Contender]:
+    """Every rule of POOLS with its defaults, plug-ins included, variants that users ask for, and a scenario's own [board]."""
+    variants: dict[str, dict[str, Rule]] = {
+        "cooperative": {"cooperative v_ref=.5": replace(PAPER, reference_cell=0.5 * grid.cell)},  # half a cell
+        "coalition": {"coalition gamma=0.5": Coalition(gamma=0.5), "coalition product": Coalition(independence=1.0)},
+        "clique": {"clique+coalition": Clique(inner=Coalition())},
+    }
+    found: dict[str, Contender] = {}
+    for name in POOLS:
+        found |= {name: read_rule({"rule": name}), **variants.get(name, {})}
+    return found if board is None else {**found, OWN_BOARD: board}
+
+
+def judge(runs: Sequence[tuple[int, Run]], rules: Mapping[str, Contender], timer: Timer) -> dict[str, RuleScores]:
+    """The scores of each rule over numbered runs; a case is one fusion."""
+    scores = {name: RuleScores(in_force=rule.in_force()) for name, rule in rules.items()}
+    for number, run in runs:
+        for case in run:
+            for name, rule in rules.items():
+                began = timer()
+                pooled = fused(case, rule)
+                seconds = timer() - began
+                belief = Belief(case.grid, pooled.p)
+                scores[name].add(number, belief, case.truth, seconds, pooled.outcome != "pooled")
+    return scores
+
+
+def merged(parts: Sequence[dict[str, RuleScores]]) -> dict[str, RuleScores]:
+    """The scores of several calls of `judge`, at least one, together."""
+    first, *others = parts
+    for part in others:
+        first = {name: scores.merge(part[name]) for name, scores in first.items()}
+    return first
+
+
+def fused(case: Case, contender: Contender) -> Pooled:
+    """What a board with this rule makes of a case; the channel filter gets what is common, which a board does not know."""
+    rule = contender.of(case.subject) if isinstance(contender, BoardSection) else contender
+    if isinstance(rule, ChannelFilter) and case.common is not None:
+        return rule.pool(case.opinions, common=case.common)
+    return fuse(rule, case.opinions, case.grid)
+
+
+# --- the table -------------------------------------------------------------------------------------------------------
+
+HONEST = 0.9  # 95 % coverage that a rule needs for its entropy to count as sharpness
+
+
+def report(situations: Mapping[str, dict[str, RuleScores]], rng: np.random.Generator) -> dict[str, Any]:
+    """All scores as JSON: situation (a trial, or a team) -> rule -> column -> value and interval, and the best of each column.
+
+    The JSON calls all situations "trials".
+    """
+    found: dict[str, Any] = {}
+    rules: dict[str, dict[str, str | float]] = {}
+    for situation, scores in situations.items():
+        rows = {name: estimates(of_rule, rng) for name, of_rule in scores.items()}
+        rules |= {name: of_rule.in_force for name, of_rule in scores.items() if name not in rules}
+        found[situation] = {
+            "runs": len(set(scores[DEFAULT_NAME].runs)),
+            "cases": len(scores[DEFAULT_NAME].runs),
+            "rules": {
+                name: {
+                    **{c: {"value": e.value, "low": e.low, "high": e.high} for c, e in row.items()},
+                    "failed": scores[name].failed,
+                }
+                for name, row in rows.items()
+            },
+            "best": {column: _best(column, rows) for column in COLUMNS},
+        }
+    return {"default": DEFAULT_NAME, "rules": rules, "trials": found}
+
+
+def _best(column: str, rows: Mapping[str, Mapping[str, Estimate]]) -> list[str]:
+    """The best of a column; several where they are equal to the digits that are shown."""
+
+    def loss(row: Mapping[str, Estimate]) -> float:
+        value = row[column].value
+        if column == "log_score":
+            return -value
+        if column.startswith("coverage_"):
+            return abs(value - int(column.removeprefix("coverage_")) / 100)
+        if column == "entropy" and row["coverage_95"].value < HONEST:
+            return float("inf")
+        return value
+
+    losses = {name: round(loss(row), 3) for name, row in rows.items()}
+    least = min(losses.values())
+    return [name for name, value in losses.items() if value == least < float("inf")]
+
+
+def text(found: Mapping[str, Any]) -> str:
+    """The report as text: half the width of the 95 % interval after the number, a star at the best of each column."""
+    heads = ("RMSE", "median", "log score", *(f"{level} %" for level in LEVELS), "entropy", "ms")
+    lines = list(_lines(found, heads))
+    lines.append(
+        "* best of its column: least error and time, highest log score, coverage nearest to what it claims, least"
+    )
+    lines.append(
+        f"entropy of those whose 95 % regions hold the truth in {100 * HONEST:.0f} %. > the default of a board."
+    )
+    return "\n".join(lines)
+
+
+def _lines(found: Mapping[str, Any], heads: Sequence[str]) -> Iterator[str]:
+    for situation, result in found["trials"].items():
+        yield f"{situation}: {result['runs']} runs, {result['cases']} fusions"
+        yield " " * 22 + "".join(f"{head:>14}" for head in heads)
+        for name, row in result["rules"].items():
+            cells = (_cell(column, row[column], name in result["best"][column]) for column in COLUMNS)
+            failed = f"  {row['failed']} vetoed" if row["failed"] else ""
+            yield f"{'> ' if name == found['default'] else '  '}{name:20}" + "".join(cells) + failed
+        yield ""
+
+
+def _cell(column: str, estimate: Mapping[str, float], best: bool) -> str:
+    half = (estimate["high"] - estimate["low"]) / 2
+    places = 3 if column.startswith("coverage") else 2
+    return f"{'*' if best else ''}{estimate['value']:.{places}f} ±{half:.{places}f}".rjust(14)

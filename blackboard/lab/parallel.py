@@ -1,0 +1,134 @@
+"""The laboratory's work, divided into jobs that run on all cores of the machine, each in a process of its own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from typing import Any, NoReturn, TypeVar
+
+import numpy as np
+
+from blackboard.config import Scenario
+from blackboard.lab.cases import GRID, TRIALS, Run
+from blackboard.lab.comparison import contenders, judge
+from blackboard.lab.estimates import RuleScores
+from blackboard.lab.team_cases import first_hand_cases, variant
+from blackboard.lab.team_size import TeamSizeScores, score_sizes
+from blackboard.lab.tuning import CandidateScores, try_all
+from blackboard.opinion.rules import Rule
+from blackboard.process.clock import UnixClock
+from blackboard.run.lifeline import follow
+
+T = TypeVar("T")
+Progress = Callable[[int, int], None]  # jobs done, of all
+CHUNK = 25  # runs of a trial in one job
+
+
+def run_jobs(function: Callable[..., T], jobs: Sequence[tuple[Any, ...]], progress: Progress | None = None) -> list[T]:
+    """function(*job) for each job, in processes of their own, one a core: the results in the order of the jobs.
+
+    The first exception of a job is raised here; then, as at SIGINT and SIGTERM, all processes are gone.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # one thread a process: there is one process a core
+    spawn = multiprocessing.get_context("spawn")
+    workers = max(1, min(cores, len(jobs)))
+    before = signal.signal(signal.SIGTERM, _exit_at_signal)
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_set_up_worker, initargs=(os.getpid(),)) as pool:
+        try:
+            with _signals_later():
+                futures = [pool.submit(function, *job) for job in jobs]
+            for done, future in enumerate(as_completed(futures), start=1):
+                future.result()
+                if progress is not None:
+                    progress(done, len(jobs))
+            return [future.result() for future in futures]
+        except BaseException:
+            # The pool finds its workers gone, fails what is left, and is joined when this block is left. To ask it to shut down
+            # without waiting would leave its thread to close its pipe while Python exits.
+            for worker in multiprocessing.active_children():
+                worker.kill()
+            raise
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _signals_later() -> Iterator[None]:
+    """SIGINT and SIGTERM take effect when this block is left: a pool that is interrupted while it starts cannot be joined."""
+    arrived: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, frame: arrived.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for arrival in arrived:
+            signal.raise_signal(arrival)
+
+
+def _exit_at_signal(number: int, frame: object) -> NoReturn:
+    """Leave by an exception, so that `run_jobs` ends its workers first."""
+    sys.exit(128 + number)
+
+
+def _set_up_worker(parent: int) -> None:
+    """In a worker: leave Ctrl-C, which a terminal sends to all of them, to the parent, and die with the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    follow(parent)
+
+
+def trial_jobs(runs: int, rng: np.random.Generator) -> list[tuple[str, int, list[np.random.Generator]]]:
+    """The jobs for `judge_trial`: each trial's runs in chunks, every run with random numbers of its own."""
+    jobs = []
+    for name, own in zip(TRIALS, rng.spawn(len(TRIALS)), strict=True):
+        streams = own.spawn(runs)
+        jobs += [(name, first, streams[first : first + CHUNK]) for first in range(0, runs, CHUNK)]
+    return jobs
+
+
+def judge_trial(name: str, first: int, streams: Sequence[np.random.Generator]) -> dict[str, RuleScores]:
+    """Judge all contenders on runs `first`, `first` + 1, ... of a trial."""
+    runs = [(first + i, [TRIALS[name](stream)]) for i, stream in enumerate(streams)]
+    return judge(runs, contenders(GRID), UnixClock().now)
+
+
+def judge_team(scenario: Scenario, number: int, every: float) -> dict[str, RuleScores]:
+    """Judge all contenders on a variant of a scenario, wherever there is something to pool."""
+    cases = [case for case in _cases(scenario, number, every) if len(case.sources) > 1]
+    return judge([(number, cases)], contenders(scenario.grid, scenario.board), UnixClock().now)
+
+
+def try_settings(rules: Sequence[str], scenario: Scenario, number: int, every: float) -> dict[str, CandidateScores]:
+    """Try every candidate setting of some rules on a variant of a scenario."""
+    run = _cases(scenario, number, every)
+    return {rule: try_all(rule, [run]) for rule in rules}
+
+
+def judge_held_out(
+    rules: dict[str, Rule], scenario: Scenario, number: int, every: float
+) -> tuple[dict[str, RuleScores], dict[str, TeamSizeScores]]:
+    """Judge some rules on a variant of a scenario, and what one more robot gains with the first of them."""
+    run = _cases(scenario, number, every)
+    first = next(iter(rules))
+    by_size = score_sizes([(number, run)], scenario.team.robots, {first: rules[first]})
+    return judge([(number, run)], rules, UnixClock().now), by_size
+
+
+def score_team_sizes(
+    rules: dict[str, Rule], scenario: Scenario, number: int, every: float
+) -> dict[str, TeamSizeScores]:
+    """Score each rule with teams of one, two, ... robots, in a variant of a scenario."""
+    return score_sizes([(number, _cases(scenario, number, every))], scenario.team.robots, rules)
+
+
+def _cases(scenario: Scenario, number: int, every: float) -> Run:
+    return first_hand_cases(variant(scenario, number), every)

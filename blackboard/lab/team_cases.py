@@ -1,0 +1,68 @@
+"""The opinions that the boards of a team would be given: robots and world in one process, without network, board or feedback.
+
+First-hand beliefs do not depend on what a board makes of them, so the cases of one run serve every rule.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from blackboard.config import Scenario
+from blackboard.errors import UserError
+from blackboard.lab.cases import Case, Run
+from blackboard.opinion.belief import Belief
+from robot_agent.agent import beliefs
+from robot_agent.config import RobotSection
+from robot_agent.estimator import Estimator
+from sim_world.mrclam.replay import Replay
+from sim_world.scenario import WorldSection
+from sim_world.sources import open_sensor_source
+
+
+def first_hand_cases(scenario: Scenario, every: float = 1.0) -> Run:
+    """The cases of a simulated or recorded run, one for each subject every `every` seconds, in the order of time.
+
+    The sources of a case are the robots that have a first-hand belief about the subject, sorted. UserError: a wrong scenario, or one
+    too short.
+    """
+    world, grid, time = open_sensor_source(scenario), scenario.grid, scenario.time
+    settings = scenario.section("robot", RobotSection)
+    estimators = {robot: Estimator.begin(settings, grid, robot) for robot in scenario.team.robots}
+    stride = max(1, round(every / time.tick))
+    cases: Run = []
+    for tick in range(round(time.seconds / time.tick) + 1):
+        truth, readings = world.advance("lab", tick)
+        for reading in readings:
+            estimators[reading.robot] = estimators[reading.robot].advance(reading)
+        if tick % stride or not world.judged(tick):
+            continue
+        by_subject = _beliefs_by_subject(estimators)
+        for subject, position in sorted(truth.positions.items()):
+            if subject in by_subject:
+                sources = tuple(sorted(by_subject[subject]))
+                opinions = np.stack([by_subject[subject][name].p for name in sources])
+                cases.append(Case(grid, subject, truth.time, sources, opinions, tuple(position)))
+    if not cases:
+        raise UserError(
+            f"{scenario.where}: in {time.seconds:g} s nothing is judged every {every:g} s; give a longer run"
+        )
+    return cases
+
+
+def variant(scenario: Scenario, number: int) -> Scenario:
+    """The scenario with its seed plus `number`, or with the stretch of the recording that is `number` lengths later."""
+    if not number:
+        return scenario
+    world = open_sensor_source(scenario)
+    if isinstance(world, Replay):
+        return scenario.changed("world", start=world.start + number * scenario.time.seconds)
+    return scenario.changed("world", seed=scenario.section("world", WorldSection).seed + number)
+
+
+def _beliefs_by_subject(estimators: dict[str, Estimator]) -> dict[str, dict[str, Belief]]:
+    """Subject -> robot -> its first-hand belief."""
+    found: dict[str, dict[str, Belief]] = {}
+    for robot, estimator in estimators.items():
+        for subject, belief in beliefs(estimator).items():
+            found.setdefault(subject, {})[robot] = belief
+    return found

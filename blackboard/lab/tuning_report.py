@@ -1,0 +1,83 @@
+"""What tuning found, as JSON and as text. Pure; the random generator is an argument."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from blackboard.lab.comparison import merged
+from blackboard.lab.estimates import RuleScores, difference, estimates, means
+from blackboard.lab.team_size import TeamSizeScores
+from blackboard.lab.tuning import board_table, enough
+from blackboard.opinion.rules import Rule
+
+
+def tuned(
+    choices: Mapping[str, Mapping[str, Any]],
+    best: Mapping[str, Any],
+    judged: Mapping[str, Rule],
+    checks: Sequence[tuple[dict[str, RuleScores], dict[str, TeamSizeScores]]],
+    *,
+    coverage: float,
+    gain: float,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """The choice with its intervals, how it and others did on held-out runs, and what one more robot gains."""
+    scores = merged([by_rule for by_rule, _ in checks])
+    by_size = reduce(TeamSizeScores.merge, (sizes["tuned"] for _, sizes in checks))
+    log_scores = by_size.means(np.array(by_size.log_scores))
+    gains = means(np.diff(log_scores, axis=1), rng)
+    return {
+        "asked": {"coverage_95": coverage, "gain": gain},
+        "choices": {
+            name: {key: value for key, value in choice.items() if key != "setting"} for name, choice in choices.items()
+        },
+        "chosen": {**best["setting"].in_force(), "honest": best["honest"]},
+        "board": board_table(best["setting"]),
+        "held_out": {
+            name: {
+                "rule": judged[name].in_force(),
+                **{column: asdict(e) for column, e in estimates(of_rule, rng).items()},
+            }
+            for name, of_rule in scores.items()
+        },
+        "gain_over_paper": asdict(difference(scores["tuned"], scores["paper"], rng)),
+        "team": {
+            "log_score": [asdict(e) for e in means(log_scores, rng)],
+            "gains": [asdict(e) for e in gains],
+            "enough": enough([e.value for e in gains], gain),
+        },
+    }
+
+
+def text(found: Mapping[str, Any]) -> str:
+    """The report as text."""
+    asked, lines = found["asked"], []
+    for name, choice in found["choices"].items():
+        intervals = ", ".join(f"{p} {_span(e)}" for p, e in choice["parameters"].items())
+        share = f"95 % coverage {choice['coverage_95']:.3f}" + ("" if choice["honest"] else ": LESS THAN ASKED")
+        lines.append(f"{name}: {intervals}; log score {choice['log_score']:.3f}, {share}")
+    lines += ["", f"on held-out runs {'RMSE':>9}{'log score':>25}{'95 % coverage':>22}{'entropy':>9}"]
+    for name, row in found["held_out"].items():
+        log, cover = _span(row["log_score"], 3), _span(row["coverage_95"], 3)
+        lines.append(f"  {name:14}{row['rmse']['value']:9.3f}{log:>25}{cover:>22}{row['entropy']['value']:9.2f}")
+    lines.append(f"the choice's log score is higher than the paper's by {_span(found['gain_over_paper'], 3)} nats")
+    lines += ["", "one robot more gains (nats of log score)"]
+    for n, gain in enumerate(found["team"]["gains"], start=2):
+        lines.append(f"  {n - 1} -> {n}: {_span(gain, 3)}")
+    size, least = found["team"]["enough"], f"{asked['gain']:g} nats"
+    most = size > len(found["team"]["gains"])
+    lines.append(
+        f"the last of {size} robots still gains {least}" if most else f"after {size} no robot more gains {least}"
+    )
+    lines += ["", found["board"]]
+    return "\n".join(lines)
+
+
+def _span(estimate: Mapping[str, float], places: int = 2) -> str:
+    value, low, high = (f"{estimate[key]:.{places}f}" for key in ("value", "low", "high"))
+    return f"{value} [{low}, {high}]"

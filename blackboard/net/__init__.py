@@ -1,0 +1,1 @@
+"""The network: the one Zenoh session of a process, its settings and its inbox."""

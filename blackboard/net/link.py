@@ -1,0 +1,201 @@
+"""Link: the Zenoh session of a process.
+
+Callbacks only enqueue into one bounded inbox, so that one thread owns all state. What is sent is kept, newest per key, and
+answered to queries.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Any
+
+import zenoh
+
+from blackboard.errors import UserError
+from blackboard.net.inbox import TOO_LARGE, Inbox
+from blackboard.net.settings import LinkConfig, endpoints, plain
+from blackboard.process.clock import UnixClock
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import MAX_BYTES
+
+log = logging.getLogger(__name__)
+
+ENCODING = "application/msgpack;cop.v1"
+PAUSE, LOG_AFTER = 0.1, 5.0  # seconds between tries to connect, and until the log says that it is waiting
+
+
+class Stopped(Exception):
+    """Asked to stop before the session was open."""
+
+
+class Link:
+    """A Zenoh session as a context manager; everything that arrives is an `Envelope` in one inbox."""
+
+    def __init__(
+        self,
+        config: LinkConfig,
+        name: str,
+        *,
+        patience: float = 10.0,
+        stopped: Callable[[], bool] = lambda: False,
+        clock: UnixClock | None = None,
+    ) -> None:
+        """Connect within `patience` seconds. Raises UserError where no router answers, Stopped where `stopped()` becomes true."""
+        self._session = _open(config, name, patience, stopped, clock or UnixClock())
+        self._inbox = Inbox()
+        self._newest: dict[str, bytes] = {}
+        self._publishers: dict[str, Any] = {}
+        self._answered: set[str] = set()
+        self._kept = ExitStack()  # what was declared; Zenoh undeclares what Python collects
+        # called last; an open session with callbacks keeps a process from ending
+        self._kept.callback(self._session.close)
+        self._sent = 0
+
+    def __enter__(self) -> Link:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Undeclare everything, the newest first, then close the session."""
+        self._kept.close()
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Envelopes sent, received and dropped here, and bytes of payload received."""
+        inbox = self._inbox
+        return {
+            "sent": self._sent,
+            "received": inbox.received,
+            "dropped": inbox.dropped,
+            "bytes": inbox.bytes_received,
+        }
+
+    def subscribe(self, key_expr: str) -> None:
+        """Deliver what others publish on a key expression; what this process publishes itself is not delivered.
+
+        The order of sending is kept within a subscription. Two of them may overtake each other: Zenoh gives each a queue and a thread
+        of its own, and calling us in its receiving thread instead would lose large messages while this process computes.
+        """
+        self._keep(self._session.declare_subscriber(key_expr, self._arrived, allowed_origin=zenoh.Locality.REMOTE))
+
+    def watch(self, key_expr: str) -> None:
+        """Deliver the liveliness tokens on a key expression as ALIVE and GONE, those already there first.
+
+        When the network is lost all are GONE, also this process's own; when it is back, Zenoh declares everything again.
+        """
+        self._keep(self._session.liveliness().declare_subscriber(key_expr, self._lively, history=True))
+
+    def token(self, key: str) -> None:
+        """Hold a liveliness token until the link is closed."""
+        self._keep(self._session.liveliness().declare_token(key))
+
+    def receive(self, timeout: float) -> list[Envelope]:
+        """The oldest of what has arrived, waiting up to `timeout` seconds for the first; empty if nothing came."""
+        return self._inbox.drain(timeout)
+
+    def send(self, envelope: Envelope) -> None:
+        """Publish a PUT or a DELETE, and keep the newest per key for queries.
+
+        During an outage nothing is sent and nothing raised; the newest is answered afterwards.
+        """
+        key = envelope.key
+        if key not in self._publishers:
+            self._publishers[key] = self._session.declare_publisher(
+                key, encoding=ENCODING, congestion_control=zenoh.CongestionControl.DROP
+            )
+        if envelope.kind is Kind.PUT:
+            self._newest[key] = envelope.payload
+            self._answer(_space(key))
+            self._publishers[key].put(envelope.payload)
+        elif envelope.kind is Kind.DELETE:
+            self._newest.pop(key, None)
+            self._publishers[key].delete()
+        else:
+            raise ValueError(f"{key}: liveliness is not sent; hold a token")
+        self._sent += 1
+
+    def get(self, key_expr: str, timeout: float = 2.0) -> list[Envelope]:
+        """The newest values on a key expression, of every process that answers, sorted by key."""
+        replies = self._session.get(key_expr, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE)
+        found = [_envelope(reply.ok, Kind.PUT) for reply in replies if reply.ok is not None]
+        return sorted(found, key=lambda envelope: envelope.key)
+
+    # --- what is declared, and its callbacks: they run in other threads, so they only enqueue or look up ----------------------
+
+    def _keep(self, declared: Any) -> None:
+        self._kept.callback(declared.undeclare)
+
+    def _answer(self, space: str) -> None:
+        """Declare a queryable for a key expression; not as `complete`, because other processes may have keys in it."""
+        if space not in self._answered:
+            self._answered.add(space)
+            direct: Any = zenoh.handlers.Callback(  # called in Zenoh's thread instead of one more for each queryable
+                lambda query: self._asked(query, space), indirect=False
+            )
+            self._keep(self._session.declare_queryable(space, direct))
+
+    def _asked(self, query: Any, space: str) -> None:
+        with query:  # a query that is not released keeps the other side waiting
+            for key, payload in list(self._newest.items()):
+                if _space(key) == space and query.key_expr.intersects(zenoh.KeyExpr(key)):
+                    query.reply(key, payload, encoding=ENCODING)
+
+    def _arrived(self, sample: Any) -> None:
+        kind = Kind.DELETE if sample.kind == zenoh.SampleKind.DELETE else Kind.PUT
+        self._inbox.put(_envelope(sample, kind), len(sample.payload))
+
+    def _lively(self, sample: Any) -> None:
+        kind = Kind.GONE if sample.kind == zenoh.SampleKind.DELETE else Kind.ALIVE
+        self._inbox.put(Envelope(str(sample.key_expr), b"", kind), 0)
+
+
+def _envelope(sample: Any, kind: Kind) -> Envelope:
+    payload = sample.payload
+    return Envelope(str(sample.key_expr), payload.to_bytes() if len(payload) <= MAX_BYTES else TOO_LARGE, kind)
+
+
+def _space(key: str) -> str:
+    """The key expression of the queryable that answers for a key: all subjects of its topic, or the key itself."""
+    found = keys.parse(key)
+    if found is None or "subject" not in found[1]:
+        return key
+    topic, parts = found
+    return topic.key(**{**parts, "subject": "**"})
+
+
+def start_zenoh_log() -> None:
+    """Start Zenoh's own log, on standard output, with the levels that RUST_LOG gives."""
+    zenoh.try_init_log_from_env()  # type: ignore[no-untyped-call]
+
+
+def _open(
+    config: LinkConfig, name: str, patience: float, stopped: Callable[[], bool], clock: UnixClock
+) -> zenoh.Session:
+    """Open a session, trying again until a router answers; each try is short, because it cannot be interrupted."""
+    built = config.build(name)
+    where = ", ".join(endpoints(built))
+    start, pause, logged = clock.now(), threading.Event(), False
+    while not stopped():
+        try:
+            return zenoh.open(built)
+        except zenoh.ZError as error:
+            if not str(error).startswith("Unable to connect"):
+                raise UserError(f"{name}: {plain(error)}; name other endpoints with -e or -l") from error
+            waited = clock.now() - start
+            if waited >= patience:
+                raise UserError(
+                    f"{name}: no Zenoh router answers at {where}; start `blackboard router` there, or name another endpoint "
+                    "with -e (RUST_LOG=zenoh=debug tells more)"
+                ) from error
+        if waited >= LOG_AFTER and not logged:
+            log.info("%s: waiting for a router at %s", name, where)
+            logged = True
+        pause.wait(PAUSE)
+    raise Stopped(f"{name}: stopped before it was connected")

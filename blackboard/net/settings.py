@@ -1,0 +1,112 @@
+"""The settings of a Zenoh session: what a person sets by file or flag, and our own defaults for the rest."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+
+from blackboard.errors import UserError
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+
+#: Our defaults, by Zenoh's configuration key.
+OURS: dict[str, Any] = {
+    "scouting/multicast/enabled": False,  # endpoints are given; a session joins no other network by chance
+    "scouting/delay": 10,  # ms; the default costs a router half a second
+    "timestamping/enabled": True,
+    "queries_default_timeout": 2000,  # ms
+    "transport/shared_memory/enabled": False,  # 16 MiB a process and seconds of latency with many small publishers
+    "transport/link/tx/lease": 2000,  # ms until a frozen process is noticed
+    # Messages may be dropped, but only after 100 ms in a full queue: a busy machine loses none, a frozen receiver delays 100 ms
+    "transport/link/tx/queue/size/data": 16,
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000,  # microseconds
+    "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 1.5},
+}
+#: More of them, by the mode of the session.
+OURS_BY_MODE: dict[str, dict[str, Any]] = {
+    "client": {"connect/timeout_ms": 1000},  # of one try: `zenoh.open` cannot be interrupted
+    "peer": {"listen/endpoints": []},  # Zenoh's own default is every interface
+    "router": {"listen/endpoints": [DEFAULT_ENDPOINT], "adminspace/enabled": True},  # which is read-only
+}
+
+
+@dataclass(frozen=True)
+class LinkConfig:
+    """Zenoh's usual settings, applied in the order of its own examples: `file`, then these, then `cfg` ("config/path:JSON5").
+
+    Where none of them sets a key, `OURS` does. The mode is client unless set otherwise.
+    """
+
+    mode: str | None = None
+    connect: Sequence[str] = ()
+    listen: Sequence[str] = ()
+    file: str | None = None
+    multicast: bool | None = None
+    cfg: Sequence[str] = ()
+
+    def build(self, name: str) -> zenoh.Config:
+        """The configuration of a session called `name`. UserError: Zenoh does not accept a setting; the text names it."""
+        try:
+            config = zenoh.Config.from_file(self.file) if self.file else zenoh.Config()
+        except zenoh.ZError as error:
+            raise UserError(
+                f"--config {self.file}: {plain(error)}; give a Zenoh configuration (JSON5 or YAML)"
+            ) from error
+        flags = {
+            "mode": self.mode,
+            "connect/endpoints": list(self.connect) or None,
+            "listen/endpoints": list(self.listen) or None,
+            "scouting/multicast/enabled": self.multicast,
+        }
+        for key, value in flags.items():
+            if value is not None:
+                _insert(config, key, json.dumps(value), " ".join((*self.connect, *self.listen)) or key)
+        for pair in self.cfg:
+            key, colon, value = pair.partition(":")
+            if not colon:
+                raise UserError(f"--cfg {pair}: write KEY:VALUE, the value in JSON5")
+            _insert(config, key, value, f"--cfg {pair}")
+        _apply_defaults(config, name)
+        return config
+
+
+def endpoints(config: zenoh.Config) -> list[str]:
+    """The endpoints that a session of this configuration connects to."""
+    found: list[str] = json.loads(config.get_json("connect/endpoints"))
+    return found
+
+
+def plain(error: Exception) -> str:
+    """The message of a Zenoh error in one line, without the places in its source."""
+    text = re.sub(r"\s+at \S+\.rs:\d+\.?", "", str(error))
+    found = re.search(r'msg: "(.*?)(?:", location|"\s*}|$)', text, re.DOTALL)
+    return " ".join((found[1] if found else text).split())[:300]
+
+
+def _insert(config: zenoh.Config, key: str, value: str, where: str) -> None:
+    try:
+        config.insert_json5(key, value)
+    except zenoh.ZError as error:
+        raise UserError(f"{where}: Zenoh does not take it ({plain(error)})") from error
+
+
+def _apply_defaults(config: zenoh.Config, name: str) -> None:
+    """Apply our defaults where neither file nor flag set a key, that is, where it still has Zenoh's own default."""
+    stock = zenoh.Config()
+
+    def default(key: str, value: Any) -> None:
+        if config.get_json(key) == stock.get_json(key):
+            config.insert_json5(key, json.dumps(value))
+
+    default("mode", "client")
+    default("metadata", {"name": name})
+    mode = json.loads(config.get_json("mode"))
+    for key, value in (OURS | OURS_BY_MODE[mode]).items():
+        default(key, value)
+    if mode == "client" and config.get_json("scouting/multicast/enabled") != "true":
+        default("connect/endpoints", [DEFAULT_ENDPOINT])

@@ -1,0 +1,90 @@
+"""Evidence increments: what a first-hand belief gained over its own prediction, to be multiplied in elsewhere once.
+
+A belief divided by its own prediction is the likelihood of what came in between, whatever was known before: the idea of
+the channel filter (Grime and Durrant-Whyte, Control Engineering Practice 2(5), 1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from blackboard.opinion.gaussian.joint import Block, Innovation, Joint, Moments
+from blackboard.opinion.gaussian.vehicle import HEADING, correct, wrap
+from blackboard.opinion.grid import Array
+
+KNOWN = 1e-18  # a prior variance below this is taken for none: the state is known and cannot gain
+FAINT = 1e-6  # a gain below this share of the prior information is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Increment:
+    """A likelihood exp(v^T d - d^T I d / 2) of d = state - reference; the heading's difference is wrapped.
+
+    `reference` and `vector` v have shape (9,), `information` I has shape (9, 9) and no negative eigenvalue.
+    """
+
+    reference: Array
+    information: Array
+    vector: Array
+
+
+def gained(prediction: Moments, belief: Moments) -> Increment | None:
+    """The belief over its own prediction, both of a robot's block; None where nothing was gained.
+
+    Directions in which the belief is wider than its prediction (a new linearisation point) are left out.
+    """
+    scale = np.sqrt(np.diag(prediction.covariance))
+    known = scale <= KNOWN**0.5
+    scale = np.where(known, 1.0, scale)
+    free = np.flatnonzero(~known)
+    prior = (prediction.covariance / np.outer(scale, scale))[np.ix_(free, free)]
+    after = (belief.covariance / np.outer(scale, scale))[np.ix_(free, free)]
+    shift = belief.mean - prediction.mean
+    shift[HEADING] = wrap(float(shift[HEADING]))
+    root = np.linalg.cholesky(prior + 1e-12 * np.eye(len(free)))
+    white = np.linalg.solve(root, np.linalg.solve(root, after).T)
+    left, axes = np.linalg.eigh(0.5 * (white + white.T))
+    gain = 1 / left - 1
+    told = gain > FAINT
+    if not told.any():
+        return None
+    gain, axes = gain[told], axes[:, told]
+    rows = np.zeros((len(gain), len(scale)))
+    rows[:, free] = np.linalg.solve(root.T, axes).T / scale[free]
+    moved = axes.T @ np.linalg.solve(root, (shift / scale)[free])
+    return Increment(prediction.mean.copy(), (rows.T * gain) @ rows, rows.T @ (moved * (1 + gain)))
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """An increment against a joint belief: the arguments of `vehicle.correct`."""
+
+    residual: Array
+    rows: Array
+    noise: Array
+    robot: Block
+
+    def innovation(self, joint: Joint) -> Innovation:
+        return joint.innovation(self.residual, {self.robot: self.rows}, self.noise)
+
+    def multiply(self, joint: Joint) -> None:
+        correct(joint, self.residual, {self.robot: self.rows}, self.noise)
+
+
+def likelihood(joint: Joint, robot: Block, increment: Increment) -> Likelihood | None:
+    """The increment as independent measurements along its axes; None where it says nothing."""
+    place = joint.blocks[robot]
+    scale = np.sqrt(np.diag(joint.covariance[place, place]))
+    scale = np.where(scale > 0, scale, 1.0)
+    values, axes = np.linalg.eigh(increment.information * np.outer(scale, scale))
+    told = values > max(1e-9, 1e-13 * float(values.max()))
+    if not told.any():
+        return None
+    values, axes = values[told], axes[:, told]
+    rows = axes.T / scale
+    apart = joint.mean[place] - increment.reference
+    apart[HEADING] = wrap(float(apart[HEADING]))
+    measured = (axes.T @ (increment.vector * scale)) / values
+    return Likelihood(measured - rows @ apart, rows, np.diag(1 / values), robot)

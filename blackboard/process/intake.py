@@ -1,0 +1,122 @@
+"""Intake: what every process does with the bytes that reach it. Open, count, refuse, warn once, and keep what came too early."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable
+
+from blackboard.errors import Refused
+from blackboard.wire.codec import open_envelope
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Status
+from blackboard.wire.types import Message
+
+log = logging.getLogger(__name__)
+
+STATUS_PERIOD = 1.0  # seconds between statuses while nothing else is sent
+MAX_WARNINGS = 1000  # sources and reasons that are remembered as logged
+MAX_AGES = 256  # sources whose age is shown
+MAX_EARLY = 1024  # keys of which the newest envelope is kept until it can be judged
+MAX_EARLY_BYTES = 8 << 20  # payload bytes of all these together
+
+#: Takes the parts of a key and its message; returns the envelopes to send. Raises Refused, or `TooEarly`.
+Handler = Callable[[dict[str, str], Message], list[Envelope]]
+
+
+class TooEarly(Exception):
+    """A handler cannot judge a message yet: `Intake.retry` hands it over again.
+
+    With a `refusal` the message is counted as refused now, and may be handled after all: its sender's token may be on
+    its way.
+    """
+
+    def __init__(self, refusal: Refused | None = None) -> None:
+        super().__init__()
+        self.refusal = refusal
+
+
+class Intake:
+    """Opens envelopes for one service, and has the counters that its Status shows.
+
+    `counters` counts, besides what the service adds, "heard" (messages that were handled), "early_dropped" (kept and then
+    dropped for want of room), and the link's "sent", "received", "dropped" and "bytes". `refused` counts by reason.
+    """
+
+    def __init__(self) -> None:
+        self.counters: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()
+        self.status_due = 0.0  # Unix seconds
+        self._heard_at: dict[str, float] = {}  # source -> Unix seconds, the one that is silent for longest first
+        self._warned: set[tuple[str, str]] = set()  # keys and reasons
+        self._early: dict[str, Envelope] = {}  # key -> the newest, the oldest arrival first
+        self._early_bytes = 0
+
+    def take(self, envelope: Envelope, handle: Handler) -> list[Envelope]:
+        """Hand the message of a PUT to `handle` and return its answers; none for other kinds and for what is refused."""
+        if envelope.kind is not Kind.PUT:
+            return []
+        try:
+            return self._hand_over(envelope, handle)
+        except TooEarly as early:
+            self._keep(envelope)
+            if early.refusal is not None:
+                self._refuse(envelope.key, early.refusal)
+            return []
+
+    def retry(self, handle: Handler) -> list[Envelope]:
+        """Hand over again all that came too early, in order of arrival."""
+        early, self._early, self._early_bytes = self._early, {}, 0
+        answers = []
+        for envelope in early.values():
+            try:
+                answers += self._hand_over(envelope, handle)
+            except TooEarly:
+                self._keep(envelope)
+        return answers
+
+    def _hand_over(self, envelope: Envelope, handle: Handler) -> list[Envelope]:
+        try:
+            _, parts, message = open_envelope(envelope)
+            answers = handle(parts, message)
+        except Refused as refusal:
+            self._refuse(envelope.key, refusal)
+            return []
+        self.counters["heard"] += 1
+        return answers
+
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        """Show the link's counters beside the service's own."""
+        for name, count in counters.items():
+            self.counters[name] = count
+
+    def record_age(self, source: str, now: float) -> None:
+        """Remember that a source was heard now; the status shows how long ago that is."""
+        self._heard_at.pop(source, None)
+        self._heard_at[source] = now
+        if len(self._heard_at) > MAX_AGES:
+            del self._heard_at[next(iter(self._heard_at))]
+
+    def counted(self, status: Status, now: float) -> Status:
+        """A status with counters and ages as they stand; the next one is due `STATUS_PERIOD` after `now`."""
+        self.status_due = now + STATUS_PERIOD
+        ages = {source: now - at for source, at in sorted(self._heard_at.items())}
+        counts = {"counters": dict(self.counters), "refused": dict(self.refused), "ages": ages}
+        return status.model_copy(update=counts)
+
+    def _keep(self, envelope: Envelope) -> None:
+        """Keep the newest envelope per key; the oldest are dropped where there are too many, or too many bytes."""
+        before = self._early.pop(envelope.key, None)
+        self._early_bytes += len(envelope.payload) - (0 if before is None else len(before.payload))
+        self._early[envelope.key] = envelope
+        while len(self._early) > MAX_EARLY or self._early_bytes > MAX_EARLY_BYTES:
+            dropped = self._early.pop(next(iter(self._early)))
+            self._early_bytes -= len(dropped.payload)
+            self.counters["early_dropped"] += 1
+
+    def _refuse(self, key: str, refusal: Refused) -> None:
+        self.refused[refusal.reason] += 1
+        shown = key if len(key) <= 200 else key[:200] + "..."
+        if (shown, refusal.reason) not in self._warned and len(self._warned) < MAX_WARNINGS:
+            self._warned.add((shown, refusal.reason))
+            log.warning("refused %s (%s); counted, and not logged again for this source", shown, refusal)

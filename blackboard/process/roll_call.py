@@ -1,0 +1,61 @@
+"""Roll call: has everything that a source lists for a tick arrived? Pure, and bounded: the oldest is forgotten first."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Generic, TypeVar
+
+MAX_SOURCES = 1024
+MAX_SUBJECTS = 1024  # of one source
+
+Source = TypeVar("Source")  # a sender: a robot, (sub-team, board), ...
+
+
+class RollCall(Generic[Source]):
+    """The newest tick of what each source sent about each subject, and the list that each source sent last."""
+
+    def __init__(self) -> None:
+        self._lists: dict[Source, tuple[int, frozenset[str]]] = {}
+        self._heard: dict[Source, dict[str, int]] = {}
+
+    def record(self, source: Source, subject: str, tick: int) -> bool:
+        """Record what a source sent about a subject. True if it is newer than what this source sent before."""
+        subjects = self._heard.pop(source, {})
+        before = subjects.pop(subject, -1)
+        _put(subjects, subject, max(tick, before), MAX_SUBJECTS)
+        _put(self._heard, source, subjects, MAX_SOURCES)
+        return tick > before
+
+    def record_list(self, source: Source, tick: int, subjects: Collection[str]) -> bool:
+        """Record the list of all that a source sent in a tick. True if it is of another tick than its list before.
+
+        The list that arrived last counts, because a source that was started again may count its ticks anew.
+        """
+        before = self._lists.pop(source, None)
+        _put(self._lists, source, (tick, frozenset(subjects)), MAX_SOURCES)
+        return before is None or tick != before[0]
+
+    def list_of(self, source: Source) -> tuple[int, frozenset[str]] | None:
+        """The newest tick that a source lists, and the subjects; None if it never listed any."""
+        return self._lists.get(source)
+
+    def arrived(self, source: Source, tick: int, subjects: Collection[str]) -> bool:
+        """Whether what `source` sent about each of these subjects in `tick`, or something newer, is here."""
+        known = self._heard.get(source, {})
+        return all(known.get(subject, -1) >= tick for subject in subjects)
+
+    def complete(self, source: Source, tick: int) -> bool:
+        """Whether a source has listed exactly this tick, and everything on its list is here."""
+        listed = self._lists.get(source)
+        return listed is not None and listed[0] == tick and self.arrived(source, tick, listed[1])
+
+
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+
+
+def _put(table: dict[Key, Value], key: Key, value: Value, most: int) -> None:
+    """Set a key at the end of a table; where that makes too many, the first goes."""
+    table[key] = value
+    if len(table) > most:
+        del table[next(iter(table))]

@@ -1,0 +1,1 @@
+"""Running processes: what all doors share, the launcher and its supervisor, health checks."""

@@ -1,0 +1,187 @@
+"""What all doors share: Zenoh's usual flags, logging, signals and exit codes.
+
+Exit codes: 0 done, 1 the run or its check failed, 2 a user error (one clear line on standard error), 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, NoReturn
+
+import structlog
+from cyclopts import App, CycloptsError, Parameter
+
+import blackboard
+from blackboard.errors import RunFailed, UserError
+from blackboard.net.link import Link, Stopped, start_zenoh_log
+from blackboard.net.settings import DEFAULT_ENDPOINT, LinkConfig
+from blackboard.process.clock import UnixClock
+from blackboard.process.loop import run
+from blackboard.process.service import Service
+from blackboard.run.lifeline import follow
+from blackboard.wire.names import NAME
+
+log = structlog.get_logger()
+
+DONE, FAILED, USER_ERROR, INTERRUPTED = 0, 1, 2, 130  # exit statuses; a command may return others
+PARENT = "BLACKBOARD_PARENT"  # set for a child: the process that it must not outlive
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ZenohFlags:
+    """Zenoh's usual flags."""
+
+    mode: Annotated[Literal["client", "peer", "router"] | None, Parameter(name=["--mode", "-m"])] = None
+    "Mode of the Zenoh session [default: client]."
+    connect: Annotated[list[str], Parameter(name=["--connect", "-e"], negative="", show_default=False)] = field(
+        default_factory=list
+    )
+    "Endpoint to connect to; may be given again [default: tcp/127.0.0.1:7447]."
+    listen: Annotated[list[str], Parameter(name=["--listen", "-l"], negative="", show_default=False)] = field(
+        default_factory=list
+    )
+    "Endpoint to listen on; may be given again."
+    config: Annotated[str | None, Parameter(name=["--config", "-c"])] = None
+    "A Zenoh configuration file (JSON5 or YAML)."
+    multicast_scouting: Annotated[bool | None, Parameter(name="--multicast-scouting")] = None
+    "Look for others by multicast; off unless asked for."
+    cfg: Annotated[list[str], Parameter(name="--cfg", negative="", show_default=False)] = field(default_factory=list)
+    "A Zenoh setting KEY:VALUE, VALUE in JSON5; may be given again."
+
+    def link(self, **changes: object) -> LinkConfig:
+        """The link's configuration, with some settings changed."""
+        settings: dict[str, object] = {
+            "mode": self.mode,
+            "connect": tuple(self.connect),
+            "listen": tuple(self.listen),
+            "file": self.config,
+            "multicast": self.multicast_scouting,
+            "cfg": tuple(self.cfg),
+        }
+        return LinkConfig(**(settings | changes))  # type: ignore[arg-type]
+
+
+class Stop:
+    """A flag that the first SIGINT or SIGTERM sets; the loop looks at it, so that the process ends in order."""
+
+    def __init__(self) -> None:
+        self._event = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self._event.set())
+
+    def __call__(self) -> bool:
+        return self._event.is_set()
+
+    def wait(self, seconds: float) -> bool:
+        return self._event.wait(seconds)
+
+
+def serve(service: Service, name: str, flags: ZenohFlags, *, patience: float = 30.0) -> None:
+    """Run a service over a Zenoh session of its own until it is done or a signal comes."""
+    stop, clock = Stop(), UnixClock()
+    with Link(flags.link(), name, patience=patience, stopped=stop, clock=clock) as link:
+        log.info("ready", process=name, tokens=list(service.tokens))
+        run(service, link, clock, stop)
+
+
+def route(flags: ZenohFlags) -> None:
+    """Run a Zenoh router until a signal comes. It is ready as soon as a session can be opened through it."""
+    stop = Stop()
+    with Link(flags.link(mode="router"), "router", stopped=stop):
+        log.info("ready", process="router", listen=flags.listen or flags.config or DEFAULT_ENDPOINT)
+        while not stop.wait(3600.0):
+            pass
+
+
+def check_name(what: str, value: str) -> None:
+    """Check that a name can be one chunk of a Zenoh key. UserError: it cannot; `what` names the flag."""
+    if not re.fullmatch(NAME, value):
+        raise UserError(
+            f"{what} {value!r}: use up to 64 letters, digits, '.', '_' and '-', it becomes part of a Zenoh key"
+        )
+
+
+def version() -> str:
+    """The version of the package, for `--version`."""
+    return blackboard.__version__
+
+
+def main(app: App) -> NoReturn:
+    """Run a command line and exit: with the integer it returns, or with the status of the error that it meets.
+
+    SIGINT interrupts also where it was ignored at the start, as it is for what a shell script puts into the background. The
+    processes started from here on then get the default disposition: a program inherits what is ignored, but no handler.
+    """
+    status: object = DONE
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        follow_parent()
+        _set_up_logging()
+        status = app(exit_on_error=False, print_error=False, result_action="return_value")
+    except (CycloptsError, UserError, RunFailed) as error:
+        print("error:", *str(error).split(), file=sys.stderr)  # noqa: T201
+        status = FAILED if isinstance(error, RunFailed) else USER_ERROR
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except Stopped:
+        pass
+    sys.stdout.flush()
+    sys.exit(status if isinstance(status, int) else DONE)
+
+
+def _set_up_logging() -> None:
+    """Logs go to standard error, as text on a terminal and as JSON where LOG_FORMAT=json; standard output is for data."""
+    renderer: Callable[..., object] = (
+        structlog.processors.JSONRenderer()
+        if os.environ.get("LOG_FORMAT") == "json"
+        else structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), pad_event_to=0)
+    )
+    shared: list[structlog.typing.Processor] = [
+        structlog.stdlib.add_log_level,
+        structlog.processors.TimeStamper(fmt="%H:%M:%S", utc=False),
+    ]
+    structlog.configure(
+        processors=[*shared, structlog.stdlib.ProcessorFormatter.wrap_for_formatter],
+        logger_factory=structlog.stdlib.LoggerFactory(),
+    )
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(
+        structlog.stdlib.ProcessorFormatter(
+            foreign_pre_chain=shared,
+            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, renderer],  # type: ignore[list-item]
+        )
+    )
+    _zenoh_log()
+    level = os.environ.get("LOG_LEVEL", "INFO").upper()
+    logging.basicConfig(
+        level=level if level in logging.getLevelNamesMapping() else "INFO", handlers=[handler], force=True
+    )
+
+
+def _zenoh_log() -> None:
+    """Turn on Zenoh's own log where RUST_LOG asks for it.
+
+    Zenoh writes it to standard output, which is for data. So descriptor 1 becomes standard error, and `sys.stdout` gets a
+    duplicate of the descriptor that it had.
+    """
+    if "RUST_LOG" in os.environ:
+        sys.stdout.flush()
+        data = os.dup(1)
+        os.dup2(2, 1)
+        sys.stdout = os.fdopen(data, "w")
+        start_zenoh_log()
+
+
+def follow_parent() -> None:
+    """End with the process whose number BLACKBOARD_PARENT gives; without it, do nothing."""
+    parent = os.environ.get(PARENT)
+    if parent:
+        follow(int(parent))

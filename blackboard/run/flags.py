@@ -1,0 +1,114 @@
+"""The flags that several commands share, each declared once: what to run, how long, and how to show what came of it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from blackboard.config import Scenario, load
+from blackboard.errors import UserError
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class RecordingFlags:
+    """Which recording to replay, and which part of it."""
+
+    mrclam: str | None = None
+    "Replay the recorded team in this folder (MRCLAM format)."
+    start: float | None = None
+    "Where the replay begins, Unix time."
+    protocol: str | None = None
+    "Which of its landmark sightings may be used, as A_all or C_blind12."
+
+    @property
+    def given(self) -> bool:
+        """Whether any of these flags is set."""
+        return self != RecordingFlags()
+
+    def scenario(self, name: str | None = None) -> Scenario:
+        """The named scenario [default: demo, or mrclam with --mrclam] with these flags applied to its world.
+
+        UserError: --start or --protocol where the world is not a recording.
+        """
+        recorded = None if self.mrclam is None else "mrclam"
+        scenario = load(name or recorded or "demo")
+        scenario = scenario.changed("world", kind=recorded, dir=self.mrclam, start=self.start, protocol=self.protocol)
+        if self.given and scenario.tables["world"].get("kind") != "mrclam":
+            raise UserError("--start and --protocol are about a recording: name its folder with --mrclam")
+        return scenario
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LengthFlags:
+    """The random numbers and the length of a run."""
+
+    seed: int | None = None
+    "Seed of the random numbers [default: the scenario's; 1 in lab and tune, where it draws trials and intervals]."
+    seconds: float | None = None
+    "Length of a run, in seconds of team time [default: the scenario's]."
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class RunFlags(LengthFlags):
+    """The random numbers, the length and the pace of a run."""
+
+    realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False
+    "Pace by the wall clock instead of waiting for everybody."
+
+    def apply(self, scenario: Scenario) -> Scenario:
+        """The scenario with these flags instead of what it says itself."""
+        mode = "realtime" if self.realtime else None
+        return scenario.changed("world", seed=self.seed).changed("time", seconds=self.seconds, mode=mode)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class TeamFlags:
+    """Who is in the team, and how it pools."""
+
+    robots: int | None = None
+    "Another number of robots, spread over the sub-teams."
+    rule: str | None = None
+    "Another rule than the scenario's for pooling first-hand beliefs; implies --fusion opinions."
+    fusion: Literal["opinions", "joint"] | None = None
+    "Pool opinions, or keep a joint belief of the team [default: the scenario's]."
+
+    def apply(self, scenario: Scenario) -> Scenario:
+        """The scenario with these flags instead of what it says itself. UserError: fewer robots than sub-teams."""
+        if self.robots is not None:
+            scenario = scenario.changed("team", sub_teams=_spread(list(scenario.team.sub_teams), self.robots))
+        fusion = self.fusion or ("opinions" if self.rule is not None else None)  # a rule is for opinions
+        return scenario.with_rule(self.rule).changed("board", fusion=fusion)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class OutputFlags:
+    """How a result is shown."""
+
+    as_json: Annotated[bool, Parameter(name="--json", negative="", show_default=False)] = False
+    "Print the result as one JSON object, and nothing else, on standard output."
+
+    def show(self, result: dict[str, Any], text: Callable[[dict[str, Any]], str]) -> None:
+        """Print a result on standard output, as JSON or as the text that `text` makes of it."""
+        sys.stdout.write((json.dumps(result) if self.as_json else text(result)) + "\n")
+
+
+def _spread(sub_teams: list[str], robots: int) -> dict[str, list[str]]:
+    """r1..rN over the sub-teams, in runs whose lengths differ by one at most."""
+    n = len(sub_teams)
+    if robots < n:
+        raise UserError(f"--robots {robots}: at least {n}, one for each sub-team")
+    bounds = [round(i * robots / n) for i in range(n + 1)]
+    return {
+        name: [f"r{k + 1}" for k in range(low, high)]
+        for name, low, high in zip(sub_teams, bounds, bounds[1:], strict=False)
+    }

@@ -1,0 +1,205 @@
+"""The process table of a scenario, and running it: start all in order, wait until they are ready, stop all when the world ends."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+import socket
+import sys
+import tempfile
+import threading
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from blackboard.config import Scenario
+from blackboard.errors import Refused, RunFailed, UserError
+from blackboard.net.link import Link
+from blackboard.net.settings import LinkConfig
+from blackboard.process.roster import Roster
+from blackboard.run.supervisor import Process, Supervisor
+from blackboard.wire import keys
+from blackboard.wire.codec import open_envelope
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock
+
+READY_SECONDS = 60.0  # for all processes to show their tokens, on a machine that may be slow
+
+Progress = Callable[[int, int], None]  # ticks done, of all
+
+
+@dataclass(frozen=True)
+class ProcessTable:
+    """The processes of a scenario in the order in which they start."""
+
+    routers: tuple[Process, ...]  # none where a network is given
+    members: tuple[Process, ...]  # boards and robots
+    world: Process
+
+    @property
+    def tokens(self) -> frozenset[str]:
+        """The liveliness tokens that are up when everybody but the world is ready."""
+        return frozenset(token for member in self.members for token in member.tokens)
+
+
+def process_table(scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None) -> ProcessTable:
+    """The process table of a scenario in `file`; with `own_endpoint` it has a router of its own, which listens there too."""
+    python, team = (sys.executable, "-m"), scenario.team
+    routers: tuple[Process, ...] = ()
+    if own_endpoint is not None:
+        arguments = _flags(replace(config, mode=None, listen=(own_endpoint, *config.listen)))
+        routers = (Process("router", (*python, "blackboard", "router", *arguments)),)
+        config = replace(config, connect=(own_endpoint,), listen=())
+    common = ("--scenario", file, *_flags(config))
+    members = []
+    for sub_team in team.sub_teams:
+        board = f"board-{sub_team}"
+        arguments = ("serve", "--team", team.name, "--sub-team", sub_team, "--id", board)
+        token = keys.BOARD.key(team=team.name, sub_team=sub_team, board=board)
+        members.append(Process(board, (*python, "blackboard", *arguments, *common), frozenset({token})))
+    for robot in team.robots:
+        sub_teams = [sub_team for sub_team, robots in team.sub_teams.items() if robot in robots]
+        arguments = ("--team", team.name, "--id", robot, *(part for s in sub_teams for part in ("--sub-team", s)))
+        tokens = frozenset(keys.MEMBER.key(team=team.name, sub_team=s, robot=robot) for s in sub_teams)
+        members.append(Process(robot, (*python, "robot_agent", *arguments, *common), tokens))
+    world = Process("world", (*python, "sim_world", file, "--json", *_flags(config)))
+    return ProcessTable(routers, tuple(members), world)
+
+
+def _flags(config: LinkConfig) -> tuple[str, ...]:
+    """The command-line flags from which a door makes this configuration again."""
+    pairs = [("--mode", config.mode), ("--config", config.file)]
+    pairs += [("--connect", endpoint) for endpoint in config.connect]
+    pairs += [("--listen", endpoint) for endpoint in config.listen]
+    pairs += [("--cfg", setting) for setting in config.cfg]
+    switch = {None: (), True: ("--multicast-scouting",), False: ("--no-multicast-scouting",)}[config.multicast]
+    return (*(part for name, value in pairs if value is not None for part in (name, value)), *switch)
+
+
+def free_port() -> int:
+    """A port of 127.0.0.1 that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def run_scenario(
+    scenario: Scenario, progress: Progress | None = None, config: LinkConfig | None = None
+) -> tuple[int, dict[str, Any]]:
+    """Run every process of a scenario until its world ends: the world's exit status and scorecard.
+
+    The network is the one that `config` names an endpoint or a file for, else a router of its own on 127.0.0.1.
+    UserError: a process ended with one. RunFailed: the world gave no scorecard. KeyboardInterrupt: SIGINT or SIGTERM came. In
+    every case all processes are stopped.
+    """
+    config = config or LinkConfig()
+    own_endpoint = None if config.connect or config.file else f"tcp/127.0.0.1:{free_port()}"
+    with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
+        file = Path(folder) / "scenario.json"
+        file.write_text(scenario.to_json(), encoding="utf-8")
+        processes = process_table(scenario, str(file), config, own_endpoint)
+        if own_endpoint is not None:
+            config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg)
+        try:
+            return asyncio.run(_run(processes, scenario, config, progress))
+        except asyncio.CancelledError:
+            raise KeyboardInterrupt from None
+        except UserError as error:  # a child names the copy that it has read, not the person's own file
+            raise UserError(str(error).replace(str(file), scenario.where)) from error
+
+
+async def _run(
+    processes: ProcessTable, scenario: Scenario, config: LinkConfig, progress: Progress | None
+) -> tuple[int, dict[str, Any]]:
+    main = asyncio.current_task()
+    assert main is not None
+    # asyncio.run handles SIGINT only where it is not ignored; where a script started this in the background, it is. With a
+    # handler here the processes started below get the default disposition, because a program does not inherit handlers.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, main.cancel)
+    async with Supervisor() as supervisor:
+        for router in processes.routers:
+            supervisor.keep_running(router)
+        async with _observer(config, scenario, supervisor.release, progress) as observer:
+            for member in processes.members:
+                supervisor.keep_running(member)
+            await observer.until_alive(processes.tokens)
+            status, output = await supervisor.run(processes.world)
+    try:
+        return status, json.loads(output)
+    except ValueError:
+        raise RunFailed(f"the world ended with status {status} and without a scorecard") from None
+
+
+class Observer:
+    """What a launcher sees of a running team: the tokens that are alive, among them the world's, and the world's clock."""
+
+    def __init__(
+        self, link: Link, scenario: Scenario, on_world_alive: Callable[[], None], progress: Progress | None
+    ) -> None:
+        self._link, self._on_world_alive, self._progress = link, on_world_alive, progress
+        self._ticks = round(scenario.time.seconds / scenario.time.tick)
+        self._roster = Roster()
+        self._changed = asyncio.Event()
+        team = scenario.team.name
+        self._world = keys.WORLD.key(team=team)
+        link.watch(self._world)
+        link.watch(keys.BOARD.key(team=team, sub_team="*", board="*"))
+        link.watch(keys.MEMBER.key(team=team, sub_team="*", robot="*"))
+        if progress is not None:
+            link.subscribe(keys.CLOCK.key(team=team))
+
+    async def follow(self) -> None:
+        """Take in what arrives, until cancelled."""
+        while True:
+            for envelope in await asyncio.to_thread(self._link.receive, 0.2):
+                self._take(envelope)
+
+    def _take(self, envelope: Envelope) -> None:
+        if envelope.kind in (Kind.ALIVE, Kind.GONE):
+            self._roster.hear(envelope, 0.0)
+            self._changed.set()
+            if self._world in self._roster.tokens:
+                self._on_world_alive()
+        elif self._progress is not None:
+            with suppress(Refused):
+                _, _, message = open_envelope(envelope)
+                if isinstance(message, Clock):
+                    self._progress(message.tick, self._ticks)
+
+    async def until_alive(self, tokens: frozenset[str]) -> None:
+        """Wait until all these tokens are alive. RunFailed: some are not after READY_SECONDS."""
+        try:
+            async with asyncio.timeout(READY_SECONDS):
+                while not tokens <= self._roster.tokens:
+                    await self._changed.wait()
+                    self._changed.clear()
+        except TimeoutError:
+            late = ", ".join(sorted(token.rsplit("/", 1)[1] for token in tokens - self._roster.tokens))
+            raise RunFailed(f"not ready after {READY_SECONDS:g} s: {late}; their output is above") from None
+
+
+@asynccontextmanager
+async def _observer(
+    config: LinkConfig, scenario: Scenario, on_world_alive: Callable[[], None], progress: Progress | None
+) -> AsyncIterator[Observer]:
+    """An observer with a session of its own, which opens as soon as the router is ready.
+
+    Opening runs in a thread, which tries again and again; where this is cancelled, `given_up` ends the thread.
+    """
+    given_up = threading.Event()
+    try:
+        link = await asyncio.to_thread(Link, config, "launcher", patience=READY_SECONDS, stopped=given_up.is_set)
+    finally:
+        given_up.set()
+    with link:
+        observer = Observer(link, scenario, on_world_alive, progress)
+        following = asyncio.create_task(observer.follow())
+        try:
+            yield observer
+        finally:
+            following.cancel()

@@ -1,0 +1,246 @@
+"""Evidence for a joint board on the wire: what a robot gained in a tick, as a Gaussian, beside the belief that it reports.
+
+The shapes are those of `blackboard.opinion.gaussian`: a state has 9 entries (x, y, heading, forward and turn scale, drift, bearing
+bias, slip, range scale). A symmetric matrix of n rows is sent as its upper triangle, row by row, n (n + 1) / 2 numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from blackboard.errors import Refused
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import Bias, Relative
+from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
+from blackboard.opinion.grid import Array
+from blackboard.wire.types import MAX_OPINIONS, Finite, Listed, Message, Name, Part, Subject, Tick
+
+TRIANGLE = STATES * (STATES + 1) // 2
+MAX_RELATIVES = 64
+MAX_PROFILE = 64
+LARGEST = 1e12  # of any number: sums, variances and their inverses stay finite when they are multiplied
+NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
+
+
+def _bounded(value: float) -> float:
+    if abs(value) > LARGEST:
+        raise ValueError(f"is larger than {LARGEST:g}")
+    return value
+
+
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_bounded)]
+Variance = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
+State = Annotated[tuple[Number, ...], Field(min_length=STATES, max_length=STATES), Listed]
+Triangle = Annotated[tuple[Number, ...], Field(min_length=TRIANGLE, max_length=TRIANGLE), Listed]
+
+
+class PackedState(Part):
+    """Mean and covariance of a robot's whole block."""
+
+    mean: State
+    covariance: Triangle
+
+
+class PackedIncrement(Part):
+    """The likelihood exp(v . d - d . I d / 2) of d = state - reference: what was gained in one tick."""
+
+    reference: State
+    information: Triangle
+    vector: State
+
+
+class PackedMotion(Part):
+    """The odometry since the epoch began, summed up, so that a lost report loses no motion."""
+
+    distance: Number  # unit, as told
+    turn: Number  # radians, as told
+    time: Variance  # seconds
+    moving: Variance  # seconds of them in motion
+    along: Variance  # unit ** 2
+    across: Variance  # unit ** 2
+    heading: Variance  # radians ** 2
+
+
+class PackedNuisance(Part):
+    """How the lasting errors of wheels and camera behave (`vehicle.Nuisance`); a memory of 0 s is for ever."""
+
+    forward: Number
+    turn: Number
+    sigmas: Annotated[tuple[Variance, ...], Field(min_length=6, max_length=6), Listed]
+    walks: Annotated[tuple[Variance, ...], Field(min_length=3, max_length=3), Listed]
+    memory: Annotated[tuple[Variance, ...], Field(min_length=3, max_length=3), Listed]
+
+
+class PackedRelative(Part):
+    """The newest sighting of a mate or an object, relative to the robot that took it; `biases` are (sigma, seconds)."""
+
+    subject: Subject
+    range: Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
+    bearing: Number
+    range_variance: Variance
+    bearing_variance: Variance
+    age: Variance = 0.0
+    biases: Annotated[
+        list[Annotated[tuple[Variance, Annotated[float, Field(gt=0, le=LARGEST)]], Listed]], Field(max_length=4)
+    ] = Field(default_factory=list)
+    group: Annotated[str, Field(max_length=80)] = ""
+
+
+class PackedEvidence(Part):
+    """What a robot contributes to the joint in one tick, numbered by its source, its epoch and the tick."""
+
+    epoch: Annotated[int, Field(ge=0, lt=1 << 53)]
+    travelled: PackedMotion
+    nuisance: PackedNuisance
+    state: PackedState | None = None
+    increment: PackedIncrement | None = None
+    relatives: Annotated[list[PackedRelative], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)
+    profile: Annotated[list[Annotated[tuple[Variance, Variance], Listed]], Field(max_length=MAX_PROFILE)] = Field(
+        default_factory=list
+    )
+
+
+class Forwarded(Part):
+    """The evidence of one robot in one tick, as its board took it from the robot's report."""
+
+    robot: Name
+    tick: Tick
+    evidence: PackedEvidence
+
+
+class Forward(Message):
+    """The evidence of a sub-team's robots in one tick, from its board to the other boards, so that each can settle all of it."""
+
+    board: Name
+    sub_team: Name
+    tick: Tick
+    time: Finite
+    evidence: Annotated[list[Forwarded], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
+
+
+# --- ours to the wire ------------------------------------------------------------------------------------------------------
+
+
+def pack_evidence(
+    epoch: int,
+    travelled: Motion,
+    nuisance: Nuisance,
+    state: Moments | None,
+    increment: Increment | None,
+    relatives: Sequence[Relative],
+) -> PackedEvidence:
+    """The evidence of one tick for a Report; the relatives' common profile is sent once."""
+    return PackedEvidence(
+        epoch=epoch,
+        travelled=PackedMotion(
+            distance=travelled.distance,
+            turn=travelled.turn,
+            time=travelled.dt,
+            moving=travelled.moving,
+            along=travelled.along,
+            across=travelled.across,
+            heading=travelled.heading,
+        ),
+        nuisance=PackedNuisance(
+            forward=nuisance.forward,
+            turn=nuisance.turn,
+            sigmas=nuisance.sigmas,
+            walks=nuisance.walks,
+            memory=tuple(0.0 if np.isinf(seconds) else seconds for seconds in nuisance.memory),
+        ),
+        state=None if state is None else pack_state(state),
+        increment=None
+        if increment is None
+        else PackedIncrement(
+            reference=_row(increment.reference),
+            information=_upper(increment.information),
+            vector=_row(increment.vector),
+        ),
+        relatives=[
+            PackedRelative(
+                subject=it.subject,
+                range=it.range,
+                bearing=it.bearing,
+                range_variance=it.range_variance,
+                bearing_variance=it.bearing_variance,
+                age=it.age,
+                biases=[(bias.sigma, bias.seconds) for bias in it.biases],
+                group=it.group,
+            )
+            for it in relatives[:MAX_RELATIVES]
+        ],
+        profile=list(relatives[0].profile) if relatives else [],
+    )
+
+
+def pack_state(state: Moments) -> PackedState:
+    """Mean, shape (9,), and covariance, shape (9, 9), of a robot's block."""
+    return PackedState(mean=_row(state.mean), covariance=_upper(state.covariance))
+
+
+# --- the wire to ours ------------------------------------------------------------------------------------------------------
+
+
+def unpack_state(packed: PackedState) -> Moments:
+    """Mean, shape (9,), and covariance, shape (9, 9). Refused: "mass", a covariance that is none."""
+    return Moments(np.array(packed.mean), _symmetric(packed.covariance, "state.covariance"))
+
+
+def unpack_increment(packed: PackedIncrement) -> Increment:
+    """Refused: "mass", an information matrix with a negative eigenvalue."""
+    information = _symmetric(packed.information, "increment.information")
+    return Increment(np.array(packed.reference), information, np.array(packed.vector))
+
+
+def unpack_motion(packed: PackedMotion) -> Motion:
+    return Motion(packed.distance, packed.turn, packed.time, packed.moving, packed.along, packed.across, packed.heading)
+
+
+def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
+    memory = tuple(seconds or np.inf for seconds in packed.memory)
+    return Nuisance(packed.forward, packed.turn, packed.sigmas, packed.walks, memory)
+
+
+def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:
+    """The relative beliefs of a robot, named by its subject, `robot/r1`."""
+    profile = tuple(packed.profile)
+    return tuple(
+        Relative(
+            observer=observer,
+            subject=it.subject,
+            range=it.range,
+            bearing=it.bearing,
+            range_variance=it.range_variance,
+            bearing_variance=it.bearing_variance,
+            age=it.age,
+            biases=tuple(Bias(sigma, seconds) for sigma, seconds in it.biases),
+            group=it.group,
+            profile=profile,
+        )
+        for it in packed.relatives
+    )
+
+
+def _row(values: Array) -> tuple[float, ...]:
+    return tuple(float(v) for v in values)
+
+
+def _upper(matrix: Array) -> tuple[float, ...]:
+    return tuple(float(v) for v in matrix[np.triu_indices(STATES)])
+
+
+def _symmetric(upper: Sequence[float], field: str) -> Array:
+    matrix = np.zeros((STATES, STATES))
+    matrix[np.triu_indices(STATES)] = upper
+    matrix = matrix + np.triu(matrix, 1).T
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    scaled = matrix / np.outer(scale + (scale == 0), scale + (scale == 0))
+    values = np.linalg.eigvalsh(scaled)
+    if values[0] < NEGATIVE * max(1.0, float(values[-1])):
+        raise Refused("mass", f"{field} has a negative eigenvalue, {values[0]:.3g} of its scale")
+    return matrix

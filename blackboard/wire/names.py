@@ -1,0 +1,6 @@
+"""What a name may be: one chunk of a Zenoh key. The one definition of the pattern, without anchors."""
+
+from __future__ import annotations
+
+NAME = r"[A-Za-z0-9_.-]{1,64}"
+SUBJECT_KINDS = "robot|object|landmark"  # what a subject is about: `<kind>/<name>`

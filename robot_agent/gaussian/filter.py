@@ -1,0 +1,223 @@
+"""A robot's private first-hand filter: readings in; the sum of motions, an evidence increment and relative beliefs out.
+
+It rests on the robot's own readings alone and takes nothing back from the team. What the team believes may be given as
+the place to linearise at: that is no evidence. A robot whose heading is known and whose position is not starts with a flat
+position; one that knows neither has no Gaussian belief, and its caller keeps a grid until that has one hypothesis (`enter`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.gaussian.increment import Increment, gained
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
+from blackboard.opinion.gaussian.vehicle import (
+    AXES,
+    FLAT,
+    HEADING,
+    POSE,
+    STATES,
+    Motion,
+    correct,
+    drive,
+    entering,
+    wrap,
+)
+from blackboard.opinion.grid import Array
+from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from robot_agent.gaussian.sensors import Sensors
+
+GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
+LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
+FEWEST = 8  # sightings in those ticks
+REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
+APART = 0.2  # total variation distance from a Gaussian, at most, of a grid that is handed over
+WIDEST = 0.15  # sigma of it, as a share of the grid's shorter edge: a flat grid is no hypothesis
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """The result of a tick: the fields of `blackboard.board.joint.evidence.Evidence` without the robot and the tick."""
+
+    epoch: int
+    travelled: Motion
+    belief: Moments | None
+    increment: Increment | None
+    relatives: tuple[Relative, ...]
+
+
+@dataclass
+class FirstHand:
+    """Mutable; `step` once per tick. `robot` is its subject, `robot/r1`."""
+
+    robot: str
+    sensors: Sensors = field(default_factory=Sensors)
+    epoch: int = 0
+    joint: Joint = field(default_factory=Joint)
+    travelled: Motion = field(default_factory=Motion)
+    _before: Odometry | None = None
+    _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
+    _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
+    _misses: list[tuple[int, int]] = field(
+        default_factory=list
+    )  # sightings and those beyond the gate, of the last ticks
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a Gaussian belief."""
+        return self.robot in self.joint
+
+    @property
+    def belief(self) -> Moments | None:
+        """The whole block, shape (9,) and (9, 9)."""
+        return self.joint.moments(self.robot) if self.known else None
+
+    def step(self, readings: Readings, at: Array | None = None) -> Told:
+        """Take the readings of a tick. `at`, shape (9,): what the team believed of this robot a tick ago, to linearise at."""
+        motion = self._move(readings.odometry)
+        prediction = self.belief
+        linear = None if at is None or not self.known else self._ahead(at, motion)
+        newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age)}
+        if not self.known:
+            self._start(readings)
+        else:
+            self._take(readings.fix, readings.compass)
+        relatives = {name: self._relative(sighting, motion) for name, sighting in sorted(newest.items())}
+        places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
+        if self.known:
+            self._sight([(relatives[name], np.array(place)) for name, place in sorted(places.items())], motion, linear)
+        increment = None
+        if prediction is not None and self.belief is not None:
+            increment = gained(prediction, self.belief)
+        seen = tuple(r for name, r in relatives.items() if name not in places)
+        if self.lost():
+            increment = None
+            if linear is not None:
+                self._reopen(linear)
+            else:
+                self.restart()
+                self._start(readings)
+        return Told(self.epoch, self.travelled, self.belief, increment, seen)
+
+    # --- lost and found -------------------------------------------------------------------------------------------------
+
+    def lost(self) -> bool:
+        """Whether landmarks have contradicted the belief for `LOST` ticks that had any: a gross inconsistency."""
+        last = self._misses[-LOST:]
+        seen, missed = (sum(column) for column in zip(*last, strict=True)) if last else (0, 0)
+        return len(last) == LOST and seen >= FEWEST and all(m > 0 for _, m in last) and 2 * missed > seen
+
+    def restart(self) -> None:
+        """Forget the belief: a new epoch begins, on new evidence alone."""
+        self.epoch += 1
+        self.joint, self.travelled, self._before = Joint(), Motion(), None
+        self._groups, self._misses = {}, []
+
+    def enter(self, pose: Moments) -> None:
+        """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid; what was known before is forgotten."""
+        if self.known:
+            self.restart()
+        self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
+
+    def _reopen(self, at: Array) -> None:
+        """Go on, in the same epoch, from where the team believes the robot to be, but hardly trusting it.
+
+        What is gained over a prediction is evidence whatever the prediction was, so no increment counts the team's belief.
+        """
+        pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
+        self.joint, self._misses = Joint(), []
+        self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
+
+    # --- inside ---------------------------------------------------------------------------------------------------------
+
+    def _move(self, told: Odometry | None) -> Motion:
+        if told is None:
+            return Motion()
+        motion = self.sensors.wheels.motion(told, self._before)
+        self._turned = max(abs(told.turn), abs(told.turn - (self._before.turn if self._before else told.turn)))
+        self._before = told
+        self.travelled = self.travelled.plus(motion)
+        if self.known:
+            drive(self.joint, self.robot, motion, self.sensors.wheels.nuisance)
+            forget_biases(self.joint, motion.dt)
+        return motion
+
+    def _ahead(self, at: Array, motion: Motion) -> Array:
+        """Where the team's belief of a tick ago has come to."""
+        moved = Joint()
+        moved.add(self.robot, Moments(np.array(at, dtype=float), np.zeros((STATES, STATES))))
+        drive(moved, self.robot, motion, self.sensors.wheels.nuisance)
+        return moved.mean
+
+    def _start(self, readings: Readings) -> None:
+        """Begin with a heading from the fix or the compass, and a position from the fix or flat."""
+        fix, covariance = readings.fix, np.zeros((3, 3))
+        if fix is not None and fix.heading is not None:
+            heading, sigma = fix.heading, fix.heading_sigma
+        elif readings.compass is not None:
+            heading, sigma = readings.compass, self.sensors.compass
+        else:
+            return
+        place = (0.0, 0.0) if fix is None else fix.position
+        covariance[AXES, AXES] = np.eye(2) * (FLAT if fix is None else fix.sigma**2)
+        covariance[HEADING, HEADING] = sigma**2
+        self.enter(Moments(np.array([*place, heading]), covariance))
+
+    def _take(self, fix: Fix | None, compass: float | None) -> None:
+        mean = self.joint.mean[self.joint.blocks[self.robot]]
+        rows = np.eye(STATES)
+        if fix is not None:
+            residual, noise = np.array(fix.position) - mean[AXES], np.eye(2) * fix.sigma**2
+            correct(self.joint, residual, {self.robot: rows[AXES]}, noise)
+        told = [(compass, self.sensors.compass)] if compass is not None else []
+        if fix is not None and fix.heading is not None:
+            told.append((fix.heading, fix.heading_sigma))
+        for heading, sigma in told:
+            now = float(self.joint.moments(self.robot).mean[HEADING])
+            correct(self.joint, np.array([wrap(heading - now)]), {self.robot: rows[[HEADING]]}, np.array([[sigma**2]]))
+
+    def _relative(self, sighting: Sighting, motion: Motion) -> Relative:
+        group = "" if sighting.landmark is None else self._group(sighting.subject, sighting.landmark)
+        return self.sensors.camera.relative(self.robot, sighting, self._turned, motion.dt, group)
+
+    def _group(self, landmark: str, place: tuple[float, float]) -> str:
+        """Landmarks that stand together share their lasting errors."""
+        for first, there in self._groups.items():
+            if math.dist(place, there) < self.sensors.camera.together:
+                return first
+        self._groups[landmark] = place
+        return landmark
+
+    def _sight(self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None) -> None:
+        """Landmarks; what is beyond the gate is not taken, and counted."""
+        missed = 0
+        for relative, place in seen:
+            expectation = expect(self.joint, relative, {self.robot: motion}, place, at)
+            if expectation.innovation(self.joint).squared > GATE:
+                missed += 1
+            else:
+                correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
+        if seen:
+            self._misses = [*self._misses, (len(seen), missed)][-LOST:]
+
+
+def one_hypothesis(belief: Belief) -> Moments | None:
+    """Mean and covariance of a grid belief over (x, y) that is near to a Gaussian; None where it is not.
+
+    The moments are those of the belief's square (the escort distribution), with twice its covariance: of a Gaussian they are
+    its own, and a thin uniform share does not move them. Near: but `APART` of the mass is where that Gaussian has it.
+    """
+    grid = belief.grid
+    escort = Belief(grid, belief.p**2 / float((belief.p**2).sum()))
+    covariance = 2 * escort.covariance() + np.eye(2) * grid.cell**2 / 12
+    if max(np.diag(covariance)) > (WIDEST * min(grid.shape) * grid.cell) ** 2:
+        return None
+    moments = Moments(escort.mean(), covariance)
+    apart = 0.5 * float(np.abs(draw(grid, moments).p - belief.p).sum())
+    return moments if apart < APART else None

@@ -1,0 +1,142 @@
+"""Operations on 2-D arrays of cells that both localizers use: moving mass, reading between cells, ratios of beliefs."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from blackboard.opinion.belief import Belief, uniform
+from blackboard.opinion.grid import Array, Grid
+
+#: Two beliefs with less mass in common than this contradict each other, and are not multiplied.
+LEAST_COMMON_MASS = 1e-3
+
+#: Share of a positive lower bound of the result that a cell keeps where an interpolation rings below it.
+LEAST_SHARE = 0.02
+
+#: Floor of both beliefs in `log_ratio`, relative to the larger peak, so that tails that were left out on the wire do not matter.
+TAIL = 1e-6
+
+
+def shifted(p: Array, dx: float, dy: float) -> Array:
+    """Mass moved by (dx, dy) cells, a fraction split between neighbours (bilinear); the border keeps what would leave."""
+    return _shifted_along(_shifted_along(p, dx, 0), dy, 1)
+
+
+def _shifted_along(p: Array, cells: float, axis: int) -> Array:
+    whole = math.floor(cells)
+    part = cells - whole
+    moved = whole_shift(p, whole, axis)
+    return moved if part == 0 else (1 - part) * moved + part * whole_shift(moved, 1, axis)
+
+
+def whole_shift(p: Array, cells: int, axis: int) -> Array:
+    """Mass moved by whole cells along one axis; the border keeps what would leave. `blackboard.opinion.belief.shift` is slower."""
+    if cells == 0:
+        return p
+    n = p.shape[axis]
+    cells = max(-n, min(n, cells))
+    out = np.zeros_like(p)
+    a, b = (p, out) if axis == 0 else (p.T, out.T)
+    if cells > 0:
+        b[cells:] = a[: n - cells]
+        b[-1] += a[n - cells :].sum(axis=0)
+    else:
+        b[: n + cells] = a[-cells:]
+        b[0] += a[:-cells].sum(axis=0)
+    return out
+
+
+def diffused(p: Array, covariance: Array) -> Array:
+    """Mass spread by a Gaussian of a covariance (cells ** 2, shape (2, 2)), in any direction; the border reflects it.
+
+    The heat kernel of the grid with a mixed difference, a product in the Fourier domain: its symbol is smooth across the highest
+    frequency, where the plain quadratic form jumps and rings through the whole grid. What it still rings nearby is cut off: no
+    cell falls below LEAST_SHARE of what it had, so that no zero appears, which would rule the cell out for good.
+    """
+    (xx, xy), (_, yy) = covariance
+    reach = math.ceil(6.0 * math.sqrt(max(xx, yy))) + 1  # cells: beyond six standard deviations nothing arrives
+    reach = min(reach, *p.shape)
+    size = tuple(8 * math.ceil((n + 2 * reach) / 8) for n in p.shape)
+    fx, fy = frequencies(*size)
+    kernel = np.exp(xx * (np.cos(fx) - 1) + yy * (np.cos(fy) - 1) - xy * np.sin(fx) * np.sin(fy))
+    wide = np.maximum(np.fft.irfft2(np.fft.rfft2(p, size) * kernel, size), 0.0)
+    wide[: p.shape[0], : p.shape[1]] = np.maximum(wide[: p.shape[0], : p.shape[1]], LEAST_SHARE * p)
+    for axis, n in enumerate(p.shape):
+        rows = np.moveaxis(wide, axis, 0)
+        kept = rows[:n].copy()
+        kept[n - reach :] += rows[n : n + reach][::-1]
+        kept[:reach] += rows[-reach:][::-1]  # indices below 0 come out at the other end
+        wide = np.moveaxis(kept, 0, axis)
+    return np.asarray(wide * (p.sum() / wide.sum()))
+
+
+def resampled(p: Array, dx: float, dy: float) -> Array:
+    """Mass moved by (dx, dy) cells, each at most one cell, without widening it; the border keeps what would leave.
+
+    Cubic convolution (Keys, IEEE Trans. ASSP 29(6), 1981, a = -1/2) keeps mean and variance, where the bilinear `shifted` adds
+    the variance f (1 - f) for a fraction f. It rings where the belief is steep: no cell falls below LEAST_SHARE of the bilinear
+    value, so that no zero appears.
+    """
+    return np.maximum(_resampled_along(_resampled_along(p, dx, 0), dy, 1), LEAST_SHARE * shifted(p, dx, dy))
+
+
+def _resampled_along(p: Array, cells: float, axis: int) -> Array:
+    whole = math.floor(cells)
+    f = cells - whole
+    if f == 0:
+        return whole_shift(p, whole, axis)
+    weights = (  # of the cells that lie -1, 0, 1, 2 further
+        0.5 * (-f + 2 * f**2 - f**3),
+        0.5 * (2 - 5 * f**2 + 3 * f**3),
+        0.5 * (f + 4 * f**2 - 3 * f**3),
+        0.5 * (-(f**2) + f**3),
+    )
+    shares = (w * whole_shift(p, whole + step, axis) for step, w in zip((-1, 0, 1, 2), weights, strict=True))
+    return np.asarray(sum(shares))
+
+
+@lru_cache(maxsize=64)
+def frequencies(nx: int, ny: int) -> tuple[Array, Array]:
+    """Angular frequencies of `np.fft.rfft2`, radians per cell, shaped to broadcast."""
+    return 2 * math.pi * np.fft.fftfreq(nx)[:, None], 2 * math.pi * np.fft.rfftfreq(ny)[None, :]
+
+
+def sampled(values: Array, dx: float, dy: float) -> Array:
+    """`values` read (dx, dy) cells beside each cell centre, at most one cell away: bilinear, constant beyond the border."""
+    return _sampled_along(_sampled_along(values, dx, 0), dy, 1)
+
+
+def _sampled_along(values: Array, part: float, axis: int) -> Array:
+    if part == 0:
+        return values
+    n = values.shape[axis]
+    beside = np.clip(np.arange(n) + (1 if part > 0 else -1), 0, n - 1)
+    return (1 - abs(part)) * values + abs(part) * np.take(values, beside, axis=axis)
+
+
+def squared_distance(dx: Array, dy: Array, covariance: Array) -> Array:
+    """The squared Mahalanobis distance d^T C^-1 d of displacements (dx, dy) for one covariance C, shape (2, 2)."""
+    inverse = np.linalg.inv(covariance)
+    return np.asarray(inverse[0, 0] * dx * dx + 2 * inverse[0, 1] * dx * dy + inverse[1, 1] * dy * dy)
+
+
+def log_ratio(agreed: Belief, reported: Belief) -> Array | None:
+    """Ln(agreed / reported) in each cell, the log likelihood of Jeffrey's rule: zero where both are equal.
+
+    None where the two have less than LEAST_COMMON_MASS in common: then the ratio would only reweight tails.
+    """
+    if np.minimum(agreed.p, reported.p).sum() < LEAST_COMMON_MASS:
+        return None
+    floor = TAIL * max(agreed.p.max(), reported.p.max())
+    return np.asarray(np.log((agreed.p + floor) / (reported.p + floor)))
+
+
+def with_outlier(p: Array, grid: Grid, outlier: float) -> Belief:
+    """`p` normalised and mixed with a uniform share `outlier`, for sightings of something else; uniform where `p` is empty."""
+    total = p.sum()
+    if not total > 0:
+        return uniform(grid)
+    return Belief(grid, (1 - outlier) * p / total + outlier / grid.size)

@@ -1,0 +1,68 @@
+"""One tick as the world keeps it: what is true, who takes part, and what everybody sent about it. Pure bookkeeping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from blackboard.process.roll_call import RollCall
+from blackboard.wire.messages import Consensus, PackedBelief, Solo, Status, Truth
+
+MAX_CONSENSUSES = 4096  # of a tick
+PHASES = ("consensus", "agreed")  # of a board in a tick; as a consensus's level
+
+
+@dataclass
+class Instant:
+    """One tick: what is true, who takes part, and what was received about it until now.
+
+    What boards send is kept by board. Where a sub-team has several, the one whose name sorts first counts.
+    """
+
+    truth: Truth
+    teams: dict[str, list[str]]  # sub-team -> robots
+    began: float = 0.0  # Unix seconds
+    solos: dict[str, Solo] = field(default_factory=dict)  # by robot
+    #: by sub-team, level, subject and board: the payload and the message in it
+    consensuses: dict[tuple[str, str, str, str], tuple[bytes, Consensus]] = field(default_factory=dict)
+    boards: dict[str, set[str]] = field(default_factory=dict)  # sub-team -> its boards that sent something
+    roll: RollCall[tuple[str, str, str]] = field(default_factory=RollCall)  # sub-team, board and phase
+
+    def hear(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> bool:
+        """Take a message about this tick; True if it is the first of its kind. Who does not take part is ignored."""
+        if isinstance(message, Solo):
+            first = message.robot not in self.solos
+            if any(message.robot in robots for robots in self.teams.values()):
+                self.solos[message.robot] = message
+            return first
+        if sub_team not in self.teams:
+            return False
+        board = message.process if isinstance(message, Status) else message.board
+        self.boards.setdefault(sub_team, set()).add(board)
+        if isinstance(message, Status):
+            return self.roll.record_list((sub_team, board, message.phase), message.tick, message.subjects)
+        name = (sub_team, message.level, message.subject, board)
+        if name in self.consensuses or len(self.consensuses) < MAX_CONSENSUSES:
+            self.consensuses[name] = payload, message
+        return self.roll.record((sub_team, board, message.level), message.subject, message.tick)
+
+    def settled(self, sub_team: str, board: str) -> bool:
+        """Whether a board is done with this tick, and every consensus that its statuses list has arrived."""
+        return all(self.roll.complete((sub_team, board, phase), self.truth.tick) for phase in PHASES)
+
+    def agreed_subjects(self) -> dict[str, list[str]]:
+        """Sub-team -> the subjects that its board lists as agreed in this tick, for those that are done with it."""
+        found = {}
+        for sub_team in self.teams:
+            done = [board for board in sorted(self.boards.get(sub_team, ())) if self.settled(sub_team, board)]
+            listed = self.roll.list_of((sub_team, done[0], "agreed")) if done else None
+            if listed is not None:
+                found[sub_team] = sorted(listed[1])
+        return found
+
+    def belief(self, level: str, robot: str, sub_team: str, subject: str) -> PackedBelief | None:
+        """A belief about a subject: the robot's alone ("solo"), its sub-team's ("consensus"), or after the exchange ("agreed")."""
+        if level == "solo":
+            solo = self.solos.get(robot)
+            return solo.beliefs.get(subject) if solo else None
+        names = [(sub_team, level, subject, board) for board in sorted(self.boards.get(sub_team, ()))]
+        return next((self.consensuses[name][1].belief for name in names if name in self.consensuses), None)

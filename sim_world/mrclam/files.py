@@ -1,0 +1,162 @@
+"""The files of a recorded team in the MRCLAM format, read once and looked up by time. Times are Unix seconds."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from blackboard.errors import UserError
+from blackboard.opinion.grid import Array
+
+LONGEST_GAP = 0.5  # seconds: ground truth is not interpolated over a longer gap
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What was recorded of one robot, each table sorted by its first column, the time."""
+
+    odometry: Array  # (n, 3): time, forward velocity m/s, angular velocity rad/s, as commanded
+    sightings: Array  # (n, 4): time, subject, range m, bearing rad
+    truth: Array  # (n, 3 + 1): time, x, y, heading
+
+    @cached_property
+    def _travelled(self) -> Array:
+        """Distance and angle commanded until each row, shape (n, 2): every command holds until the next."""
+        rows = self.odometry
+        steps = rows[:-1, 1:] * np.diff(rows[:, 0])[:, None]
+        return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+
+    def commanded(self, since: float, until: float) -> tuple[float, float]:
+        """Forward distance (m) and turn (rad) commanded in a span of time; nothing stamped after `until` counts."""
+        (d0, a0), (d1, a1) = self._until(since), self._until(until)
+        return d1 - d0, a1 - a0
+
+    def _until(self, time: float) -> tuple[float, float]:
+        row = int(np.searchsorted(self.odometry[:, 0], time, side="right")) - 1
+        if row < 0:
+            return 0.0, 0.0
+        stamp, forward, angular = (float(v) for v in self.odometry[row])
+        distance, angle = (float(v) for v in self._travelled[row])
+        return distance + forward * (time - stamp), angle + angular * (time - stamp)
+
+    def sightings_in(self, after: float, until: float) -> list[list[float]]:
+        """The sightings stamped in (after, until], in time order: stamp, subject, range, bearing."""
+        first, last = np.searchsorted(self.sightings[:, 0], [after, until], side="right")
+        rows: list[list[float]] = self.sightings[first:last].tolist()
+        return rows
+
+    def pose(self, time: float) -> tuple[float, float, float] | None:
+        """The true x, y, heading, interpolated; None outside the recording and in a gap."""
+        row = int(np.searchsorted(self.truth[:, 0], time, side="right"))
+        if row == 0:
+            return None
+        t0, x0, y0, h0 = (float(v) for v in self.truth[row - 1])
+        if time == t0:
+            return x0, y0, h0
+        if row == len(self.truth) or self.truth[row, 0] - t0 > LONGEST_GAP:
+            return None
+        t1, x1, y1, h1 = (float(v) for v in self.truth[row])
+        part = (time - t0) / (t1 - t0)
+        turn = (h1 - h0 + math.pi) % (2 * math.pi) - math.pi
+        return x0 + part * (x1 - x0), y0 + part * (y1 - y0), h0 + part * turn
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """All files of a folder. Sightings of unknown barcodes and of the robot itself are dropped, and counted."""
+
+    folder: Path
+    tracks: dict[int, Track]  # by the robot's number
+    landmarks: dict[int, Place]  # by subject number: surveyed position, m
+    dropped: int  # sightings
+
+    @property
+    def first(self) -> float:
+        """The first whole second at which every robot has odometry and ground truth."""
+        return float(math.ceil(max(max(t.odometry[0, 0], t.truth[0, 0]) for t in self.tracks.values())))
+
+    @property
+    def last(self) -> float:
+        """Until when every robot has ground truth."""
+        return float(min(t.truth[-1, 0] for t in self.tracks.values()))
+
+    def number(self, robot: str) -> int:
+        """The number of a robot of the team, rK; UserError where the recording has none such."""
+        found = re.fullmatch(r"r([0-9]{1,4})", robot)
+        if found is None or int(found[1]) not in self.tracks:
+            names = ", ".join(f"r{number}" for number in self.tracks)
+            raise UserError(f"team.sub_teams: {self.folder} has no robot {robot}; it has {names}")
+        return int(found[1])
+
+
+def read_recording(folder: str | Path | None) -> Recording:
+    """Read a folder. UserError: it or a file of it is missing, or a line is corrupt (file and line are named)."""
+    if folder is None:
+        raise UserError("world.dir: which recording is to be replayed? give its folder with --mrclam DIR")
+    path = Path(folder)
+    if not path.is_dir():
+        raise UserError(f"world.dir: no folder {path}; give the folder of a recording in MRCLAM format")
+    numbers = sorted(
+        int(m[1]) for f in path.iterdir() if (m := re.fullmatch(r"Robot([0-9]{1,4})_Odometry\.dat", f.name))
+    )
+    if not numbers:
+        raise UserError(
+            f"world.dir: {path} has no Robot1_Odometry.dat; give the folder of a recording in MRCLAM format"
+        )
+    subjects = {int(barcode): int(subject) for subject, barcode in _table(path / "Barcodes.dat", 2)}
+    landmarks = {int(row[0]): (float(row[1]), float(row[2])) for row in _table(path / "Landmark_Groundtruth.dat", 3)}
+    tracks, dropped = {}, 0
+    for number in numbers:
+        odometry = _table(path / f"Robot{number}_Odometry.dat", 3)
+        truth = _table(path / f"Robot{number}_Groundtruth.dat", 4)
+        for rows, name in ((odometry, "Odometry"), (truth, "Groundtruth")):
+            if not len(rows):
+                raise UserError(f"{path / f'Robot{number}_{name}.dat'}: no rows; a replay needs some")
+        measured = _table(path / f"Robot{number}_Measurement.dat", 4)
+        measured[:, 1] = [subjects.get(int(barcode), -1) for barcode in measured[:, 1]]
+        known = np.isin(measured[:, 1], [*(n for n in numbers if n != number), *landmarks])
+        dropped += int(np.count_nonzero(~known))
+        tracks[number] = Track(odometry, measured[known], truth)
+    return Recording(path, tracks, landmarks, dropped)
+
+
+def _table(path: Path, columns: int) -> Array:
+    """The first columns of a text table, sorted by the first one where that is a time; `#` begins a comment."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as text, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # a table without rows is for the caller to judge
+            rows = np.loadtxt(text, usecols=range(columns), ndmin=2).reshape(-1, columns)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read ({error.strerror}); a recording needs this file") from error
+    except ValueError as error:
+        raise _corrupt(path, columns) from error
+    if not np.isfinite(rows).all() or (path.name.endswith("_Measurement.dat") and (rows[:, 2] < 0).any()):
+        raise _corrupt(path, columns)
+    return rows[np.argsort(rows[:, 0], kind="stable")]
+
+
+def _corrupt(path: Path, columns: int) -> UserError:
+    """The error that names the corrupt line, found by reading the file again line by line."""
+    with path.open(encoding="utf-8", errors="replace") as text:
+        for number, line in enumerate(text, 1):
+            words = line.split("#")[0].split()
+            if words and not _sound(words, columns, path.name.endswith("_Measurement.dat")):
+                return UserError(
+                    f"{path}, line {number}: not {columns} sound numbers: {line.strip()!r:.60}; mend or remove it"
+                )
+    return UserError(f"{path}: not a table of {columns} numbers a line; mend it")
+
+
+def _sound(words: list[str], columns: int, measurement: bool) -> bool:
+    try:
+        numbers = [float(word) for word in words[:columns]]
+    except ValueError:
+        return False
+    return len(numbers) == columns and all(map(math.isfinite, numbers)) and not (measurement and numbers[2] < 0)

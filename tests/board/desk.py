@@ -1,0 +1,118 @@
+"""A board process under test without a network, and the messages that others send to it."""
+
+from __future__ import annotations
+
+from blackboard.board.service import BoardService
+from blackboard.config import BoardSection
+from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.grid import Grid
+from blackboard.wire import keys
+from blackboard.wire.arrays import pack
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Consensus, Report, Status
+
+GRID = Grid((30, 20))
+NOW = 1_000_000.0
+WORLD = Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE)
+
+
+def board_of(sub_team: str, kind: Kind = Kind.ALIVE, name: str | None = None) -> Envelope:
+    """The token of a board, which has the name of its sub-team."""
+    return Envelope(keys.BOARD.key(team="t", sub_team=sub_team, board=name or sub_team), kind=kind)
+
+
+class Desk:
+    """One board process under test, and what it said."""
+
+    def __init__(self, world: bool = True, **settings: object) -> None:
+        """A board with no robot yet; a world is there unless `world` is False."""
+        self.it = BoardService(
+            team="t", sub_team="a", board="a", grid=GRID, settings=BoardSection.model_validate(settings)
+        )
+        self.now = NOW
+        self.said: list[Envelope] = []
+        if world:
+            self.tell(WORLD)
+
+    def tell(self, *envelopes: Envelope) -> list[Envelope]:
+        said = [answer for envelope in envelopes for answer in self.it.receive(envelope, self.now)]
+        self.said += said
+        return said
+
+    def wait(self, seconds: float) -> list[Envelope]:
+        self.now += seconds
+        said = self.it.wake(self.now)
+        self.said += said
+        return said
+
+    def register(self, *robots: str) -> None:
+        self.tell(*(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot=r), kind=Kind.ALIVE) for r in robots))
+
+    def status(self) -> Status:
+        self.wait(1.5)
+        found = [decode(Status, e.payload) for e in self.said if "/status/" in e.key]
+        return found[-1]
+
+
+def clock(tick: int, *robots: str, run: str = "one", mode: str = "lockstep", **more: object) -> Envelope:
+    """A Clock; in lockstep the robots of sub-team a take part, and `more` sub-teams with theirs."""
+    named = {"a": list(robots), **more} if mode == "lockstep" else {}
+    message = Clock(run=run, tick=tick, time=0.2 * tick, mode=mode, robots=named)  # type: ignore[arg-type]
+    return Envelope(keys.CLOCK.key(team="t"), encode(message))
+
+
+def ball(x: float = 10, sigma: float = 2) -> Belief:
+    return gaussian(GRID, (x, 10), sigma)
+
+
+def report(
+    source: str, tick: int, belief: Belief | None = None, *, time: float | None = None, size: int = 0
+) -> Envelope:
+    """A report on the ball; with a `size`, one whose belief has so many bytes of data."""
+    packed = pack(belief or ball())
+    if size:
+        packed = packed.model_copy(update={"data": bytes(size)})
+    message = Report(
+        source=source,
+        subject="object/ball",
+        tick=tick,
+        time=0.2 * tick if time is None else time,
+        belief=packed,
+    )
+    return Envelope(keys.REPORT.key(team="t", sub_team="a", source=source, subject="object/ball"), encode(message))
+
+
+def reported(source: str, tick: int, *subjects: str) -> Envelope:
+    status = Status(process=source, kind="robot", tick=tick, time=0.2 * tick, phase="reported", subjects=list(subjects))
+    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=source), encode(status))
+
+
+def theirs(sub_team: str, tick: int, name: str | None = None, **more: object) -> Envelope:
+    """What the board of another sub-team says of the ball, from a robot r4."""
+    fields = {
+        "board": name or sub_team, "sub_team": sub_team, "level": "consensus", "subject": "object/ball", "tick": tick,
+        "time": 0.2 * tick, "belief": pack(ball(12)), "ancestors": {"r4": 0.2 * tick}, "used": [], "entropy": 1.0,
+        "conflict": False, "rule": "cooperative",
+    }  # fmt: skip
+    said = Consensus.model_validate(fields | more)
+    return Envelope(keys.CONSENSUS.key(team="t", sub_team=sub_team, subject="object/ball"), encode(said))
+
+
+def settled(sub_team: str, tick: int, *subjects: str, name: str | None = None, phase: str = "consensus") -> Envelope:
+    """What the board of another sub-team lists."""
+    process = name or sub_team
+    said = Status(process=process, kind="board", tick=tick, time=0.2 * tick, phase=phase, subjects=list(subjects))  # type: ignore[arg-type]
+    return Envelope(keys.STATUS.key(team="t", sub_team=sub_team, process=process), encode(said))
+
+
+def levels(said: list[Envelope]) -> list[str]:
+    return [e.key.split("/")[3] for e in said if "/consensus/" in e.key or "/agreed/" in e.key]
+
+
+def exchanging() -> Desk:
+    """A board of sub-team a that waits for the board of b, in tick 0."""
+    desk = Desk()
+    desk.tell(board_of("b"), clock(0, "r1", b=["r4"]))
+    assert levels(desk.tell(report("r1", 0), reported("r1", 0, "object/ball"))) == ["consensus"]
+    return desk

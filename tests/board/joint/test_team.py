@@ -1,0 +1,267 @@
+"""The team's joint belief: each piece of evidence counts once, whatever the network does.
+
+Long, because all laws of the joint share one simulated team.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.board.joint.evidence import Evidence
+from blackboard.board.joint.team import PATIENCE, Objects, TeamJoint
+from blackboard.opinion.gaussian.increment import Increment, gained
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, entering
+from blackboard.opinion.grid import Array, Grid
+
+NUISANCE = Nuisance()
+ROBOTS = ("robot/r1", "robot/r2", "robot/r3")
+
+
+@dataclass
+class Own:
+    """A robot that drives along x, is told its position now and then, and sees the next one; everything is linear."""
+
+    name: str
+    place: Array
+    chance: np.random.Generator
+    epoch: int = 0
+
+    def __post_init__(self) -> None:
+        self.joint, self.travelled = Joint(), Motion()
+        pose = Moments(np.array([*self.place, 0.0]), np.diag([0.5, 0.5, 0.0]))
+        self.joint.add(self.name, entering(pose, NUISANCE))
+        self.fixed: list[Array] = []
+
+    def tick(self, tick: int, others: Sequence[Own]) -> Evidence:
+        self.travelled = self.travelled.plus(Motion(1.0, 0.0, 1.0, 1.0, along=0.04, across=0.02))
+        drive(self.joint, self.name, Motion(1.0, 0.0, 1.0, 1.0, along=0.04, across=0.02), NUISANCE)
+        self.place = self.place + [1.0, 0.0]
+        prediction = self.joint.moments(self.name)
+        fix = self.place + self.chance.normal(0, 0.5, 2)
+        self.fixed = [fix] if self.chance.random() < 0.5 else []
+        for told in self.fixed:
+            residual = told - self.joint.moments(self.name).mean[AXES]
+            self.joint.update(residual, {self.name: np.eye(STATES)[AXES]}, np.eye(2) * 0.25)
+        belief = self.joint.moments(self.name)
+        seen = tuple(self.see(other) for other in others if other is not self and self.chance.random() < 0.7)
+        increment = gained(prediction, belief)
+        return Evidence(self.name, self.epoch, tick, self.travelled, NUISANCE, belief, increment, seen)
+
+    def see(self, other: Own) -> Relative:
+        dx, dy = other.place - self.place + self.chance.normal(0, 0.2, 2)
+        distance = math.hypot(dx, dy)
+        return Relative(self.name, other.name, distance, math.atan2(dy, dx), 0.04, 0.04 / distance**2)
+
+
+def story(seed: int, ticks: int = 6, robots: Sequence[str] = ROBOTS) -> list[list[Evidence]]:
+    chance = np.random.default_rng(seed)
+    team = [Own(name, np.array([0.0, 3.0 * k]), chance) for k, name in enumerate(robots)]
+    return [[own.tick(tick, team) for own in team] for tick in range(ticks)]
+
+
+def settled(reports: Sequence[Sequence[Evidence]]) -> TeamJoint:
+    team = TeamJoint()
+    for tick, of_tick in enumerate(reports):
+        team.settle(tick, 1.0, of_tick)
+    return team
+
+
+def information(team: TeamJoint, subject: str) -> Array:
+    return np.asarray(np.linalg.inv(team.marginal(subject).covariance))
+
+
+# --- exactness -----------------------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20)
+def test_where_all_is_linear_it_is_the_plain_joint_kalman_filter(seed: int) -> None:
+    """The oracle: positions only, one matrix, every reading once, in one process."""
+    chance = np.random.default_rng(seed)
+    owns = [Own(name, np.array([0.0, 3.0 * k]), chance) for k, name in enumerate(ROBOTS)]
+    team = TeamJoint()
+    mean, covariance = np.concatenate([o.place for o in owns]), np.eye(6) * 0.5
+
+    def update(row: Array, measured: Array, noise: Array) -> None:
+        nonlocal mean, covariance
+        gain = covariance @ row.T @ np.linalg.inv(row @ covariance @ row.T + noise)
+        mean, covariance = mean + gain @ (measured - row @ mean), covariance - gain @ row @ covariance
+
+    for tick in range(6):
+        reports = [own.tick(tick, owns) for own in owns]
+        if tick == 0:  # all enter with the belief after their first tick
+            reports = [replace(r, relatives=()) for r in reports]
+        team.settle(tick, 1.0, reports)
+        mean = mean + np.array([1.0, 0.0] * 3)
+        covariance = covariance + np.diag([0.04, 0.02] * 3)
+        for k, own in enumerate(owns):
+            for fix in own.fixed:
+                update(np.eye(6)[2 * k : 2 * k + 2], fix, np.eye(2) * 0.25)
+        for k, report in enumerate(reports):
+            for seen in sorted(report.relatives, key=lambda r: r.subject):
+                row = np.zeros((2, 6))
+                other = ROBOTS.index(seen.subject)
+                row[:, 2 * other : 2 * other + 2], row[:, 2 * k : 2 * k + 2] = np.eye(2), -np.eye(2)
+                update(row, seen.range * seen.along(), np.eye(2) * 0.04)
+    if team.tally.gated == 0:  # a gated reading is not the oracle's
+        for k, name in enumerate(ROBOTS):
+            got = team.marginal(name)
+            assert np.allclose(got.covariance, covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2], rtol=1e-5)
+            assert np.allclose(got.mean, mean[2 * k : 2 * k + 2], atol=1e-5)
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=20)
+def test_the_joint_of_one_robot_is_its_own_filter(seed: int) -> None:
+    reports = story(seed, ticks=8, robots=ROBOTS[:1])
+    team = settled(reports)
+    own = reports[-1][0].belief
+    assert own is not None
+    assert np.allclose(team.pose(ROBOTS[0]).mean, own.mean, atol=1e-9)
+    assert np.allclose(team.pose(ROBOTS[0]).covariance, own.covariance, atol=1e-9)
+
+
+# --- once ----------------------------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 1000), st.randoms(use_true_random=False))
+@settings(max_examples=20)
+def test_neither_the_order_of_arrival_nor_repetition_changes_anything(seed: int, chance: object) -> None:
+    reports = story(seed)
+    plain, shaken = settled(reports), TeamJoint()
+    for tick, of_tick in enumerate(reports):
+        several = [*of_tick, *of_tick, *(reports[tick - 1] if tick else [])]
+        chance.shuffle(several)  # type: ignore[attr-defined]
+        shaken.settle(tick, 1.0, several)
+        assert shaken.settle(tick, 1.0, of_tick) == []
+    assert np.array_equal(plain.joint.mean, shaken.joint.mean)
+    assert np.array_equal(plain.joint.covariance, shaken.joint.covariance)
+    assert shaken.tally.repeated > 0
+
+
+@given(st.integers(0, 1000), st.lists(st.tuples(st.integers(1, 5), st.integers(0, 2)), max_size=8))
+@settings(max_examples=40)
+def test_what_is_lost_is_lost_and_never_adds(seed: int, lost: list[tuple[int, int]]) -> None:
+    reports = story(seed)
+    whole = settled(reports)
+    less = settled([[e for k, e in enumerate(of_tick) if (t, k) not in lost] for t, of_tick in enumerate(reports)])
+    if whole.tally.gated or less.tally.gated:
+        return
+    for name in ROBOTS:
+        if (5, ROBOTS.index(name)) in lost:
+            continue  # not yet moved to the last tick
+        worse = information(whole, name) - information(less, name)
+        assert np.linalg.eigvalsh(worse).min() > -0.05 * np.linalg.norm(information(whole, name))
+
+
+def test_a_lost_report_loses_no_motion() -> None:
+    reports = story(4)
+    team = settled([[e for e in of_tick if e.robot != "robot/r2" or t in (0, 5)] for t, of_tick in enumerate(reports)])
+    assert team.pose("robot/r2").mean[0] == pytest.approx(6.0, abs=1.5)
+    assert team.tally.silent > 0
+
+
+# --- comings and goings --------------------------------------------------------------------------------------------------
+
+
+def test_a_late_robot_enters_with_its_belief_and_its_mates_gain() -> None:
+    reports = story(7, ticks=5)
+    late = settled([[e for e in of_tick if e.robot != "robot/r3" or t >= 3] for t, of_tick in enumerate(reports)])
+    never = settled([[e for e in of_tick if e.robot != "robot/r3"] for of_tick in reports])
+    assert late.subjects() == sorted(ROBOTS)
+    assert np.trace(late.marginal("robot/r1").covariance) <= np.trace(never.marginal("robot/r1").covariance) + 1e-9
+
+
+def test_a_new_epoch_replaces_the_robot_and_an_old_one_is_not_heard() -> None:
+    reports = story(8, ticks=3)
+    team = settled(reports)
+    fresh = entering(Moments(np.array([20.0, 20.0, 0.0]), np.eye(3)), NUISANCE)
+    old = replace(reports[2][0], tick=4)
+    team.settle(3, 1.0, [Evidence("robot/r1", 1, 3, Motion(), NUISANCE, fresh)])
+    assert team.marginal("robot/r1").mean == pytest.approx((20.0, 20.0))
+    team.settle(4, 1.0, [old])
+    assert team.marginal("robot/r1").mean == pytest.approx((20.0, 20.0))
+
+
+def test_a_robot_that_is_lost_is_not_in_the_joint_until_it_has_one_hypothesis() -> None:
+    team = TeamJoint()
+    team.settle(0, 1.0, [Evidence("robot/r1", 0, 0, Motion(), NUISANCE)])
+    assert team.subjects() == []
+    assert not team.knows("robot/r1")
+    belief = entering(Moments(np.zeros(3), np.eye(3)), NUISANCE)
+    team.settle(1, 1.0, [Evidence("robot/r1", 0, 1, Motion(), NUISANCE, belief)])
+    assert team.subjects() == ["robot/r1"]
+
+
+def test_a_robot_without_a_position_gets_one_when_a_mate_sees_it() -> None:
+    known = entering(Moments(np.array([3.0, 4.0, 0.0]), np.diag([0.01, 0.01, 0.0001])), NUISANCE)
+    flat = entering(Moments(np.zeros(3), np.diag([1e6, 1e6, 0.001])), NUISANCE)
+    team = TeamJoint()
+    seen = (Relative("robot/r1", "robot/r2", 2.0, math.pi / 2, 0.01, 0.001),)
+    reports = [
+        Evidence("robot/r1", 0, 0, Motion(), NUISANCE, known, None, seen),
+        Evidence("robot/r2", 0, 0, Motion(), NUISANCE, flat),
+    ]
+    team.settle(0, 1.0, reports)
+    assert team.knows("robot/r2")
+    assert team.marginal("robot/r2").mean == pytest.approx((3.0, 6.0), abs=1e-3)
+    assert np.trace(team.marginal("robot/r2").covariance) == pytest.approx(0.02 + 0.01 + 4 * 0.0011, rel=0.02)
+
+
+def test_an_object_enters_where_it_is_seen_spreads_and_is_forgotten() -> None:
+    belief = entering(Moments(np.array([1.0, 1.0, 0.0]), np.diag([0.01, 0.01, 0.0])), NUISANCE)
+    seen = (Relative("robot/r1", "object/ball", 2.0, 0.0, 0.01, 0.0025),)
+    team = TeamJoint(Objects(drift=0.5, kept=3.0))
+    team.settle(0, 1.0, [Evidence("robot/r1", 0, 0, Motion(), NUISANCE, belief, None, seen)])
+    assert team.marginal("object/ball").mean == pytest.approx((3.0, 1.0), abs=1e-4)
+    first = team.marginal("object/ball").covariance[0, 0]
+    assert first == pytest.approx(0.02, rel=0.01)
+    team.settle(1, 1.0, [])
+    assert team.marginal("object/ball").covariance[0, 0] == pytest.approx(first + 0.25, rel=1e-6)
+    for tick in (2, 3, 4):
+        team.settle(tick, 1.0, [])
+    assert "object/ball" not in team.subjects()
+
+
+# --- the gate ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_sighting_that_contradicts_is_left_out_and_named() -> None:
+    reports = story(9, ticks=3)
+    wrong = Relative("robot/r1", "robot/r2", 9.0, -1.5, 0.01, 0.0001)
+    team = settled(reports)
+    before = team.marginal("robot/r2").mean.copy()
+    last = replace(reports[2][0], tick=3, increment=None, relatives=(wrong,))
+    verdicts = team.settle(3, 1.0, [last, replace(reports[2][1], tick=3, increment=None, relatives=())])
+    assert [(v.source, v.subject, v.taken) for v in verdicts] == [("robot/r1", "robot/r2", False)]
+    assert team.marginal("robot/r2").mean == pytest.approx(before)
+
+
+def test_a_robot_that_was_moved_is_opened_up_until_its_evidence_is_believed() -> None:
+    reports = story(10, ticks=3)
+    team = settled(reports)
+    e = reports[2][0]
+    told = np.zeros((STATES, STATES))
+    told[0, 0] = told[1, 1] = 100.0
+    there = team.pose("robot/r1").mean.copy()
+    there[:2] += 4.0
+    for tick in range(3, 3 + 8 * PATIENCE):
+        increment = Increment(there, told, np.zeros(STATES))
+        team.settle(tick, 1.0, [replace(e, tick=tick, increment=increment, relatives=())])
+    assert team.tally.gated >= PATIENCE
+    assert team.marginal("robot/r1").mean == pytest.approx(there[:2], abs=0.1)
+
+
+def test_what_is_drawn_has_the_marginal_s_mean() -> None:
+    team = settled(story(11))
+    belief = team.drawn("robot/r1", Grid((100, 100), 0.25, (-5.0, -10.0)))
+    assert belief.mean() == pytest.approx(team.marginal("robot/r1").mean, abs=0.05)

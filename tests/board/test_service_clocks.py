@@ -1,0 +1,125 @@
+"""By whose time a board process goes: a world's Clock, its token, real time, and Unix time without a world."""
+
+from __future__ import annotations
+
+import pytest
+
+from blackboard.process.team_clock import WORLD_SILENT
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Consensus
+from tests.board.desk import NOW, WORLD, Desk, clock, levels, report, reported
+
+
+def test_without_a_world_it_settles_by_unix_time() -> None:
+    desk = Desk(world=False, period=0.5)
+    desk.register("r1")
+    desk.tell(report("r1", 7, time=NOW))
+    assert levels(desk.wait(0.6)) == ["consensus", "agreed"]
+    assert levels(desk.wait(0.5)) == ["consensus", "agreed"]  # what a silent robot said last stands, and spreads
+
+
+def test_one_clock_of_somebody_who_leaves_freezes_no_board() -> None:
+    """Without a world's token a Clock is not followed; the token is waited for, once, and then Unix time counts."""
+    desk = Desk(world=False, period=0.5)
+    desk.register("r1")
+    desk.tell(clock(10**6, "r1"))
+    desk.tell(report("r1", 7, time=NOW))
+    assert levels(desk.wait(WORLD_SILENT - 0.1)) == []
+    assert levels(desk.wait(0.2)) == ["consensus", "agreed"]
+    desk.tell(clock(10**6 + 1, "r1"), report("r1", 8, time=desk.now))
+    assert levels(desk.wait(0.5)) == ["consensus", "agreed"]
+    assert desk.status().counters["unannounced"] == 2
+
+
+def test_a_clock_counts_from_its_token_on() -> None:
+    desk = Desk(world=False)
+    desk.tell(clock(3, "r1"), report("r1", 3), reported("r1", 3, "object/ball"))
+    assert desk.said == []
+    assert levels(desk.tell(WORLD)) == ["consensus", "agreed"]
+    assert desk.status().refused == {}
+
+
+def test_a_report_that_comes_before_its_world_is_refused_for_now_and_counts_later() -> None:
+    desk = Desk(world=False)
+    desk.register("r1")
+    desk.tell(report("r1", 3))
+    assert desk.it.refused == {"past": 1}
+    assert levels(desk.tell(clock(3, "r1"), WORLD, reported("r1", 3, "object/ball"))) == ["consensus", "agreed"]
+    assert desk.it.refused == {"past": 1}
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_board_goes_on_by_unix_time_when_its_world_dies(mode: str, caplog: pytest.LogCaptureFixture) -> None:
+    """A world that held its token and died, while a robot runs on by its own clock."""
+    desk = Desk(period=0.5)
+    desk.register("r1", "r2")
+    desk.tell(clock(10, "r1", "r2", mode=mode))
+    desk.tell(report("r2", 10), reported("r2", 10, "object/ball"), report("r1", 10), reported("r1", 10, "object/ball"))
+    assert levels(desk.said) == ["consensus", "agreed"]
+    desk.tell(Envelope(WORLD.key, kind=Kind.GONE))
+    assert levels(desk.wait(WORLD_SILENT - 0.1)) == []
+    desk.wait(0.2)
+    desk.tell(report("r1", 77, time=desk.now))
+    said = desk.wait(0.5)
+    assert levels(said) == ["consensus", "agreed"]
+    consensus = decode(Consensus, said[0].payload)
+    assert consensus.time == desk.now
+    assert [u.source for u in consensus.used] == ["r1"]  # what r2 said was stamped with the world's time
+    desk.wait(0.5)
+    assert [m for m in caplog.messages if "going by Unix time" in m] == caplog.messages
+    assert len(caplog.messages) == 1
+    desk.tell(WORLD, clock(0, "r1", run="two"))
+    assert levels(desk.tell(report("r1", 0), reported("r1", 0, "object/ball"))) == ["consensus", "agreed"]
+
+
+def test_in_real_time_a_silent_robot_is_waited_for_half_a_period() -> None:
+    desk = Desk(period=1.0)
+    desk.register("r1", "r2")
+    desk.tell(clock(4, mode="realtime"), report("r1", 4), reported("r1", 4, "object/ball"))
+    assert levels(desk.wait(0.45)) == []
+    assert levels(desk.wait(0.1)) == ["consensus", "agreed"]
+    assert desk.status().counters["late"] == 1
+
+
+def test_a_world_that_is_alive_may_take_its_time() -> None:
+    desk = Desk()
+    desk.tell(clock(0, "r1"), report("r1", 0), reported("r1", 0, "object/ball"))
+    desk.wait(1000.0)
+    assert levels(desk.said) == ["consensus", "agreed"]
+
+
+def test_a_status_that_is_said_again_tells_of_the_tick_that_was_settled() -> None:
+    desk = Desk()
+    desk.register("r1", "r2")
+    assert desk.status().phase == "idle"
+    desk.tell(clock(4, "r1"), report("r1", 4), reported("r1", 4, "object/ball"), clock(5, "r1", "r2"))
+    said = desk.status()
+    assert (said.tick, said.time, said.phase, said.subjects) == (4, pytest.approx(0.8), "agreed", ["object/ball"])
+
+
+def test_in_real_time_a_status_does_not_look_younger_than_what_was_settled() -> None:
+    desk = Desk(period=0.5)
+    desk.tell(clock(4, mode="realtime"))
+    assert [desk.status().time, desk.status().time] == [0.8, 0.8]
+
+
+def test_it_asks_to_be_woken_only_for_what_time_can_change() -> None:
+    """Walk a board's wakes without any message: it never asks to be woken at once for ever, at any pace."""
+    for start in ([], [WORLD], [WORLD, clock(0, "r1")], [clock(0, "r1")], [WORLD, clock(0, mode="realtime")]):
+        desk = Desk(world=False)
+        desk.register("r1")
+        desk.tell(*start)
+        wakes = 0
+        while desk.now < NOW + 20.0:
+            due = desk.it.wake_at(desk.now)
+            assert due is not None
+            desk.now = max(desk.now, due)
+            desk.tell()
+            desk.said += desk.it.wake(desk.now)
+            wakes += 1
+            if wakes == 3:
+                desk.tell(*(Envelope(e.key, kind=Kind.GONE) for e in start if e is WORLD))
+            assert wakes < 400
+        assert levels(desk.said) == []
+        assert len([e for e in desk.said if "/status/" in e.key]) >= 19

@@ -1,0 +1,140 @@
+"""What a consensus says about how it was made: rule, outcome, weights, components, ancestors and conflict."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blackboard.board.fusion import fuse_opinions
+from blackboard.board.provenance import Opinion
+from blackboard.config import BoardSection
+from blackboard.opinion import components
+from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.pools import chernoff, fuse
+from blackboard.opinion.rules import read_rule
+from blackboard.opinion.weights import entropy_weights
+from blackboard.wire.arrays import pack, unpack
+from tests.board.reports import GRID, at, board, only, report
+
+
+def test_a_subject_has_its_own_rule_and_its_story_says_so() -> None:
+    it = board(k=1.0, subjects={"object/*": {"rule": "clique", "inner": "cooperative"}, "object/ball": {"gamma": 0.25}})
+    said = at(10, 10, 3), at(12, 11, 2)
+    for subject in ("object/ball", "object/can", "robot/r1"):
+        for source, belief in zip(("r1", "r2"), said, strict=True):
+            it.hear(report(source, belief, subject=subject), 0.0)
+    ball, can, robot = it.settle(0, 0.0)
+    assert (ball.rule, can.rule, robot.rule) == ("clique", "clique", "coalition")
+    assert ball.parameters == {
+        "k": 2.0,
+        "gamma": 0.25,
+        "inner": "cooperative",
+        "xi": 2.0,
+    }  # k = 1 is the coalition rule's
+    assert can.parameters == {"k": 2.0, "gamma": 0.5, "inner": "cooperative", "xi": 2.0}
+    assert robot.parameters == {"k": 1.0, "gate": 4.0, "independence": 0.2}
+    stack = np.stack([unpack(pack(b)).p for b in said])
+    for consensus in (ball, can, robot):
+        expected = fuse(read_rule({"rule": consensus.rule, **consensus.parameters}), stack, GRID).p
+        assert np.array_equal(unpack(consensus.belief).p, unpack(pack(Belief(GRID, expected))).p)
+
+
+def test_a_veto_is_published_with_what_was_done_instead() -> None:
+    """Fault 2: the consensus named the rule that had not pooled, and the fallback nowhere."""
+    it = board(rule="logarithmic")
+    for source, cell in (("r1", (3, 4)), ("r2", (30, 20))):
+        p = np.zeros(GRID.shape)
+        p[cell] = 1.0
+        it.hear(report(source, Belief(GRID, p)), 0.0)
+    consensus = only(it.settle(0, 0.0))
+    assert (consensus.rule, consensus.outcome) == ("logarithmic", "veto: linear")
+    assert [u.weight for u in consensus.used] == pytest.approx([0.5, 0.5])
+    it.hear(report("r2", at(4, 5, 2), time=1.0), 1.0)
+    it.hear(report("r1", at(5, 5, 2), time=1.0), 1.0)
+    assert only(it.settle(1, 1.0)).outcome == "pooled"
+
+
+@pytest.mark.parametrize("rule", ["linear", "logarithmic", "median-log", "chernoff", "cooperative"])
+def test_the_weights_are_those_of_the_rule(rule: str) -> None:
+    """Fault 1: they were 1 / H^k of the opinions, whatever the rule."""
+    it, said = board(rule=rule), (at(10, 10, 1.5), at(12, 11, 4))
+    for source, belief in zip(("r1", "r2"), said, strict=True):
+        it.hear(report(source, belief), 0.0)
+    consensus = only(it.settle(0, 0.0))
+    pooled = fuse(read_rule({"rule": rule}), np.stack([unpack(pack(b)).p for b in said]), GRID)
+    assert [u.weight for u in consensus.used] == pytest.approx(pooled.weights)
+    assert bool(consensus.components) == (rule == "cooperative")
+
+
+@pytest.mark.parametrize("settings", [{}, {"rule": "cooperative"}, {"rule": "clique", "inner": "coalition"}])
+def test_the_components_are_made_once_for_a_fusion(
+    monkeypatch: pytest.MonkeyPatch, settings: dict[str, object]
+) -> None:
+    """Fault 3: they were made for the belief, again for the story and again for the test for a conflict."""
+    calls, original = [], components.log_components
+
+    def counted(*arguments: object) -> object:
+        calls.append(arguments)
+        return original(*arguments)  # type: ignore[arg-type]
+
+    for module in ("components", "cooperative"):
+        monkeypatch.setattr(f"blackboard.opinion.{module}.log_components", counted)
+    said = [Opinion(f"r{i}", at(10 + i, 10, 2), {f"r{i}": 0.0}) for i in range(3)]
+    fuse_opinions(said, GRID, BoardSection.model_validate(settings), "object/ball")
+    assert len(calls) == 1
+
+
+def test_what_an_overlapping_opinion_contributed_is_taken_from_the_others() -> None:
+    """Shares after the geometric mean: 1 - w of the informed belief, w times the weight in the rule of the first-hand ones."""
+    one, other, informed = (gaussian(GRID, (x, 10), s) for x, s in ((10, (2, 5)), (11, (2, 4)), (10, (6, 1.5))))
+    first = [Opinion("r1", one, {"r1": 0.0}), Opinion("r2", other, {"r2": 0.0})]
+    overlapping = Opinion("r1", informed, {"r1": 0.0, "r2": 0.0})
+    settings = BoardSection.model_validate({"rule": "linear"})
+    fusion = fuse_opinions([*first, overlapping], GRID, settings, "object/ball")
+    weights = entropy_weights(np.stack([one.p, other.p]), 2.0)
+    expected, kept = chernoff(fusion.firsthand.p, informed.p)
+    assert 0.05 < kept < 0.95
+    assert np.array_equal(fusion.belief.p, expected)
+    assert [s.weight for s in fusion.shares] == pytest.approx([kept * weights[0], kept * weights[1], 1 - kept])
+    assert [s.how for s in fusion.shares] == ["independent", "independent", "overlapping"]
+    third = Opinion("r2", gaussian(GRID, (11, 10), (1.5, 6)), {"r1": 0.0, "r2": 0.0})
+    both = fuse_opinions([*first, overlapping, third], GRID, settings, "object/ball")
+    assert sum(s.weight for s in both.shares) == pytest.approx(1.0)
+    assert all(s.weight >= 0 for s in both.shares)
+
+
+def test_an_overlapping_opinion_that_adds_nothing_is_no_ancestor() -> None:
+    told = Opinion("r1", at(10, 10, 2), {"r1": 0.0}), Opinion("r1", at(10, 10, 9), {"r1": 0.0, "r2": 0.0})
+    fusion = fuse_opinions(told, GRID, BoardSection(), "object/ball")
+    assert [s.weight for s in fusion.shares] == [pytest.approx(1.0), 0.0]
+    assert fusion.ancestors == {"r1": 0.0}
+    sharper = Opinion("r2", at(10, 10, 1), {"r1": 0.0, "r2": 0.0})
+    replaced = fuse_opinions([told[0], sharper], GRID, BoardSection(), "object/ball")
+    assert [s.weight for s in replaced.shares] == [0.0, 1.0]
+    assert replaced.ancestors == {"r1": 0.0, "r2": 0.0}
+
+
+def test_who_fell_silent_is_named_with_the_seconds() -> None:
+    it = board(max_age=5.0)
+    it.hear(report("r1", at(10, 10, 1), time=3.0), 3.0)
+    it.hear(report("r2", at(10, 10, 1), time=9.0), 9.0)
+    assert [(o.source, o.reason) for o in only(it.settle(9, 9.0)).left_out] == [("r1", "silent for 6.0 s")]
+    assert only(it.settle(10, 9.0)).left_out == []
+
+
+@pytest.mark.parametrize("independence", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize(("x", "sigma", "disagrees"), [(12, 2, False), (12, 9, False), (20, 1.2, True), (20, 9, False)])
+def test_a_conflict_is_a_matter_of_opinions_and_not_of_the_rules_caution(
+    independence: float, x: float, sigma: float, disagrees: bool
+) -> None:
+    """(20, 9) knows little, and r1 is within what it holds possible: that is no conflict, as (20, 1.2) is."""
+    it = board(independence=independence)
+    it.hear(report("r1", at(10, 10, 2)), 0.0)
+    it.hear(report("r2", at(x, 10, sigma)), 0.0)
+    assert only(it.settle(0, 0.0)).conflict == disagrees
+
+
+def test_an_informed_belief_that_contradicts_is_a_conflict() -> None:
+    it = board()
+    it.hear(report("r1", at(5, 5, 1), informed=(at(30, 20, 1), {"r1": 0.0, "r2": 0.0})), 0.0)
+    assert only(it.settle(0, 0.0)).conflict

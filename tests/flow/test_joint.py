@@ -1,0 +1,177 @@
+"""A team whose boards keep a joint belief: the same everywhere, whatever the network does, and beside robots that send beliefs only."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blackboard.lab.team import Team, board, robot
+from blackboard.wire.arrays import unpack
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.evidence import Forward
+from blackboard.wire.messages import Consensus
+from robot_agent.service import AgentService
+from tests.flow.test_team import SCENARIO
+
+JOINT = SCENARIO.changed("board", fusion="joint").changed("time", seconds=3.0)
+
+
+class Agreed:
+    """The agreed consensuses of a run: sub-team -> (tick, subject) -> consensus."""
+
+    def __init__(self, team: Team) -> None:
+        self.by_sub_team: dict[str, dict[tuple[int, str], Consensus]] = {"a": {}, "b": {}}
+        team.bus.spies.append(self._record)
+
+    def _record(self, envelope: Envelope) -> None:
+        if "/agreed/" in envelope.key:
+            consensus = decode(Consensus, envelope.payload)
+            self.by_sub_team[consensus.sub_team][consensus.tick, consensus.subject] = consensus
+
+
+def played(team: Team) -> tuple[str, Agreed]:
+    agreed = Agreed(team)
+    team.run()
+    assert team.world.why == ""
+    return team.world.referee.hash, agreed
+
+
+@pytest.fixture(scope="module")
+def calm() -> tuple[str, Agreed]:
+    return played(Team(JOINT))
+
+
+def test_every_board_holds_the_same_joint_to_the_bit(calm: tuple[str, Agreed]) -> None:
+    one, other = calm[1].by_sub_team["a"], calm[1].by_sub_team["b"]
+    assert one.keys() == other.keys()
+    assert {subject for _, subject in one} >= {"robot/r1", "robot/r2", "robot/r3"}
+    for name, consensus in one.items():
+        assert consensus.belief == other[name].belief, name
+        assert consensus.state == other[name].state, name
+
+
+def test_the_joint_says_whose_evidence_it_took(calm: tuple[str, Agreed]) -> None:
+    for (_, subject), consensus in calm[1].by_sub_team["a"].items():
+        if subject.startswith("robot/"):
+            assert consensus.rule == "joint"
+            assert set(consensus.ancestors) == {"r1", "r2", "r3"}
+            assert sum(used.weight for used in consensus.used) == pytest.approx(1.0) or not consensus.used
+            assert {used.source for used in consensus.used} <= {"r1", "r2", "r3"}
+    assert any(len(c.used) > 1 for c in calm[1].by_sub_team["a"].values()), "somebody was seen by a mate"
+
+
+def test_the_order_of_arrival_changes_no_bit(calm: tuple[str, Agreed]) -> None:
+    assert played(Team(JOINT, np.random.default_rng(3)))[0] == calm[0]
+
+
+def test_what_is_said_twice_counts_once(calm: tuple[str, Agreed]) -> None:
+    team = Team(JOINT)
+    echoes: set[bytes] = set()
+
+    def echo(envelope: Envelope) -> None:
+        if ("/forward/" in envelope.key or "/report/" in envelope.key) and envelope.payload not in echoes:
+            echoes.add(envelope.payload)
+            team.bus.send(envelope)
+
+    team.bus.spies.append(echo)
+    _, agreed = played(team)
+    for name, consensus in calm[1].by_sub_team["a"].items():
+        assert consensus.belief == agreed.by_sub_team["a"][name].belief
+
+
+def test_lost_messages_stop_nobody() -> None:
+    team, count = Team(JOINT), 0
+
+    def lose(envelope: Envelope) -> bool:
+        nonlocal count
+        count += 1
+        return count % 17 == 0 and "/world/" not in envelope.key
+
+    team.bus.lose = lose
+    _, agreed = played(team)
+    assert max(tick for tick, _ in agreed.by_sub_team["a"]) == team.world.tick
+
+
+def plain(name: str) -> AgentService:
+    """A robot that sends beliefs only."""
+    return robot(SCENARIO, name)
+
+
+def test_a_robot_that_sends_beliefs_only_is_pooled_beside_the_joint() -> None:
+    team = Team(JOINT)
+    team.leave(team.robots["r2"])
+    team.join(plain("r2"))
+    _, agreed = played(team)
+    rules: dict[str, set[str]] = {}
+    for (_, subject), consensus in agreed.by_sub_team["b"].items():
+        rules.setdefault(subject, set()).add(consensus.rule)
+    assert rules["robot/r1"] == rules["robot/r3"] == {"joint"}
+    assert rules["robot/r2"] == {"coalition"}
+
+
+def test_a_board_that_pools_opinions_only_is_not_waited_for() -> None:
+    """As a board of the version before, which forwards nothing."""
+    team = Team(JOINT)
+    team.leave(team.boards["b"])
+    team.join(board(SCENARIO, "b"))
+    _, agreed = played(team)
+    assert team.boards["a"].counters["late"] == 0
+    assert {c.rule for (_, subject), c in agreed.by_sub_team["a"].items() if subject == "robot/r1"} == {"joint"}
+    assert {c.rule for (_, subject), c in agreed.by_sub_team["b"].items() if subject == "robot/r1"} == {"coalition"}
+
+
+def test_evidence_from_another_time_is_refused() -> None:
+    team = Team(JOINT)
+    team.run_until(lambda: team.world.tick == 2)
+    for time in (1e12, -1e12):
+        forward = Forward(board="board-b", sub_team="b", tick=2, time=time)
+        team.bus.send(Envelope("cop/t/b/forward/board-b", encode(forward)))
+    team.run()
+    assert (team.boards["a"].refused["future"], team.boards["a"].refused["past"]) == (1, 1)
+
+
+def test_a_robot_that_dies_is_believed_less_and_less_and_then_no_more() -> None:
+    team = Team(JOINT.changed("board", max_age=1.7))
+    agreed = Agreed(team)
+    team.run_until(lambda: team.world.tick == 2)
+    team.leave(team.robots["r2"])
+    team.run()
+    found = {t: c for (t, subject), c in agreed.by_sub_team["a"].items() if subject == "robot/r2" and c.rule == "joint"}
+    spread = {tick: float(np.trace(unpack(c.belief).covariance())) for tick, c in found.items()}
+    last = max(spread)
+    assert last < team.world.tick
+    assert spread[last] > spread[3]
+
+
+def test_no_evidence_ends_a_board() -> None:
+    """A member whose numbers are absurd: the joint may begin anew, and the boards go on."""
+    team = Team(JOINT)
+
+    def spoil(envelope: Envelope) -> None:
+        if envelope.key == "cop/t/a/forward/board-a" and envelope.payload not in spoilt:
+            forward = decode(Forward, envelope.payload)
+            worse = [
+                one.model_copy(
+                    update={
+                        "tick": one.tick + 1,
+                        "evidence": one.evidence.model_copy(
+                            update={
+                                "travelled": one.evidence.travelled.model_copy(
+                                    update={"distance": 1e12, "turn": -1e12, "heading": 1e12}
+                                ),
+                                "state": None,
+                            }
+                        ),
+                    }
+                )
+                for one in forward.evidence
+            ]
+            payload = encode(forward.model_copy(update={"evidence": worse}))
+            spoilt.add(payload)
+            team.bus.send(Envelope(envelope.key, payload))
+
+    spoilt: set[bytes] = set()
+    team.bus.spies.append(spoil)
+    _, agreed = played(team)
+    assert max(tick for tick, _ in agreed.by_sub_team["b"]) == team.world.tick

@@ -1,0 +1,96 @@
+"""What only a link over Zenoh has: its samples, its threads, and how it is opened. The rest is in test_network.py."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+import zenoh
+
+from blackboard.errors import UserError
+from blackboard.net.link import ENCODING, Link, Stopped
+from blackboard.net.settings import LinkConfig
+from blackboard.run.launch import free_port
+from blackboard.wire.envelope import Envelope
+from tests.processes import LONG, wait_until
+
+Connect = Callable[[str], Link]
+
+
+def answers(link: Link, key_expr: str, *wanted: Envelope) -> None:
+    wait_until(lambda: link.get(key_expr) == list(wanted), f"{key_expr} is answered by {wanted}")
+
+
+# --- put and delete ------------------------------------------------------------------------------------------------------
+
+
+def test_a_sample_carries_its_encoding_and_a_stamp(endpoint: str, connect: Connect) -> None:
+    config = LinkConfig(connect=(endpoint,)).build("plain")
+    arrived = threading.Event()
+    seen: list[zenoh.Sample] = []
+    with (
+        zenoh.open(config) as session,
+        session.declare_subscriber("x", lambda sample: (seen.append(sample), arrived.set())),
+    ):
+        a = connect("a")
+        wait_until(lambda: a.send(Envelope("x", b"1")) or arrived.wait(0.05), "it arrives")
+    assert str(seen[0].encoding) == ENCODING
+    assert seen[0].timestamp is not None
+
+
+# --- queries -------------------------------------------------------------------------------------------------------------
+
+
+def test_questions_and_answers_do_not_stop_each_other(connect: Connect) -> None:
+    a, b = connect("a"), connect("b")
+    stop = threading.Event()
+
+    def ask(link: Link) -> int:
+        return sum(len(link.get("x/**")) for _ in iter(stop.is_set, True))
+
+    a.send(Envelope("x/0", b"first"))
+    b.send(Envelope("x/0", b"first"))
+    answers(a, "x/0", *[Envelope("x/0", b"first")] * 2)
+    with ThreadPoolExecutor() as pool:
+        try:
+            heard = [pool.submit(ask, link) for link in (a, b)]
+            for i in range(500):
+                for link in (a, b):
+                    link.send(Envelope(f"x/{i % 5}", bytes(1000)))
+        finally:
+            stop.set()
+    assert all(task.result(LONG) > 0 for task in heard)
+
+
+# --- opening -------------------------------------------------------------------------------------------------------------
+
+
+def test_it_waits_for_a_router_that_comes_later() -> None:
+    where = f"tcp/127.0.0.1:{free_port()}"
+    tried = threading.Event()
+    with ThreadPoolExecutor() as pool:
+        opening = pool.submit(
+            Link, LinkConfig(connect=(where,)), "early", patience=LONG, stopped=lambda: tried.set() or False
+        )
+        assert tried.wait(LONG)
+        with Link(LinkConfig(mode="router", listen=(where,)), "router"), opening.result(LONG) as link:
+            assert link.get("x") == []
+
+
+def test_where_nobody_answers_is_a_mistake_that_names_the_place() -> None:
+    with pytest.raises(
+        UserError, match=r"^r1: no Zenoh router answers at tcp/127\.0\.0\.1:1; start `blackboard router`"
+    ):
+        Link(LinkConfig(connect=("tcp/127.0.0.1:1",)), "r1", patience=0.0)
+
+
+def test_it_stops_trying_when_asked_to() -> None:
+    with pytest.raises(Stopped):
+        Link(LinkConfig(connect=("tcp/127.0.0.1:1",)), "r1", patience=LONG, stopped=lambda: True)
+
+
+def test_a_port_in_use_is_a_mistake_at_once(endpoint: str) -> None:
+    with pytest.raises(UserError, match=r"Address already in use.*-l"):
+        Link(LinkConfig(mode="router", listen=(endpoint,)), "second", patience=LONG)

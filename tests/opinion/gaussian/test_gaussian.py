@@ -1,0 +1,294 @@
+"""The joint Gaussian and what is done to it: against numeric derivatives and plain Bayes.
+
+Long, because the laws of all parts share their exact examples.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.drawing import draw, moments_of
+from blackboard.opinion.gaussian.increment import gained, likelihood
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import Bias, Relative, expect, forget_biases
+from blackboard.opinion.gaussian.vehicle import (
+    AXES,
+    BEARING,
+    FORWARD,
+    HEADING,
+    RANGE,
+    STATES,
+    Motion,
+    Nuisance,
+    X,
+    Y,
+    correct,
+    drive,
+    entering,
+    wrap,
+)
+from blackboard.opinion.grid import Array, Grid
+
+SIGMAS = (0.05, 0.03, 0.003, 0.01, 0.2, 0.02)
+NUISANCE = Nuisance(0.9, 0.95, SIGMAS, (0.003, 0.001, 0.0002), (60.0, 2.0, 300.0))
+SEEDS = st.integers(0, 10_000)
+
+
+def random_covariance(chance: np.random.Generator, n: int, scale: float = 0.1) -> Array:
+    root = chance.normal(0, scale, (n, n + 3))
+    return np.asarray(root @ root.T / n)
+
+
+def team(seed: int, robots: int = 2, scale: float = 0.1) -> Joint:
+    """Robots with a random, fully correlated belief."""
+    chance = np.random.default_rng(seed)
+    joint = Joint()
+    for k in range(robots):
+        mean = np.zeros(STATES)
+        mean[[X, Y, HEADING, FORWARD]] = *chance.uniform(-3, 3, 2), chance.uniform(-3, 3), 0.9
+        mean[4] = 0.95
+        joint.add(f"robot/r{k}", Moments(mean, np.eye(STATES)))
+    joint.covariance = random_covariance(chance, len(joint.mean), scale)
+    return joint
+
+
+def sighting(range_: float = 2.0, bearing: float = 0.3, **more: float) -> Relative:
+    return Relative("robot/r0", "robot/r1", range_, bearing, 0.01, 0.0004, **more)  # type: ignore[arg-type]
+
+
+# --- joint ---------------------------------------------------------------------------------------------------------------
+
+
+@given(SEEDS)
+def test_an_update_is_the_product_of_prior_and_likelihood(seed: int) -> None:
+    chance, joint = np.random.default_rng(seed), team(seed)
+    rows, noise, residual = chance.normal(size=(2, STATES)), random_covariance(chance, 2), chance.normal(size=2)
+    whole = np.concatenate([np.zeros((2, STATES)), rows], axis=1)
+    before = joint.copy()
+    joint.update(residual, {"robot/r1": rows}, noise)
+    information = np.linalg.inv(before.covariance) + whole.T @ np.linalg.solve(noise, whole)
+    mean = before.mean + np.linalg.solve(information, whole.T @ np.linalg.solve(noise, residual))
+    assert np.allclose(joint.covariance, np.linalg.inv(information), atol=1e-9)
+    assert np.allclose(joint.mean, mean, atol=1e-8)
+
+
+def test_a_dropped_block_leaves_the_others_as_they_were() -> None:
+    joint = team(3, robots=3)
+    before = joint.moments("robot/r0", "robot/r2")
+    joint.drop("robot/r1")
+    after = joint.moments("robot/r0", "robot/r2")
+    assert np.array_equal(before.mean, after.mean)
+    assert np.array_equal(before.covariance, after.covariance)
+    with pytest.raises(KeyError):
+        joint.moments("robot/r1")
+    with pytest.raises(ValueError, match="already"):
+        joint.add("robot/r0", before)
+
+
+def test_a_lasting_error_forgets_and_stays_of_the_same_size() -> None:
+    joint = team(1)
+    expect(joint, sighting(biases=(Bias(0.1, 7.0),)), {})  # type: ignore[arg-type]
+    block = ("bias", "robot/r0", "robot/r1", 7.0)
+    joint.update(np.array([1.0]), {block: np.ones((1, 1))}, np.array([[0.25]]))
+    assert joint.moments(block).mean[0] == pytest.approx(0.8)
+    forget_biases(joint, 7.0)
+    assert joint.moments(block).mean[0] == pytest.approx(0.8 * math.exp(-1))
+    forget_biases(joint, 700.0)
+    assert joint.moments(block).covariance[0, 0] == pytest.approx(1.0)
+
+
+# --- vehicle -------------------------------------------------------------------------------------------------------------
+
+
+@given(SEEDS)
+def test_a_drive_carries_the_covariance_by_its_numeric_derivative(seed: int) -> None:
+    chance, joint = np.random.default_rng(seed), team(seed, robots=1)
+    motion = Motion(chance.uniform(0, 0.2), chance.uniform(-1, 1), 1.0, 1.0)
+    nuisance = Nuisance(memory=(60.0, 2.0, 300.0))  # without noise
+    mean, covariance = joint.mean.copy(), joint.covariance.copy()
+
+    def driven(state: Array) -> Array:
+        moved = Joint()
+        moved.add("r", Moments(state, np.zeros((STATES, STATES))))
+        drive(moved, "r", motion, nuisance)
+        return moved.mean
+
+    columns = []
+    for axis in np.eye(STATES) * 1e-6:
+        change = driven(mean + axis) - driven(mean - axis)
+        change[HEADING] = wrap(change[HEADING])
+        columns.append(change / 2e-6)
+    derivative = np.stack(columns, axis=1)
+    drive(joint, "robot/r0", motion, nuisance)
+    assert np.allclose(joint.covariance, derivative @ covariance @ derivative.T, atol=1e-7)
+
+
+def test_sums_of_motions_give_back_their_parts() -> None:
+    one, two = Motion(0.1, 0.2, 1.0, 1.0, 0.01, 0.02, 0.03), Motion(0.3, -0.1, 2.0, 0.0, 0.04, 0.05, 0.06)
+    back = one.plus(two).since(one)
+    assert all(getattr(back, n) == pytest.approx(getattr(two, n)) for n in Motion.__dataclass_fields__)
+
+
+def test_a_standing_robot_with_sensors_without_errors_stays_exactly_where_it_is() -> None:
+    joint = Joint()
+    joint.add("r", entering(Moments(np.array([1.0, 2.0, 3.0]), np.eye(3)), Nuisance()))
+    before = joint.moments("r")
+    drive(joint, "r", Motion(dt=5.0), Nuisance())
+    assert np.allclose(joint.mean, before.mean)
+    assert np.allclose(joint.covariance, before.covariance)
+
+
+@given(SEEDS)
+def test_sightings_of_each_other_tell_nothing_about_where_the_team_is_or_how_it_is_turned(seed: int) -> None:
+    chance, joint = np.random.default_rng(seed), team(seed, robots=3)
+
+    def told_about_the_whole() -> Array:
+        """The information on moving and turning all robots together."""
+        moves = np.zeros((len(joint.mean), 3))
+        for place in joint.blocks.values():
+            if place.stop - place.start == STATES:
+                x, y = joint.mean[place][AXES]
+                moves[place.start : place.start + 3] = [[1, 0, -y], [0, 1, x], [0, 0, 1]]
+        return np.asarray(moves.T @ np.linalg.solve(joint.covariance, moves))
+
+    before = told_about_the_whole()
+    for _ in range(6):
+        observer, subject = chance.permutation(3)[:2]
+        seen = Relative(
+            f"robot/r{observer}", f"robot/r{subject}", chance.uniform(1, 3), chance.uniform(-1, 1), 0.05, 0.05
+        )
+        it = expect(joint, seen, {})
+        correct(joint, it.residual, it.jacobians, it.noise)
+    assert np.allclose(told_about_the_whole(), before, rtol=1e-5)
+
+
+# --- relation ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["polar", "cartesian"])
+@given(seed=SEEDS)
+def test_a_sighting_has_the_derivatives_that_it_says(wide: bool, seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    joint = team(seed, scale=3.0 if wide else 0.01)
+    joint.covariance[HEADING, HEADING] = 1e-4 if wide else 0.01
+    joint.mean[joint.blocks["robot/r1"]][AXES] = joint.mean[AXES] + [2.0, 0.5]
+    seen = sighting(2.0, chance.uniform(-1, 1), age=0.4, biases=(Bias(0.1, 7.0),))  # type: ignore[arg-type]
+    it = expect(joint, seen, {})
+    mean = joint.mean.copy()
+    for block, jacobian in it.jacobians.items():
+        place = joint.blocks[block]
+        for k in range(place.start, place.stop):
+            ends = []
+            for step in (1e-6, -1e-6):
+                joint.mean = mean.copy()
+                joint.mean[k] += step
+                ends.append(expect(joint, seen, {}).residual)
+            numeric = (ends[0] - ends[1]) / 2e-6
+            # Across the line of sight the polar residual is an angle times the distance: its size does not matter.
+            slack = 1e-4 + 2.0 * float(np.abs(it.residual).max()) * (not wide)
+            assert np.allclose(numeric, -jacobian[:, k - place.start], atol=slack)
+
+
+def test_where_to_linearise_is_no_evidence() -> None:
+    joint = team(5, robots=1, scale=0.001)
+    seen = Relative("robot/r0", "landmark/6", 2.0, 0.3, 0.01, 0.0004)
+    place = joint.mean[AXES] + [1.0, 1.5]
+    exact = expect(joint, seen, {}, place)
+    near = expect(joint, seen, {}, place, at=joint.mean + 1e-6)
+    assert np.allclose(exact.residual, near.residual, atol=1e-8)
+
+
+def test_a_profile_is_averaged_over_where_the_subject_may_be() -> None:
+    profile = ((1.0, 1.0), (2.0, 1.0), (3.0, 9.0))
+    joint = team(5, robots=1, scale=1e-4)
+    seen = Relative("robot/r0", "landmark/6", 2.0, 0.0, 0.0, 0.0, profile=profile)
+    sharp = expect(joint, seen, {}, joint.mean[AXES] + [2.0, 0.0])
+    assert sharp.noise[0, 0] == pytest.approx(1.0, abs=0.01)
+    joint.covariance[AXES, AXES] = np.eye(2)
+    wide = expect(joint, seen, {}, joint.mean[AXES] + [2.0, 0.0])
+    assert np.trace(wide.noise) > 3.0
+
+
+# --- increments ----------------------------------------------------------------------------------------------------------
+
+
+def evidence(joint: Joint, seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    rows = chance.normal(size=(2, STATES))
+    joint.update(chance.normal(size=2) * 0.1, {"robot/r0": rows}, random_covariance(chance, 2, 0.5))
+
+
+@given(SEEDS)
+def test_an_increment_gives_a_belief_back_to_its_own_prediction(seed: int) -> None:
+    joint = team(seed, robots=1)
+    prediction, other = joint.moments("robot/r0"), joint.copy()
+    evidence(joint, seed)
+    increment = gained(prediction, joint.moments("robot/r0"))
+    assert increment is not None
+    assert np.linalg.eigvalsh(increment.information).min() > -1e-9 * np.linalg.norm(increment.information)
+    it = likelihood(other, "robot/r0", increment)
+    assert it is not None
+    other.update(it.residual, {"robot/r0": it.rows}, it.noise)
+    assert np.allclose(other.mean, joint.mean, atol=1e-6)
+    assert np.allclose(other.covariance, joint.covariance, atol=1e-7)
+
+
+@given(SEEDS)
+def test_an_increment_is_the_same_evidence_on_any_belief(seed: int) -> None:
+    private, elsewhere = team(seed, robots=1), team(seed + 1, robots=2)
+    elsewhere.mean[:STATES] = private.mean + 0.01
+    direct = elsewhere.copy()
+    prediction = private.moments("robot/r0")
+    evidence(private, seed)
+    increment = gained(prediction, private.moments("robot/r0"))
+    assert increment is not None
+    it = likelihood(elsewhere, "robot/r0", increment)
+    assert it is not None
+    elsewhere.update(it.residual, {"robot/r0": it.rows}, it.noise)
+    chance = np.random.default_rng(seed)
+    rows = chance.normal(size=(2, STATES))
+    residual = chance.normal(size=2) * 0.1 + rows @ (prediction.mean - direct.mean[:STATES])
+    direct.update(residual, {"robot/r0": rows}, random_covariance(chance, 2, 0.5))
+    assert np.allclose(elsewhere.mean, direct.mean, atol=1e-6)
+    assert np.allclose(elsewhere.covariance, direct.covariance, atol=1e-7)
+
+
+def test_nothing_gained_is_no_increment_and_a_wider_belief_none_either() -> None:
+    joint = team(2, robots=1)
+    before = joint.moments("robot/r0")
+    assert gained(before, before) is None
+    assert gained(before, Moments(before.mean, before.covariance * 1.1)) is None
+
+
+def test_states_that_are_known_exactly_gain_nothing() -> None:
+    prior = entering(Moments(np.zeros(3), np.eye(3)), Nuisance())
+    joint = Joint()
+    joint.add("robot/r0", prior)
+    joint.update(np.array([0.5]), {"robot/r0": np.eye(STATES)[[X]]}, np.eye(1))
+    increment = gained(prior, joint.moments("robot/r0"))
+    assert increment is not None
+    assert increment.information[X, X] == pytest.approx(1.0)
+    assert not increment.information[FORWARD:].any()
+    assert not increment.information[BEARING, RANGE]
+
+
+# --- drawing -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_drawn_gaussian_has_its_moments_whether_wide_or_thin() -> None:
+    grid = Grid((40, 50), 0.1, (-2.0, -2.5), "m")
+    for sigma in (0.01, 0.1, 0.3):
+        covariance = sigma**2 * np.array([[1.0, 0.5], [0.5, 1.0]])
+        drawn = moments_of(draw(grid, Moments(np.array([0.13, -0.22]), covariance)))
+        assert drawn.mean == pytest.approx((0.13, -0.22), abs=0.04)
+        assert np.allclose(drawn.covariance, covariance + np.eye(2) * 0.01 / 12, atol=0.0025)
+
+
+def test_a_gaussian_far_outside_the_grid_is_drawn_as_nothing_known() -> None:
+    grid = Grid((4, 4))
+    assert np.allclose(draw(grid, Moments(np.array([1e6, 0.0]), np.eye(2))).p, 1 / 16)

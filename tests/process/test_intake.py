@@ -1,0 +1,167 @@
+"""Intake: what is handed over, counted, refused, logged once and kept for later."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from blackboard.errors import Refused
+from blackboard.process.intake import (
+    MAX_AGES,
+    MAX_EARLY,
+    MAX_EARLY_BYTES,
+    MAX_WARNINGS,
+    STATUS_PERIOD,
+    Intake,
+    TooEarly,
+)
+from blackboard.wire import keys
+from blackboard.wire.codec import encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Status
+from blackboard.wire.types import Message
+
+
+def status(process: str, size: int = 0) -> Envelope:
+    said = Status(process=process, kind="robot", tick=1, time=0.0, settings={f"{i}": "x" * 4000 for i in range(size)})
+    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=process), encode(said))
+
+
+def echo(parts: dict[str, str], message: Message) -> list[Envelope]:
+    return [Envelope(f"re/{parts['process']}")]
+
+
+def too_early(parts: dict[str, str], message: Message) -> list[Envelope]:
+    raise TooEarly
+
+
+def refuse(parts: dict[str, str], message: Message) -> list[Envelope]:
+    raise Refused("grid", "another one")
+
+
+def test_a_message_is_handed_over_and_counted() -> None:
+    intake = Intake()
+    assert intake.take(status("r1"), echo) == [Envelope("re/r1")]
+    assert (intake.counters, intake.refused) == ({"heard": 1}, {})
+
+
+@pytest.mark.parametrize("kind", [Kind.DELETE, Kind.ALIVE, Kind.GONE])
+def test_what_is_no_message_is_not_opened(kind: Kind) -> None:
+    intake = Intake()
+    assert intake.take(Envelope("x", b"", kind), refuse) == []
+    assert (intake.counters, intake.refused) == ({}, {})
+
+
+def test_what_is_refused_is_counted_by_reason_whoever_refuses_it() -> None:
+    intake = Intake()
+    assert intake.take(Envelope(status("r1").key, b"\xc1"), echo) == []
+    assert intake.take(status("r1"), refuse) == intake.take(status("r2"), refuse) == []
+    assert (intake.counters, intake.refused) == ({}, {"not-msgpack": 1, "grid": 2})
+
+
+def test_a_refusal_is_logged_once_per_source_and_reason(caplog: pytest.LogCaptureFixture) -> None:
+    intake = Intake()
+    with caplog.at_level(logging.WARNING):
+        for name in ("r1", "r2", "r1"):
+            intake.take(status(name), refuse)
+        intake.take(Envelope(status("r1").key, b""), echo)
+    assert len(caplog.messages) == 3
+    assert "/r1" in caplog.messages[0]
+    assert "grid: another one" in caplog.messages[0]
+
+
+def test_refusals_that_are_logged_are_bounded(caplog: pytest.LogCaptureFixture) -> None:
+    intake = Intake()
+    with caplog.at_level(logging.WARNING):
+        for i in range(MAX_WARNINGS + 10):
+            intake.take(Envelope(f"{'x' * 300}{i}" if i == 0 else f"x/{i}"), echo)
+    assert len(caplog.messages) == MAX_WARNINGS
+    assert len(caplog.messages[0]) < 500
+    assert intake.refused == {"wild-key": MAX_WARNINGS + 10}
+
+
+def test_what_came_too_early_comes_again_in_order_the_newest_per_key() -> None:
+    intake = Intake()
+    for name in ("r1", "r2", "r1"):
+        assert intake.take(status(name), too_early) == []
+    assert intake.counters == {}
+    assert intake.retry(echo) == [Envelope("re/r2"), Envelope("re/r1")]
+    assert intake.retry(echo) == []
+    assert intake.counters == {"heard": 2}
+
+
+def test_what_is_still_too_early_is_kept() -> None:
+    intake = Intake()
+    intake.take(status("r1"), too_early)
+    assert intake.retry(too_early) == []
+    assert intake.retry(echo) == [Envelope("re/r1")]
+
+
+def test_what_is_refused_for_now_is_counted_once_and_may_be_handled_later() -> None:
+    def not_yet(parts: dict[str, str], message: Message) -> list[Envelope]:
+        raise TooEarly(Refused("unregistered", "no token"))
+
+    intake = Intake()
+    intake.take(status("r1"), not_yet)
+    intake.retry(not_yet)
+    assert intake.refused == {"unregistered": 1}
+    assert intake.retry(echo) == [Envelope("re/r1")]
+
+
+def test_what_came_too_early_is_bounded_in_number() -> None:
+    intake = Intake()
+    for i in range(MAX_EARLY + 3):
+        intake.take(status(f"r{i}"), too_early)
+    assert intake.retry(echo)[0] == Envelope("re/r3")
+    assert intake.counters == {"early_dropped": 3, "heard": MAX_EARLY}
+
+
+def test_what_came_too_early_is_bounded_in_bytes() -> None:
+    """Sixty large envelopes on keys of their own: what is kept stays below the bound, the oldest go and are counted."""
+    intake = Intake()
+    large = [status(f"r{i}", size=200) for i in range(60)]
+    total = sum(len(envelope.payload) for envelope in large)
+    assert total > 5 * MAX_EARLY_BYTES
+    for envelope in [*large, *large[-3:]]:
+        intake.take(envelope, too_early)
+    kept = intake.retry(echo)
+    assert 0 < len(kept) <= MAX_EARLY_BYTES // len(large[0].payload)
+    assert kept[-1] == Envelope("re/r59")
+    assert intake.counters["early_dropped"] == 60 - len(kept)
+    for envelope in large[:2]:  # the room is free again
+        intake.take(envelope, too_early)
+    assert len(intake.retry(echo)) == 2
+
+
+def test_the_newest_of_a_key_takes_the_room_of_the_one_before() -> None:
+    intake = Intake()
+    intake.take(status("r1"), too_early)
+    for _ in range(20):
+        intake.take(status("r2", size=200), too_early)
+    assert intake.retry(echo) == [Envelope("re/r1"), Envelope("re/r2")]
+    assert intake.counters == {"heard": 2}
+
+
+def test_a_status_shows_all_counters_and_the_next_is_due_in_a_second() -> None:
+    intake = Intake()
+    intake.take(status("r1"), echo)
+    intake.take(status("r1"), refuse)
+    for sent in (3, 4):
+        intake.record_link_counters({"sent": sent, "dropped": 0})
+    said = intake.counted(Status(process="b", kind="board", tick=1, time=0.0), now=10.0)
+    assert said.counters == {"heard": 1, "sent": 4, "dropped": 0}
+    assert said.refused == {"grid": 1}
+    assert intake.status_due == 10.0 + STATUS_PERIOD
+
+
+def test_a_status_shows_how_long_ago_each_source_was_heard() -> None:
+    intake = Intake()
+    for at, source in enumerate(("r2", "r1", "r2")):
+        intake.record_age(source, float(at))
+    assert intake.counted(Status(process="b", kind="board", tick=1, time=0.0), now=10.0).ages == {"r1": 9.0, "r2": 8.0}
+    for i in range(MAX_AGES):
+        intake.record_age(f"x{i}", 20.0)
+    ages = intake.counted(Status(process="b", kind="board", tick=1, time=0.0), now=20.0).ages
+    assert len(ages) == MAX_AGES
+    assert "r1" not in ages

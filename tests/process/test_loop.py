@@ -1,0 +1,114 @@
+"""The one loop: what it declares and in which order, when it wakes a service, and when it ends."""
+
+from __future__ import annotations
+
+import pytest
+
+from blackboard.process.clock import ManualClock
+from blackboard.process.loop import LONGEST_WAIT, run
+from blackboard.wire.envelope import Envelope
+
+
+class Post:
+    """A network that plays a list of deliveries; waiting moves the clock."""
+
+    def __init__(self, clock: ManualClock, *deliveries: list[Envelope]) -> None:
+        self.clock, self.deliveries = clock, list(deliveries)
+        self.declared: list[str] = []
+        self.waits: list[float] = []
+        self.sent: list[Envelope] = []
+
+    @property
+    def counters(self) -> dict[str, int]:
+        return {"sent": len(self.sent)}
+
+    def subscribe(self, key_expr: str) -> None:
+        self.declared.append(f"listen {key_expr}")
+
+    def watch(self, key_expr: str) -> None:
+        self.declared.append(f"watch {key_expr}")
+
+    def token(self, key: str) -> None:
+        self.declared.append(f"token {key}")
+
+    def receive(self, timeout: float) -> list[Envelope]:
+        self.waits.append(timeout)
+        if self.deliveries:
+            return self.deliveries.pop(0)
+        self.clock.advance(timeout)
+        return []
+
+    def send(self, envelope: Envelope) -> None:
+        self.sent.append(envelope)
+
+
+class Echo:
+    """Answers everything, wakes every `period` seconds, and is done after so many wakes."""
+
+    tokens, listens, watches = ("t",), ("a", "b"), ("w",)
+
+    def __init__(self, period: float | None, wakes: int) -> None:
+        self.period, self.wakes = period, wakes
+        self.due = period
+        self.woken: list[float] = []
+        self.noted: dict[str, int] = {}
+
+    @property
+    def done(self) -> bool:
+        return len(self.woken) >= self.wakes
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        if envelope.key == "bomb":
+            raise RuntimeError("ours")
+        return [Envelope(f"re/{envelope.key}")]
+
+    def wake(self, now: float) -> list[Envelope]:
+        assert self.period is not None
+        self.woken.append(now)
+        self.due = now + self.period
+        return [Envelope("tick")]
+
+    def wake_at(self, now: float) -> float | None:
+        return self.due
+
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        self.noted = counters
+
+
+def test_it_knows_who_is_there_then_listens_then_tells_that_it_is_there() -> None:
+    clock = ManualClock()
+    post = Post(clock)
+    run(Echo(1.0, 0), post, clock)
+    assert post.declared == ["watch w", "listen a", "listen b", "token t"]
+
+
+def test_it_answers_wakes_in_time_and_ends_when_done() -> None:
+    clock = ManualClock()
+    post, echo = Post(clock, [Envelope("x"), Envelope("y")], []), Echo(1.2, 2)
+    run(echo, post, clock)
+    assert [e.key for e in post.sent] == ["re/x", "re/y", "tick", "tick"]
+    assert echo.woken == pytest.approx([1.2, 2.4])
+    assert max(post.waits) <= LONGEST_WAIT
+    assert echo.noted == {"sent": 4}  # the last word, after all was sent
+
+
+def test_a_flood_of_envelopes_does_not_keep_it_from_waking() -> None:
+    clock = ManualClock(10.0)
+    post, echo = Post(clock, *[[Envelope("x")]] * 3), Echo(1.0, 1)
+    run(echo, post, clock)
+    assert [e.key for e in post.sent] == ["re/x", "tick"]
+    assert post.waits == [0.0]
+
+
+def test_it_waits_for_letters_alone_until_it_is_stopped() -> None:
+    clock = ManualClock()
+    post = Post(clock, [Envelope("x")])
+    run(Echo(None, 1), post, clock, stopped=lambda: clock.now() >= 2.0)
+    assert [e.key for e in post.sent] == ["re/x"]
+    assert set(post.waits) == {LONGEST_WAIT}
+
+
+def test_what_a_service_raises_is_ours() -> None:
+    clock = ManualClock()
+    with pytest.raises(RuntimeError, match="ours"):
+        run(Echo(1.0, 1), Post(clock, [Envelope("bomb")]), clock)

@@ -1,0 +1,90 @@
+"""Rounds: the tables are walked; each phase ends as its row says, and none is a dead end."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from blackboard.process.rounds import TABLES, Rounds, Row, text
+from blackboard.process.team_clock import Pace
+
+NOW = 1_000_000.0
+WAITS = {"patience": 2.0, "half a period": 0.1, "gather": 60.0, "give_up": 20.0, "tick": 0.2, "linger": 1.0}
+ROWS = [(process, pace, phase, row) for process, table in TABLES.items() for (pace, phase), row in table.items()]
+NAMES = [f"{process}-{pace.value}-{phase}" for process, pace, phase, _ in ROWS]
+every_row = pytest.mark.parametrize(("process", "pace", "phase", "row"), ROWS, ids=NAMES)
+
+
+def rounds(process: str, phase: str) -> Rounds:
+    it = Rounds(TABLES[process], WAITS, phase)
+    it.enter(phase, NOW)
+    return it
+
+
+@every_row
+def test_each_phase_leads_to_one_that_its_pace_has(process: str, pace: Pace, phase: str, row: Row) -> None:
+    assert (pace, row.then) in TABLES[process]
+
+
+@pytest.mark.parametrize(("process", "pace", "phase", "row"), [row for row in ROWS if row[3].until])
+def test_a_phase_ends_with_its_fact_at_once_and_in_time(process: str, pace: Pace, phase: str, row: Row) -> None:
+    it = rounds(process, phase)
+    asked: list[str] = []
+    assert it.turn(pace, NOW, lambda fact: bool(asked.append(fact)) or fact == row.until) == (phase, False)
+    assert asked == [row.until]
+    assert (it.phase, it.began) == (row.then, NOW)
+
+
+@every_row
+def test_a_phase_ends_by_time_when_its_wait_is_over(process: str, pace: Pace, phase: str, row: Row) -> None:
+    it = rounds(process, phase)
+    wait = {"never": math.inf, "at once": 0.0, **WAITS}[row.at_most]
+    assert it.ends_at(pace) == NOW + wait
+    if wait == math.inf:
+        assert it.turn(pace, NOW + 1e9, lambda fact: False) is None
+        assert it.phase == phase
+        return
+    if wait > 0:
+        assert it.turn(pace, NOW + 0.99 * wait, lambda fact: False) is None
+    assert it.turn(pace, NOW + 1.01 * wait, lambda fact: False) == (phase, row.late)
+    assert it.phase == row.then
+
+
+@every_row
+def test_only_phases_with_a_fact_can_be_late(process: str, pace: Pace, phase: str, row: Row) -> None:
+    assert bool(row.until) or not row.late
+
+
+@pytest.mark.parametrize("pace", [Pace.FREE, Pace.REALTIME, Pace.LOCKSTEP])
+def test_a_board_settles_before_it_agrees_at_every_pace(pace: Pace) -> None:
+    it = rounds("board", "reports")
+    ended = [it.turn(pace, NOW, lambda fact: True), it.turn(pace, NOW, lambda fact: True)]
+    assert ended == [("reports", False), ("exchange", False)]
+    assert it.turn(pace, NOW, lambda fact: True) is None
+    assert it.phase == "settled"
+
+
+def test_a_board_without_a_world_waits_for_no_fact() -> None:
+    it = rounds("board", "reports")
+    ended = [it.turn(Pace.FREE, NOW, pytest.fail), it.turn(Pace.FREE, NOW, pytest.fail)]
+    assert ended == [("reports", False), ("exchange", False)]
+
+
+def test_a_phase_that_the_pace_does_not_have_lasts() -> None:
+    it = rounds("board", "reports")
+    assert it.turn(Pace.WAITING, NOW + 1e9, lambda fact: True) is None
+    assert it.ends_at(Pace.WAITING) == math.inf
+
+
+def test_the_tables_are_printed() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "blackboard.process.rounds"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.rstrip() == text()
+    assert len(text().splitlines()) == 1 + len(ROWS)
+    page = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page

@@ -1,0 +1,151 @@
+"""Team time: whose clock is followed, and when it no longer is."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from blackboard.process.roster import Roster
+from blackboard.process.team_clock import WORLD_SILENT, News, Pace, TeamClock
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock
+
+NOW = 1_000_000.0
+OWN = keys.BOARD.key(team="t", sub_team="a", board="a")
+WORLD = keys.WORLD.key(team="t")
+
+
+def clock(tick: int, mode: Any = "lockstep", run: str = "one") -> Clock:
+    return Clock(run=run, tick=tick, time=0.2 * tick, mode=mode)
+
+
+def world(it: TeamClock, kind: Kind, now: float = NOW) -> None:
+    it.roster.hear(Envelope(WORLD, kind=kind), now)
+
+
+def news(it: TeamClock, now: float) -> list[News]:
+    """All that is new at a time."""
+    it.roster.forget(now)
+    found: list[News] = []
+    while (one := it.look(now)) is not News.NOTHING:
+        found.append(one)
+    return found
+
+
+def test_without_a_world_ticks_are_periods_of_unix_time() -> None:
+    it = TeamClock(Roster(), period=0.5)
+    assert it.pace is Pace.FREE
+    assert it.changes_at() <= NOW
+    assert news(it, NOW) == [News.TICK]
+    assert (it.tick, it.time(NOW), it.changes_at()) == (2 * NOW, NOW, NOW + 0.5)
+    assert news(it, NOW + 0.4) == []
+    assert news(it, NOW + 2.0) == [News.TICK]
+    assert it.tick == 2 * NOW + 4
+
+
+def test_without_a_period_there_are_no_ticks_without_a_world() -> None:
+    it = TeamClock(Roster())
+    assert news(it, NOW) == []
+    assert (it.tick, it.changes_at()) == (-1, math.inf)
+
+
+def test_a_world_without_a_clock_is_waited_for() -> None:
+    it = TeamClock(Roster(), period=0.5)
+    world(it, Kind.ALIVE)
+    assert it.pace is Pace.WAITING
+    assert news(it, NOW + 100) == []
+    assert it.changes_at() == math.inf
+    world(it, Kind.GONE, NOW + 100)
+    assert news(it, NOW + 101) == [News.TICK]  # nothing was said by a world's time: nothing is forgotten
+    assert it.pace is Pace.FREE
+
+
+@pytest.mark.parametrize(("mode", "pace", "runs"), [("lockstep", Pace.LOCKSTEP, 0.0), ("realtime", Pace.REALTIME, 1.5)])
+def test_a_world_gives_the_ticks_and_the_time(mode: str, pace: Pace, runs: float) -> None:
+    it = TeamClock(Roster(), period=0.5)
+    world(it, Kind.ALIVE)
+    assert it.hear(clock(3, mode), NOW) is News.RUN
+    assert (it.pace, it.tick) == (pace, 3)
+    assert it.time(NOW + 1.5) == pytest.approx(0.6 + runs)
+    assert it.hear(clock(3, mode), NOW + 1.0) is News.REPEATED
+    assert it.time(NOW + 1.5) == pytest.approx(0.6 + runs)  # from its first arrival on
+    assert it.hear(clock(2, mode), NOW + 1.0) is News.NOTHING
+    assert it.hear(clock(4, mode), NOW + 2.0) is News.TICK
+    assert it.hear(clock(0, mode, run="two"), NOW + 2.0) is News.RUN
+    assert (it.tick, it.time(NOW + 2.0)) == (0, 0.0)
+    assert news(it, NOW + 1000.0) == []  # a world that is there may take its time
+    assert it.changes_at() == math.inf
+
+
+def test_a_clock_without_a_world_is_not_followed() -> None:
+    it = TeamClock(Roster(), period=0.5)
+    for seconds in range(12):  # however often it is said: its token is waited for once
+        assert it.hear(clock(seconds), NOW + seconds) is News.NOTHING
+        waits = seconds < WORLD_SILENT
+        assert news(it, NOW + seconds) == ([] if waits else [News.TICK])
+        assert it.pace is (Pace.WAITING if waits else Pace.FREE)
+        assert it.changes_at() == NOW + (WORLD_SILENT if waits else seconds + 0.5)
+        assert it.time(NOW + seconds) == NOW + seconds
+
+
+def test_a_clock_that_comes_before_its_token_is_followed_with_it() -> None:
+    it = TeamClock(Roster(), period=0.5)
+    it.hear(clock(3), NOW)
+    world(it, Kind.ALIVE)
+    assert news(it, NOW + 0.1) == [News.RUN]
+    assert (it.pace, it.tick, it.heard_at) == (Pace.LOCKSTEP, 3, NOW + 0.1)
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_world_that_is_gone_and_silent_is_given_up(mode: str) -> None:
+    it = TeamClock(Roster(grace=0.5), period=0.5)
+    world(it, Kind.ALIVE)
+    it.hear(clock(3, mode), NOW)
+    world(it, Kind.GONE, NOW + 1.0)
+    assert news(it, NOW + 1.5) == []
+    assert it.changes_at() == NOW + WORLD_SILENT
+    assert news(it, NOW + WORLD_SILENT - 0.01) == []
+    assert it.pace is not Pace.FREE
+    assert news(it, NOW + WORLD_SILENT) == [News.FREE, News.TICK]
+    assert (it.pace, it.time(NOW + 6.0)) == (Pace.FREE, NOW + 6.0)
+    world(it, Kind.ALIVE, NOW + 7.0)
+    assert it.pace is Pace.WAITING
+    assert it.hear(clock(3, mode), NOW + 7.0) is News.RUN  # also of the same run: what was said since is Unix time
+
+
+def test_the_clocks_of_a_world_that_is_gone_do_not_keep_it() -> None:
+    it = TeamClock(Roster(grace=0.5), period=0.5)
+    world(it, Kind.ALIVE)
+    it.hear(clock(3), NOW)
+    world(it, Kind.GONE, NOW)
+    it.roster.forget(NOW + 0.5)
+    assert it.hear(clock(4), NOW + 4.0) is News.NOTHING
+    assert news(it, NOW + WORLD_SILENT) == [News.FREE, News.TICK]
+
+
+def test_a_world_that_is_back_in_time_goes_on() -> None:
+    it = TeamClock(Roster(grace=0.5), period=0.5)
+    world(it, Kind.ALIVE)
+    it.hear(clock(3), NOW)
+    world(it, Kind.GONE, NOW + 1.0)
+    assert news(it, NOW + 2.0) == []
+    world(it, Kind.ALIVE, NOW + 4.0)
+    assert news(it, NOW + 100.0) == []
+    assert it.hear(clock(4), NOW + 100.0) is News.TICK
+
+
+def test_while_the_router_is_away_the_world_is_not_given_up() -> None:
+    it = TeamClock(Roster(OWN, grace=0.5, comeback=5.0), period=0.5)
+    it.roster.hear(Envelope(OWN, kind=Kind.ALIVE), NOW)
+    world(it, Kind.ALIVE)
+    it.hear(clock(3), NOW)
+    world(it, Kind.GONE, NOW + 1.0)
+    it.roster.hear(Envelope(OWN, kind=Kind.GONE), NOW + 1.2)
+    assert news(it, NOW + 50.0) == []
+    it.roster.hear(Envelope(OWN, kind=Kind.ALIVE), NOW + 50.0)
+    assert news(it, NOW + 54.0) == []
+    world(it, Kind.ALIVE, NOW + 54.0)
+    assert it.hear(clock(3), NOW + 54.0) is News.REPEATED

@@ -1,0 +1,145 @@
+"""Waiting for facts, and processes that are surely stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from blackboard.net.bus import BusLink
+from blackboard.net.link import Link
+from blackboard.process.clock import UnixClock
+from blackboard.run.door import PARENT
+from blackboard.wire.envelope import Envelope, Kind
+
+ROOT = Path(__file__).parents[1]
+AnyLink = Link | BusLink
+LONG = 30.0  # seconds: a deadline that only a broken program misses, however slow the machine
+
+#: Runs Python with these arguments as a shell script does in the background: SIGINT is ignored when it starts.
+IN_THE_BACKGROUND = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+
+def wait_until(fact: Callable[[], object], what: Callable[[], object] | str, seconds: float = LONG) -> None:
+    """Look again and again until a fact holds; fails with `what` after a deadline."""
+    clock, pause = UnixClock(), threading.Event()
+    end = clock.now() + seconds
+    while not fact():
+        assert clock.now() < end, f"after {seconds:g} s still not so: {what if isinstance(what, str) else what()}"
+        pause.wait(0.01)
+
+
+class Letters:
+    """What a link has received so far."""
+
+    def __init__(self, link: AnyLink) -> None:
+        self._link = link
+        self.read: list[Envelope] = []
+
+    def until(self, *wanted: Envelope) -> list[Envelope]:
+        """Receive until all of these have come."""
+        wait_until(lambda: set(wanted) <= set(self.take()), lambda: f"{wanted} among {self.read}")
+        return self.read
+
+    def take(self) -> list[Envelope]:
+        """All that it has received so far."""
+        self.read += self._link.receive(0.05)
+        return self.read
+
+
+def introduce(listener: AnyLink, speaker: AnyLink) -> None:
+    """Wait until the speaker knows what the listener has subscribed to: a token that comes last says so."""
+    ready = f"ready/{id(listener)}/{id(speaker)}"
+    listener.token(ready)
+    speaker.watch(ready)
+    wait_until(lambda: Envelope(ready, kind=Kind.ALIVE) in speaker.receive(0.05), "the token is seen")
+
+
+@contextmanager
+def silent_server() -> Iterator[tuple[socket.socket, str]]:
+    """Somebody who takes connections and says nothing, and the endpoint."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        silent.settimeout(LONG)
+        yield silent, f"tcp/127.0.0.1:{silent.getsockname()[1]}"
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process lives; one that nobody has buried yet does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def children(parent: int) -> list[int]:
+    """The processes that were told to follow this one, whoever their parent is by now."""
+    told = f"{PARENT}={parent}".encode()
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if told in (folder / "environ").read_bytes().split(b"\0") and is_running(int(folder.name)):
+                found.append(int(folder.name))
+        except (FileNotFoundError, ProcessLookupError, PermissionError):
+            continue
+    return found
+
+
+class Program:
+    """A running program whose lines are read as they come."""
+
+    def __init__(self, running: subprocess.Popen[str]) -> None:
+        self.running = running
+        self.out, self.err = "", ""
+        self._readers = [threading.Thread(target=self._read, args=(name,), daemon=True) for name in ("out", "err")]
+        for reader in self._readers:
+            reader.start()
+
+    def _read(self, name: str) -> None:
+        stream = self.running.stdout if name == "out" else self.running.stderr
+        assert stream is not None
+        for line in stream:
+            setattr(self, name, getattr(self, name) + line)
+
+    def says(self, text: str) -> None:
+        """Wait until it has said something on standard error."""
+        wait_until(
+            lambda: text in self.err or self.running.poll() is not None, lambda: f"it says {text!r}; it said {self.err}"
+        )
+        assert text in self.err, f"it ended with status {self.running.returncode}: {self.err}"
+
+    def ends(self) -> int:
+        """Wait until it has ended and all is read; its exit status."""
+        wait_until(lambda: self.running.poll() is not None, lambda: f"it ends; it said {self.err}")
+        for reader in self._readers:
+            reader.join(LONG)
+        return self.running.returncode
+
+
+@contextmanager
+def program(*arguments: str, keep: Sequence[str] = ()) -> Iterator[Program]:
+    """Run Python with these arguments; killed at the end, with all who were told to follow it.
+
+    Of what the environment says about us only `keep` is passed on.
+    """
+    command: Sequence[str] = (sys.executable, *arguments)
+    ours = {PARENT, "RUST_LOG", "LOG_FORMAT", "LOG_LEVEL"} - set(keep)
+    environment = {key: value for key, value in os.environ.items() if key not in ours}
+    with subprocess.Popen(
+        command, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as running:
+        try:
+            yield Program(running)
+        finally:
+            for pid in (running.pid, *children(running.pid)):
+                if is_running(pid):
+                    os.kill(pid, signal.SIGKILL)

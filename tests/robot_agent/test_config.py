@@ -1,0 +1,141 @@
+"""Every key of [robot] does something: another value changes what a robot reports. A key that nobody reads fails here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from blackboard.config import Scenario
+from blackboard.errors import UserError
+from blackboard.opinion.belief import gaussian
+from blackboard.opinion.grid import Grid
+from blackboard.wire.arrays import pack
+from blackboard.wire.messages import Consensus, Fix, Odometry, Readings, Sighting
+from robot_agent.agent import Agent, Agreed, beliefs
+from robot_agent.config import RobotSection
+
+GRID = Grid((40, 36), 0.5)
+
+#: Where each key matters: the localizer and the sensor model, and another value than the default.
+PRINTED, CAMERA, POSE = ("position", "position"), ("position", "range-bearing"), ("pose", "range-bearing")
+KEYS: dict[str, tuple[tuple[str, str], Any]] = {
+    "localizer": (CAMERA, "pose"),
+    "headings": (POSE, 36),
+    "vision.kind": (PRINTED, "range-bearing"),
+    "vision.gain": (PRINTED, 0.1),
+    "vision.floor": (PRINTED, 0.9),
+    "vision.range_floor": (CAMERA, 0.5),
+    "vision.range_share": (POSE, 0.2),
+    "vision.bearing": (POSE, 0.2),
+    "vision.frames": (CAMERA, 1.0),
+    "vision.misread": (PRINTED, 2.0),
+    "vision.outlier": (POSE, 0.1),
+    "vision.mates": (PRINTED, False),
+    "odometry.distance_scale": (PRINTED, 0.8),
+    "odometry.turn_scale": (POSE, 0.5),
+    "odometry.along": (PRINTED, 0.6),
+    "odometry.across": (POSE, 0.4),
+    "odometry.turn": (POSE, 0.06),
+    "odometry.standing": (PRINTED, 1.0),
+    "objects.drift": (PRINTED, 1.5),
+    "objects.fresh": (PRINTED, 0.5),
+    "objects.forget": (PRINTED, 0.5),
+}
+
+#: Read by `robot_agent.service`: seconds of waiting, not beliefs.
+TIMES = {"patience"}
+
+
+def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            yield from keys(inner, f"{prefix}{name}.")
+        else:
+            yield prefix + name
+
+
+def settings(setup: tuple[str, str], key: str | None = None, value: Any = None) -> RobotSection:
+    tables: dict[str, Any] = {"localizer": setup[0], "vision": {"kind": setup[1]}}
+    if key is not None:
+        *path, name = key.split(".")
+        table = tables
+        for part in path:
+            table = table.setdefault(part, {})
+        table[name] = value
+    return Scenario({"robot": tables}).section("robot", RobotSection)
+
+
+def agreed(subject: str, x: float, y: float) -> Consensus:
+    return Consensus(
+        board="a",
+        sub_team="a",
+        level="agreed",
+        subject=subject,
+        tick=1,
+        time=0.5,
+        belief=pack(gaussian(GRID, (x, y), 0.3)),
+        ancestors={"r2": 0.5},
+        used=[],
+        entropy=1.0,
+        conflict=False,
+        rule="coalition",
+    )
+
+
+def story(it: RobotSection) -> list[np.ndarray]:
+    """All beliefs of a robot that drives, stands, and sees an object, a mate of agreed place and a landmark."""
+    agent = Agent("r1", it, GRID)
+    found = []
+    for tick in range(6):
+        moving = tick < 4
+        sightings = [
+            Sighting(subject="landmark/6", range=4.0, bearing=0.3, landmark=(11.0, 10.0)),
+            Sighting(subject="object/ball", range=6.0 - 0.95 * tick, bearing=-0.2 - 0.2 * tick),
+            Sighting(subject="robot/r2", range=5.0, bearing=0.1),
+        ]
+        readings = Readings(
+            run="x",
+            robot="r1",
+            tick=tick,
+            time=0.5 * tick,
+            odometry=Odometry(distance=1.0 * moving, turn=0.2 * moving, dt=0.5) if tick else None,
+            compass=None,
+            fix=None if tick else Fix(position=(7.0, 9.0), sigma=0.6, heading=0.1, heading_sigma=0.1),
+            sightings=sightings if tick in (0, 2, 3) else [],
+        )
+        agent.tick(readings, {"robot/r2": Agreed.unpacked(agreed("robot/r2", 12.0, 9.5), GRID)} if tick == 2 else {})
+        found += [belief.p for e in (agent.firsthand, agent.informed) for _, belief in sorted(beliefs(e).items())]
+    return found
+
+
+@cache
+def usual(setup: tuple[str, str]) -> list[np.ndarray]:
+    return story(settings(setup))
+
+
+def test_every_key_is_here() -> None:
+    assert set(keys(RobotSection)) == {*KEYS, *TIMES}
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_another_value_is_another_belief(key: str) -> None:
+    setup, value = KEYS[key]
+    before, after = usual(setup), story(settings(setup, key, value))
+    assert len(before) != len(after) or max(np.abs(a - b).max() for a, b in zip(before, after, strict=True)) > 1e-4
+
+
+def test_the_same_values_are_the_same_beliefs() -> None:
+    assert all(np.array_equal(a, b) for a, b in zip(usual(POSE), story(settings(POSE)), strict=True))
+    assert all(math.isclose(p.sum(), 1.0) for p in usual(POSE))
+
+
+def test_a_key_that_nobody_reads_is_an_error() -> None:
+    with pytest.raises(UserError, match=r"robot\.odometry\.lag: no such key; remove it or mend its spelling"):
+        Scenario({"robot": {"odometry": {"lag": 0.2}}}).section("robot", RobotSection)

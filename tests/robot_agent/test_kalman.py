@@ -1,0 +1,232 @@
+"""The robot's first-hand Gaussian filter: starts, evidence, loss, and the hand-over from a grid."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING
+from blackboard.opinion.grid import Grid
+from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from robot_agent.gaussian.filter import LOST, FirstHand, one_hypothesis
+from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated
+
+ROBOT = "robot/r1"
+LANDMARKS = {"landmark/6": (2.0, 1.0), "landmark/7": (1.0, -2.0), "landmark/8": (3.0, -0.5)}
+GRID = Grid((40, 40), 0.1, (-2.0, -2.0), "m")
+Pose = tuple[float, float, float]
+
+
+def seen(pose: Pose, name: str, place: tuple[float, float], landmark: bool = True) -> Sighting:
+    dx, dy = place[0] - pose[0], place[1] - pose[1]
+    bearing = math.atan2(dy, dx) - pose[2]
+    return Sighting(subject=name, range=math.hypot(dx, dy), bearing=bearing, landmark=place if landmark else None)
+
+
+def readings(tick: int, **what: object) -> Readings:
+    return Readings.model_validate({"run": "x", "robot": "r1", "tick": tick, "time": float(tick), **what})
+
+
+def standing(tick: int, pose: Pose, **what: object) -> Readings:
+    sightings = [seen(pose, name, place) for name, place in LANDMARKS.items()]
+    return readings(tick, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings, **what)
+
+
+def started() -> FirstHand:
+    robot = FirstHand(ROBOT)
+    fix = Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)
+    robot.step(readings(0, fix=fix))
+    return robot
+
+
+def test_it_starts_with_a_fix_that_tells_the_heading() -> None:
+    robot = started()
+    assert robot.belief is not None
+    assert robot.belief.mean[:3] == pytest.approx((0.0, 0.0, 0.0))
+    assert robot.belief.covariance[HEADING, HEADING] == pytest.approx(0.03**2)
+
+
+def test_without_a_heading_it_has_no_belief_and_no_increment() -> None:
+    robot = FirstHand(ROBOT)
+    told = robot.step(standing(0, (0.0, 0.0, 0.0)))
+    assert not robot.known
+    assert told.belief is None
+    assert told.increment is None
+
+
+def test_with_a_compass_one_landmark_tells_where_it_is() -> None:
+    robot, pose = FirstHand(ROBOT), (-1.0, 0.5, 0.7)
+    one = [seen(pose, "landmark/6", LANDMARKS["landmark/6"])]
+    first = robot.step(readings(0, compass=0.7))
+    assert first.belief is not None
+    assert np.trace(first.belief.covariance[AXES, AXES]) > 1e5
+    told = robot.step(readings(1, compass=0.7, odometry=Odometry(distance=0, turn=0, dt=1), sightings=one))
+    assert told.belief is not None
+    assert told.belief.mean[AXES] == pytest.approx(pose[:2], abs=0.01)
+    assert np.trace(told.belief.covariance[AXES, AXES]) < 0.2
+    assert told.increment is not None
+
+
+def test_landmarks_sharpen_and_what_is_told_is_gained_over_the_prediction() -> None:
+    robot = started()
+    before = robot.belief
+    told = robot.step(standing(1, (0.0, 0.0, 0.0)))
+    assert before is not None
+    assert told.belief is not None
+    assert told.increment is not None
+    assert np.trace(told.belief.covariance[AXES, AXES]) < np.trace(before.covariance[AXES, AXES])
+    nothing = robot.step(readings(2, odometry=Odometry(distance=0.05, turn=0.01, dt=1)))
+    assert nothing.increment is None
+    assert nothing.travelled.distance == pytest.approx(0.05)
+
+
+def test_three_barcodes_on_one_post_tell_little_more_than_one() -> None:
+    post = {f"landmark/{k}": (2.0, 1.0 + 0.1 * k) for k in range(3)}
+    apart = {f"landmark/{k}": (2.0, 1.0 + 1.5 * k) for k in range(3)}
+
+    def information(landmarks: dict[str, tuple[float, float]]) -> float:
+        robot = FirstHand(ROBOT)
+        fix = Fix(position=(0.0, 0.0), sigma=1.0, heading=0.0, heading_sigma=0.001)
+        robot.step(readings(0, fix=fix))
+        sightings = [seen((0.0, 0.0, 0.0), name, place) for name, place in landmarks.items()]
+        told = robot.step(readings(1, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings))
+        assert told.belief is not None
+        return 1 / float(told.belief.covariance[0, 0])
+
+    one = information(dict(list(post.items())[:1]))
+    assert information(post) < 1.5 * one
+    assert information(apart) > 2.0 * one
+
+
+def test_mates_are_told_relative_and_not_taken_as_evidence() -> None:
+    robot = started()
+    before = robot.belief
+    told = robot.step(readings(1, sightings=[seen((0.0, 0.0, 0.0), "robot/r2", (1.0, 1.0), landmark=False)]))
+    assert [r.subject for r in told.relatives] == ["robot/r2"]
+    assert told.increment is None
+    assert before is not None
+    assert robot.belief is not None
+    assert np.array_equal(robot.belief.mean, before.mean)
+
+
+def test_of_several_sightings_in_a_tick_the_newest_is_told() -> None:
+    robot = started()
+    old = Sighting(subject="robot/r2", range=1.0, bearing=0.0, age=0.8)
+    new = Sighting(subject="robot/r2", range=2.0, bearing=0.0, age=0.1)
+    told = robot.step(readings(1, sightings=[new, old]))
+    assert [r.range for r in told.relatives] == [2.0]
+
+
+def test_a_misread_barcode_is_not_taken() -> None:
+    robot = started()
+    robot.step(standing(1, (0.0, 0.0, 0.0)))
+    assert robot.belief is not None
+    before = robot.belief.mean[AXES].copy()
+    wrong = Sighting(subject="landmark/6", range=4.0, bearing=2.5, landmark=LANDMARKS["landmark/6"])
+    robot.step(readings(2, odometry=Odometry(distance=0, turn=0, dt=1), sightings=[wrong]))
+    assert robot.belief.mean[AXES] == pytest.approx(before, abs=1e-6)
+    assert not robot.lost()
+
+
+def test_a_robot_that_was_carried_away_begins_a_new_epoch() -> None:
+    robot = started()
+    for tick in range(1, 5):
+        robot.step(standing(tick, (0.0, 0.0, 0.0)))
+    for tick in range(5, 5 + LOST):
+        told = robot.step(standing(tick, (-1.5, 1.5, 2.0)))
+    assert told.epoch == 1
+    assert told.belief is None
+    assert told.travelled.dt == 0.0
+    robot.enter(Moments(np.array([-1.5, 1.5, 2.0]), np.eye(3) * 0.01))
+    told = robot.step(standing(20, (-1.5, 1.5, 2.0)))
+    assert told.epoch == 1
+    assert told.belief is not None
+
+
+def test_with_a_compass_it_finds_itself_again() -> None:
+    robot = started()
+    for tick in range(1, 5):
+        robot.step(standing(tick, (0.0, 0.0, 0.0), compass=0.0))
+    for tick in range(5, 7 + LOST):
+        told = robot.step(standing(tick, (-1.5, 1.5, 0.0), compass=0.0))
+    assert told.epoch == 1
+    assert told.belief is not None
+    assert told.belief.mean[AXES] == pytest.approx((-1.5, 1.5), abs=0.05)
+
+
+def test_a_robot_that_its_team_can_place_goes_on_in_the_same_epoch() -> None:
+    robot = started()
+    at = np.zeros(9)
+    at[[3, 4]] = 0.9, 0.95
+    for tick in range(1, 5):
+        robot.step(standing(tick, (0.0, 0.0, 0.0)), at)
+    at[:3] = -1.4, 1.4, 1.9  # what the mates see of it; it was carried away
+    for tick in range(5, 8 + LOST):
+        told = robot.step(standing(tick, (-1.5, 1.5, 2.0)), at)
+    assert told.epoch == 0
+    assert told.increment is not None
+    assert told.belief is not None
+    assert told.belief.mean[:3] == pytest.approx((-1.5, 1.5, 2.0), abs=0.05)
+
+
+def test_where_the_team_believes_it_is_is_no_evidence() -> None:
+    plain, helped = started(), started()
+    at = plain.belief
+    assert at is not None
+    one = plain.step(standing(1, (0.0, 0.0, 0.0)))
+    two = helped.step(standing(1, (0.0, 0.0, 0.0)), at.mean + 1e-4)
+    assert one.belief is not None
+    assert two.belief is not None
+    assert np.allclose(one.belief.covariance, two.belief.covariance, atol=1e-5)
+    assert np.allclose(one.belief.mean, two.belief.mean, atol=1e-3)
+
+
+def test_noise_depends_on_the_command() -> None:
+    wheels = Wheels()
+    still = wheels.motion(Odometry(distance=0, turn=0, dt=1), None)
+    straight = wheels.motion(Odometry(distance=0.1, turn=0, dt=1), None)
+    turning = wheels.motion(Odometry(distance=0.1, turn=0.3, dt=1), Odometry(distance=0.1, turn=0, dt=1))
+    assert still.heading < straight.heading < turning.heading
+    assert still.moving == 0.0
+
+
+def test_a_camera_turning_within_the_tick_is_less_sure_of_the_bearing() -> None:
+    sighting = Sighting(subject="robot/r2", range=2.0, bearing=0.0, age=0.5)
+    camera = Camera()
+    assert camera.relative(ROBOT, sighting, 0.2, 1.0, "").bearing_variance > 2 * camera.bearing**2
+    assert camera.relative(ROBOT, sighting, 0.0, 1.0, "").bearing_variance == pytest.approx(camera.bearing**2)
+
+
+def test_the_simulated_sensors_have_fresh_errors_only() -> None:
+    sensors = simulated(0.5, 0.01, 0.01, ((1.0, 0.25), (13.0, 4.0)))
+    motion = sensors.wheels.motion(Odometry(distance=0.2, turn=0.0, dt=0.2), None)
+    assert motion.along == pytest.approx(0.5**2 * 0.2)
+    relative = sensors.camera.relative(ROBOT, Sighting(subject="object/ball", range=7.0, bearing=0.0), 0.0, 0.2, "")
+    assert relative.biases == ()
+    assert relative.profile == sensors.camera.profile
+    assert isinstance(sensors, Sensors)
+
+
+# --- from the grid -------------------------------------------------------------------------------------------------------
+
+
+def test_a_grid_with_one_hypothesis_is_handed_over() -> None:
+    covariance = np.array([[0.04, 0.01], [0.01, 0.02]])
+    belief = draw(GRID, Moments(np.array([0.3, -0.4]), covariance))
+    p = 0.99 * belief.p + 0.01 / GRID.size
+    found = one_hypothesis(Belief(GRID, p))
+    assert found is not None
+    assert found.mean == pytest.approx((0.3, -0.4), abs=0.01)
+    assert np.allclose(found.covariance, covariance, atol=0.006)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8])
+def test_a_grid_with_two_hypotheses_is_not(share: float) -> None:
+    one, two = gaussian(GRID, (-1.0, -1.0), 0.2), gaussian(GRID, (1.0, 1.0), 0.2)
+    assert one_hypothesis(Belief(GRID, share * one.p + (1 - share) * two.p)) is None
+    assert one_hypothesis(uniform(GRID)) is None

@@ -1,0 +1,93 @@
+"""The models of odometry and camera against exact expectations."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from blackboard.wire.messages import Odometry, Sighting
+from robot_agent.config import OdometrySection, VisionSection
+from robot_agent.sensing import Motion, motion, motion_since, position_sigma, uncertain_likelihood
+
+MODEL = OdometrySection(distance_scale=0.9, turn_scale=1.1, along=0.3, across=0.2, turn=0.05, standing=0.4)
+
+
+@pytest.mark.parametrize(
+    ("distance", "turn", "share"), [(0.5, 0.0, 1.0), (0.0, 0.2, 1.0), (0.0, 0.0, 0.16), (1e-10, -1e-10, 0.16)]
+)
+def test_odometry_is_scaled_and_its_noise_grows_with_time(distance: float, turn: float, share: float) -> None:
+    found = motion(Odometry(distance=distance, turn=turn, dt=0.2), MODEL)
+    noise = 0.2 * share * 0.3**2, 0.2 * share * 0.2**2, 0.2 * share * 0.05**2
+    assert found == Motion(
+        pytest.approx(0.9 * distance), pytest.approx(1.1 * turn), 0.2, *(pytest.approx(x) for x in noise)
+    )
+
+
+def test_what_was_driven_since_a_sighting_is_its_share_of_the_tick() -> None:
+    moved = Motion(0.8, 0.4, 0.5, 0.0, 0.0, 0.0)
+    assert motion_since(Sighting(subject="object/b", range=1, bearing=0, age=0.2), moved) == pytest.approx((0.32, 0.16))
+    assert motion_since(Sighting(subject="object/b", range=1, bearing=0), moved) == (0.0, 0.0)
+    assert motion_since(Sighting(subject="object/b", range=1, bearing=0, age=0.2), None) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("distance", "printed"),
+    [
+        (1.0, math.inf), (1.001, 20 * math.log(6.499)), (2.9, 20 * math.log(4.6)), (3.0, 36.0), (5.0, 20.0), (7.5, 0.0), (10.0, 20.0),
+        (11.0, 28.0), (11.1, 20 * math.log(3.6)), (12.99, 20 * math.log(5.49)), (13.0, math.inf),
+    ],
+)  # fmt: skip
+def test_the_printed_sigma_by_distance(distance: float, printed: float) -> None:
+    """(VI-.1): 8 |d - 7.5| from 3 to 11, 20 ln |d - 7.5| beyond, nothing seen up to 1 and from 13 on."""
+    vision = VisionSection(gain=0.05, floor=0.5)
+    assert position_sigma(np.array([distance]), vision)[0] == pytest.approx(max(0.5, 0.05 * printed))
+
+
+SLANTED = np.array([[0.5, -0.3], [-0.3, 0.4]])
+
+
+def test_where_sigma_is_constant_an_uncertain_mate_counts_as_the_sum_of_both_covariances() -> None:
+    vision = VisionSection(gain=1e-9, floor=0.4)
+    whole = SLANTED + 0.4**2 * np.eye(2)
+    inverse, seen = np.linalg.inv(whole), np.array([4.5, 1.0])
+    for place in ((5.0, 1.2), (4.0, 2.0), (6.0, -0.5)):
+        away = np.array(place) - seen
+        exact = math.exp(-0.5 * away @ inverse @ away) / (2 * math.pi * math.sqrt(np.linalg.det(whole)))
+        dx, dy = np.array([[place[0]]]), np.array([[place[1]]])
+        assert uncertain_likelihood(dx, dy, (4.5, 1.0), SLANTED, vision)[0, 0] == pytest.approx(exact, rel=1e-9)
+
+
+def test_where_sigma_rises_an_uncertain_mate_counts_as_the_mean_over_its_distances() -> None:
+    """The distance's own variance decides which sigmas count, so a slant towards the robot or across matters."""
+    vision = VisionSection(gain=0.05, floor=0.1)
+    rng = np.random.default_rng(3)
+    for covariance in (0.3 * SLANTED, 0.3 * SLANTED * [[1, -1], [-1, 1]]):
+        shifts = rng.multivariate_normal((0, 0), covariance, 200_000)
+        dx, dy = 3.6, 3.2
+        x, y = dx + shifts[:, 0], dy + shifts[:, 1]
+        sigma = position_sigma(np.hypot(x, y), vision)
+        away = (x - dx) ** 2 + (y - dy) ** 2
+        exact = (np.exp(-0.5 * away / sigma**2) / (2 * math.pi * sigma**2)).mean()
+        found = uncertain_likelihood(np.array([[dx]]), np.array([[dy]]), (dx, dy), covariance, vision)[0, 0]
+        assert found == pytest.approx(exact, rel=0.05)
+
+
+def test_an_uncertain_mate_counts_by_the_formula_at_any_distance() -> None:
+    """Place by place: the sum over 7 nodes x_k of w_k N(seen; (dx, dy), sigma(d + x_k s)^2 I + C)."""
+    vision = VisionSection(gain=0.05, floor=0.3)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(7)
+    for dx, dy in ((0.2, 0.1), (0.7, -0.4), (-0.9, 0.3), (1.2, 0.5), (-3.0, 4.0), (9.0, 8.0)):
+        along = np.array([dx, dy]) / math.hypot(dx, dy)
+        s, expected = math.sqrt(along @ SLANTED @ along), 0.0
+        for node, weight in zip(nodes, weights / weights.sum(), strict=True):
+            sigma = position_sigma(np.array([math.hypot(dx, dy) + node * s]), vision)[0]
+            if math.isfinite(sigma):
+                whole = SLANTED + sigma**2 * np.eye(2)
+                away = np.array([dx - 0.8, dy - 0.6])
+                density = math.exp(-0.5 * away @ np.linalg.inv(whole) @ away)
+                expected += weight * density / (2 * math.pi * math.sqrt(np.linalg.det(whole)))
+        found = uncertain_likelihood(np.array([[dx]]), np.array([[dy]]), (0.8, 0.6), SLANTED, vision)[0, 0]
+        assert found == pytest.approx(expected, rel=1e-9)
+        assert found > 0

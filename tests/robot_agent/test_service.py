@@ -1,0 +1,240 @@
+"""The process of a robot: when it acts with a world, without one, and when a world comes and goes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+
+import pytest
+
+from blackboard.opinion.belief import gaussian
+from blackboard.opinion.grid import Grid
+from blackboard.process.team_clock import WORLD_SILENT
+from blackboard.wire import keys
+from blackboard.wire.arrays import pack
+from blackboard.wire.codec import encode, open_envelope
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Consensus, Fix, Odometry, Readings, Report, Solo, Status
+from blackboard.wire.types import Message
+from robot_agent.config import RobotSection
+from robot_agent.service import MAX_AGREED, AgentService
+
+GRID = Grid((20, 20))
+NOW = 1_000_000.0
+WORLD = keys.WORLD.key(team="t")
+
+
+def service(*sub_teams: str) -> AgentService:
+    return AgentService(team="t", sub_teams=sub_teams or ("a",), robot="r1", grid=GRID, settings=RobotSection())
+
+
+def readings(tick: int, run: str = "x", time: float | None = None) -> Envelope:
+    message = Readings(
+        run=run,
+        robot="r1",
+        tick=tick,
+        time=0.2 * tick if time is None else time,
+        odometry=Odometry(distance=0.1, turn=0.0, dt=0.2),
+        compass=0.0,
+        fix=None if tick else Fix(position=(10.0, 10.0), sigma=1.0),
+    )
+    return Envelope(keys.READING.key(team="t", robot="r1"), encode(message))
+
+
+def clock(tick: int, run: str = "x", *, settled: Iterable[str] = (), end: bool = False) -> Envelope:
+    message = Clock(run=run, tick=tick, time=0.2 * tick, mode="lockstep", settled={"a": list(settled)}, end=end)
+    return Envelope(keys.CLOCK.key(team="t"), encode(message))
+
+
+def agreed(tick: int, subject: str = "robot/r1", board: str = "board-a", time: float | None = None) -> Envelope:
+    message = Consensus(
+        board=board,
+        sub_team="a",
+        level="agreed",
+        subject=subject,
+        tick=tick,
+        time=0.2 * tick if time is None else time,
+        belief=pack(gaussian(GRID, (10, 10), 1.0)),
+        ancestors={"r1": 0.0, "r2": 0.0},
+        used=[],
+        entropy=1.0,
+        conflict=False,
+        rule="coalition",
+    )
+    return Envelope(keys.AGREED.key(team="t", sub_team="a", subject=subject), encode(message))
+
+
+def world(kind: Kind = Kind.ALIVE) -> Envelope:
+    return Envelope(WORLD, kind=kind)
+
+
+def said(answers: Iterable[Envelope]) -> list[Message]:
+    return [open_envelope(envelope)[2] for envelope in answers]
+
+
+def kinds(answers: Iterable[Envelope]) -> list[str]:
+    return [type(message).__name__ for message in said(answers)]
+
+
+def test_without_a_world_a_robot_reports_with_its_readings(caplog: pytest.LogCaptureFixture) -> None:
+    """Real robots have no world: nobody publishes a Clock."""
+    robot = service()
+    with caplog.at_level(logging.INFO):
+        for tick in range(20):
+            answers = said(robot.receive(readings(tick, time=NOW + 0.2 * tick), NOW + 0.2 * tick))
+            assert [type(message) for message in answers] == [Report, Status]
+            report, status = answers
+            assert isinstance(report, Report)
+            assert (report.tick, report.time, report.subject) == (tick, NOW + 0.2 * tick, "robot/r1")
+            assert isinstance(status, Status)
+            assert (status.tick, status.phase, status.subjects) == (tick, "reported", ["robot/r1"])
+            assert status.settings["pace"] == "free"
+    assert sum("no world gives the clock" in record.message for record in caplog.records) == 1
+
+
+def test_without_a_world_it_takes_agreed_beliefs_whose_ticks_are_the_boards_own() -> None:
+    robot = service()
+    robot.receive(readings(0, time=NOW), NOW)
+    robot.receive(agreed(5_000_000, time=NOW + 0.1), NOW + 0.1)
+    (report, _) = said(robot.receive(readings(1, time=NOW + 0.2), NOW + 0.2))
+    assert isinstance(report, Report)
+    assert report.informed is not None
+    assert robot.refused == {}
+
+
+def test_readings_that_come_again_are_not_counted_twice() -> None:
+    robot = service()
+    robot.receive(readings(3, time=NOW), NOW)
+    assert robot.receive(readings(3, time=NOW), NOW + 0.1) == []
+    assert robot.receive(readings(2, time=NOW), NOW + 0.1) == []
+    assert robot.counters["ticks"] == 1
+
+
+def test_in_lockstep_it_waits_for_the_clock_and_for_what_was_agreed() -> None:
+    robot = service()
+    robot.receive(world(), NOW)
+    assert robot.receive(readings(0), NOW) == []
+    assert kinds(robot.receive(clock(0), NOW)) == ["Report", "Solo", "Status"]
+    robot.receive(readings(1), NOW)
+    assert robot.receive(clock(1, settled=["robot/r1", "object/ball"]), NOW) == []
+    assert robot.receive(agreed(0), NOW) == []
+    assert kinds(robot.receive(agreed(0, "object/ball"), NOW)) == ["Report", "Solo", "Status"]
+    assert robot.counters["late"] == 0
+
+
+def test_in_lockstep_its_patience_ends() -> None:
+    robot = service()
+    for envelope in (world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"])):
+        robot.receive(envelope, NOW)
+    patience = robot.settings.patience
+    assert "Report" not in kinds(robot.wake(NOW + patience - 0.01))
+    due = robot.wake_at(NOW + patience - 0.01)
+    assert due is not None
+    assert due <= NOW + patience
+    assert "Report" in kinds(robot.wake(NOW + patience))
+    assert robot.counters["late"] == 1
+
+
+def test_the_world_that_asks_again_gets_the_same_answers_and_the_last_word_gets_none() -> None:
+    robot = service()
+    robot.receive(world(), NOW)
+    robot.receive(readings(0), NOW)
+    first = robot.receive(clock(0), NOW)
+    again = robot.receive(clock(0), NOW + 1)
+    assert said(again)[:-1] == said(first)[:-1]
+    assert robot.counters["repeated"] == 1
+    assert robot.receive(clock(0, end=True), NOW + 2) == []
+
+
+def test_solo_beliefs_are_sent_only_where_a_world_reads_them() -> None:
+    robot = service()
+    assert "Solo" not in kinds(robot.receive(readings(0), NOW))
+    robot.receive(world(), NOW)
+    assert any(isinstance(message, Solo) for message in said(robot.receive(clock(0), NOW)))
+
+
+def test_a_clock_of_nobody_stops_no_robot() -> None:
+    """A Clock without a world's token is not followed for good."""
+    robot = service()
+    robot.receive(clock(7, run="forged"), NOW)
+    robot.receive(readings(0, time=NOW), NOW)
+    later = NOW + WORLD_SILENT + 0.1
+    robot.wake(later)
+    assert "Report" in kinds(robot.receive(readings(1, time=later), later))
+
+
+def test_when_the_world_has_gone_it_goes_by_its_readings_again(caplog: pytest.LogCaptureFixture) -> None:
+    robot = service()
+    for envelope in (world(), readings(0), clock(0), world(Kind.GONE)):
+        robot.receive(envelope, NOW)
+    assert robot.receive(readings(1), NOW + 0.1) == []  # it may come back
+    later = NOW + WORLD_SILENT + 1.0
+    assert "Report" in kinds(robot.wake(later))
+    assert "Report" in kinds(robot.receive(readings(2), later + 0.1))
+    assert "the world is gone" in caplog.text
+
+
+def test_another_run_begins_anew() -> None:
+    robot = service()
+    for envelope in (world(), readings(0), clock(0), readings(1), clock(1)):
+        robot.receive(envelope, NOW)
+    assert robot.tick == 1
+    assert robot.receive(readings(0, run="y"), NOW) == []  # the clock is still the old run's
+    assert "Report" in kinds(robot.receive(clock(0, run="y"), NOW))
+    assert (robot.run, robot.tick) == ("y", 0)
+
+
+def test_agreed_beliefs_of_two_boards_do_not_hide_each_other() -> None:
+    """The newest tick counts, then the first name, whatever the order of arrival."""
+    reports = []
+    for boards in (("one", "two"), ("two", "one")):
+        robot = service()
+        robot.receive(readings(0), NOW)
+        for board in boards:
+            robot.receive(agreed(0, board=board), NOW)
+        assert len(robot._agreed) == 2
+        reports.append(said(robot.receive(readings(1), NOW))[0])
+    assert reports[0] == reports[1]
+
+
+def test_agreed_beliefs_are_bounded_in_number() -> None:
+    robot = service()
+    for i in range(MAX_AGREED + 5):
+        robot.receive(agreed(0, f"object/o{i}"), NOW)
+    assert len(robot._agreed) == MAX_AGREED
+    assert robot.refused == {"too-many": 5}
+
+
+def test_it_reports_to_every_sub_team_of_its() -> None:
+    robot = service("a", "b")
+    answers = robot.receive(readings(0), NOW)
+    assert [envelope.key for envelope in answers] == [
+        "cop/t/a/report/r1/robot/r1",
+        "cop/t/b/report/r1/robot/r1",
+        "cop/t/a/status/r1",
+        "cop/t/b/status/r1",
+    ]
+
+
+def test_what_was_agreed_before_a_world_came_does_not_stand_for_what_is_agreed_in_its_run() -> None:
+    """Boards that go by Unix time count ticks in the thousands of millions, and readings may come before the first Clock."""
+    robot = service()
+    robot.receive(world(), NOW)
+    robot.receive(readings(0), NOW)
+    robot.receive(agreed(5_000_000, time=NOW), NOW)
+    robot.receive(clock(0), NOW)
+    robot.receive(readings(1), NOW)
+    assert robot.receive(clock(1, settled=["robot/r1"]), NOW) == []
+    assert kinds(robot.receive(agreed(0), NOW)) == ["Report", "Solo", "Status"]
+    assert robot.counters["late"] == 0
+
+
+def test_who_joins_a_run_takes_what_was_agreed_in_the_tick_before() -> None:
+    robot = service()
+    robot.receive(world(), NOW)
+    robot.receive(clock(20, settled=["robot/r1"]), NOW)
+    robot.receive(agreed(19), NOW)
+    assert kinds(robot.receive(readings(20), NOW)) == ["Report", "Solo", "Status"]
+    robot.receive(agreed(22), NOW)
+    assert robot.refused == {"future": 1}
+    assert robot.counters["late"] == 0

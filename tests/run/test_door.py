@@ -1,0 +1,150 @@
+"""The doors as a person meets them: one clear line, the right status, data and logs apart."""
+
+from __future__ import annotations
+
+import signal
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from blackboard.errors import UserError
+from blackboard.net.link import Link
+from blackboard.net.settings import LinkConfig
+from blackboard.run.door import INTERRUPTED
+from blackboard.run.launch import free_port
+from tests.processes import IN_THE_BACKGROUND, children, is_running, program, silent_server
+
+pytestmark = pytest.mark.system
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ("blackboard frobnicate", 'Unknown command "frobnicate"'),
+        ("blackboard serve", "--sub-team requires an argument"),
+        ("blackboard serve --sub-team a/b", "--sub-team 'a/b'"),
+        ("blackboard serve --sub-team a --mode both", 'Choose from: "client", "peer", "router"'),
+        ("blackboard serve --sub-team a --cfg lease", "--cfg lease: write KEY:VALUE"),
+        ("blackboard serve --sub-team a -c nowhere.json5", "--config nowhere.json5: No such file"),
+        ("blackboard up nowhere.toml", "nowhere.toml: cannot be read"),
+        ("blackboard demo --robots 1", "--robots 1: at least 2"),
+        ("blackboard demo --start 5", "--start and --protocol are about a recording: name its folder with --mrclam"),
+        ("blackboard demo --protocol A_all", "--start and --protocol are about a recording"),
+        ("robot_agent --sub-team a --id r/1", "--id 'r/1'"),
+        ("sim_world nowhere.toml", "nowhere.toml: cannot be read"),
+    ],
+)
+def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
+    with program("-m", *arguments.split()) as door:
+        assert door.ends() == 2
+        assert door.out == ""
+        assert door.err.startswith("error: ")
+        assert says in door.err
+        assert door.err.count("\n") == 1
+
+
+def test_what_only_a_child_can_find_is_one_line_too(tmp_path: Path) -> None:
+    file = tmp_path / "wrong.toml"
+    file.write_text("[team]\nsub_teams = { a = ['r1'] }\n[robot]\nlegs = 4\n")
+    with program("-m", "blackboard", "up", str(file)) as door:
+        assert door.ends() == 2
+        said = [line for line in door.err.splitlines() if "waiting for a router" not in line]  # on a slow machine
+        assert said == [f"error: {file}: robot.legs: no such key; remove it or mend its spelling"]
+
+
+def test_a_router_says_that_its_port_is_in_use(endpoint: str) -> None:
+    with program("-m", "blackboard", "router", "-l", endpoint) as second:
+        assert second.ends() == 2
+        assert "Address already in use" in second.err
+
+
+@pytest.mark.parametrize("door", ["blackboard", "robot_agent", "sim_world"])
+def test_a_door_prints_the_version_of_the_package(door: str) -> None:
+    with program("-m", door, "--version") as running:
+        assert running.ends() == 0
+        assert running.out == f"{version('cop-blackboard')}\n"
+
+
+def test_sigint_stops_a_run_that_a_script_has_started_in_the_background() -> None:
+    with silent_server() as (silent, where):
+        arguments = ("-m", "blackboard", "demo", "--json", "-e", where)
+        with program("-c", IN_THE_BACKGROUND, *arguments) as demo:
+            silent.accept()[0].close()  # it tries to connect
+            demo.running.send_signal(signal.SIGINT)
+            assert demo.ends() == INTERRUPTED
+
+
+def test_the_children_of_such_a_run_do_not_ignore_sigint(endpoint: str) -> None:
+    arguments = ("-m", "blackboard", "demo", "--robots", "2", "--seconds", "600", "-e", endpoint)
+    with program("-c", IN_THE_BACKGROUND, *arguments) as demo:
+        demo.says("tick 0 of")
+        family = children(demo.running.pid)
+        assert len(family) == 5
+        assert not any(ignores(pid, signal.SIGINT) for pid in family)
+        demo.running.send_signal(signal.SIGINT)
+        assert demo.ends() == INTERRUPTED
+        assert not any(is_running(pid) for pid in family)
+
+
+def ignores(pid: int, number: signal.Signals) -> bool:
+    """Whether a process ignores a signal."""
+    (mask,) = (line.split()[1] for line in Path(f"/proc/{pid}/status").read_text().splitlines() if "SigIgn" in line)
+    return bool(int(mask, 16) >> (number - 1) & 1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+def test_a_board_ends_in_order_at_a_signal(endpoint: str, number: signal.Signals) -> None:
+    with program("-m", "blackboard", "serve", "--sub-team", "a", "-e", endpoint) as board:
+        board.says("ready")
+        board.running.send_signal(number)
+        assert board.ends() == 0
+        assert "Traceback" not in board.err
+        assert board.out == ""
+
+
+def test_a_board_that_waits_for_a_router_ends_at_a_signal() -> None:
+    with (
+        silent_server() as (silent, where),
+        program("-m", "blackboard", "serve", "--sub-team", "a", "-e", where) as board,
+    ):
+        silent.accept()[0].close()  # it tries to connect
+        board.running.send_signal(signal.SIGTERM)
+        assert board.ends() == 0
+        assert board.err == ""
+
+
+def test_the_admin_space_of_a_router_can_be_read_by_whoever_asks(endpoint: str) -> None:
+    with Link(LinkConfig(connect=(endpoint,)), "operator") as link:
+        (router,) = link.get("@/*/router")
+    assert b"tcp/127.0.0.1" in router.payload
+
+
+def test_zenohs_own_log_stays_off_standard_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RUST_LOG", "zenoh=info")
+    where = f"tcp/127.0.0.1:{free_port()}"
+    with program("-m", "blackboard", "router", "-l", where, keep=("RUST_LOG",)) as router:
+        router.says("ready")
+        router.running.send_signal(signal.SIGTERM)
+        assert router.ends() == 0
+        assert router.out == ""
+        assert "Zenoh can be reached at" in router.err
+
+
+def test_a_configuration_file_of_zenoh_is_taken(tmp_path: Path) -> None:
+    """A router with a list of users: who has no password of it is refused, and who has one in a file comes in."""
+    where = f"tcp/127.0.0.1:{free_port()}"
+    users, routers, robots = tmp_path / "users.txt", tmp_path / "router.json5", tmp_path / "robot.json5"
+    users.write_text("r1:secret\n")
+    routers.write_text(
+        f"{{listen: {{endpoints: ['{where}']}}, transport: {{auth: {{usrpwd: {{dictionary_file: '{users}'}}}}}}}}"
+    )
+    robots.write_text(
+        f"{{connect: {{endpoints: ['{where}']}}, transport: {{auth: {{usrpwd: {{user: 'r1', password: 'secret'}}}}}}}}"
+    )
+    with program("-m", "blackboard", "router", "-c", str(routers)) as router:
+        router.says("ready")
+        with Link(LinkConfig(file=str(robots)), "r1") as link:
+            assert link.get("x") == []
+        with pytest.raises(UserError, match="no Zenoh router answers"):
+            Link(LinkConfig(connect=(where,)), "r2", patience=0.0)

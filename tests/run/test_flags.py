@@ -1,0 +1,92 @@
+"""The shared flags: what each sets in a scenario, what is refused, and that every command has the same ones."""
+
+from __future__ import annotations
+
+import pytest
+from cyclopts import App
+
+import blackboard.__main__
+import sim_world.__main__
+from blackboard.config import Scenario, load
+from blackboard.errors import UserError
+from blackboard.run.flags import RecordingFlags, RunFlags, TeamFlags
+
+TEAM = Scenario({"team": {"sub_teams": {"a": ["x"], "b": ["y"]}}}, "team.toml")
+
+
+def test_a_run_flag_replaces_what_the_scenario_says() -> None:
+    changed = RunFlags(seed=7, seconds=3.0, realtime=True).apply(TEAM)
+    assert changed.tables["world"] == {"seed": 7}
+    assert (changed.time.seconds, changed.time.mode) == (3.0, "realtime")
+    assert RunFlags().apply(TEAM).time == TEAM.time
+
+
+@pytest.mark.parametrize(
+    ("robots", "sub_teams"),
+    [
+        (2, {"a": ["r1"], "b": ["r2"]}),
+        (3, {"a": ["r1", "r2"], "b": ["r3"]}),
+        (6, {"a": ["r1", "r2", "r3"], "b": ["r4", "r5", "r6"]}),
+    ],
+)
+def test_robots_are_spread_over_the_sub_teams(robots: int, sub_teams: dict[str, list[str]]) -> None:
+    changed = TeamFlags(robots=robots, rule="linear").apply(TEAM)
+    assert changed.team.sub_teams == sub_teams
+    assert changed.board.rule == "linear"
+
+
+@pytest.mark.parametrize(
+    ("flags", "fusion"),
+    [
+        (TeamFlags(), "joint"),
+        (TeamFlags(fusion="opinions"), "opinions"),
+        (TeamFlags(rule="linear"), "opinions"),
+        (TeamFlags(rule="linear", fusion="joint"), "joint"),
+    ],
+)
+def test_a_rule_is_for_opinions_unless_a_joint_is_asked_for(flags: TeamFlags, fusion: str) -> None:
+    assert flags.apply(load("demo")).board.fusion == fusion
+
+
+def test_every_sub_team_needs_a_robot() -> None:
+    with pytest.raises(UserError, match="--robots 1: at least 2"):
+        TeamFlags(robots=1).apply(TEAM)
+
+
+def test_without_a_recording_the_demo_runs() -> None:
+    assert RecordingFlags().scenario().name == load("demo").name
+    assert RecordingFlags().scenario("paper").name == load("paper").name
+
+
+def test_a_recording_is_replayed() -> None:
+    scenario = RecordingFlags("folder", 5.0, "A_all").scenario()
+    assert scenario.name == "mrclam"
+    world = scenario.tables["world"]
+    assert (world["kind"], world["dir"], world["start"], world["protocol"]) == ("mrclam", "folder", 5.0, "A_all")
+
+
+def test_a_scenario_of_a_recording_takes_another_start() -> None:
+    assert RecordingFlags(start=5.0).scenario("mrclam").tables["world"]["start"] == 5.0
+
+
+@pytest.mark.parametrize("flags", [RecordingFlags(start=5.0), RecordingFlags(protocol="A_all")])
+def test_where_nothing_is_replayed_its_flags_are_a_mistake(flags: RecordingFlags) -> None:
+    for name in (None, "paper"):
+        with pytest.raises(UserError, match="--start and --protocol are about a recording"):
+            flags.scenario(name)
+
+
+COMMANDS = [
+    ("demo", blackboard.__main__.app, "seed seconds realtime mrclam start protocol robots rule json"),
+    ("up team.toml", blackboard.__main__.app, "seed seconds realtime robots rule json"),
+    ("lab", blackboard.__main__.app, "seed seconds mrclam start protocol json"),
+    ("tune", blackboard.__main__.app, "seed seconds mrclam start protocol json"),
+    ("", sim_world.__main__.app, "seed seconds realtime mrclam start protocol json"),
+]
+VALUES = {"seed": "1", "seconds": "1", "mrclam": "x", "start": "1", "protocol": "x", "robots": "2", "rule": "linear"}
+
+
+@pytest.mark.parametrize(("command", "app", "flags"), COMMANDS, ids=["demo", "up", "lab", "tune", "sim-world"])
+def test_a_command_takes_the_shared_flags(command: str, app: App, flags: str) -> None:
+    words = [word for flag in flags.split() for word in (f"--{flag}", VALUES.get(flag)) if word is not None]
+    app.parse_args([*command.split(), *words], exit_on_error=False, print_error=False)

@@ -1,0 +1,107 @@
+"""Health is what a process says, not that it exists."""
+
+from __future__ import annotations
+
+import pytest
+
+from blackboard.board.service import BoardService
+from blackboard.config import BoardSection
+from blackboard.net.bus import intersects
+from blackboard.opinion.belief import uniform
+from blackboard.opinion.grid import Grid
+from blackboard.run.health import ProcessKind, diagnose
+from blackboard.wire import keys
+from blackboard.wire.arrays import pack
+from blackboard.wire.codec import encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Report, Status
+
+NOW = 1_700_000_000.0
+
+
+class Answers:
+    """A network on which some envelopes are the newest."""
+
+    def __init__(self, *envelopes: Envelope) -> None:
+        self.envelopes = envelopes
+
+    def get(self, key_expr: str) -> list[Envelope]:
+        return [envelope for envelope in self.envelopes if intersects(key_expr, envelope.key)]
+
+
+def clock(time: float) -> Envelope:
+    return Envelope(keys.CLOCK.key(team="t"), encode(Clock(run="1", tick=1, time=time, mode="lockstep")))
+
+
+def belief(robot: str, time: float) -> Envelope:
+    subject = f"robot/{robot}"
+    report = Report(source=robot, subject=subject, tick=1, time=time, belief=pack(uniform(Grid((5, 5)))))
+    return Envelope(keys.REPORT.key(team="t", sub_team="a", source=robot, subject=subject), encode(report))
+
+
+def status(board: str, time: float) -> Envelope:
+    said = Status(process=board, kind="board", tick=1, time=time)
+    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=board), encode(said))
+
+
+def ask(kind: ProcessKind, name: str, *envelopes: Envelope) -> str | None:
+    return diagnose(Answers(*envelopes), kind, name, NOW, team="t", max_age=5.0)
+
+
+def test_a_robot_is_healthy_while_its_belief_is_fresh_by_the_worlds_clock() -> None:
+    assert ask("robot", "r1", clock(20.0), belief("r1", 16.0)) is None
+    assert ask("robot", "r1", clock(20.0), belief("r1", 14.0)) == "the belief of robot r1 is 6.0 s old"
+
+
+def test_where_no_world_tells_the_time_unix_time_counts() -> None:
+    assert ask("robot", "r1", belief("r1", NOW - 1.0)) is None
+    assert "8.0 s old" in (ask("robot", "r1", belief("r1", NOW - 8.0)) or "")
+
+
+def test_a_belief_of_another_run_is_not_fresh() -> None:
+    assert "s old" in (ask("robot", "r1", clock(1.0), belief("r1", 60.0)) or "")
+
+
+def test_the_beliefs_of_others_do_not_count() -> None:
+    assert "does not answer" in (ask("robot", "r1", clock(20.0), belief("r2", 20.0)) or "")
+
+
+def test_a_board_is_healthy_while_what_it_settled_is_fresh() -> None:
+    assert ask("board", "a", clock(20.0), status("a", 20.0)) is None
+    assert ask("board", "a", clock(30.0), status("a", 20.0)) == "what board a settled last is 10.0 s old"
+    assert ask("board", "a", status("a", NOW - 1.0)) is None
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_board_that_repeats_its_status_and_settles_nothing_is_not_healthy(mode: str) -> None:
+    """A real board under a world that is alive and whose Clock answers nobody: it says its status again every second."""
+    board = BoardService(team="t", sub_team="a", board="a", grid=Grid((5, 5)), settings=BoardSection(period=0.2))
+
+    def diagnosis(now: float) -> str | None:
+        said = [e for e in board.wake(now) if "/status/" in e.key]
+        return diagnose(Answers(*said[-1:]), "board", "a", now, team="t", max_age=5.0)
+
+    assert diagnosis(NOW) is None  # no world: it settles by Unix time
+    board.receive(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), NOW)
+    told = Clock(run="1", tick=1, time=NOW, mode=mode)  # type: ignore[arg-type]
+    board.receive(Envelope(keys.CLOCK.key(team="t"), encode(told)), NOW)
+    assert [diagnosis(NOW + seconds) for seconds in (1.0, 2.5, 4.0)] == [None] * 3
+    assert "board a settled last" in (diagnosis(NOW + 6.0) or "")
+    board.receive(Envelope(keys.WORLD.key(team="t"), kind=Kind.GONE), NOW + 7.0)
+    board.wake(NOW + 8.0)
+    assert [diagnosis(NOW + seconds) for seconds in (9.5, 11.0)] == [None] * 2  # the world is gone: Unix time again
+
+
+def test_what_cannot_be_read_is_no_answer() -> None:
+    garbage = Envelope(belief("r1", 0.0).key, b"garbage")
+    assert "does not answer" in (ask("robot", "r1", clock(20.0), garbage) or "")
+    assert ask("robot", "r1", clock(20.0), garbage, belief("r1", 20.0)) is None
+
+
+@pytest.mark.parametrize(("envelopes", "well"), [((), False), ((clock(3.0),), True)])
+def test_a_world_is_healthy_while_it_tells_the_time(envelopes: tuple[Envelope, ...], well: bool) -> None:
+    assert (ask("world", "world", *envelopes) is None) == well
+
+
+def test_who_asks_has_come_through_the_router() -> None:
+    assert ask("router", "router") is None

@@ -1,0 +1,70 @@
+"""Ticks with exact beliefs for the tests of the referee."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from blackboard.opinion.grid import Grid
+from blackboard.wire.codec import encode
+from blackboard.wire.messages import Consensus, PackedBelief, PackedGrid, Solo, Truth
+from sim_world.instant import Instant
+from sim_world.referee import Referee
+from sim_world.scenario import CheckSection
+
+GRID = Grid((10, 10))
+TEAMS = {"a": ["r1"], "b": ["r2"]}
+
+
+def cells(masses: Mapping[tuple[int, int], float]) -> PackedBelief:
+    """A belief with some mass in each of a few cells, exact on the wire."""
+    p = np.zeros(GRID.shape, dtype="<f4")
+    for index, mass in masses.items():
+        p[index] = mass
+    own = PackedGrid(shape=GRID.shape, cell=1.0, origin=(0.0, 0.0))
+    return PackedBelief(grid=own, lo=(0, 0), box=GRID.shape, coding="f32", data=p.tobytes())
+
+
+def at(x: int, y: int) -> PackedBelief:
+    return cells({(x, y): 1.0})
+
+
+def instant(
+    positions: Mapping[str, tuple[float, float]], tick: int = 1, teams: Mapping[str, Sequence[str]] = TEAMS
+) -> Instant:
+    truth = Truth(run="x", tick=tick, time=tick / 5, positions=dict(positions))
+    return Instant(truth, {sub_team: list(robots) for sub_team, robots in teams.items()})
+
+
+def solo(it: Instant, robot: str, beliefs: Mapping[str, PackedBelief]) -> None:
+    it.hear("", Solo(robot=robot, tick=it.truth.tick, time=0.0, beliefs=dict(beliefs)), b"")
+
+
+def consensus(it: Instant, sub_team: str, level: str, subject: str, belief: PackedBelief) -> bytes:
+    said = Consensus(
+        board=sub_team,
+        sub_team=sub_team,
+        level=level,  # type: ignore[arg-type]
+        subject=subject,
+        tick=it.truth.tick,
+        time=0.0,
+        belief=belief,
+        ancestors={},
+        used=[],
+        entropy=0.0,
+        conflict=False,
+        rule="cooperative",
+    )
+    payload = encode(said)
+    it.hear(sub_team, said, payload)
+    return payload
+
+
+def both(it: Instant, sub_team: str, subject: str, consensus_: PackedBelief, agreed: PackedBelief) -> None:
+    consensus(it, sub_team, "consensus", subject, consensus_)
+    consensus(it, sub_team, "agreed", subject, agreed)
+
+
+def referee(**check: object) -> Referee:
+    return Referee(GRID, CheckSection.model_validate(check), ("r1", "r2"))

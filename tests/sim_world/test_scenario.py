@@ -1,0 +1,92 @@
+"""The [world] tables: what ships is sound, and a fault is one line with file, field and cure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from blackboard.config import Scenario, load
+from blackboard.errors import UserError
+from blackboard.run.flags import RecordingFlags, RunFlags
+from robot_agent.config import RobotSection
+from sim_world.__main__ import sim_world
+from sim_world.mrclam.protocols import PROTOCOLS
+from sim_world.scenario import GAINS, WorldSection
+from sim_world.sources import open_sensor_source
+from sim_world.world import World
+from tests.sim_world.datasets import write
+
+SHIPPED = ("demo", "paper", "mrclam")
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_what_ships_is_sound(name: str) -> None:
+    scenario = load(name)
+    assert scenario.name == scenario.team.name == name
+    assert scenario.board.rule
+    world, robot = scenario.section("world", WorldSection), scenario.section("robot", RobotSection)
+    assert (world.kind == "mrclam") == (robot.localizer == "pose") == (scenario.grid.unit == "m")
+    assert scenario.time.mode == "lockstep"
+    if world.kind == "simulated":
+        assert isinstance(open_sensor_source(scenario), World)
+        assert robot.vision.gain == world.vision.scale  # by default a robot's model is right
+        assert robot.odometry.along == world.odometry.along * world.speed**0.5
+
+
+def test_the_demo_is_the_demo() -> None:
+    scenario = load("demo")
+    assert {team: len(robots) for team, robots in scenario.team.sub_teams.items()} == {"a": 3, "b": 3}
+    assert len(scenario.section("world", WorldSection).objects) == 2
+    assert (scenario.grid.shape, scenario.time.seconds) == ((50, 50), 60.0)
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({"sed": 1}, r"it\.toml: world\.sed: no such key; remove it or mend its spelling"),
+        ({"vision": {"presett": "paper"}}, r"it\.toml: world\.vision\.presett: no such key"),
+        ({"vision": {"preset": "sonar"}}, r"it\.toml: world\.vision\.preset: .*'paper' or 'camera'.*'sonar'"),
+        ({"objects": {"a b": {}}}, r"it\.toml: world\.objects\.a b"),
+        ({"speed": -1}, r"it\.toml: world\.speed: .*greater than 0.*-1"),
+        ({"protocol": "Z"}, r"it\.toml: world\.protocol: .*no protocol of this name; use one of A_all, B_turns"),
+        ({"protocol": "O1_landmark"}, r"it\.toml: world\.protocol: .*not run live; use one of A_all"),
+    ],
+)
+def test_a_fault_names_file_field_and_cure(table: Mapping[str, Any], text: str) -> None:
+    with pytest.raises(UserError, match=text) as told:
+        Scenario({"world": table}, "it.toml").section("world", WorldSection)
+    assert "\n" not in str(told.value)
+
+
+def test_presets_set_the_gain_unless_one_is_given() -> None:
+    def gain(**vision: object) -> float:
+        return WorldSection.model_validate({"vision": vision}).vision.scale
+
+    assert gain(preset="paper") == GAINS["paper"] == 1.0
+    assert gain() == GAINS["camera"]
+    assert gain(preset="paper", gain=0.3) == 0.3
+
+
+def test_who_is_lost() -> None:
+    everybody = range(1, 6)
+    found = {name: [robot for robot in everybody if it.lost(robot)] for name, it in PROTOCOLS.items()}
+    assert {name: who for name, who in found.items() if who} == {"G_wake": [1, 2, 3, 4, 5], "H_lost12": [1, 2]}
+
+
+def test_the_door_turns_flags_into_a_scenario(tmp_path: Path) -> None:
+    write(tmp_path)
+    with pytest.raises(UserError, match=r"world\.dir: .*--mrclam DIR"):
+        sim_world("mrclam")
+    with pytest.raises(UserError, match=r"team\.sub_teams: .* has no robot r3"):
+        sim_world(recording=RecordingFlags(mrclam=str(tmp_path)))
+    with pytest.raises(UserError, match=r"world\.protocol"):
+        sim_world(recording=RecordingFlags(mrclam=str(tmp_path), protocol="X"))
+    with pytest.raises(UserError, match=r"nowhere\.toml: cannot be read .*; give"):
+        sim_world(str(tmp_path / "nowhere.toml"))
+    with pytest.raises(UserError, match=r"time\.seconds: .*greater than 0"):
+        sim_world("demo", run=RunFlags(seconds=-1.0))
+    with pytest.raises(UserError, match=r"world\.seed"):
+        sim_world("demo", run=RunFlags(seed=-1))

@@ -1,0 +1,113 @@
+"""A scorecard is made from a value: no service, no network, no clock."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from sim_world.referee import Judgement
+from sim_world.scorecard import RunResult, scorecard, text
+
+
+def block(n: int = 2, rmse: float | None = 0.5) -> dict[str, Any]:
+    """The scorecard's block S."""
+    numbers = {"rmse": rmse, "mean": 0.4, "p95": 0.9, "max": 1.0, "entropy": 3.0, "log_score": -2.5}
+    if not n:
+        return {"n": 0, **dict.fromkeys(numbers), "coverage": dict.fromkeys(("50", "90", "95"))}
+    return {"n": n, **numbers, "coverage": {"50": 0.5, "90": 0.875, "95": 1.0}}
+
+
+SCORES = {
+    "robots": {"solo": block(rmse=1.25), "consensus": block(rmse=0.75), "agreed": block(rmse=0.5), "by_name": {}},
+    "objects": {"solo": block(0), "consensus": block(0), "agreed": block(0), "by_name": {}},
+}
+JUDGEMENT = Judgement(
+    passed=True,
+    reasons=["robots: fine"],
+    scores=SCORES,
+    missing={"robot/r2": {"solo": 3}},
+    hash="abc",
+    unit="m",
+    refused={"shape": 1},
+)
+RESULT = RunResult(
+    judgement=JUDGEMENT,
+    stopped="",
+    seed=7,
+    rule="coalition",
+    fusion="joint",
+    mode="lockstep",
+    protocol="C_blind12",
+    ticks=7,
+    tick_seconds=0.1,
+    wall_seconds=1.23456,
+    messages={"sent": 10, "received": 9, "dropped": 1},
+    refused={"version": 2, "shape": 1},
+    bytes=1000,
+    counters={"sent": 5, "late": 1},
+)
+
+
+def test_it_is_the_agreed_json() -> None:
+    card = scorecard(RESULT)
+    assert card == {
+        "verdict": "PASS",
+        "reasons": ["robots: fine"],
+        "hash": "abc",
+        "seed": 7,
+        "rule": "coalition",
+        "ticks": 7,
+        "simulated_s": 0.7,
+        "wall_s": 1.235,
+        "messages": {"sent": 10, "received": 9, "dropped": 1, "refused": {"shape": 1, "version": 2}},
+        "bytes": 1000,
+        "scores": SCORES,
+        "unit": "m",
+        "protocol": "C_blind12",
+        "fusion": "joint",
+        "mode": "lockstep",
+        "team_rmse": {"solo": 1.25, "consensus": 0.75, "agreed": 0.5},
+        "missing": {"robot/r2": {"solo": 3}},
+        "counters": {"late": 1, "sent": 5},
+    }
+    assert json.loads(json.dumps(card)) == card
+    assert list(card["messages"]["refused"]) == ["shape", "version"]
+
+
+@pytest.mark.parametrize(
+    ("passed", "stopped", "verdict", "reasons"),
+    [
+        (True, "", "PASS", ["why"]),
+        (False, "", "FAIL", ["why"]),
+        (True, "stopped in tick 3 of 7", "FAIL", ["stopped in tick 3 of 7"]),
+        (False, "stopped in tick 3 of 7", "FAIL", ["stopped in tick 3 of 7", "why"]),
+    ],
+)
+def test_a_run_that_was_stopped_fails_and_says_why(
+    passed: bool, stopped: str, verdict: str, reasons: list[str]
+) -> None:
+    found = replace(RESULT, stopped=stopped, judgement=replace(JUDGEMENT, passed=passed, reasons=["why"]))
+    card = scorecard(found)
+    assert (card["verdict"], card["reasons"]) == (verdict, reasons)
+
+
+def test_the_text_has_a_row_for_each_level_that_was_judged() -> None:
+    lines = text(scorecard(RESULT)).splitlines()
+    assert lines[0].split() == ["n", "RMSE", "m", "p95", "entropy", "log", "score", "50", "%", "90", "%", "95", "%"]
+    assert [line.split()[:4] for line in lines[1:4]] == [
+        ["robots", "solo", "2", "1.250"],
+        ["robots", "consensus", "2", "0.750"],
+        ["robots", "agreed", "2", "0.500"],
+    ]
+    assert lines[1].split()[4:] == ["0.900", "3.000", "-2.500", "0.500", "0.875", "1.000"]
+    assert lines[4:] == [
+        "",
+        "7 ticks, 0.7 s of team time in 1.2 s",
+        "rule coalition, fusion joint, seed 7, consensuses abc",
+        "9 messages received, 1 dropped, 3 refused",
+        "PASS",
+        "  robots: fine",
+    ]

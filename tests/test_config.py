@@ -1,0 +1,115 @@
+"""The rule part of [board]: what a person may write, what is in force then, and what a mistake is told."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from blackboard.config import BoardSection, Scenario, load
+from blackboard.errors import UserError
+from blackboard.opinion.pools import POOLS
+from blackboard.opinion.rules import read_rule
+
+
+def board(**table: Any) -> BoardSection:
+    return Scenario({"board": table}, "team.toml").board
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({"rule": "linear", "gate": 1, "xi": 9}, "board.gate: rule 'linear' has no such key; it has k, reference_cell"),
+        (
+            {"gats": 1},
+            "board.gats: rule 'coalition' has no such key; it has gamma, gate, independence, k, reference_cell",
+        ),
+        (
+            {"patiance": 3},
+            "board.patiance: rule 'coalition' has no such key; it has gamma, gate, independence, k, reference_cell; "
+            "a board has drift, feedback, fusion, future, max_age, objects_drift, patience, period, rule, subjects",
+        ),
+        ({"inner": "linear"}, "board.inner: rule 'coalition' has no such key"),
+        ({"rule": "best"}, "board.rule: 'best' is none of calibrated, channel-filter"),
+        ({"rule": "clique", "inner": "clique"}, "board.inner: a clique of a clique gains nothing"),
+        ({"k": -1}, "board.k: give a finite value of at least 0 and at most 10 (got -1)"),
+        ({"k": "two"}, "board.k: give a finite value of at least 0 and at most 10 (got two)"),
+        ({"gate": 3, "gamma": 0.5}, "board.gate: give it or gamma, not both"),
+        (
+            {"subjects": {"object/*": {"rule": "linear", "gate": 3}}},
+            "board.subjects.object/*.gate: rule 'linear' has no",
+        ),
+        (
+            {"subjects": {"object/*": {"gate": 3}, "*/ball": {"rule": "linear"}}},
+            "board.subjects.object/*.gate: rule 'lin",
+        ),
+        (
+            {"subjects": {"object/ball": {"patience": 3}}},
+            "board.subjects.object/ball.patience: rule 'coalition' has no",
+        ),
+        ({"subjects": {"ball": {}}}, "board.subjects.ball.[key]: String should match"),
+        ({"feedback": "all"}, "board.feedback: Input should be 'paper', 'guarded' or 'off'"),
+    ],
+)
+def test_a_mistake_is_one_line_that_names_the_key(table: dict[str, Any], text: str) -> None:
+    """Fault 6: a parameter of another rule was taken silently."""
+    with pytest.raises(UserError, match=f"^team.toml: {re.escape(text)}") as told:
+        board(**table)
+    assert "\\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("rule", POOLS)
+def test_what_is_in_force_is_read_as_the_same(rule: str) -> None:
+    found = board(rule=rule).in_force()
+    assert found["rule"] == rule
+    assert board(**found).in_force() == found
+    assert read_rule(found).in_force() == found
+
+
+def test_a_subject_keeps_what_it_does_not_set_unless_it_names_another_rule() -> None:
+    it = board(k=1, gate=3, subjects={
+        "object/*": {"independence": 1},
+        "object/ball": {"gamma": 0.4},
+        "robot/*": {"rule": "cooperative"},
+        "robot/r1": {"reference_cell": 2},
+        "landmark/*": {"rule": "clique", "inner": "cooperative", "gamma": 0.3},
+        "landmark/l1": {"inner": "linear"},
+    })  # fmt: skip
+    expected = {
+        "object/can": {"rule": "coalition", "k": 1.0, "gate": 3.0, "independence": 1.0},
+        "object/ball": {"rule": "coalition", "k": 1.0, "gamma": 0.4, "independence": 1.0},  # instead of the gate
+        "robot/r2": {"rule": "cooperative", "k": 2.0, "gamma": 0.5},
+        "robot/r1": {"rule": "cooperative", "k": 2.0, "gamma": 0.5, "reference_cell": 2.0},
+        "landmark/l2": {"rule": "clique", "inner": "cooperative", "xi": 2.0, "k": 2.0, "gamma": 0.3},
+        "landmark/l1": {"rule": "clique", "inner": "linear", "xi": 2.0, "k": 2.0},
+    }
+    assert {subject: it.of(subject).in_force() for subject in expected} == expected
+    assert it.in_force()["rule"] == "coalition"
+    assert it.in_force()["robot/r1.reference_cell"] == 2.0
+
+
+def test_another_rule_leaves_the_parameters_of_the_old_one_behind() -> None:
+    demo = load("demo")
+    assert demo.with_rule("linear").board.in_force() == {"rule": "linear", "k": 2.0}
+    assert demo.with_rule("coalition") is demo
+    assert demo.with_rule(None) is demo
+    with pytest.raises(UserError, match=r"^demo \(shipped\): board\.rule: 'best' is none of"):
+        demo.with_rule("best")
+    own = {"patience": 3.0, "gate": 3, "subjects": {
+        "robot/*": {"independence": 1, "k": 1},
+        "object/*": {"rule": "clique", "inner": "cooperative"},
+        "object/ball": {"gamma": 0.4},
+    }}  # fmt: skip
+    changed = Scenario({"board": own}).with_rule("linear")
+    assert changed.board.patience == 3.0
+    assert changed.board.of("robot/r1").in_force() == {"rule": "linear", "k": 1.0}
+    assert changed.board.of("object/ball").in_force()["gamma"] == 0.4
+    assert Scenario({"board": own}).with_rule("median-log").board.of("robot/r1").in_force() == {"rule": "median-log"}
+    assert own["subjects"]["robot/*"] == {"independence": 1, "k": 1}  # type: ignore[index]  # the scenario itself stays
+
+
+def test_every_rule_can_be_asked_of_every_scenario_that_comes_with_the_package() -> None:
+    for name in ("demo", "paper", "mrclam"):
+        for rule in POOLS:
+            assert load(name).with_rule(rule).board.rule == rule

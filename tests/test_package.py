@@ -1,0 +1,40 @@
+"""What the package tells other programs about itself: its version, and that it is typed."""
+
+from __future__ import annotations
+
+import subprocess
+from importlib import resources
+from importlib.metadata import version
+
+import pytest
+
+import blackboard
+from tests.processes import ROOT
+from tests.test_rooms import PACKAGES, loaded_by
+
+
+def test_the_version_is_the_one_of_the_metadata() -> None:
+    assert blackboard.__version__ == version("cop-blackboard")
+
+
+def test_reading_the_metadata_waits_until_it_is_asked_for() -> None:
+    """`import blackboard` loads neither the metadata nor the entry points of plug-ins, which `importlib.metadata` reads."""
+    assert "importlib.metadata" not in loaded_by("blackboard")
+
+
+def test_other_names_are_missing_as_usual() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'version'"):
+        blackboard.version  # noqa: B018
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_type_checkers_are_told_that_it_is_typed(package: str) -> None:
+    assert (resources.files(package) / "py.typed").is_file()
+
+
+def test_no_symbolic_link_is_part_of_the_sources() -> None:
+    """A clone on another machine has nothing where a link points, and on this one `make` would install there."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    listed = subprocess.run(["git", "ls-files", "--stage"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert [line for line in listed.splitlines() if line.startswith("120000")] == []

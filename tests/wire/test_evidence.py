@@ -1,0 +1,74 @@
+"""Evidence as a message and back, and what of it is refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from blackboard.errors import Refused
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.evidence import (
+    LARGEST,
+    Forward,
+    PackedIncrement,
+    PackedState,
+    pack_evidence,
+    unpack_increment,
+    unpack_motion,
+    unpack_nuisance,
+    unpack_relatives,
+    unpack_state,
+)
+from tests.wire.messages import EVIDENCE, FORWARD, STATE, as_map
+
+
+def test_evidence_is_read_back_as_it_was() -> None:
+    (one,) = decode(Forward, encode(FORWARD)).evidence
+    assert one.evidence == EVIDENCE
+    again = pack_evidence(
+        EVIDENCE.epoch,
+        unpack_motion(EVIDENCE.travelled),
+        unpack_nuisance(EVIDENCE.nuisance),
+        unpack_state(EVIDENCE.state) if EVIDENCE.state else None,
+        unpack_increment(EVIDENCE.increment) if EVIDENCE.increment else None,
+        unpack_relatives(EVIDENCE, "robot/r1"),
+    )
+    assert again == EVIDENCE
+
+
+def test_a_matrix_is_its_upper_triangle() -> None:
+    matrix = np.add.outer(np.arange(9.0), np.arange(9.0)) + 50 * np.eye(9)
+    state = unpack_state(PackedState(mean=tuple(STATE.mean), covariance=tuple(matrix[np.triu_indices(9)])))
+    assert np.array_equal(state.covariance, matrix)
+
+
+def test_what_lasts_for_ever_is_sent_as_zero() -> None:
+    packed = EVIDENCE.nuisance.model_copy(update={"memory": (0.0, 2.0, 0.0)})
+    assert unpack_nuisance(packed).memory == (math.inf, 2.0, math.inf)
+
+
+@pytest.mark.parametrize("entry", [(0, 0), (8, 8), (0, 1)])
+def test_a_matrix_that_is_no_covariance_is_refused(entry: tuple[int, int]) -> None:
+    matrix = np.eye(9)
+    matrix[entry] = -1.0 if entry[0] == entry[1] else 2.0
+    upper = tuple(matrix[np.triu_indices(9)])
+    with pytest.raises(Refused, match=r"mass: state\.covariance has a negative eigenvalue"):
+        unpack_state(PackedState(mean=(0.0,) * 9, covariance=upper))
+    with pytest.raises(Refused, match=r"mass: increment\.information"):
+        unpack_increment(PackedIncrement(reference=(0.0,) * 9, information=upper, vector=(0.0,) * 9))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 2 * LARGEST, -2 * LARGEST, "1", None])
+@pytest.mark.parametrize("path", [("travelled", "distance"), ("state", "mean", 3), ("increment", "vector", 0)])
+def test_a_number_that_is_none_or_too_large_is_refused(path: tuple[str | int, ...], value: object) -> None:
+    import msgpack
+
+    whole = as_map(FORWARD)
+    place = whole["evidence"][0]["evidence"]
+    for step in path[:-1]:
+        place = place[step]
+    place[path[-1]] = value
+    with pytest.raises(Refused, match="fields"):
+        decode(Forward, msgpack.packb(whole))
