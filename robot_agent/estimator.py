@@ -22,7 +22,7 @@ from blackboard.wire.messages import Readings, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer
 from robot_agent.localizers import localizer_factory
-from robot_agent.sensing import Motion, motion
+from robot_agent.sensing import Motion, motion, unseen
 
 #: Below this Bhattacharyya coefficient a sighting contradicts the tracked belief, and both hypotheses are kept.
 CONTRADICTION = 0.01
@@ -54,6 +54,7 @@ class Estimator:
     grid: Grid
     robot: str
     localizer: Localizer
+    last: Readings | None = None  # the newest ones that were taken
     objects: dict[str, Belief] = field(default_factory=dict)
     seen: dict[str, Belief] = field(default_factory=dict)  # mates, only where sighted in this tick
     ancestors: dict[str, float] = field(default_factory=dict)
@@ -72,7 +73,8 @@ class Estimator:
 
     def advance(self, readings: Readings, mates: Mapping[str, Mate] | None = None) -> Estimator:
         """Predict with the odometry, update with the readings, project what was seen; `mates` (by subject) serve as landmarks."""
-        moved = None if readings.odometry is None else motion(readings.odometry, self.settings.odometry)
+        told, lapse = readings.odometry, unseen(self.last, readings)
+        moved = None if told is None else motion(told, self.settings.odometry, lapse)
         localizer = self.localizer.predict(moved or STILL, readings.compass)
         if readings.fix is not None:
             localizer = localizer.update_with_fix(readings.fix)
@@ -83,6 +85,7 @@ class Estimator:
         after = replace(
             self,
             localizer=localizer,
+            last=readings,
             ancestors={**self.ancestors, self.robot: readings.time},
             seen={},
         )

@@ -11,12 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Odometry, Sighting
+from blackboard.wire.messages import Odometry, Readings, Sighting
 from robot_agent.config import OdometrySection, VisionSection
 
 # The distances of (VI-.1), in cells: the printed sigma is 0 at the best view, and nothing is seen outside SEEN_FROM..SEEN_TO.
 BEST_VIEW = 7.5
 SEEN_FROM, LINEAR_FROM, LINEAR_TO, SEEN_TO = 1.0, 3.0, 11.0, 13.0
+
+TURNING = 0.3  # rad/s: by which a robot that drives may have turned while nobody measured
 
 _nodes, _weights = np.polynomial.hermite_e.hermegauss(7)
 #: Gauss-Hermite quadrature: E f(X) of a standard normal X is about the sum of weight * f(node).
@@ -35,17 +37,45 @@ class Motion:
     heading: float  # radians ** 2
 
 
-def motion(odometry: Odometry, model: OdometrySection) -> Motion:
-    """The odometry corrected by the model's scales, with noise variances that grow with time, slower while standing."""
+@dataclass(frozen=True)
+class Unseen:
+    """What nobody measured between two readings: how far the robot may have come (sigma, unit) and turned (sigma, radians)."""
+
+    way: float = 0.0
+    turn: float = 0.0
+
+
+def unseen(before: Readings | None, readings: Readings) -> Unseen:
+    """What may have happened between the readings before and these, whose odometry covers the last `dt` seconds only.
+
+    Nothing where the odometry reaches back to the readings before. Else the robot may have gone on in any direction as fast
+    as before or after, and have turned as fast as then or by `TURNING`, whichever is more.
+    """
+    if before is None or readings.odometry is None:
+        return Unseen()
+    gap = readings.time - before.time - readings.odometry.dt
+    if gap <= readings.odometry.dt / 2:
+        return Unseen()
+    told = [it.odometry for it in (before, readings) if it.odometry is not None]
+    speed = max(abs(it.distance) / it.dt for it in told)
+    rate = max(abs(it.turn) / it.dt for it in told)
+    return Unseen(speed * gap, min(math.pi, max(rate, TURNING if speed else 0.0) * gap))
+
+
+def motion(odometry: Odometry, model: OdometrySection, unseen: Unseen = Unseen()) -> Motion:
+    """The odometry corrected by the model's scales, with noise variances that grow with time, slower while standing.
+
+    What was `unseen` before it is added to them.
+    """
     moving = abs(odometry.distance) > 1e-9 or abs(odometry.turn) > 1e-9
     share = odometry.dt * (1.0 if moving else model.standing**2)
     return Motion(
         odometry.distance * model.distance_scale,
         odometry.turn * model.turn_scale,
         odometry.dt,
-        model.along**2 * share,
-        model.across**2 * share,
-        model.turn**2 * share,
+        model.along**2 * share + unseen.way**2,
+        model.across**2 * share + unseen.way**2,
+        model.turn**2 * share + unseen.turn**2,
     )
 
 

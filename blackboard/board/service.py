@@ -54,7 +54,7 @@ class BoardService:
         self._reports: RollCall[str] = RollCall()  # of the sub-team's robots
         self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
         self._sent: list[Envelope] = []  # in this tick; sent again when the world repeats its Clock
-        self._joint = None if self.settings.fusion == "opinions" else JointDesk(self.grid, self.settings)
+        self._joint = None if self.settings.fusion == "opinions" else JointDesk(self.grid, self.settings, self.counters)
         self._settled: Status | None = None  # the status after the newest settlement
 
     # --- what the loop needs ----------------------------------------------------------------------------------------------
@@ -117,14 +117,11 @@ class BoardService:
         if isinstance(message, Report):
             self.participants.check_robot(message.source)
             self._hear_report(message, time)
-            if (
-                self._joint is not None
-                and message.evidence is not None
-                and message.subject == f"robot/{message.source}"
-            ):
-                self._joint.take(message.source, message.tick, message.time, message.evidence, own=True)
             self._reports.record(message.source, message.subject, message.tick)
             self.intake.record_age(message.source, now)
+            about_itself = message.subject == f"robot/{message.source}"
+            if self._joint is not None and message.evidence is not None and about_itself:
+                self._joint.take(message.source, message.tick, message.time, message.evidence, own=True)
         elif isinstance(message, Consensus) and message.sub_team != self.sub_team:
             self.participants.check_board(message.sub_team, message.board)
             self.board.hear_consensus(message, time)

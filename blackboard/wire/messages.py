@@ -42,6 +42,7 @@ REASONS = {
     "past": "stamped too long ago",
     "unregistered": "from a robot or a board without a liveliness token in the sub-team",
     "too-many": "more subjects or sources than a board keeps",
+    "backwards": "evidence whose summed times or variances shrink within an epoch",
 }
 
 MAX_BYTES = 1 << 20  # a 200 x 200 belief as float32 is 160 kB; anything near this bound is a mistake or an attack

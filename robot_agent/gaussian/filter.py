@@ -30,13 +30,15 @@ from blackboard.opinion.gaussian.vehicle import (
     wrap,
 )
 from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from blackboard.wire.messages import Fix, Readings, Sighting
 from robot_agent.gaussian.sensors import Sensors
+from robot_agent.sensing import unseen
 
 GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
 LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
 FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
+STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
 APART = 0.2  # total variation distance from a Gaussian, at most, of a grid that is handed over
 WIDEST = 0.15  # sigma of it, as a share of the grid's shorter edge: a flat grid is no hypothesis
 
@@ -58,10 +60,10 @@ class FirstHand:
 
     robot: str
     sensors: Sensors = field(default_factory=Sensors)
-    epoch: int = 0
+    epoch: int = -1  # before the first readings
     joint: Joint = field(default_factory=Joint)
     travelled: Motion = field(default_factory=Motion)
-    _before: Odometry | None = None
+    _last: Readings | None = None
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
     _misses: list[tuple[int, int]] = field(
@@ -80,7 +82,11 @@ class FirstHand:
 
     def step(self, readings: Readings, at: Array | None = None) -> Told:
         """Take the readings of a tick. `at`, shape (9,): what the team believed of this robot a tick ago, to linearise at."""
-        motion = self._move(readings.odometry)
+        if self.epoch < 0:
+            self.restart(readings.time)
+        if self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None:
+            self.restart(readings.time)
+        motion = self._move(readings)
         prediction = self.belief
         linear = None if at is None or not self.known else self._ahead(at, motion)
         newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age)}
@@ -101,7 +107,7 @@ class FirstHand:
             if linear is not None:
                 self._reopen(linear)
             else:
-                self.restart()
+                self.restart(readings.time)
                 self._start(readings)
         return Told(self.epoch, self.travelled, self.belief, increment, seen)
 
@@ -113,16 +119,18 @@ class FirstHand:
         seen, missed = (sum(column) for column in zip(*last, strict=True)) if last else (0, 0)
         return len(last) == LOST and seen >= FEWEST and all(m > 0 for _, m in last) and 2 * missed > seen
 
-    def restart(self) -> None:
-        """Forget the belief: a new epoch begins, on new evidence alone."""
-        self.epoch += 1
-        self.joint, self.travelled, self._before = Joint(), Motion(), None
+    def restart(self, time: float) -> None:
+        """Forget the belief: a new epoch begins at a team time (s), on new evidence alone.
+
+        Epochs are numbered by the milliseconds of team time at which they began, so that they also grow where the process
+        is started again.
+        """
+        self.epoch = max(self.epoch + 1, round(1000 * time))
+        self.joint, self.travelled, self._last = Joint(), Motion(), None
         self._groups, self._misses = {}, []
 
     def enter(self, pose: Moments) -> None:
-        """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid; what was known before is forgotten."""
-        if self.known:
-            self.restart()
+        """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid. ValueError: there is a belief already."""
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
 
     def _reopen(self, at: Array) -> None:
@@ -136,12 +144,17 @@ class FirstHand:
 
     # --- inside ---------------------------------------------------------------------------------------------------------
 
-    def _move(self, told: Odometry | None) -> Motion:
+    def _move(self, readings: Readings) -> Motion:
+        """Predict with the odometry, and with what nobody measured before it."""
+        before, told, lapse = self._last, readings.odometry, unseen(self._last, readings)
+        self._last = readings
         if told is None:
             return Motion()
-        motion = self.sensors.wheels.motion(told, self._before)
-        self._turned = max(abs(told.turn), abs(told.turn - (self._before.turn if self._before else told.turn)))
-        self._before = told
+        earlier = None if before is None else before.odometry
+        motion = self.sensors.wheels.motion(told, earlier)
+        if lapse.way or lapse.turn:
+            motion = motion.plus(Motion(along=lapse.way**2, across=lapse.way**2, heading=lapse.turn**2))
+        self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
         self.travelled = self.travelled.plus(motion)
         if self.known:
             drive(self.joint, self.robot, motion, self.sensors.wheels.nuisance)

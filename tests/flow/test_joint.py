@@ -10,7 +10,7 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Forward
-from blackboard.wire.messages import Consensus
+from blackboard.wire.messages import Consensus, Truth
 from robot_agent.service import AgentService
 from tests.flow.test_team import SCENARIO
 
@@ -175,3 +175,41 @@ def test_no_evidence_ends_a_board() -> None:
     team.bus.spies.append(spoil)
     _, agreed = played(team)
     assert max(tick for tick, _ in agreed.by_sub_team["b"]) == team.world.tick
+
+
+def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
+    """What a robot says after it began anew is not taken for the continuation of what it said before."""
+    team = Team(JOINT.changed("time", seconds=5.5))
+    agreed = Agreed(team)
+    truth: dict[int, dict[str, tuple[float, ...]]] = {}
+
+    def record(envelope: Envelope) -> None:
+        if envelope.key.endswith("/world/truth"):
+            told = decode(Truth, envelope.payload)
+            truth[told.tick] = {subject: tuple(place) for subject, place in told.positions.items()}
+
+    def wait(ticks: int) -> None:
+        until = team.world.tick + ticks
+        team.run_until(lambda: team.world.tick >= until)
+
+    team.bus.spies.append(record)
+    wait(4)
+    team.leave(team.robots["r1"])  # killed
+    team.leave(team.boards["b"])
+    wait(2)
+    team.join(robot(JOINT, "r1"))
+    team.boards["b"] = board(JOINT, "b")
+    team.join(team.boards["b"])
+    team.leave(team.robots["r2"])  # without network
+    wait(3)
+    team.join(team.robots["r2"])
+    team.run()
+    assert team.world.why == ""
+    assert not any(board.refused["backwards"] or board.counters["joint_restarts"] for board in team.boards.values())
+    for by in agreed.by_sub_team.values():
+        for (tick, subject), consensus in by.items():
+            if subject.startswith("robot/"):
+                belief = unpack(consensus.belief)
+                apart = belief.mean() - truth[tick][subject]
+                squared = float(apart @ np.linalg.solve(belief.covariance(), apart))
+                assert squared < 25.0, f"{subject} in tick {tick}: {squared:.0f} (chi-squared, 2 degrees of freedom)"

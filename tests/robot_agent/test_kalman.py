@@ -7,13 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from blackboard.opinion.belief import Belief, gaussian, uniform
-from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
-from robot_agent.gaussian.filter import LOST, FirstHand, one_hypothesis
+from robot_agent.gaussian.filter import LOST, FirstHand
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated
 
 ROBOT = "robot/r1"
@@ -139,12 +137,12 @@ def test_a_robot_that_was_carried_away_begins_a_new_epoch() -> None:
         robot.step(standing(tick, (0.0, 0.0, 0.0)))
     for tick in range(5, 5 + LOST):
         told = robot.step(standing(tick, (-1.5, 1.5, 2.0)))
-    assert told.epoch == 1
+    assert told.epoch == 1000 * (4 + LOST)
     assert told.belief is None
     assert told.travelled.dt == 0.0
     robot.enter(Moments(np.array([-1.5, 1.5, 2.0]), np.eye(3) * 0.01))
     told = robot.step(standing(20, (-1.5, 1.5, 2.0)))
-    assert told.epoch == 1
+    assert told.epoch == 1000 * (4 + LOST)
     assert told.belief is not None
 
 
@@ -154,9 +152,44 @@ def test_with_a_compass_it_finds_itself_again() -> None:
         robot.step(standing(tick, (0.0, 0.0, 0.0), compass=0.0))
     for tick in range(5, 7 + LOST):
         told = robot.step(standing(tick, (-1.5, 1.5, 0.0), compass=0.0))
-    assert told.epoch == 1
+    assert told.epoch == 1000 * (4 + LOST)
     assert told.belief is not None
     assert told.belief.mean[AXES] == pytest.approx((-1.5, 1.5), abs=0.05)
+
+
+def test_a_process_that_is_started_again_begins_a_greater_epoch() -> None:
+    first, second = FirstHand(ROBOT), FirstHand(ROBOT)
+    assert first.step(readings(0)).epoch == first.step(readings(1)).epoch == 0
+    assert second.step(readings(7)).epoch == 7000
+
+
+def test_what_nobody_measured_is_not_known() -> None:
+    """Readings that were lost hold odometry: the robot may have gone anywhere that its speed allows."""
+    drive = Odometry(distance=0.2, turn=0.0, dt=1.0)
+    calm, late = started(), started()
+    for tick in (1, 2, 3, 4):
+        calm.step(readings(tick, odometry=drive))
+    for tick in (1, 4):
+        told = late.step(readings(tick, odometry=drive))
+    assert calm.belief is not None
+    assert told.belief is not None
+    lost = np.diag(told.belief.covariance)[:3] - np.diag(calm.belief.covariance)[:3]
+    assert lost[:2] == pytest.approx([0.4**2, 0.4**2], rel=0.2)  # 2 s at 0.2 m/s
+    assert lost[2] == pytest.approx(0.6**2, rel=0.1)
+    assert told.travelled.along > 0.4**2, "and the joint is told so"
+
+
+def test_a_robot_that_may_have_turned_anywhere_begins_anew() -> None:
+    drive = Odometry(distance=0.2, turn=0.0, dt=1.0)
+    blind, compass = started(), started()
+    for robot, what in ((blind, {}), (compass, {"compass": 0.3})):
+        robot.step(readings(1, odometry=drive, **what))
+        robot.step(readings(30, odometry=drive, **what))
+    assert not blind.known
+    assert blind.epoch == 30000
+    assert compass.belief is not None
+    assert compass.epoch == 0
+    assert compass.belief.mean[HEADING] == pytest.approx(0.3, abs=0.01)
 
 
 def test_a_robot_that_its_team_can_place_goes_on_in_the_same_epoch() -> None:
@@ -210,23 +243,3 @@ def test_the_simulated_sensors_have_fresh_errors_only() -> None:
     assert relative.biases == ()
     assert relative.profile == sensors.camera.profile
     assert isinstance(sensors, Sensors)
-
-
-# --- from the grid -------------------------------------------------------------------------------------------------------
-
-
-def test_a_grid_with_one_hypothesis_is_handed_over() -> None:
-    covariance = np.array([[0.04, 0.01], [0.01, 0.02]])
-    belief = draw(GRID, Moments(np.array([0.3, -0.4]), covariance))
-    p = 0.99 * belief.p + 0.01 / GRID.size
-    found = one_hypothesis(Belief(GRID, p))
-    assert found is not None
-    assert found.mean == pytest.approx((0.3, -0.4), abs=0.01)
-    assert np.allclose(found.covariance, covariance, atol=0.006)
-
-
-@pytest.mark.parametrize("share", [0.5, 0.8])
-def test_a_grid_with_two_hypotheses_is_not(share: float) -> None:
-    one, two = gaussian(GRID, (-1.0, -1.0), 0.2), gaussian(GRID, (1.0, 1.0), 0.2)
-    assert one_hypothesis(Belief(GRID, share * one.p + (1 - share) * two.p)) is None
-    assert one_hypothesis(uniform(GRID)) is None

@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import logging
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from blackboard.board.joint.evidence import Evidence, Verdict
+from blackboard.board.joint.evidence import Evidence, Verdict, shrank, unpack
 from blackboard.board.joint.team import GATES, Objects, TeamJoint
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
@@ -32,11 +31,6 @@ from blackboard.wire.evidence import (
     PackedEvidence,
     PackedState,
     pack_state,
-    unpack_increment,
-    unpack_motion,
-    unpack_nuisance,
-    unpack_relatives,
-    unpack_state,
 )
 from blackboard.wire.messages import Consensus, LeftOut, Used
 
@@ -59,14 +53,15 @@ class JointDesk:
     its marginal spreads by `[board] drift` meanwhile, and is not published after `max_age`.
     """
 
-    def __init__(self, grid: Grid, settings: BoardSection) -> None:
+    def __init__(self, grid: Grid, settings: BoardSection, counters: Counter[str]) -> None:
         self.grid, self.settings = grid, settings
         self.team = self._begun()
-        self.restarts = 0  # of the joint, after evidence that no arithmetic survives
-        self.dropped = 0  # ticks that waited too long, and sightings of more objects than are taken
+        self.counters = (
+            counters  # counted here, and kept where the joint begins anew: `joint_restarts`, `joint_dropped`
+        )
         self._waiting: dict[str, deque[Evidence]] = {}
         self._objects: set[str] = set()  # that the joint takes sightings of
-        self._newest: dict[str, tuple[int, int]] = {}  # robot -> epoch and tick of the newest that was taken
+        self._newest: dict[str, tuple[PackedEvidence, int]] = {}  # robot -> the newest that was taken, and its tick
         self._until: dict[str, float] = {}  # robot -> team time until which its evidence is in the joint
         self._forward: list[Forwarded] = []
         self._heard: dict[tuple[str, str], deque[int]] = {}  # sub-team and board -> the last ticks that it forwarded
@@ -79,20 +74,28 @@ class JointDesk:
         return TeamJoint(Objects(drift=self.settings.objects_drift))
 
     def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool) -> None:
-        """Take the evidence of a robot's tick, once; `own` evidence is kept to be forwarded. Refused: "mass", "too-many"."""
-        number = packed.epoch, tick
-        if number <= self._newest.get(robot, (-1, -1)):
+        """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.
+
+        Refused: "mass", "too-many", "future" (an epoch that has not begun), "backwards" (sums that shrink within an epoch, as
+        of a robot that was started again and did not begin a greater one).
+        """
+        before = self._newest.get(robot)
+        if before is not None and (packed.epoch, tick) <= (before[0].epoch, before[1]):
             return
-        if robot not in self._newest and len(self._newest) >= MAX_ROBOTS:
+        if packed.epoch > 1000 * (time + self.settings.future):
+            raise Refused("future", f"epoch {packed.epoch} of {robot} is later than {1000 * time:.0f} ms of team time")
+        if before is not None and shrank(before[0], packed):
+            raise Refused("backwards", f"the sums of {robot} shrank within epoch {packed.epoch}; begin a greater epoch")
+        if before is None and len(self._newest) >= MAX_ROBOTS:
             raise Refused("too-many", f"{robot} would be one more than {MAX_ROBOTS} robots in the joint")
         evidence = self._bounded(unpack(robot, tick, packed))
-        self._newest[robot] = number
+        self._newest[robot] = packed, tick
         self._until[robot] = time
         waiting = self._waiting.setdefault(robot, deque())
         waiting.append(evidence)
         if len(waiting) > MAX_WAITING:
             waiting.popleft()
-            self.dropped += 1
+            self.counters["joint_dropped"] += 1  # a tick that waited too long
         if own:
             self._forward = [*self._forward[1 - MAX_WAITING :], Forwarded(robot=robot, tick=tick, evidence=packed)]
 
@@ -102,14 +105,20 @@ class JointDesk:
         for subject in sorted(seen - self._objects)[: MAX_OBJECTS - len(self._objects)]:
             self._objects.add(subject)
         kept = tuple(it for it in evidence.relatives if it.subject not in seen or it.subject in self._objects)
-        self.dropped += len(evidence.relatives) - len(kept)
+        self.counters["joint_dropped"] += len(evidence.relatives) - len(kept)
         return replace(evidence, relatives=kept)
 
     def hear(self, forward: Forward) -> None:
-        """Take the evidence that another board passes on. Refused as in `take`."""
+        """Take the evidence that another board passes on; refused as in `take`, after what is sound was taken."""
         self._heard.setdefault((forward.sub_team, forward.board), deque(maxlen=TICKS)).append(forward.tick)
+        refusals = []
         for one in forward.evidence:
-            self.take(one.robot, one.tick, forward.time, one.evidence, own=False)
+            try:
+                self.take(one.robot, one.tick, forward.time, one.evidence, own=False)
+            except Refused as refusal:
+                refusals.append(refusal)
+        if refusals:
+            raise refusals[0]
 
     def expect(self, board: tuple[str, str], joint: bool) -> None:
         """Whether a board, named by its sub-team and its name, keeps a joint too, as its status says; if not, it forwards nothing."""
@@ -147,7 +156,7 @@ class JointDesk:
                 _check(self.team.joint)
                 return verdicts
         except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-            self.restarts += 1
+            self.counters["joint_restarts"] += 1  # evidence came that no arithmetic survives
             log.warning("the joint begins anew: %s", error)
             self.team = self._begun()
             self.team.tick = number
@@ -210,22 +219,6 @@ def _spread(observer: Moments, subject: Moments) -> np.ndarray:
     across = np.array([-away[1], away[0]])
     heading = observer.covariance[HEADING, HEADING] + observer.covariance[BEARING, BEARING]
     return np.asarray(np.outer(across, across) * heading)
-
-
-def unpack(robot: str, tick: int, packed: PackedEvidence) -> Evidence:
-    """The evidence of a robot's tick, under the name of its subject. Refused: "mass", a matrix that is no covariance."""
-    subject = f"robot/{robot}"
-    relatives: tuple[Relative, ...] = unpack_relatives(packed, subject)
-    return Evidence(
-        robot=subject,
-        epoch=packed.epoch,
-        tick=tick,
-        travelled=unpack_motion(packed.travelled),
-        nuisance=unpack_nuisance(packed.nuisance),
-        belief=None if packed.state is None else unpack_state(packed.state),
-        increment=None if packed.increment is None else unpack_increment(packed.increment),
-        relatives=tuple(it for it in relatives if not it.subject.startswith("landmark/")),
-    )
 
 
 def _check(joint: Joint) -> None:

@@ -1,4 +1,4 @@
-"""What a robot contributes to the joint in one tick, and what became of it."""
+"""What a robot contributes to the joint in one tick, as it comes from the wire, and what became of it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
+from blackboard.wire.evidence import (
+    PackedEvidence,
+    unpack_increment,
+    unpack_motion,
+    unpack_nuisance,
+    unpack_relatives,
+    unpack_state,
+)
+
+GROWING = ("time", "moving", "along", "across", "heading")  # sums of an epoch that never shrink
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,3 +60,25 @@ class Tally:
     gated: int = 0  # increments and relative beliefs that contradict the joint
     silent: int = 0  # relative beliefs about a robot of which no motion came in the tick
     verdicts: list[Verdict] = field(default_factory=list)  # of the last tick
+
+
+def unpack(robot: str, tick: int, packed: PackedEvidence) -> Evidence:
+    """The evidence of a robot's tick, under the name of its subject. Refused: "mass", a matrix that is no covariance."""
+    subject = f"robot/{robot}"
+    relatives: tuple[Relative, ...] = unpack_relatives(packed, subject)
+    return Evidence(
+        robot=subject,
+        epoch=packed.epoch,
+        tick=tick,
+        travelled=unpack_motion(packed.travelled),
+        nuisance=unpack_nuisance(packed.nuisance),
+        belief=None if packed.state is None else unpack_state(packed.state),
+        increment=None if packed.increment is None else unpack_increment(packed.increment),
+        relatives=tuple(it for it in relatives if not it.subject.startswith("landmark/")),
+    )
+
+
+def shrank(before: PackedEvidence, packed: PackedEvidence) -> bool:
+    """Whether a time or a variance that is summed over an epoch is less than it was in the same epoch."""
+    sums = ((getattr(before.travelled, name), getattr(packed.travelled, name)) for name in GROWING)
+    return packed.epoch == before.epoch and any(now < then for then, now in sums)
