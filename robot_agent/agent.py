@@ -1,4 +1,7 @@
-"""The agent: a robot's two estimators, what it reports from them, and how it takes the team's agreed beliefs back. Pure."""
+"""The agent: a robot's two estimators, what it reports from them, and how it takes the team's agreed beliefs back. Pure.
+
+Where the boards keep a joint, `robot_agent.gaussian.agent` is the agent, and this one is what it falls back on.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +10,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-
 from blackboard.opinion.belief import Belief
-from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.evidence import PackedEvidence, pack_evidence
+from blackboard.wire.evidence import unpack_state
 from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings, Report, Solo
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
-from robot_agent.gaussian.filter import FirstHand
-from robot_agent.gaussian.sensors import sensors_of
 
 Feedback = Literal["paper", "guarded", "off"]
 
@@ -37,12 +37,12 @@ class Agreed:
     time: float
     belief: Belief
     ancestors: Mapping[str, float]
-    state: Array | None = None  # of a robot in the team's joint, shape (9,): where its filter may linearise
+    state: Moments | None = None  # of a robot in the team's joint, shape (9,) and (9, 9)
 
     @classmethod
     def unpacked(cls, consensus: Consensus, grid: Grid) -> Agreed:
-        """The belief of a consensus on the team's grid; Refused: "fields", "grid", "mass"."""
-        state = None if consensus.state is None else np.array(consensus.state.mean)
+        """The belief, and the state, of a consensus on the team's grid; Refused: "fields", "grid", "mass"."""
+        state = None if consensus.state is None else unpack_state(consensus.state)
         return cls(consensus.tick, consensus.time, unpack(consensus.belief, grid), consensus.ancestors, state)
 
 
@@ -65,14 +65,10 @@ class Agent:
         settings: RobotSection,
         grid: Grid,
         feedback: Feedback = "guarded",
-        *,
-        joint: bool = False,
     ) -> None:
-        """`joint`: the boards keep a joint belief of the team, so the robot also sends its evidence."""
         self.robot, self.subject = robot, f"robot/{robot}"
         self.settings, self.grid, self.feedback = settings, grid, feedback
         self.firsthand = self.informed = Estimator.begin(settings, grid, robot)
-        self.filter = FirstHand(self.subject, sensors_of(settings)) if joint else None
         self.mates: dict[str, Mate] = {}
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
 
@@ -89,9 +85,6 @@ class Agent:
         packed = {subject: pack(belief) for subject, belief in sorted(first.items())}
         informed = self._informed(first)
         reports = [self._report(readings, subject, own, informed.get(subject)) for subject, own in packed.items()]
-        if self.filter is not None:
-            evidence = self._evidence(self.filter, readings, agreed.get(self.subject))
-            reports = [r.model_copy(update={"evidence": evidence}) if r.subject == self.subject else r for r in reports]
         reported = informed.get(self.subject, packed[self.subject])
         self._snapshots.append(Snapshot(readings, self.mates, self.informed, reported))
         solo = {s: own for s, own in packed.items() if s == self.subject or s not in self.firsthand.seen}
@@ -158,14 +151,6 @@ class Agent:
             if subject == self.subject
             or (subject in first and entropy(belief.p) < entropy(first[subject].p) - LEAST_GAIN)
         }
-
-    @staticmethod
-    def _evidence(own: FirstHand, readings: Readings, agreed: Agreed | None) -> PackedEvidence:
-        """What the robot's Gaussian filter gained in this tick; the team's state of the tick before is no evidence in it."""
-        at = agreed.state if agreed is not None and agreed.tick == readings.tick - 1 else None
-        told = own.step(readings, at)
-        nuisance = own.sensors.wheels.nuisance
-        return pack_evidence(told.epoch, told.travelled, nuisance, told.belief, told.increment, told.relatives)
 
     def _report(self, readings: Readings, subject: str, own: PackedBelief, informed: PackedBelief | None) -> Report:
         ancestors = dict(sorted(self.informed.ancestors.items()))

@@ -22,6 +22,7 @@ from blackboard.wire.messages import Clock, Consensus, Readings, Report, Solo, S
 from blackboard.wire.types import Message
 from robot_agent.agent import Agent, Agreed, Feedback
 from robot_agent.config import RobotSection
+from robot_agent.gaussian.agent import JointAgent
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +56,8 @@ class AgentService:
     def _begin(self, run: str) -> None:
         """Forget everything: another run than before, or the very first."""
         self.run = run
-        self.agent = Agent(self.robot, self.settings, self.grid, self.feedback, joint=self.joint)
+        kind = JointAgent if self.joint else Agent
+        self.agent: JointAgent | Agent = kind(self.robot, self.settings, self.grid, self.feedback)
         self.tick, self.time = -1, 0.0  # of the newest tick that was done
         self.rounds.enter("readings", 0.0)
         self._readings: Readings | None = None  # of the tick that is to be done next

@@ -12,8 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from blackboard.opinion.belief import Belief
-from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
@@ -39,19 +37,18 @@ LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the 
 FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
 STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
-APART = 0.2  # total variation distance from a Gaussian, at most, of a grid that is handed over
-WIDEST = 0.15  # sigma of it, as a share of the grid's shorter edge: a flat grid is no hypothesis
 
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """The result of a tick: the fields of `blackboard.board.joint.evidence.Evidence` without the robot and the tick."""
+    """The result of a tick: the fields of `blackboard.opinion.gaussian.evidence.Evidence` without the robot and the tick."""
 
     epoch: int
     travelled: Motion
     belief: Moments | None
     increment: Increment | None
     relatives: tuple[Relative, ...]
+    motion: Motion = field(default_factory=Motion)  # of the tick alone
 
 
 @dataclass
@@ -109,7 +106,7 @@ class FirstHand:
             else:
                 self.restart(readings.time)
                 self._start(readings)
-        return Told(self.epoch, self.travelled, self.belief, increment, seen)
+        return Told(self.epoch, self.travelled, self.belief, increment, seen, motion)
 
     # --- lost and found -------------------------------------------------------------------------------------------------
 
@@ -218,19 +215,3 @@ class FirstHand:
                 correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
         if seen:
             self._misses = [*self._misses, (len(seen), missed)][-LOST:]
-
-
-def one_hypothesis(belief: Belief) -> Moments | None:
-    """Mean and covariance of a grid belief over (x, y) that is near to a Gaussian; None where it is not.
-
-    The moments are those of the belief's square (the escort distribution), with twice its covariance: of a Gaussian they are
-    its own, and a thin uniform share does not move them. Near: but `APART` of the mass is where that Gaussian has it.
-    """
-    grid = belief.grid
-    escort = Belief(grid, belief.p**2 / float((belief.p**2).sum()))
-    covariance = 2 * escort.covariance() + np.eye(2) * grid.cell**2 / 12
-    if max(np.diag(covariance)) > (WIDEST * min(grid.shape) * grid.cell) ** 2:
-        return None
-    moments = Moments(escort.mean(), covariance)
-    apart = 0.5 * float(np.abs(draw(grid, moments).p - belief.p).sum())
-    return moments if apart < APART else None

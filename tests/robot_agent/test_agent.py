@@ -160,17 +160,3 @@ def test_each_belief_is_marginalised_and_packed_once_a_tick(monkeypatch: pytest.
     assert solo.beliefs == {report.subject: report.belief for report in reports}
     it.tick(readings(2, BALL), agreed(1, 12, 11))
     assert (marginals["made"], packs["made"]) == (3, 5)  # now also the informed belief about itself
-
-
-def test_in_a_joint_a_robot_sends_its_evidence_with_the_report_about_itself() -> None:
-    it, plain = Agent("r1", RobotSection(), GRID, joint=True), agent()
-    for tick in range(3):
-        said = readings(tick, BALL, fix=(10, 10) if tick == 0 else None)
-        reports, others = (by_subject(a.tick(said, {})[0]) for a in (it, plain))
-        evidence = reports["robot/r1"].evidence
-        assert evidence is not None
-        assert evidence.state is not None
-        assert evidence.travelled.distance == pytest.approx(0.5 * tick)
-        assert [relative.subject for relative in evidence.relatives] == ["object/ball"]
-        assert reports["object/ball"].evidence is None
-        assert {s: r.model_copy(update={"evidence": None}) for s, r in reports.items()} == others

@@ -9,7 +9,7 @@ from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
-from robot_agent.gaussian.filter import one_hypothesis
+from robot_agent.gaussian.hand_over import one_hypothesis
 
 GRID = Grid((40, 40), 0.1, (-2.0, -2.0), "m")
 

@@ -15,12 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from blackboard.board.joint.evidence import Evidence, Verdict, shrank, unpack
-from blackboard.board.joint.team import GATES, Objects, TeamJoint
+from blackboard.board.joint.evidence import shrank, unpack
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.team import GATES, Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy

@@ -12,13 +12,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from blackboard.board.joint.evidence import Evidence, Tally, Verdict
-from blackboard.board.joint.trust import Trust
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.gaussian.evidence import Evidence, Tally, Verdict
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
+from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive
 from blackboard.opinion.grid import Grid
 
@@ -200,6 +200,18 @@ class TeamJoint:
             self._drop(name)
             self.trust.forget(name)
             del self._seen[name]
+
+    def projected(self, relative: Relative, motion: Motion) -> Moments:
+        """Where a sighting puts its subject, of which nothing else is known: mean, shape (2,), and covariance, shape (2, 2).
+
+        `motion` is the observer's in the tick. KeyError: the observer is not in the joint.
+        """
+        pair = Joint()
+        pair.add(relative.observer, self.joint.moments(relative.observer))
+        pair.add(relative.subject, Moments(np.zeros(2), np.eye(2) * FLAT))
+        expectation = expect(pair, relative, {relative.observer: motion})
+        correct(pair, expectation.residual, expectation.jacobians, expectation.noise)
+        return pair.moments(relative.subject)
 
     # --- out ------------------------------------------------------------------------------------------------------------
 

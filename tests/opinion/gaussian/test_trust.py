@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from blackboard.board.joint.trust import FIRM, Trust
+from blackboard.opinion.gaussian.trust import FIRM, Trust
 
 TEAM = tuple(f"robot/r{k}" for k in range(1, 6))
 

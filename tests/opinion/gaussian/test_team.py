@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blackboard.board.joint.evidence import Evidence
-from blackboard.board.joint.team import PATIENCE, Objects, TeamJoint
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import PATIENCE, Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, entering
 from blackboard.opinion.grid import Array, Grid
 

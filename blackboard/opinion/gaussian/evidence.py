@@ -1,0 +1,52 @@
+"""What a robot contributes to a joint in one tick, and what became of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """A robot's report of one tick, named by (robot, epoch, tick); `robot` is its subject, `robot/r1`.
+
+    An epoch is a first-hand belief that was never begun anew; a robot that lost itself begins the next one. `travelled` is
+    the sum of all motions of the epoch, so that a lost report loses no motion. `belief` is the whole first-hand block
+    after the tick, from which a robot enters; None while it has no single hypothesis, and then `increment` is None too.
+    """
+
+    robot: str
+    epoch: int
+    tick: int
+    travelled: Motion
+    nuisance: Nuisance
+    belief: Moments | None = None
+    increment: Increment | None = None
+    relatives: tuple[Relative, ...] = ()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the gate said of one piece of evidence: its squared Mahalanobis distance, the degrees of freedom, taken or not."""
+
+    source: str
+    subject: str
+    kind: Literal["increment", "relative"]
+    squared: float
+    freedom: int
+    taken: bool
+
+
+@dataclass
+class Tally:
+    """Counters of what was not used, by reason."""
+
+    repeated: int = 0  # reports of a tick that is settled already
+    gated: int = 0  # increments and relative beliefs that contradict the joint
+    silent: int = 0  # relative beliefs about a robot of which no motion came in the tick
+    verdicts: list[Verdict] = field(default_factory=list)  # of the last tick

@@ -1,0 +1,168 @@
+"""The agent of a robot whose boards keep a joint: a Gaussian filter while it knows its heading, grids while it does not. Pure.
+
+It believes three things. First-hand, from its own readings alone: itself and the objects that it saw, held jointly, because what it
+sees of an object errs with its own place. As evidence, what the readings of a tick add to the joint of the boards. Informed: where
+the team agreed that it was, moved on by what it measured since.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.increment import Increment, likelihood
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.team import Objects, TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, Motion, drive
+from blackboard.opinion.grid import Array, Grid
+from blackboard.wire.arrays import pack
+from blackboard.wire.evidence import pack_evidence
+from blackboard.wire.messages import Informed, PackedBelief, Readings, Report, Solo
+from robot_agent.agent import SNAPSHOTS, Agent, Agreed, Feedback
+from robot_agent.config import RobotSection
+from robot_agent.gaussian.filter import FirstHand, Told
+from robot_agent.gaussian.hand_over import pose_of
+from robot_agent.gaussian.sensors import sensors_of
+from robot_agent.raster import with_outlier
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What a tick added: how the robot moved, and what it gained."""
+
+    time: float  # team time, seconds
+    motion: Motion
+    increment: Increment | None
+
+
+class JointAgent:
+    """One robot: `tick` takes readings and the agreed beliefs that have arrived, and returns what to report."""
+
+    def __init__(self, robot: str, settings: RobotSection, grid: Grid, feedback: Feedback = "guarded") -> None:
+        self.robot, self.subject = robot, f"robot/{robot}"
+        self.settings, self.grid, self.feedback = settings, grid, feedback
+        self.filter = FirstHand(self.subject, sensors_of(settings))
+        self.own = TeamJoint(Objects(drift=settings.objects.drift))  # of this robot alone, with the objects that it saw
+        self.searching: Agent | None = None  # its grids, while there is no Gaussian belief
+        self.team: Moments | None = None  # where the team's joint has this robot, moved on to the newest tick
+        self._team_ancestors: Mapping[str, float] = {}
+        self._team_until = -math.inf  # team time (s) of this robot's newest readings that it contained when it came
+        self._steps: deque[Step] = deque(maxlen=SNAPSHOTS)
+        self._time: float | None = None  # team time of the newest readings, seconds
+
+    def tick(self, readings: Readings, agreed: Mapping[str, Agreed]) -> tuple[list[Report], Solo]:
+        """Take the readings; report first-hand and informed beliefs, and the evidence for the boards' joint.
+
+        The solo message holds the first-hand beliefs on the robot and on objects; it is for a referee.
+        """
+        place = agreed.get(self.subject)
+        told = self.filter.step(readings, self._linear(place))
+        self._steps.append(Step(readings.time, told.motion, told.increment))
+        self._follow(None if self.feedback == "off" else place)
+        nuisance = self.filter.sensors.wheels.nuisance
+        evidence = pack_evidence(told.epoch, told.travelled, nuisance, told.belief, told.increment, told.relatives)
+        if told.belief is None:
+            reports, solo = self._search(readings, agreed)
+        else:
+            self.searching = None
+            reports, solo = self._report(readings, told)
+        self._time = readings.time
+        return [r.model_copy(update={"evidence": evidence}) if r.subject == self.subject else r for r in reports], solo
+
+    # --- first-hand -----------------------------------------------------------------------------------------------------
+
+    def _search(self, readings: Readings, agreed: Mapping[str, Agreed]) -> tuple[list[Report], Solo]:
+        """Look for the pose on grids, and hand it over to the filter once there is one hypothesis."""
+        if self.searching is None:
+            self.searching = Agent(self.robot, self.settings, self.grid, self.feedback)
+        reports, solo = self.searching.tick(readings, agreed)
+        self.team = None
+        pose = pose_of(self.searching.firsthand.localizer)
+        if pose is not None:
+            self.filter.enter(pose)
+        return reports, solo
+
+    def _report(self, readings: Readings, told: Told) -> tuple[list[Report], Solo]:
+        first = {subject: pack(belief) for subject, belief in sorted(self._firsthand(readings, told).items())}
+        informed = self._informed(readings)
+        reports = [
+            Report(
+                source=self.robot,
+                subject=subject,
+                tick=readings.tick,
+                time=readings.time,
+                belief=belief,
+                ancestors={self.robot: readings.time},
+                informed=informed if subject == self.subject else None,
+            )
+            for subject, belief in first.items()
+        ]
+        mates = {relative.subject for relative in told.relatives if relative.subject.startswith("robot/")}
+        solo = {subject: belief for subject, belief in first.items() if subject not in mates}
+        return reports, Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=solo)
+
+    def _firsthand(self, readings: Readings, told: Told) -> dict[str, Belief]:
+        """The beliefs about this robot, the objects that it knows, and the mates that it sees in this tick."""
+        nuisance = self.filter.sensors.wheels.nuisance
+        evidence = Evidence(
+            self.subject,
+            told.epoch,
+            readings.tick,
+            told.travelled,
+            nuisance,
+            told.belief,
+            told.increment,
+            told.relatives,
+        )
+        self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [evidence])
+        known = {subject: self.own.marginal(subject) for subject in {self.subject, *self.own.subjects()}}
+        mates = [r for r in told.relatives if r.subject.startswith("robot/") and r.subject != self.subject]
+        known |= {relative.subject: self.own.projected(relative, told.motion) for relative in mates}
+        return {subject: self._drawn(moments) for subject, moments in known.items()}
+
+    def _drawn(self, moments: Moments) -> Belief:
+        return with_outlier(draw(self.grid, moments).p, self.grid, self.settings.vision.outlier)
+
+    # --- the team -------------------------------------------------------------------------------------------------------
+
+    def _until(self, place: Agreed | None) -> float | None:
+        """The team time (s) of the newest readings of this robot that an agreed belief with a state contains."""
+        return None if place is None or place.state is None else place.ancestors.get(self.robot)
+
+    def _linear(self, place: Agreed | None) -> Array | None:
+        """Where the filter may linearise: what the team believed after the tick before, which is no evidence."""
+        until = self._until(place)
+        return place.state.mean if place and place.state and until is not None and until == self._time else None
+
+    def _follow(self, place: Agreed | None) -> None:
+        """Take the team's newest word on this robot, and move it on by what was measured since; what is older is left out."""
+        newest, until = list(self._steps)[-1:], self._until(place)
+        if place is not None and until is not None and self._team_until < until and self._steps[0].time <= until:
+            self.team, self._team_until, self._team_ancestors = place.state, until, place.ancestors
+            newest = [step for step in self._steps if step.time > until]
+        for step in newest:
+            self.team = self._moved_on(self.team, step)
+
+    def _moved_on(self, state: Moments | None, step: Step) -> Moments | None:
+        if state is None:
+            return None
+        joint = Joint()
+        joint.add(self.subject, state)
+        drive(joint, self.subject, step.motion, self.filter.sensors.wheels.nuisance)
+        gained = None if step.increment is None else likelihood(joint, self.subject, step.increment)
+        if gained is not None:
+            gained.multiply(joint)
+        return joint.moments(self.subject)
+
+    def _informed(self, readings: Readings) -> Informed | None:
+        if self.team is None:
+            return None
+        belief: PackedBelief = pack(self._drawn(Moments(self.team.mean[AXES], self.team.covariance[AXES, AXES])))
+        return Informed(
+            belief=belief, ancestors=dict(sorted({**self._team_ancestors, self.robot: readings.time}.items()))
+        )

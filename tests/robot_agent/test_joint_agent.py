@@ -1,0 +1,168 @@
+"""The agent of a robot whose boards keep a joint: what it believes alone, what it sends as evidence, what it takes from the team."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from blackboard.opinion.belief import gaussian
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.vehicle import AXES, STATES
+from blackboard.opinion.grid import Grid
+from blackboard.wire.arrays import unpack
+from blackboard.wire.messages import Odometry, Readings, Report, Sighting
+from robot_agent.agent import Agreed
+from robot_agent.config import RobotSection
+from robot_agent.gaussian.agent import JointAgent
+from tests.robot_agent.test_agent import BALL, GRID, by_subject, readings
+from tests.robot_agent.test_kalman import Pose, seen
+
+MATE = Sighting(subject="robot/r2", range=6.0, bearing=-0.2)
+
+
+def agent() -> JointAgent:
+    return JointAgent("r1", RobotSection(), GRID)
+
+
+def state(x: float, y: float, sigma: float = 0.2) -> Moments:
+    mean = np.zeros(STATES)
+    mean[:5] = x, y, 0.0, 1.0, 1.0
+    return Moments(mean, np.diag([sigma**2, sigma**2, *[1e-6] * (STATES - 2)]))
+
+
+def agreed(until: float, x: float, y: float) -> dict[str, Agreed]:
+    """The team says that after the readings stamped `until` (s) the robot was at (x, y)."""
+    ancestors = {"r1": until, "r2": until}
+    return {"robot/r1": Agreed(0, until, gaussian(GRID, (x, y), 0.5), ancestors, state(x, y))}
+
+
+def mean(report: Report) -> np.ndarray:
+    return np.asarray(unpack(report.belief).mean())
+
+
+def informed(report: Report) -> np.ndarray:
+    assert report.informed is not None
+    return np.asarray(unpack(report.informed.belief).mean())
+
+
+def test_it_reports_itself_what_it_saw_and_its_evidence() -> None:
+    it = agent()
+    for tick in range(3):
+        reports, solo = it.tick(readings(tick, BALL, MATE, fix=(10, 10) if tick == 0 else None), {})
+        found = by_subject(reports)
+        assert set(found) == {"robot/r1", "robot/r2", "object/ball"}
+        assert set(solo.beliefs) == {"robot/r1", "object/ball"}, "a mate is for the mate itself to judge"
+        assert all(r.ancestors == {"r1": 0.5 * tick} and r.informed is None for r in reports)
+        assert found["object/ball"].evidence is None
+        evidence = found["robot/r1"].evidence
+        assert evidence is not None
+        assert evidence.state is not None
+        assert evidence.travelled.distance == pytest.approx(0.5 * tick)
+        assert [relative.subject for relative in evidence.relatives] == ["object/ball", "robot/r2"]
+    place = np.array([11.0, 10.0])
+    assert mean(found["robot/r1"]) == pytest.approx(place, abs=0.2)
+    for subject, sighting in (("object/ball", BALL), ("robot/r2", MATE)):
+        at = place + sighting.range * np.array([math.cos(sighting.bearing), math.sin(sighting.bearing)])
+        assert mean(found[subject]) == pytest.approx(at, abs=0.7)
+
+
+def test_what_it_believes_alone_never_depends_on_the_team() -> None:
+    helped, alone = agent(), agent()
+    for tick in range(5):
+        said = readings(tick, BALL, fix=(10, 10) if tick == 0 else None)
+        told = agreed(0.5 * (tick - 1), 14, 12) if tick else {}
+        (with_team, solo), (without, same) = helped.tick(said, told), alone.tick(said, {})
+        assert solo == same
+        assert [r.belief for r in with_team] == [r.belief for r in without]
+
+
+def test_an_object_is_known_no_better_than_the_place_it_is_seen_from() -> None:
+    """Seen again and again from one place, what both have in common does not average out."""
+    it = agent()
+    for tick in range(12):
+        still = replace_odometry(readings(tick, BALL, fix=(10, 10) if tick == 0 else None))
+        reports, _ = it.tick(still, {})
+    ball = unpack(by_subject(reports)["object/ball"].belief).covariance()
+    own = it.own.marginal("robot/r1").covariance
+    assert np.trace(ball) > np.trace(own)
+
+
+def replace_odometry(said: Readings) -> Readings:
+    return said.model_copy(update={"odometry": Odometry(distance=0.0, turn=0.0, dt=0.5) if said.tick else None})
+
+
+def test_the_team_s_word_is_moved_on_by_what_was_measured_since() -> None:
+    prompt, late = agent(), agent()
+    for tick in range(4):
+        said = readings(tick, fix=(10, 10) if tick == 0 else None)
+        first, _ = prompt.tick(said, agreed(0.5, 13, 12) if tick == 2 else {})
+        second, _ = late.tick(said, agreed(0.5, 13, 12) if tick == 3 else {})
+    for reports in (first, second):
+        own = by_subject(reports)["robot/r1"]
+        assert own.informed is not None
+        assert informed(own) == pytest.approx((14.0, 12.0), abs=0.3), "two ticks of half a cell since"
+        assert own.informed.ancestors == {"r1": 1.5, "r2": 0.5}
+    assert informed(by_subject(first)["robot/r1"]) == pytest.approx(informed(by_subject(second)["robot/r1"]), abs=1e-6)
+
+
+def test_an_older_word_of_the_team_is_not_taken_for_a_newer_one() -> None:
+    it = agent()
+    it.tick(readings(0, fix=(10, 10)), {})
+    it.tick(readings(1), {})
+    it.tick(readings(2), agreed(0.5, 13, 12))
+    reports, _ = it.tick(readings(3), agreed(0.0, 3, 3))
+    assert informed(by_subject(reports)["robot/r1"]) == pytest.approx((14.0, 12.0), abs=0.3)
+
+
+def test_feedback_off_listens_to_nobody() -> None:
+    it = JointAgent("r1", RobotSection(), GRID, "off")
+    it.tick(readings(0, fix=(10, 10)), {})
+    reports, _ = it.tick(readings(1), agreed(0.0, 13, 12))
+    assert by_subject(reports)["robot/r1"].informed is None
+
+
+# --- lost and found -----------------------------------------------------------------------------------------------------
+
+ARENA = Grid((40, 40), 0.1, (-2.0, -2.0), "m")
+MARKS = {"landmark/1": (1.5, 1.0), "landmark/2": (0.2, -1.6), "landmark/3": (-1.7, 0.4), "landmark/4": (-0.5, 1.8)}
+
+
+def standing(tick: int, pose: Pose) -> Readings:
+    """A robot that stands, without a compass, and sees four landmarks."""
+    return Readings(
+        run="x",
+        robot="r1",
+        tick=tick,
+        time=float(tick),
+        odometry=Odometry(distance=0.0, turn=0.0, dt=1.0) if tick else None,
+        sightings=[seen(pose, name, place) for name, place in MARKS.items()],
+    )
+
+
+def test_a_robot_that_knows_nothing_looks_on_a_grid_and_hands_over_and_back() -> None:
+    settings = RobotSection.model_validate(
+        {"localizer": "pose", "headings": 36, "vision": {"kind": "range-bearing"}, "odometry": {"turn": 0.02}}
+    )
+    it = JointAgent("r1", settings, ARENA)
+    there, elsewhere = (0.3, 0.2, 0.7), (-0.8, -0.9, -2.0)
+    told = []
+    for tick in range(24):
+        reports, _ = it.tick(standing(tick, there if tick < 9 else elsewhere), {})
+        own = by_subject(reports)["robot/r1"]
+        assert own.evidence is not None
+        told.append((own.evidence.epoch, own.evidence.state, mean(own)))
+    epochs = [epoch for epoch, _, _ in told]
+    known = [state is not None for _, state, _ in told]
+    assert not known[0], "the first readings were taken by the grid"
+    assert known[8], "and then there was one hypothesis"
+    assert told[8][2] == pytest.approx(there[:2], abs=0.05)
+    lost = epochs.index(epochs[-1])
+    assert 9 <= lost < 20, "it was carried away, and noticed"
+    assert not known[lost]
+    assert known[-1], "and found itself again"
+    assert it.searching is None
+    assert told[-1][2] == pytest.approx(elsewhere[:2], abs=0.1)
+    assert it.filter.belief is not None
+    assert it.filter.belief.mean[AXES] == pytest.approx(elsewhere[:2], abs=0.1)
