@@ -8,6 +8,7 @@ position; one that knows neither has no Gaussian belief, and its caller keeps a 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,7 +29,7 @@ from blackboard.opinion.gaussian.vehicle import (
     wrap,
 )
 from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Fix, Readings, Sighting
+from blackboard.wire.messages import Fix, Readings
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.sensing import unseen
 
@@ -91,7 +92,14 @@ class FirstHand:
             self._start(readings)
         else:
             self._take(readings.fix, readings.compass)
-        relatives = {name: self._relative(sighting, motion) for name, sighting in sorted(newest.items())}
+        groups = {n: self._group(n, s.landmark) for n, s in sorted(newest.items()) if s.landmark is not None}
+        alike = Counter(groups.values())
+        relatives = {
+            name: self.sensors.camera.relative(
+                self.robot, sighting, self._turned, motion.dt, groups.get(name, ""), alike[groups.get(name, "")] or 1
+            )
+            for name, sighting in sorted(newest.items())
+        }
         places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
         if self.known:
             self._sight([(relatives[name], np.array(place)) for name, place in sorted(places.items())], motion, linear)
@@ -191,10 +199,6 @@ class FirstHand:
         for heading, sigma in told:
             now = float(self.joint.moments(self.robot).mean[HEADING])
             correct(self.joint, np.array([wrap(heading - now)]), {self.robot: rows[[HEADING]]}, np.array([[sigma**2]]))
-
-    def _relative(self, sighting: Sighting, motion: Motion) -> Relative:
-        group = "" if sighting.landmark is None else self._group(sighting.subject, sighting.landmark)
-        return self.sensors.camera.relative(self.robot, sighting, self._turned, motion.dt, group)
 
     def _group(self, landmark: str, place: tuple[float, float]) -> str:
         """Landmarks that stand together share their lasting errors."""
