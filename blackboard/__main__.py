@@ -1,4 +1,4 @@
-"""The door of the blackboard: `blackboard demo | up | serve | router | health | lab | tune | figures`."""
+"""The door of the blackboard: `blackboard demo | up | serve | router | health | lab | tune | figures | score`."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ for command, about in {
     "figures": "Draw the paper's figures and print the numbers behind them.",
 }.items():
     app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
+app.command("blackboard.lab.score:score", name="score", help="Score a recorded team: its robots, protocols, fusions.")
 
 
 @app.command

@@ -25,7 +25,7 @@ class RecordingFlags:
     start: float | None = None
     "Where the replay begins, Unix time."
     protocol: str | None = None
-    "Which of its landmark sightings may be used, as A_all or C_blind12."
+    "Which of its landmark sightings may be used, as A_all or C_blind12; score also takes all."
 
     @property
     def given(self) -> bool:
