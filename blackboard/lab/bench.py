@@ -47,6 +47,8 @@ class Run:
     samples: Sequence[Sample]
     card: Mapping[str, Any]
     asked_ticks: int
+    recording: str  # its folder
+    start: float | None  # Unix time; None: the first second that all files cover
 
     @property
     def complete(self) -> bool:
@@ -148,7 +150,11 @@ def ways(runs: Sequence[Run]) -> dict[str, list[Sample]]:
 
 
 def report(runs: Sequence[Run]) -> dict[str, Any]:
-    """All numbers of some runs: by protocol how each run ended, and by robot and way what `measure` finds; the team first."""
+    """All numbers of some runs, at least one: by protocol how each run ended, and by robot and way what `measure` finds.
+
+    The team comes first. ValueError: the runs are of several recordings, or begin at different times.
+    """
+    ((recording, start),) = {(run.recording, run.start) for run in runs}
     protocols: dict[str, Any] = {}
     for name in dict.fromkeys(run.protocol for run in runs):
         mine = [run for run in runs if run.protocol == name]
@@ -159,7 +165,7 @@ def report(runs: Sequence[Run]) -> dict[str, Any]:
                 part = [sample for sample in samples if who in (TEAM, sample.robot)]
                 scores.setdefault(who, {})[way] = measure(part)
         protocols[name] = {"runs": {run.fusion: _ending(run.card) for run in mine}, "scores": scores}
-    return {"definitions": list(DEFINITIONS), "protocols": protocols}
+    return {"recording": recording, "start": start, "definitions": list(DEFINITIONS), "protocols": protocols}
 
 
 def _ending(card: Mapping[str, Any]) -> dict[str, Any]:
@@ -215,7 +221,8 @@ def markdown(found: Mapping[str, Any]) -> str:
 
 def text(found: Mapping[str, Any]) -> str:
     """A report as text: a table for each protocol with how its runs ended, then the definitions."""
-    out, table = [], rows(found)
+    since = "its first second" if found["start"] is None else f"{found['start']:.1f}"
+    out, table = [f"{found['recording']} from {since} on", ""], rows(found)
     widths = [max(len(row[i]) for row in (HEADER, *table)) for i in range(len(HEADER))]
     for protocol, one in found["protocols"].items():
         runs = one["runs"].items()

@@ -89,19 +89,27 @@ def new_runs(recording: RecordingFlags, seconds: float | None, keep: Path | None
         for number, (protocol, fusion, one) in enumerate(todo, 1):
             log.info("run %d of %d: %s, %s", number, len(todo), protocol, fusion)
             series = folder / f"{protocol}-{fusion}.csv"
+            series.with_suffix(".json").unlink(missing_ok=True)  # a run counts once this is there
             _, card = run_scenario(one, _moving(show, done, total), series=series)
-            _write(series.with_suffix(".json"), json.dumps({"asked_ticks": _ticks(one), "card": card}) + "\n")
+            world = one.section("world", WorldSection)
+            kept = {"recording": world.dir, "start": world.start, "asked_ticks": _ticks(one), "card": card}
+            _write(series.with_suffix(".json"), json.dumps(kept) + "\n")
             done += _ticks(one)
             found.append(_read_run(series))
     return found
 
 
 def kept_runs(folder: Path) -> list[bench.Run]:
-    """The runs that `new_runs` kept in a folder, in the order of the protocols. UserError: there are none."""
+    """The runs that `new_runs` kept in a folder and that ended, in the order of the protocols.
+
+    UserError: there are none, or they do not belong together.
+    """
     files = [folder / f"{protocol}-{fusion}.csv" for protocol in PROTOCOLS for fusion in bench.FUSIONS]
-    found = [_read_run(file) for file in files if file.is_file()]
+    found = [_read_run(file) for file in files if file.with_suffix(".json").is_file()]
     if not found:
         raise UserError(f"--runs {folder}: no runs are kept there; give --mrclam DIR to make some")
+    if len({(run.recording, run.start) for run in found}) > 1:
+        raise UserError(f"--runs {folder}: runs of several recordings or starts; keep each in a folder of its own")
     return found
 
 
@@ -110,10 +118,10 @@ def _read_run(series: Path) -> bench.Run:
     file = series.with_suffix(".json")
     try:
         kept = json.loads(file.read_text(encoding="utf-8"))
-        card, asked = kept["card"], int(kept["asked_ticks"])
+        about = {key: kept[key] for key in ("card", "asked_ticks", "recording", "start")}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UserError(f"{file}: not what a run left ({error}); run it again, with --mrclam") from error
-    return bench.Run(protocol, fusion, read_series(series), card, asked)
+    return bench.Run(protocol, fusion, read_series(series), **about)
 
 
 def _ticks(scenario: Scenario) -> int:

@@ -153,7 +153,7 @@ def run(protocol: str, fusion: str, error: float, **card: object) -> bench.Run:
             }
             samples += [at(time, 9.0, level="solo", **about), at(time, 5.0, level="consensus", **about)]
             samples += [at(time, away, **about), at(time, 7.0, **{**about, "subject": "object/ball"})]
-    return bench.Run(protocol, fusion, samples, {**CARD, **card}, asked_ticks=2)
+    return bench.Run(protocol, fusion, samples, {**CARD, **card}, 2, "folder", 5.0)
 
 
 def test_numbers_of_robots_and_team_by_hand() -> None:
@@ -169,6 +169,7 @@ def test_numbers_of_robots_and_team_by_hand() -> None:
     assert team["coverage"]["50"]["value"] == 1.0
     assert team["without_landmark"] == {"n": 3, "rmse": pytest.approx(math.sqrt((1 + 1 + 9) / 3))}
     assert scores["r2"]["joint"]["rmse"] == pytest.approx(0.3)
+    assert (found["recording"], found["start"]) == ("folder", 5.0)
     json.dumps(found, allow_nan=False)
 
 
@@ -184,6 +185,7 @@ def test_the_tables_have_every_robot_and_way() -> None:
     assert rows[1][3:8] == ("4", "2.236", "2.000", "3.000", "3.000")
     assert rows[1][-2:] == ("never", "1.915 (75 %)")
     text = bench.text(found)
+    assert text.startswith("folder from 5.0 on\n\n")
     assert "A_all  (opinions: PASS, 2 ticks in 3 s)" in text
     assert "  joint: too far" in text
     assert "opinions: x" not in text  # the checks of a PASS

@@ -113,3 +113,20 @@ def test_a_broken_run_is_named(started: list[Scenario], tmp_path: Path) -> None:
     (tmp_path / "C_blind12-joint.json").write_text("{}")
     with pytest.raises(UserError, match=r"C_blind12-joint.json: not what a run left"):
         score.score(runs=tmp_path)
+
+
+def test_a_run_that_was_interrupted_is_not_judged(
+    started: list[Scenario], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    score.score(recording=RECORDING, seconds=2.0, runs=tmp_path)
+    (tmp_path / "C_blind12-joint.json").unlink()
+    capsys.readouterr()
+    score.score(runs=tmp_path, output=OutputFlags(as_json=True))
+    assert list(json.loads(capsys.readouterr().out)["protocols"]["C_blind12"]["runs"]) == ["opinions"]
+
+
+def test_runs_of_different_starts_are_not_judged_together(started: list[Scenario], tmp_path: Path) -> None:
+    for start, protocol in ((5.0, "A_all"), (6.0, "B_turns")):
+        score.score(recording=RecordingFlags("folder", start, protocol), seconds=2.0, runs=tmp_path)
+    with pytest.raises(UserError, match="several recordings or starts"):
+        score.score(runs=tmp_path)
