@@ -46,6 +46,8 @@ def _panels(
         axis.set_title(robot)
     axes[0].legend(fontsize=7, loc="upper right")
     axes[-1].set_xlabel("time [s]" if times else "x [m]")
+    if not times:
+        axes[0].set_ylabel("y [m]")
     return figure
 
 

@@ -64,7 +64,7 @@ class RunFlags(LengthFlags):
     realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Pace by the wall clock instead of waiting for everybody."
     series: Path | None = None
-    "Also write every sample that the referee judges into this file, as CSV."
+    "Also write every sample that the referee judges into this file, as CSV (docs/real-robots.md)."
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario with these flags instead of what it says itself."""
