@@ -1,4 +1,4 @@
-"""The door of the blackboard: `blackboard demo | up | serve | router | health | lab | tune | figures`."""
+"""The door of the blackboard: `blackboard demo | up | serve | router | health | lab | tune | figures | score`."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ for command, about in {
     "figures": "Draw the paper's figures and print the numbers behind them.",
 }.items():
     app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
+app.command("blackboard.lab.score:score", name="score", help="Score a recorded team: its robots, protocols, fusions.")
 
 
 @app.command
@@ -37,7 +38,7 @@ def demo(
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
     """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team."""
-    return _run(run.apply(team.apply(recording.scenario())), output, flags)
+    return _run(run.apply(team.apply(recording.scenario())), run, output, flags)
 
 
 @app.command
@@ -56,7 +57,7 @@ def up(
     scenario
         A scenario file (TOML), or the name of one that comes with the package.
     """
-    return _run(run.apply(team.apply(load(scenario))), output, flags)
+    return _run(run.apply(team.apply(load(scenario))), run, output, flags)
 
 
 @app.command
@@ -138,13 +139,13 @@ def health(
     return 1 if fault else 0
 
 
-def _run(scenario: Scenario, output: OutputFlags, flags: door.ZenohFlags) -> int:
+def _run(scenario: Scenario, run: RunFlags, output: OutputFlags, flags: door.ZenohFlags) -> int:
     from blackboard.run.launch import run_scenario
     from sim_world.scorecard import text
 
     _check(scenario)
     with progress(scenario.name) as show_progress:
-        status, card = run_scenario(scenario, show_progress, flags.link())
+        status, card = run_scenario(scenario, show_progress, flags.link(), run.series)
     output.show(card, text)
     return status
 

@@ -9,6 +9,7 @@ from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags
 from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
 from sim_world.scorecard import scorecard, text
+from sim_world.series import series_file
 from sim_world.service import WorldService
 from sim_world.sources import open_sensor_source
 
@@ -37,9 +38,10 @@ def sim_world(
     """
     chosen = run.apply(recording.scenario(scenario))
     settings = chosen.section("world", WorldSection)
-    referee = Referee(chosen.grid, settings.check, chosen.team.robots)
-    service = WorldService(chosen, open_sensor_source(chosen), referee)
-    door.serve(service, "world", flags)
+    with series_file(run.series) as record:
+        referee = Referee(chosen.grid, settings.check, chosen.team.robots, record)
+        service = WorldService(chosen, open_sensor_source(chosen), referee)
+        door.serve(service, "world", flags)
     card = scorecard(service.result())
     output.show(card, text)
     return 0 if card["verdict"] == "PASS" else 1

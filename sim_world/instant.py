@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from blackboard.process.roll_call import RollCall
-from blackboard.wire.messages import Consensus, PackedBelief, Solo, Status, Truth
+from blackboard.wire.messages import Consensus, PackedBelief, Readings, Solo, Status, Truth
 
 MAX_CONSENSUSES = 4096  # of a tick
 PHASES = ("consensus", "agreed")  # of a board in a tick; as a consensus's level
+
+
+def who_saw_landmarks(readings: Iterable[Readings]) -> frozenset[str]:
+    """The robots whose readings hold a sighting of a landmark."""
+    return frozenset(r.robot for r in readings if any(s.landmark is not None for s in r.sightings))
 
 
 @dataclass
@@ -26,6 +32,7 @@ class Instant:
     consensuses: dict[tuple[str, str, str, str], tuple[bytes, Consensus]] = field(default_factory=dict)
     boards: dict[str, set[str]] = field(default_factory=dict)  # sub-team -> its boards that sent something
     roll: RollCall[tuple[str, str, str]] = field(default_factory=RollCall)  # sub-team, board and phase
+    landmark_seen: frozenset[str] = frozenset()  # the robots that saw a landmark in this tick
 
     def hear(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> bool:
         """Take a message about this tick; True if it is the first of its kind. Who does not take part is ignored."""

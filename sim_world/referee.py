@@ -8,22 +8,28 @@ after the exchange. So the three are judged on the same samples; where one is mi
 from __future__ import annotations
 
 import hashlib
+import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
 from blackboard.errors import Refused
+from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.scores import Score
+from blackboard.opinion.scores import Score, region_area
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import PackedBelief
 from sim_world.instant import Instant
 from sim_world.scenario import CheckSection
+from sim_world.series import AREA_OF, Sample
 
 LEVELS = ("solo", "consensus", "agreed")
 GROUPS = {"robots": "robot/", "objects": "object/"}
+
+#: What was found in a tick about (subject, belief): its score of one entry, or None if it could not be unpacked.
+Known = dict[tuple[str, PackedBelief], tuple[Score, Belief] | None]
 
 
 @dataclass(frozen=True)
@@ -42,13 +48,20 @@ class Judgement:
 class Referee:
     """Takes each instant once, in order; its `judgement` at the end has scores, hash and verdict."""
 
-    def __init__(self, grid: Grid, check: CheckSection, robots: Sequence[str]) -> None:
-        """`robots` are those of the scenario: each must have been heard for a PASS."""
-        self.grid, self.check, self.robots = grid, check, tuple(robots)
+    def __init__(
+        self,
+        grid: Grid,
+        check: CheckSection,
+        robots: Sequence[str],
+        record: Callable[[Sample], None] | None = None,
+    ) -> None:
+        """`robots` are those of the scenario: each must have been heard for a PASS. `record` is given every sample that counts."""
+        self.grid, self.check, self.robots, self._record = grid, check, tuple(robots), record
         self.refused: Counter[str] = Counter()
         self._hash = hashlib.sha256()
         self._scores: dict[str, dict[str, Score]] = {}  # subject -> level -> score
         self._missing: dict[str, Counter[str]] = {}  # subject -> level -> samples
+        self._landmark_at: dict[str, float] = {}  # robot -> team time of the newest tick in which it saw a landmark
 
     @property
     def hash(self) -> str:
@@ -60,9 +73,10 @@ class Referee:
         for name in sorted(instant.consensuses):
             payload, _ = instant.consensuses[name]
             self._hash.update(payload)
+        self._landmark_at |= dict.fromkeys(instant.landmark_seen, instant.truth.time)
         if not judged:
             return
-        known: dict[tuple[str, PackedBelief], Score | None] = {}  # so that each belief is unpacked once
+        known: Known = {}
         objects = [subject for subject in instant.truth.positions if subject.startswith("object/")]
         present = {robot for robots in instant.teams.values() for robot in robots}
         for robot in sorted(set(self.robots) - present):
@@ -79,32 +93,57 @@ class Referee:
         robot: str,
         sub_team: str,
         subject: str,
-        known: dict[tuple[str, PackedBelief], Score | None],
+        known: Known,
     ) -> None:
-        scores = {}
+        scored = {}
         for level in LEVELS:
             packed = instant.belief(level, robot, sub_team, subject)
-            score = None
+            found = None
             if packed is not None:
                 if (subject, packed) not in known:
                     known[subject, packed] = self._score(packed, instant.truth.positions[subject])
-                score = known[subject, packed]
-            if score is None:
+                found = known[subject, packed]
+            if found is None:
                 self._miss(subject, level)
             else:
-                scores[level] = score
-        if len(scores) == len(LEVELS):
-            for level, score in scores.items():
+                scored[level] = found
+        if len(scored) == len(LEVELS):
+            for level, (score, belief) in scored.items():
                 _extend(self._scores.setdefault(subject, {}).setdefault(level, Score()), score)
+                if self._record is not None:
+                    self._record(self._describe(instant, robot, sub_team, subject, level, score, belief))
 
-    def _score(self, packed: PackedBelief, truth: Sequence[float]) -> Score | None:
+    def _score(self, packed: PackedBelief, truth: Sequence[float]) -> tuple[Score, Belief] | None:
         score = Score()
         try:
-            score.add(unpack(packed, self.grid), truth)
+            belief = unpack(packed, self.grid)
         except Refused as refusal:
             self.refused[refusal.reason] += 1
             return None
-        return score
+        score.add(belief, truth)
+        return score, belief
+
+    def _describe(
+        self, instant: Instant, robot: str, sub_team: str, subject: str, level: str, score: Score, belief: Belief
+    ) -> Sample:
+        """A sample at one level, as a row of the series; `score` has one entry."""
+        (truth_x, truth_y), (mean_x, mean_y) = instant.truth.positions[subject], belief.mean().tolist()
+        return Sample(
+            tick=instant.truth.tick,
+            time=instant.truth.time,
+            robot=robot,
+            sub_team=sub_team,
+            subject=subject,
+            level=level,
+            truth_x=truth_x,
+            truth_y=truth_y,
+            mean_x=mean_x,
+            mean_y=mean_y,
+            log_score=score.log_scores[0],
+            region=score.levels[0],
+            area=region_area(belief, AREA_OF),
+            landmark_age=instant.truth.time - self._landmark_at.get(robot, -math.inf),
+        )
 
     def _miss(self, subject: str, level: str) -> None:
         self._missing.setdefault(subject, Counter())[level] += 1

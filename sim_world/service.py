@@ -18,7 +18,7 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Solo, Status
 from blackboard.wire.types import Message
-from sim_world.instant import PHASES, Instant
+from sim_world.instant import PHASES, Instant, who_saw_landmarks
 from sim_world.members import Members
 from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
@@ -228,7 +228,7 @@ class WorldService:
             log.info("tick %d of %d", self.tick, self.ticks)
         truth, readings = self.sensors.advance(self.run, self.tick)
         teams = self.members.teams()
-        self._open[self.tick] = Instant(truth, teams, began=now)
+        self._open[self.tick] = Instant(truth, teams, began=now, landmark_seen=who_saw_landmarks(readings))
         self._news_at = now
         if self.pace is Pace.REALTIME and self.tick == self.ticks:
             self.rounds.enter("last", now)

@@ -26,6 +26,19 @@ def hdr_level(p: Array, index: tuple[int, ...]) -> float:
     return float(p[p > p[index]].sum())
 
 
+def region_area(belief: Belief, share: float) -> float:
+    """Length, area or volume, in the grid's unit ** ndim, of the highest-density region of `share` of the mass (0 to 1).
+
+    The region is every cell whose `hdr_level` is below `share`: the smallest one that holds so much, cells of equal density
+    together.
+    """
+    densest = np.sort(belief.p, axis=None)[::-1]
+    groups = np.concatenate([[0], np.flatnonzero(np.diff(densest)) + 1])  # where each group of equals begins
+    denser = np.concatenate([[0.0], np.cumsum(densest)])[groups]  # the mass before each group
+    least = densest[groups[denser < share][-1]]
+    return int(np.count_nonzero(belief.p >= least)) * belief.grid.volume
+
+
 def log_score(p: Array, index: tuple[int, ...]) -> float:
     """The natural logarithm of the true cell's probability, of at least LEAST_PROBABILITY: a proper score, in nats."""
     return math.log(max(float(p[index]), LEAST_PROBABILITY))

@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
@@ -24,7 +25,7 @@ class RecordingFlags:
     start: float | None = None
     "Where the replay begins, Unix time."
     protocol: str | None = None
-    "Which of its landmark sightings may be used, as A_all or C_blind12."
+    "Which of its landmark sightings may be used, as A_all or C_blind12; score also takes all."
 
     @property
     def given(self) -> bool:
@@ -58,10 +59,12 @@ class LengthFlags:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RunFlags(LengthFlags):
-    """The random numbers, the length and the pace of a run."""
+    """The random numbers, the length and the pace of a run, and where its samples go."""
 
     realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Pace by the wall clock instead of waiting for everybody."
+    series: Path | None = None
+    "Also write every sample that the referee judges into this file, as CSV (docs/real-robots.md)."
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario with these flags instead of what it says itself."""

@@ -45,8 +45,13 @@ class ProcessTable:
         return frozenset(token for member in self.members for token in member.tokens)
 
 
-def process_table(scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None) -> ProcessTable:
-    """The process table of a scenario in `file`; with `own_endpoint` it has a router of its own, which listens there too."""
+def process_table(
+    scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None, series: Path | None = None
+) -> ProcessTable:
+    """The process table of a scenario in `file`; with `own_endpoint` it has a router of its own, which listens there too.
+
+    The world writes its samples into `series`.
+    """
     python, team = (sys.executable, "-m"), scenario.team
     routers: tuple[Process, ...] = ()
     if own_endpoint is not None:
@@ -65,7 +70,8 @@ def process_table(scenario: Scenario, file: str, config: LinkConfig, own_endpoin
         arguments = ("--team", team.name, "--id", robot, *(part for s in sub_teams for part in ("--sub-team", s)))
         tokens = frozenset(keys.MEMBER.key(team=team.name, sub_team=s, robot=robot) for s in sub_teams)
         members.append(Process(robot, (*python, "robot_agent", *arguments, *common), tokens))
-    world = Process("world", (*python, "sim_world", file, "--json", *_flags(config)))
+    samples = () if series is None else ("--series", str(series))
+    world = Process("world", (*python, "sim_world", file, "--json", *samples, *_flags(config)))
     return ProcessTable(routers, tuple(members), world)
 
 
@@ -88,9 +94,12 @@ def free_port() -> int:
 
 
 def run_scenario(
-    scenario: Scenario, progress: Progress | None = None, config: LinkConfig | None = None
+    scenario: Scenario,
+    progress: Progress | None = None,
+    config: LinkConfig | None = None,
+    series: Path | None = None,
 ) -> tuple[int, dict[str, Any]]:
-    """Run every process of a scenario until its world ends: the world's exit status and scorecard.
+    """Run every process of a scenario until its world ends: the world's exit status and scorecard; samples go into `series`.
 
     The network is the one that `config` names an endpoint or a file for, else a router of its own on 127.0.0.1.
     UserError: a process ended with one. RunFailed: the world gave no scorecard. KeyboardInterrupt: SIGINT or SIGTERM came. In
@@ -101,7 +110,7 @@ def run_scenario(
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
         file = Path(folder) / "scenario.json"
         file.write_text(scenario.to_json(), encoding="utf-8")
-        processes = process_table(scenario, str(file), config, own_endpoint)
+        processes = process_table(scenario, str(file), config, own_endpoint, series)
         if own_endpoint is not None:
             config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg)
         try:

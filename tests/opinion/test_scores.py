@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from blackboard import Grid, entropy
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.grid import Array
-from blackboard.opinion.scores import LEAST_PROBABILITY, LEVELS, Score, errors, hdr_level, log_score, nees
+from blackboard.opinion.scores import LEAST_PROBABILITY, LEVELS, Score, errors, hdr_level, log_score, nees, region_area
 from tests import oracles
 from tests.opinion.stacks import stacks
 
@@ -35,6 +35,20 @@ def test_a_cell_is_in_a_region_when_its_level_is_below(opinions: Array, level: i
     for cell in range(p.size):
         index = tuple(int(i) for i in np.unravel_index(cell, p.shape))
         assert (hdr_level(p, index) < level / 100) == (cell in inside)
+
+
+def test_the_area_of_a_region_by_hand() -> None:
+    belief = Belief(GRID, P)  # cells of 0.25 m^2; 0.3, 0.2, 0.15, then two of 0.1 and three of 0.05
+    areas = [region_area(belief, share) for share in (0.1, 0.3, 0.31, 0.6, 0.7, 0.99, 1.0)]
+    assert areas == [0.25, 0.25, 0.5, 0.75, 1.25, 2.0, 2.0]
+    assert region_area(uniform(GRID), 0.01) == 2.0
+
+
+@given(stacks(("random", "sparse"), most=1), st.sampled_from(LEVELS))
+def test_the_area_is_that_of_the_cells_in_the_region(opinions: Array, level: int) -> None:
+    belief = Belief(Grid(opinions[0].shape, 0.5), opinions[0])
+    areas = [len(set(oracles.densest_region(belief.p, level / 100 + by))) * belief.grid.volume for by in (-1e-9, 1e-9)]
+    assert areas[0] <= region_area(belief, level / 100) <= areas[1]  # but for rounding these are one
 
 
 def test_log_score_has_a_floor() -> None:

@@ -77,16 +77,26 @@ def test_where_nothing_is_replayed_its_flags_are_a_mistake(flags: RecordingFlags
 
 
 COMMANDS = [
-    ("demo", blackboard.__main__.app, "seed seconds realtime mrclam start protocol robots rule json"),
-    ("up team.toml", blackboard.__main__.app, "seed seconds realtime robots rule json"),
+    ("demo", blackboard.__main__.app, "seed seconds realtime series mrclam start protocol robots rule json"),
+    ("up team.toml", blackboard.__main__.app, "seed seconds realtime series robots rule json"),
     ("lab", blackboard.__main__.app, "seed seconds mrclam start protocol json"),
     ("tune", blackboard.__main__.app, "seed seconds mrclam start protocol json"),
-    ("", sim_world.__main__.app, "seed seconds realtime mrclam start protocol json"),
+    ("", sim_world.__main__.app, "seed seconds realtime series mrclam start protocol json"),
+    ("score", blackboard.__main__.app, "seconds mrclam start protocol json"),
 ]
-VALUES = {"seed": "1", "seconds": "1", "mrclam": "x", "start": "1", "protocol": "x", "robots": "2", "rule": "linear"}
+VALUES = {
+    "seed": "1",
+    "seconds": "1",
+    "mrclam": "x",
+    "start": "1",
+    "protocol": "x",
+    "robots": "2",
+    "rule": "linear",
+    "series": "x.csv",
+}
 
 
-@pytest.mark.parametrize(("command", "app", "flags"), COMMANDS, ids=["demo", "up", "lab", "tune", "sim-world"])
+@pytest.mark.parametrize(("command", "app", "flags"), COMMANDS, ids=["demo", "up", "lab", "tune", "sim-world", "score"])
 def test_a_command_takes_the_shared_flags(command: str, app: App, flags: str) -> None:
     words = [word for flag in flags.split() for word in (f"--{flag}", VALUES.get(flag)) if word is not None]
     app.parse_args([*command.split(), *words], exit_on_error=False, print_error=False)

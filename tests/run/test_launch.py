@@ -58,6 +58,12 @@ def test_the_table_lists_router_boards_robots_and_the_world() -> None:
     assert rows.tokens >= {"cop/t/a/board/board-a", "cop/t/b/board/board-b", "cop/t/a/member/r1"}
 
 
+def test_the_world_writes_the_series() -> None:
+    rows = process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1", Path("x.csv"))
+    assert " ".join(arguments(rows.world)) == "sim_world s.json --json --series x.csv --connect tcp/127.0.0.1:1"
+    assert not any("--series" in process.arguments for process in rows.members)
+
+
 def test_on_a_given_network_there_is_no_router_and_its_flags_are_passed_on() -> None:
     given = LinkConfig(mode="peer", connect=("tcp/h:1", "tcp/h:2"), file="z.json5", multicast=False, cfg=("a:1",))
     rows = process_table(SCENARIO, "s.json", given, None)
@@ -128,7 +134,9 @@ def run(monkeypatch: pytest.MonkeyPatch, endpoint: str) -> Run:
     """Run stand-ins for a robot and a world over the router of the test."""
 
     def run(member: str, world: str = WORLD, **more: object) -> tuple[int, object]:
-        def rows(scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None) -> ProcessTable:
+        def rows(
+            scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None, series: None
+        ) -> ProcessTable:
             assert own_endpoint is None
             row = Process("r1", (sys.executable, "-c", member, endpoint, file), frozenset({"cop/t/a/member/r1"}))
             return ProcessTable((), (row,), Process("world", (sys.executable, "-c", world, endpoint, file)))

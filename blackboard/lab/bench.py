@@ -1,0 +1,237 @@
+"""The bench: what runs of a recorded team were worth, robot by robot, beside what the robots believed alone. Pure.
+
+Everything is computed from the samples that the referee judged (`sim_world.series`), by the definitions in `DEFINITIONS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from blackboard.lab.estimates import Estimate, Z
+from blackboard.opinion.scores import LEVELS, errors
+from sim_world.series import Sample
+
+FUSIONS = ("opinions", "joint")
+TEAM = "team"
+
+BLOCK = 30.0  # seconds: what happens in different blocks is taken as independent
+FOUND, HOLD = 0.5, 10.0  # metres, seconds: a robot is localised once its error stays below, for so long
+GAP = 2.0  # seconds: the longest time between two judged samples that follow each other
+NO_LANDMARK = 5.0  # seconds without a landmark sighting: after that a robot has no landmark access
+
+DEFINITIONS = (
+    "solo: what a robot believes on its own readings; opinions, joint: what the team agreed on, by [board] fusion. All three on"
+    " the same samples: each robot at each whole second.",
+    "50/90/95 %: share of samples whose highest-density region of that mass holds the truth, with a 95 % Wilson interval. It"
+    f" assumes that blocks of {BLOCK:g} s of the whole team are independent of each other, and nothing about samples within a block:"
+    " it counts as many independent samples as would make a share spread like the blocks' shares, and one for each block where"
+    " these are all 0 or all 1.",
+    f"found: first time (s) from which the error stays below {FOUND:g} m for {HOLD:g} s on end; the team's is its last robot's.",
+    "RMSE -lm: over the samples without landmark access, that is without an allowed landmark sighting in the last"
+    f" {NO_LANDMARK:g} s; in brackets their share of all.",
+    "log score: mean log-probability of the true cell, nats; area: median area of the 95 % region.",
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a protocol: its samples, and the world's scorecard."""
+
+    protocol: str
+    fusion: str  # one of FUSIONS
+    samples: Sequence[Sample]
+    card: Mapping[str, Any]
+    asked_ticks: int
+    recording: str  # its folder
+    start: float | None  # Unix time; None: the first second that all files cover
+
+    @property
+    def complete(self) -> bool:
+        """Whether it reached its last tick."""
+        return bool(self.card["ticks"] == self.asked_ticks)
+
+
+def wilson(share: float, n: float) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share among n independent samples, n > 0 and not necessarily whole (JASA 22, 1927)."""
+    middle, spread = share + Z**2 / (2 * n), Z * math.sqrt(share * (1 - share) / n + Z**2 / (4 * n**2))
+    return max(0.0, (middle - spread) / (1 + Z**2 / n)), min(1.0, (middle + spread) / (1 + Z**2 / n))
+
+
+def effective_samples(hits: Sequence[bool], blocks: Sequence[int]) -> float:
+    """How many independent samples would give the share of hits the variance that it has over blocks; `blocks` numbers them.
+
+    With h_b hits among n_b samples of B blocks and p the share of all, the variance of p is the ratio estimator's,
+    B / (B - 1) sum_b (h_b - p n_b)^2 / n^2 (Cochran, Sampling Techniques, ch. 2.11, without the finite correction), and the answer
+    p (1 - p) over it. At most the number of samples, so that luck in the blocks makes no interval narrower than independence does; at
+    least B - 1 where blocks are equal. B where p is 0 or 1, and 1 where there is one block: no spread can be seen.
+    """
+    hit, (_, block) = np.asarray(hits, dtype=float), np.unique(blocks, return_inverse=True)
+    count = int(block.max()) + 1
+    share = float(hit.mean())
+    if count == 1 or share in (0.0, 1.0):
+        return float(count)
+    away = np.bincount(block, weights=hit - share)  # h_b - p n_b
+    variance = count / (count - 1) * float(away @ away) / len(hit) ** 2
+    return min(float(len(hit)), share * (1 - share) / variance) if variance > 0 else float(len(hit))
+
+
+def coverage(samples: Sequence[Sample], level: int) -> Estimate:
+    """The share of samples whose `level` % region holds the truth, with its interval (DEFINITIONS)."""
+    hits = [sample.region < level / 100 for sample in samples]
+    share = sum(hits) / len(hits)
+    return Estimate(share, *wilson(share, effective_samples(hits, [block_of(sample.time) for sample in samples])))
+
+
+def block_of(time: float) -> int:
+    """The number of the block (k BLOCK, (k + 1) BLOCK] that a time is in: samples are about the time that led to them."""
+    return math.ceil(time / BLOCK) - 1
+
+
+def error(sample: Sample) -> float:
+    """The distance from the estimate to the truth."""
+    return math.hypot(sample.mean_x - sample.truth_x, sample.mean_y - sample.truth_y)
+
+
+def localised_at(samples: Sequence[Sample]) -> float | None:
+    """The first time from which one robot's error stays below FOUND for HOLD seconds on end; None: never.
+
+    `samples` are in order of time. Where none was judged for more than GAP seconds, nobody knows, and it begins anew.
+    """
+    since = before = None
+    for sample in samples:
+        if error(sample) >= FOUND:
+            since = None
+        elif since is None or (before is not None and sample.time - before > GAP):
+            since = sample.time
+        before = sample.time
+        if since is not None and sample.time - since >= HOLD:
+            return since
+    return None
+
+
+def measure(samples: Sequence[Sample]) -> dict[str, Any]:
+    """Every number of one robot at one level, or of several robots together, from at least one sample."""
+    by_robot: dict[str, list[Sample]] = {}
+    for sample in samples:
+        by_robot.setdefault(sample.robot, []).append(sample)
+    found = [localised_at(one) for one in by_robot.values()]
+    starved = [error(sample) for sample in samples if sample.landmark_age >= NO_LANDMARK]
+    return {
+        "n": len(samples),
+        **errors([error(sample) for sample in samples]),
+        "coverage": {str(level): vars(coverage(samples, level)) for level in LEVELS},
+        "log_score": float(np.mean([sample.log_score for sample in samples])),
+        "area": float(np.median([sample.area for sample in samples])),
+        "localised_s": None if None in found else max(time for time in found if time is not None),
+        "without_landmark": {"n": len(starved), "rmse": errors(starved)["rmse"] if starved else None},
+    }
+
+
+def own_places(run: Run) -> Iterator[tuple[str, Sample]]:
+    """The samples of a run that are about the robots' own places, with the way that they come from: "solo", or the run's fusion."""
+    for sample in run.samples:
+        if sample.subject == f"robot/{sample.robot}" and sample.level != "consensus":
+            yield ("solo" if sample.level == "solo" else run.fusion), sample
+
+
+def ways(runs: Sequence[Run]) -> dict[str, list[Sample]]:
+    """Of the runs of one protocol: "solo" (the first run's) and each fusion, with their samples."""
+    found: dict[str, list[Sample]] = {}
+    for number, run in enumerate(runs):
+        for way, sample in own_places(run):
+            if way != "solo" or not number:
+                found.setdefault(way, []).append(sample)
+    return found
+
+
+def report(runs: Sequence[Run]) -> dict[str, Any]:
+    """All numbers of some runs, at least one: by protocol how each run ended, and by robot and way what `measure` finds.
+
+    The team comes first. ValueError: the runs are of several recordings, or begin at different times.
+    """
+    ((recording, start),) = {(run.recording, run.start) for run in runs}
+    protocols: dict[str, Any] = {}
+    for name in dict.fromkeys(run.protocol for run in runs):
+        mine = [run for run in runs if run.protocol == name]
+        scores: dict[str, dict[str, Any]] = {}
+        for way, samples in ways(mine).items():
+            robots = sorted({sample.robot for sample in samples})
+            for who in (TEAM, *robots):
+                part = [sample for sample in samples if who in (TEAM, sample.robot)]
+                scores.setdefault(who, {})[way] = measure(part)
+        protocols[name] = {"runs": {run.fusion: _ending(run.card) for run in mine}, "scores": scores}
+    return {"recording": recording, "start": start, "definitions": list(DEFINITIONS), "protocols": protocols}
+
+
+def _ending(card: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {key: card[key] for key in ("verdict", "reasons", "hash", "ticks", "wall_s", "missing")}
+    return {**kept, "refused": card["messages"]["refused"]}
+
+
+# --- the tables ------------------------------------------------------------------------------------------------------
+
+HEADER = ("protocol", "who", "way", "n", "RMSE", "mean", "p95", "max",
+          *(f"{level} %" for level in LEVELS), "log score", "area", "found", "RMSE -lm")  # fmt: skip
+
+
+def lines(found: Mapping[str, Any]) -> Iterator[tuple[str, str, str, Mapping[str, Any]]]:
+    """Every line of a report's table: protocol, who, way, and what `measure` found."""
+    for protocol, one in found["protocols"].items():
+        for who, by_way in one["scores"].items():
+            for way, s in by_way.items():
+                yield protocol, who, way, s
+
+
+def records(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A report as flat rows for a machine: every number in a column of its own, None where there is none."""
+    return [
+        {"protocol": protocol, "who": who, "way": way}
+        | {key: value for key, value in s.items() if key not in ("coverage", "without_landmark")}
+        | {f"coverage_{level}_{key}": v for level, c in s["coverage"].items() for key, v in c.items()}
+        | {f"without_landmark_{key}": value for key, value in s["without_landmark"].items()}
+        for protocol, who, way, s in lines(found)
+    ]
+
+
+def rows(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """A report as lines of text cells under HEADER, for people."""
+    return [(protocol, who, way, *_cells(s)) for protocol, who, way, s in lines(found)]
+
+
+def _cells(s: Mapping[str, Any]) -> Iterator[str]:
+    yield str(s["n"])
+    yield from (f"{s[name]:.3f}" for name in ("rmse", "mean", "p95", "max"))
+    yield from (f"{c['value']:.3f} ({c['low']:.2f} {c['high']:.2f})" for c in s["coverage"].values())
+    yield from (f"{s['log_score']:.2f}", f"{s['area']:.2f}")
+    yield "never" if s["localised_s"] is None else f"{s['localised_s']:g} s"
+    starved = s["without_landmark"]
+    yield f"{starved['rmse']:.3f} ({100 * starved['n'] / s['n']:.0f} %)" if starved["n"] else "-"
+
+
+def markdown(found: Mapping[str, Any]) -> str:
+    """A report as a Markdown table, the definitions below it."""
+    table = [HEADER, ("---",) * len(HEADER), *rows(found)]
+    return "\n".join([*(f"| {' | '.join(row)} |" for row in table), "", *(f"- {line}" for line in DEFINITIONS)]) + "\n"
+
+
+def text(found: Mapping[str, Any]) -> str:
+    """A report as text: a table for each protocol with how its runs ended, then the definitions."""
+    since = "its first second" if found["start"] is None else f"{found['start']:.1f}"
+    out, table = [f"{found['recording']} from {since} on", ""], rows(found)
+    widths = [max(len(row[i]) for row in (HEADER, *table)) for i in range(len(HEADER))]
+    for protocol, one in found["protocols"].items():
+        runs = one["runs"].items()
+        ended = (f"{fusion}: {run['verdict']}, {run['ticks']} ticks in {run['wall_s']:.0f} s" for fusion, run in runs)
+        out.append(f"{protocol}  ({'; '.join(ended)})")
+        for row in (HEADER, *(row for row in table if row[0] == protocol)):
+            numbers = (cell.rjust(width) for cell, width in zip(row[3:], widths[3:], strict=True))
+            out.append("  ".join([row[1].ljust(widths[1]), row[2].ljust(widths[2]), *numbers]))
+        failed = ((fusion, run["reasons"]) for fusion, run in runs if run["verdict"] != "PASS")
+        out += [f"  {fusion}: {reason}" for fusion, reasons in failed for reason in reasons]
+        out.append("")
+    return "\n".join([*out, *DEFINITIONS])

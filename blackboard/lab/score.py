@@ -1,0 +1,171 @@
+"""The door of the bench: `blackboard score` runs a recorded team, protocol by protocol, and shows what each fusion was worth."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import logging
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from blackboard.config import Scenario
+from blackboard.errors import UserError
+from blackboard.lab import bench
+from blackboard.run.flags import OutputFlags, RecordingFlags, TeamFlags
+from blackboard.run.launch import run_scenario
+from blackboard.run.progress import progress
+from sim_world.mrclam.protocols import PROTOCOLS
+from sim_world.scenario import WorldSection
+from sim_world.series import read_series
+
+log = logging.getLogger(__name__)
+
+
+def score(
+    *,
+    recording: RecordingFlags = RecordingFlags(),
+    seconds: float | None = None,
+    runs: Path | None = None,
+    table: Path | None = None,
+    pictures: Path | None = None,
+    output: OutputFlags = OutputFlags(),
+) -> int:
+    """Run a recorded team in lockstep, once for each protocol and fusion, and score every robot and the team.
+
+    The exit status is 1 if a run did not reach its last tick, else 0 whatever the scores are.
+
+    Parameters
+    ----------
+    seconds
+        Length of a run, in seconds of team time [default: the scenario's].
+    runs
+        Keep the samples and scorecards of the runs in this folder. Without --mrclam, judge the runs that are there.
+    table
+        Also write the table into this file: Markdown, or CSV if its name ends in .csv.
+    pictures
+        Also draw trajectories, errors and areas of each protocol into this folder; needs the extra `plot`.
+    """
+    drawing = _drawing() if pictures is not None else None
+    if table is not None and table.suffix not in (".md", ".csv"):
+        raise UserError(f"--table {table}: tables are written as .md or .csv; choose one of these endings")
+    if recording.mrclam is None and runs is None:
+        raise UserError("--mrclam: which recording is to be replayed? give its folder, in MRCLAM format")
+    found = kept_runs(runs) if recording.mrclam is None and runs is not None else new_runs(recording, seconds, runs)
+    told = bench.report(found)
+    if table is not None:
+        _write(table, bench.markdown(told) if table.suffix == ".md" else _csv(told))
+    if drawing is not None and pictures is not None:
+        for name in told["protocols"]:
+            for what, figure in drawing.protocol(name, [run for run in found if run.protocol == name]).items():
+                drawing.save(figure, pictures / f"{name}-{what}.png")
+    output.show(told, bench.text)
+    return 0 if all(run.complete for run in found) else 1
+
+
+def scenarios(recording: RecordingFlags, seconds: float | None) -> list[tuple[str, str, Scenario]]:
+    """Protocol, fusion and scenario of every run; `--protocol all` is every protocol. UserError: no such protocol."""
+    names = list(PROTOCOLS) if recording.protocol == "all" else [recording.protocol]
+    found = []
+    for name in names:
+        one = RecordingFlags(recording.mrclam, recording.start, name).scenario().changed("time", seconds=seconds)
+        _ = one.time
+        for fusion in bench.FUSIONS:
+            protocol = one.section("world", WorldSection).protocol
+            found.append((protocol, fusion, TeamFlags(fusion=fusion).apply(one)))  # type: ignore[arg-type]
+    return found
+
+
+def new_runs(recording: RecordingFlags, seconds: float | None, keep: Path | None) -> list[bench.Run]:
+    """Run every protocol and fusion, one after the other, each as processes of its own."""
+    todo = scenarios(recording, seconds)
+    found = []
+    with progress("score") as show, _folder(keep) as folder:
+        done, total = 0, sum(_ticks(one) for _, _, one in todo)
+        for number, (protocol, fusion, one) in enumerate(todo, 1):
+            log.info("run %d of %d: %s, %s", number, len(todo), protocol, fusion)
+            series = folder / f"{protocol}-{fusion}.csv"
+            series.with_suffix(".json").unlink(missing_ok=True)  # a run counts once this is there
+            _, card = run_scenario(one, _moving(show, done, total), series=series)
+            world = one.section("world", WorldSection)
+            kept = {"recording": world.dir, "start": world.start, "asked_ticks": _ticks(one), "card": card}
+            _write(series.with_suffix(".json"), json.dumps(kept) + "\n")
+            done += _ticks(one)
+            found.append(_read_run(series))
+    return found
+
+
+def kept_runs(folder: Path) -> list[bench.Run]:
+    """The runs that `new_runs` kept in a folder and that ended, in the order of the protocols.
+
+    UserError: there are none, or they do not belong together.
+    """
+    files = [folder / f"{protocol}-{fusion}.csv" for protocol in PROTOCOLS for fusion in bench.FUSIONS]
+    found = [_read_run(file) for file in files if file.with_suffix(".json").is_file()]
+    if not found:
+        raise UserError(f"--runs {folder}: no runs are kept there; give --mrclam DIR to make some")
+    if len({(run.recording, run.start) for run in found}) > 1:
+        raise UserError(f"--runs {folder}: runs of several recordings or starts; keep each in a folder of its own")
+    return found
+
+
+def _read_run(series: Path) -> bench.Run:
+    protocol, _, fusion = series.stem.rpartition("-")
+    file = series.with_suffix(".json")
+    try:
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        about = {key: kept[key] for key in ("card", "asked_ticks", "recording", "start")}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{file}: not what a run left ({error}); run it again, with --mrclam") from error
+    return bench.Run(protocol, fusion, read_series(series), **about)
+
+
+def _ticks(scenario: Scenario) -> int:
+    return round(scenario.time.seconds / scenario.time.tick)
+
+
+def _moving(show: Callable[[int, int], None] | None, before: int, total: int) -> Callable[[int, int], None] | None:
+    """The progress of one run as that of all; `before` ticks were done in those before it."""
+    return None if show is None else lambda done, _: show(before + done, total)
+
+
+@contextmanager
+def _folder(keep: Path | None) -> Iterator[Path]:
+    """Where series are written: the folder, which is made, or one that is removed at the end. UserError: it cannot be made."""
+    if keep is None:
+        with tempfile.TemporaryDirectory(prefix="blackboard-score-") as folder:
+            yield Path(folder)
+        return
+    try:
+        keep.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--runs {keep}: cannot be made ({error.strerror}); choose another place") from error
+    yield keep
+
+
+def _csv(found: dict[str, Any]) -> str:
+    records, file = bench.records(found), io.StringIO()
+    writer = csv.DictWriter(file, records[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return file.getvalue()
+
+
+def _write(file: Path, content: str) -> None:
+    try:
+        file.write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"{file}: cannot be written ({error.strerror}); choose another place") from error
+
+
+def _drawing() -> ModuleType:
+    """`blackboard.lab.bench_drawing`. UserError: matplotlib, which it needs, is not installed."""
+    try:
+        from blackboard.lab import bench_drawing
+    except ModuleNotFoundError as error:
+        raise UserError(f"{error.name} is missing: install the extra, as pip install 'cop-blackboard[plot]'") from error
+    return bench_drawing

@@ -1,0 +1,211 @@
+"""The bench: slow versions of its statistics, laws of its intervals, and the tables by hand."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard.lab import bench
+from blackboard.lab.estimates import Z
+from sim_world.series import Sample
+
+HERE = Sample(1, 1.0, "r1", "a", "robot/r1", "agreed", 0.0, 0.0, 0.0, 0.0, -1.0, 0.25, 2.0, 0.0)
+
+
+def at(time: float, error: float = 0.0, **more: object) -> Sample:
+    return replace(HERE, tick=int(time), time=time, mean_x=error, **more)  # type: ignore[arg-type]
+
+
+# --- intervals -------------------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 40), st.integers(1, 40))
+def test_wilsons_interval_ends_where_the_share_is_z_deviations_away(hits: int, n: int) -> None:
+    share = min(hits, n) / n
+    low, high = bench.wilson(share, n)
+    assert 0 <= low <= share + 1e-12
+    assert share - 1e-12 <= high <= 1
+    for end in (low, high):
+        if 1e-9 < end < 1 - 1e-9:  # (share - p)^2 = Z^2 p (1 - p) / n, the interval's definition
+            assert (share - end) ** 2 == pytest.approx(Z**2 * end * (1 - end) / n, abs=1e-12)
+
+
+def test_wilsons_interval_by_the_book() -> None:
+    """10 of 20: Newcombe, Statistics in Medicine 17 (1998), method 3, gives 0.299 to 0.701."""
+    assert bench.wilson(0.5, 20) == pytest.approx((0.2993, 0.7007), abs=1e-4)
+
+
+def slow_effective_samples(hits: Sequence[bool], blocks: Sequence[int]) -> float:
+    names, n = sorted(set(blocks)), len(hits)
+    share = sum(hits) / n
+    if len(names) == 1 or share in (0, 1):
+        return len(names)
+    total = 0.0
+    for name in names:
+        of_block = [hit for hit, block in zip(hits, blocks, strict=True) if block == name]
+        total += (sum(of_block) - share * len(of_block)) ** 2
+    variance = len(names) / (len(names) - 1) * total / n**2
+    return min(n, share * (1 - share) / variance) if variance > 1e-30 else n
+
+
+BLOCKS = st.lists(st.tuples(st.booleans(), st.integers(0, 5)), min_size=1, max_size=60)
+
+
+@given(BLOCKS)
+def test_effective_samples_are_the_slow_ones(pairs: list[tuple[bool, int]]) -> None:
+    hits, blocks = zip(*pairs, strict=True)
+    assert bench.effective_samples(hits, blocks) == pytest.approx(slow_effective_samples(hits, blocks))
+
+
+@given(st.lists(st.lists(st.booleans(), min_size=4, max_size=4), min_size=2, max_size=12))
+def test_equal_blocks_count_for_one_each_at_least_and_for_their_samples_at_most(parts: list[list[bool]]) -> None:
+    hits = [hit for part in parts for hit in part]
+    found = bench.effective_samples(hits, [number for number, part in enumerate(parts) for _ in part])
+    assert len(parts) - 1 - 1e-9 <= found <= len(hits)
+
+
+@given(BLOCKS, st.integers(2, 5))
+def test_more_of_the_same_within_a_block_is_no_information(pairs: list[tuple[bool, int]], times: int) -> None:
+    hits, blocks = zip(*pairs, strict=True)
+    found = bench.effective_samples(hits * times, blocks * times)
+    assert min(found, len(hits)) == pytest.approx(bench.effective_samples(hits, blocks))
+
+
+def test_a_block_is_the_half_minute_that_led_to_it() -> None:
+    assert [bench.block_of(time) for time in (1.0, 30.0, 30.5, 60.0, 61.0)] == [0, 0, 1, 1, 2]
+
+
+def test_a_robot_that_errs_for_half_a_minute_on_end_misses_once() -> None:
+    samples = [at(float(t), region=0.99 if t > 570 else 0.5) for t in range(1, 601)]
+    found = bench.coverage(samples, 95)
+    assert found.value == 0.95
+    assert (found.low, found.high) == pytest.approx(bench.wilson(0.95, 19))  # as of 20 blocks, and not of 600 samples
+
+
+# --- the time to localise --------------------------------------------------------------------------------------------
+
+
+def slow_localised_at(samples: Sequence[Sample]) -> float | None:
+    for i, first in enumerate(samples):
+        stretch = [first]
+        for sample in samples[i + 1 :]:
+            if stretch[-1].time - first.time >= bench.HOLD or sample.time - stretch[-1].time > bench.GAP:
+                break
+            stretch.append(sample)
+        held = stretch[-1].time - first.time >= bench.HOLD
+        if held and all(bench.error(sample) < bench.FOUND for sample in stretch):
+            return first.time
+    return None
+
+
+@given(st.lists(st.tuples(st.sampled_from((1.0, 1.0, 1.0, 2.0, 5.0)), st.integers(0, 12)), max_size=60))
+def test_localised_is_the_first_time_from_which_it_holds(steps: list[tuple[float, int]]) -> None:
+    samples, time = [], 0.0
+    for step, bad in steps:
+        time += step
+        samples.append(at(time, error=0.2 if bad else 0.5))
+    assert bench.localised_at(samples) == slow_localised_at(samples)
+
+
+def test_localised_by_hand() -> None:
+    late = [at(float(t), error=3.0 if t < 7 else 0.4) for t in range(1, 30)]
+    assert bench.localised_at(late) == 7.0
+    assert bench.localised_at(late[:16]) is None  # until 16 s: for 9 s only
+    assert bench.localised_at(late[:17]) == 7.0
+    gap = [sample for sample in late if not 10 <= sample.time <= 12]
+    assert bench.localised_at(gap) == 13.0
+
+
+def test_a_team_is_localised_with_its_last_robot() -> None:
+    first = [at(float(t)) for t in range(1, 20)]
+    last = [at(float(t), error=1.0 if t < 5 else 0.0, robot="r2") for t in range(1, 20)]
+    assert bench.measure([*first, *last])["localised_s"] == 5.0
+    assert bench.measure([*first, *last[:8]])["localised_s"] is None
+
+
+# --- a report --------------------------------------------------------------------------------------------------------
+
+CARD = {
+    "verdict": "PASS",
+    "reasons": ["x"],
+    "hash": "h",
+    "ticks": 2,
+    "wall_s": 3.2,
+    "missing": {},
+    "messages": {"refused": {}},
+}
+
+
+def run(protocol: str, fusion: str, error: float, **card: object) -> bench.Run:
+    samples = []
+    for time in (1.0, 2.0):
+        for robot, away in (("r1", error), ("r2", 3 * error)):
+            about = {
+                "robot": robot,
+                "subject": f"robot/{robot}",
+                "landmark_age": 3.0 + time if robot == "r2" else math.inf,
+            }
+            samples += [at(time, 9.0, level="solo", **about), at(time, 5.0, level="consensus", **about)]
+            samples += [at(time, away, **about), at(time, 7.0, **{**about, "subject": "object/ball"})]
+    return bench.Run(protocol, fusion, samples, {**CARD, **card}, 2, "folder", 5.0)
+
+
+def test_numbers_of_robots_and_team_by_hand() -> None:
+    found = bench.report([run("A_all", "opinions", 1.0), run("A_all", "joint", 0.1)])
+    scores = found["protocols"]["A_all"]["scores"]
+    assert list(scores) == ["team", "r1", "r2"]
+    assert list(scores["team"]) == ["solo", "opinions", "joint"]
+    assert scores["team"]["solo"]["n"] == 4  # of one of the runs
+    team = scores["team"]["opinions"]
+    assert team["rmse"] == pytest.approx(math.sqrt(5))
+    assert (team["mean"], team["max"]) == (2.0, 3.0)
+    assert (team["log_score"], team["area"], team["localised_s"]) == (-1.0, 2.0, None)
+    assert team["coverage"]["50"]["value"] == 1.0
+    assert team["without_landmark"] == {"n": 3, "rmse": pytest.approx(math.sqrt((1 + 1 + 9) / 3))}
+    assert scores["r2"]["joint"]["rmse"] == pytest.approx(0.3)
+    assert (found["recording"], found["start"]) == ("folder", 5.0)
+    json.dumps(found, allow_nan=False)
+
+
+def test_the_tables_have_every_robot_and_way() -> None:
+    found = bench.report(
+        [run("A_all", "opinions", 1.0), run("B_turns", "joint", 0.1, verdict="FAIL", reasons=["too far"])]
+    )
+    rows = bench.rows(found)
+    assert [row[:3] for row in rows[:4]] == [
+        ("A_all", "team", "solo"), ("A_all", "team", "opinions"), ("A_all", "r1", "solo"), ("A_all", "r1", "opinions"),
+    ]  # fmt: skip
+    assert {len(row) for row in rows} == {len(bench.HEADER)}
+    assert rows[1][3:8] == ("4", "2.236", "2.000", "3.000", "3.000")
+    assert rows[1][-2:] == ("never", "1.915 (75 %)")
+    text = bench.text(found)
+    assert text.startswith("folder from 5.0 on\n\n")
+    assert "A_all  (opinions: PASS, 2 ticks in 3 s)" in text
+    assert "  joint: too far" in text
+    assert "opinions: x" not in text  # the checks of a PASS
+    table = bench.markdown(found).splitlines()
+    assert len([line for line in table if line.startswith("|")]) == 2 + len(rows)
+    assert all(definition in text for definition in bench.DEFINITIONS)
+    records = bench.records(found)
+    assert len(records) == len(rows)
+    assert (
+        records[1]["coverage_95_low"]
+        == found["protocols"]["A_all"]["scores"]["team"]["opinions"]["coverage"]["95"]["low"]
+    )
+
+
+def test_a_run_that_ended_early_is_not_complete() -> None:
+    assert run("A_all", "joint", 1.0).complete
+    assert not run("A_all", "joint", 1.0, ticks=1).complete
+
+
+def test_a_landmark_sighting_of_five_seconds_ago_is_no_access() -> None:
+    samples = [at(1.0, 1.0, landmark_age=4.0), at(2.0, 2.0, landmark_age=5.0)]
+    assert bench.measure(samples)["without_landmark"] == {"n": 1, "rmse": 2.0}
+    assert bench.measure(samples[:1])["without_landmark"] == {"n": 0, "rmse": None}

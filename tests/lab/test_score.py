@@ -1,0 +1,132 @@
+"""The door of the bench: which runs it makes, what it keeps, and its mistakes in one line; no process is started here."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from blackboard.config import Scenario
+from blackboard.errors import UserError
+from blackboard.lab import bench, score
+from blackboard.run.flags import OutputFlags, RecordingFlags
+from sim_world.mrclam.protocols import PROTOCOLS
+from sim_world.series import series_file
+from tests.lab.test_bench import CARD, run
+
+RECORDING = RecordingFlags("folder", 5.0, "C_blind12")
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[Scenario]:
+    """The scenarios that were run, instead of processes that run them."""
+    found: list[Scenario] = []
+
+    def fake(
+        scenario: Scenario, show: Callable[[int, int], None] | None = None, *, series: Path
+    ) -> tuple[int, dict[str, Any]]:
+        found.append(scenario)
+        fusion = scenario.board.fusion
+        with series_file(series) as record:
+            assert record is not None
+            for sample in run("x", fusion, 1.0 if fusion == "opinions" else 0.1).samples:
+                record(sample)
+        return 0, dict(CARD)
+
+    monkeypatch.setattr(score, "run_scenario", fake)
+    return found
+
+
+def test_all_is_every_protocol_with_both_fusions() -> None:
+    todo = score.scenarios(RecordingFlags("folder", 5.0, "all"), 60.0)
+    assert [(protocol, fusion) for protocol, fusion, _ in todo] == [(p, f) for p in PROTOCOLS for f in bench.FUSIONS]
+    for protocol, fusion, scenario in todo:
+        world = scenario.tables["world"]
+        assert (world["protocol"], world["dir"], world["start"]) == (protocol, "folder", 5.0)
+        assert (scenario.board.fusion, scenario.time.seconds, scenario.time.mode) == (fusion, 60.0, "lockstep")
+
+
+def test_without_a_protocol_it_is_the_scenarios() -> None:
+    assert [name for name, _, _ in score.scenarios(RecordingFlags("folder"), None)] == ["A_all", "A_all"]
+
+
+def test_no_such_protocol_is_one_line_before_anything_starts(started: list[Scenario]) -> None:
+    with pytest.raises(UserError, match=r"world.protocol: .*no protocol of this name"):
+        score.score(recording=RecordingFlags("folder", None, "Z"))
+    assert started == []
+
+
+def test_runs_are_kept_and_judged_again(
+    started: list[Scenario], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output, kept = OutputFlags(as_json=True), tmp_path / "runs"
+    assert score.score(recording=RECORDING, seconds=2.0, runs=kept, output=output) == 0
+    first = capsys.readouterr().out
+    assert [scenario.board.fusion for scenario in started] == ["opinions", "joint"]
+    assert json.loads(first)["protocols"]["C_blind12"]["scores"]["team"]["joint"]["n"] == 4
+    assert score.score(runs=kept, output=output) == 0
+    assert capsys.readouterr().out == first
+    assert len(started) == 2
+
+
+def test_a_run_that_was_stopped_is_a_failure(started: list[Scenario], capsys: pytest.CaptureFixture[str]) -> None:
+    assert score.score(recording=RECORDING, seconds=9.0) == 1  # the scorecards say 2 ticks
+    assert "2 ticks" in capsys.readouterr().out
+
+
+def test_the_table_is_written_as_its_ending_says(started: list[Scenario], tmp_path: Path) -> None:
+    for name in ("t.md", "t.csv"):
+        score.score(recording=RECORDING, seconds=2.0, table=tmp_path / name)
+    assert (tmp_path / "t.md").read_text().startswith("| protocol | who | way |")
+    with (tmp_path / "t.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[1]["rmse"]) == pytest.approx(5**0.5)
+    assert rows[1]["localised_s"] == ""
+
+
+def test_pictures_of_each_protocol(started: list[Scenario], tmp_path: Path) -> None:
+    score.score(recording=RECORDING, seconds=2.0, pictures=tmp_path / "p")
+    names = sorted(file.name for file in (tmp_path / "p").iterdir())
+    assert names == [f"C_blind12-{what}.png" for what in ("areas", "errors", "trajectories")]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fault"),
+    [
+        ({}, "--mrclam: which recording"),
+        ({"recording": RECORDING, "table": Path("t.txt")}, r"--table t.txt: .*\.md or \.csv"),
+        ({"runs": Path("/no/such/folder")}, "no runs are kept there"),
+        ({"recording": RECORDING, "runs": Path("/dev/null/x")}, "cannot be made"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments: dict[str, Any], fault: str, started: list[Scenario]) -> None:
+    with pytest.raises(UserError, match=fault):
+        score.score(**arguments)
+
+
+def test_a_broken_run_is_named(started: list[Scenario], tmp_path: Path) -> None:
+    score.score(recording=RECORDING, seconds=2.0, runs=tmp_path)
+    (tmp_path / "C_blind12-joint.json").write_text("{}")
+    with pytest.raises(UserError, match=r"C_blind12-joint.json: not what a run left"):
+        score.score(runs=tmp_path)
+
+
+def test_a_run_that_was_interrupted_is_not_judged(
+    started: list[Scenario], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    score.score(recording=RECORDING, seconds=2.0, runs=tmp_path)
+    (tmp_path / "C_blind12-joint.json").unlink()
+    capsys.readouterr()
+    score.score(runs=tmp_path, output=OutputFlags(as_json=True))
+    assert list(json.loads(capsys.readouterr().out)["protocols"]["C_blind12"]["runs"]) == ["opinions"]
+
+
+def test_runs_of_different_starts_are_not_judged_together(started: list[Scenario], tmp_path: Path) -> None:
+    for start, protocol in ((5.0, "A_all"), (6.0, "B_turns")):
+        score.score(recording=RecordingFlags("folder", start, protocol), seconds=2.0, runs=tmp_path)
+    with pytest.raises(UserError, match="several recordings or starts"):
+        score.score(runs=tmp_path)

@@ -1,0 +1,116 @@
+"""The series: what the referee says of each sample, and the file that gives it back exactly."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from dataclasses import astuple, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard.errors import UserError
+from blackboard.wire.messages import Readings, Sighting
+from sim_world.instant import Instant, who_saw_landmarks
+from sim_world.referee import LEVELS, Referee
+from sim_world.scenario import CheckSection
+from sim_world.series import COLUMNS, Sample, read_series, series_file
+from tests.sim_world.instants import GRID, at, both, cells, consensus, instant, solo
+
+SAMPLE = Sample(3, 0.6, "r1", "a", "robot/r1", "agreed", 1.0, 2.0, 1.5, 2.5, -1.0, 0.25, 4.0, math.inf)
+FINITE = st.floats(allow_nan=False)
+
+
+def told(*ticks: Instant) -> list[Sample]:
+    samples: list[Sample] = []
+    judge = Referee(GRID, CheckSection(), ("r1",), samples.append)
+    for it in ticks:
+        judge.hear(it, judged=it.truth.tick % 2 == 1)
+    return samples
+
+
+def tick(number: int, *, saw: bool) -> Instant:
+    it = instant({"robot/r1": (2.5, 2.5)}, number, teams={"a": ["r1"]})
+    it.landmark_seen = frozenset({"r1"} if saw else ())
+    solo(it, "r1", {"robot/r1": cells({(2, 2): 0.25, (2, 4): 0.75})})
+    both(it, "a", "robot/r1", at(5, 6), at(2, 2))
+    return it
+
+
+def test_a_sample_says_how_each_level_did() -> None:
+    samples = told(tick(1, saw=False))
+    assert [sample.level for sample in samples] == list(LEVELS)
+    alone, together, agreed = samples
+    assert alone == Sample(
+        1, 0.2, "r1", "a", "robot/r1", "solo", 2.5, 2.5, 2.5, 4.0, pytest.approx(math.log(0.25)), 0.75, 2.0, math.inf
+    )
+    assert (together.mean_x, together.mean_y, together.region, together.area) == (5.5, 6.5, 1.0, 1.0)
+    assert (agreed.mean_x, agreed.mean_y, agreed.log_score, agreed.region) == (2.5, 2.5, 0.0, 0.0)
+
+
+def test_a_landmark_counts_from_ticks_that_are_not_judged_too() -> None:
+    samples = told(*(tick(number, saw=number in (2, 5)) for number in range(1, 8)))
+    ages = [sample.landmark_age for sample in samples if sample.level == "solo"]
+    assert ages == [math.inf, pytest.approx(0.2), 0.0, pytest.approx(0.4)]
+
+
+def test_only_what_counts_for_the_scores_is_in_the_series() -> None:
+    it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
+    solo(it, "r1", {"robot/r1": at(2, 2)})
+    consensus(it, "a", "consensus", "robot/r1", at(2, 2))  # and nothing was agreed
+    assert told(it) == []
+
+
+def test_who_saw_a_landmark() -> None:
+    landmark = Sighting(subject="landmark/6", range=1.0, bearing=0.0, landmark=(1.0, 2.0))
+    mate = Sighting(subject="robot/r2", range=1.0, bearing=0.0)
+    seen = {"r1": [mate, landmark], "r2": [mate], "r3": []}
+    assert who_saw_landmarks(Readings(run="x", robot=r, tick=1, time=1.0, sightings=s) for r, s in seen.items()) == {
+        "r1"
+    }
+
+
+@given(st.lists(st.tuples(FINITE, FINITE, st.floats(0, math.inf))))
+def test_a_file_gives_back_what_was_written(numbers: list[tuple[float, float, float]]) -> None:
+    samples = [replace(SAMPLE, mean_x=x, log_score=y, landmark_age=age) for x, y, age in numbers]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "series.csv"
+        with series_file(file) as record:
+            assert record is not None
+            for sample in samples:
+                record(sample)
+        assert read_series(file) == samples
+
+
+def test_without_a_file_nothing_is_recorded() -> None:
+    with series_file(None) as record:
+        assert record is None
+
+
+def test_a_file_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"--series .*choose another place"), series_file(tmp_path / "no" / "s.csv"):
+        pass
+
+
+ROW = ",".join(str(value) for value in astuple(SAMPLE))
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        ("", "line 1: not the columns"),
+        ("a,b\n1,2\n", "line 1: not the columns"),
+        (",".join(COLUMNS) + f"\n{ROW}\n1,2\n", "line 3: not a row"),
+        (",".join(COLUMNS) + f"\n{ROW.replace('0.25', 'half')}\n", "line 2: not a row.*half"),
+        (b"\xff\xfe", "cannot be read"),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_file_that_is_no_series_is_one_line(content: str | bytes | None, fault: str, tmp_path: Path) -> None:
+    file = tmp_path / "series.csv"
+    if content is not None:
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(UserError, match=fault):
+        read_series(file)
