@@ -15,9 +15,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from blackboard.board.joint.evidence import shrank, unpack
+from blackboard.board.joint.evidence import names, reason, shrank, unpack
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
+from blackboard.opinion.cooperative import Coalition
+from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Joint, Moments
@@ -72,7 +74,10 @@ class JointDesk:
     # --- in -------------------------------------------------------------------------------------------------------------
 
     def _begun(self) -> TeamJoint:
-        return TeamJoint(Objects(drift=self.settings.objects_drift))
+        rule = self.settings.of("robot/any")
+        return TeamJoint(
+            Objects(drift=self.settings.objects_drift), rule=rule if isinstance(rule, Coalition) else Coalition()
+        )
 
     def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool) -> None:
         """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.
@@ -173,7 +178,10 @@ class JointDesk:
         marginal = self.team.marginal(subject)
         spread = np.eye(2) * self.settings.drift**2 * self._age(subject, time)
         belief = draw(self.grid, Moments(marginal.mean, marginal.covariance + spread))
-        left_out = {verdict.source: _reason(verdict) for verdict in about if not verdict.taken}
+        left_out = {verdict.source: reason(verdict) for verdict in about if not verdict.taken}
+        choice = self.team.tally.choices.get(subject)
+        if choice is not None and choice.outvoted:
+            left_out[PREDICTION] = f"contradicted by {names(choice.members)}"
         return make(
             subject=subject,
             belief=pack(belief),
@@ -192,6 +200,7 @@ class JointDesk:
                 LeftOut(source=source.removeprefix("robot/"), reason=reason)
                 for source, reason in sorted(left_out.items())
             ],
+            components=[] if choice is None else list(choice.components),
             entropy=entropy(belief.p),
             conflict=bool(left_out),
             rule="joint",
@@ -230,11 +239,3 @@ def _check(joint: Joint) -> None:
         raise ValueError("a mean or a covariance is not finite")
     if (np.diag(joint.covariance) < 0).any():
         raise ValueError("a variance is negative")
-
-
-def _reason(verdict: Verdict) -> str:
-    """Why evidence was not multiplied in, for people."""
-    most = GATES[min(verdict.freedom, len(GATES)) - 1]
-    if verdict.squared > most:
-        return f"its {verdict.kind} contradicts the joint: squared distance {verdict.squared:.1f}, at most {most:.1f}"
-    return "most of the team contradicts it or what it saw"

@@ -1,9 +1,12 @@
-"""Evidence as it comes from the wire."""
+"""Evidence as it comes from the wire, and why it was left out."""
 
 from __future__ import annotations
 
-from blackboard.opinion.gaussian.evidence import Evidence
+from collections.abc import Iterable
+
+from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import GATES
 from blackboard.wire.evidence import (
     PackedEvidence,
     unpack_increment,
@@ -36,3 +39,18 @@ def shrank(before: PackedEvidence, packed: PackedEvidence) -> bool:
     """Whether a time or a variance that is summed over an epoch is less than it was in the same epoch."""
     sums = ((getattr(before.travelled, name), getattr(packed.travelled, name)) for name in GROWING)
     return packed.epoch == before.epoch and any(now < then for then, now in sums)
+
+
+def names(sources: Iterable[str]) -> str:
+    """Sources in a sentence for people."""
+    return ", ".join(source.removeprefix("robot/") for source in sorted(sources))
+
+
+def reason(verdict: Verdict) -> str:
+    """Why evidence was not multiplied in, for people."""
+    if verdict.outvoted_by:
+        return f"contradicted by {names(verdict.outvoted_by)}"
+    most = GATES[min(verdict.freedom, len(GATES)) - 1]
+    if verdict.squared > most:
+        return f"its {verdict.kind} contradicts the joint: squared distance {verdict.squared:.1f}, at most {most:.1f}"
+    return "most of the team contradicts it or what it saw"

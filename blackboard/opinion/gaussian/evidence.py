@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from blackboard.opinion.gaussian.coalitions import Choice
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Relative
@@ -32,7 +33,10 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the gate said of one piece of evidence: its squared Mahalanobis distance, the degrees of freedom, taken or not."""
+    """What the gate said of one piece of evidence: its squared Mahalanobis distance, the degrees of freedom, taken or not.
+
+    `outvoted_by` are the members of a coalition that left it out, sorted.
+    """
 
     source: str
     subject: str
@@ -40,6 +44,7 @@ class Verdict:
     squared: float
     freedom: int
     taken: bool
+    outvoted_by: tuple[str, ...] = ()
 
 
 @dataclass
@@ -49,4 +54,8 @@ class Tally:
     repeated: int = 0  # reports of a tick that is settled already
     gated: int = 0  # increments and relative beliefs that contradict the joint
     silent: int = 0  # relative beliefs about a robot of which no motion came in the tick
+    outvoted: int = 0  # predictions of a robot's place that a coalition contradicted
     verdicts: list[Verdict] = field(default_factory=list)  # of the last tick
+    choices: dict[str, Choice] = field(
+        default_factory=dict
+    )  # of the last tick: robot -> who was believed about its place

@@ -3,6 +3,8 @@
 Each tick is settled once with all evidence that came in time, in an order that depends on names only: so the order of
 arrival changes nothing. What was settled is never taken again (`_news`): a repeated report is ignored, a lost one loses
 its evidence, and no evidence is counted twice.
+
+Long, because it is the whole of a tick: who moved, who is believed, what is multiplied in, what is forgotten.
 """
 
 from __future__ import annotations
@@ -13,9 +15,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.cooperative import Coalition
+from blackboard.opinion.gaussian.coalitions import KNOWN, PREDICTION, Choice, about, choose
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Tally, Verdict
-from blackboard.opinion.gaussian.increment import likelihood
+from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
 from blackboard.opinion.gaussian.trust import Trust
@@ -24,7 +28,6 @@ from blackboard.opinion.grid import Grid
 
 #: The 99.9 % quantiles of chi-squared, by degrees of freedom from 1 on.
 GATES = (10.83, 13.82, 16.27, 18.47, 20.52, 22.46, 24.32, 26.12, 27.88)
-UNKNOWN = 1e3  # unit ** 2: a position with a larger variance is not known
 PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
 WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
 
@@ -54,6 +57,7 @@ class TeamJoint:
     joint: Joint = field(default_factory=Joint)
     tally: Tally = field(default_factory=Tally)
     trust: Trust = field(default_factory=Trust)
+    rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
     tick: int = -1
     _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
     _known: dict[str, Known] = field(default_factory=dict)
@@ -73,6 +77,7 @@ class TeamJoint:
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
         heard = entered | set(motions)
+        self.tally.choices = self._choose(news, {r: motions[r] for r in sorted(set(motions) - entered)}, heard)
         for robot in sorted(set(motions) - entered):
             self._multiply(news[robot])
         for evidence in news.values():
@@ -132,6 +137,60 @@ class TeamJoint:
         self.joint.add(robot, evidence.belief)
         return True
 
+    def _choose(
+        self, news: Mapping[str, Evidence], motions: Mapping[str, Motion], heard: set[str]
+    ) -> dict[str, Choice]:
+        """For each robot whose place some evidence contradicts: who is believed about it.
+
+        Where a coalition of the evidence wins over the prediction (the robot was carried away, or slipped), its place is forgotten.
+        """
+        found = {}
+        for robot in motions:
+            pieces = self._pieces(robot, news, heard) if self.knows(robot) else {}
+            if len(pieces) < 2 or not any(self._is_beyond(robot, piece, motions) for piece in pieces.values()):
+                continue
+            said = {source: about(self.joint, robot, piece, motions) for source, piece in pieces.items()}
+            opinions = {source: place for source, place in said.items() if place is not None}
+            if len(opinions) > 1:
+                predicted = self.marginal(robot)
+                found[robot] = choose({PREDICTION: predicted, **opinions}, self.rule)
+                if found[robot].outvoted:
+                    away = [opinions[name].mean - predicted.mean for name in found[robot].members]
+                    self._widen(robot, float(np.hypot(*np.mean(away, axis=0))))
+                    self.trust.forget(robot)
+                    self.tally.outvoted += 1
+        return found
+
+    def _pieces(self, robot: str, news: Mapping[str, Evidence], heard: set[str]) -> dict[str, Increment | Relative]:
+        """The evidence about a robot's place, by its source: the robot itself, or the other end of a sighting."""
+        found: dict[str, Increment | Relative] = {}
+        for evidence in news.values():
+            for relative in evidence.relatives:
+                ends = {relative.observer, relative.subject}
+                if relative.observer != evidence.robot or robot not in ends or len(ends) < 2 or ends & self._left_out:
+                    continue
+                (other,) = ends - {robot}
+                if other in heard and self.knows(other):
+                    found[other] = relative
+        own = news[robot].increment
+        if own is not None:
+            found[robot] = own
+        return found
+
+    def _is_beyond(self, robot: str, piece: Increment | Relative, motions: Mapping[str, Motion]) -> bool:
+        """Whether the gate would leave a piece of evidence out."""
+        if isinstance(piece, Relative):
+            return expect(self.joint, piece, motions).innovation(self.joint).squared > GATES[1]
+        it = likelihood(self.joint, robot, piece)
+        return it is not None and it.innovation(self.joint).squared > GATES[len(it.residual) - 1]
+
+    def _outvoted(self, robot: str, source: str) -> tuple[str, ...]:
+        """The members of the coalition that won over the prediction of a robot's place, where a source is not among them."""
+        choice = self.tally.choices.get(robot)
+        if choice is None or not choice.outvoted or source in choice.members:
+            return ()
+        return tuple(sorted(choice.members))
+
     def _drop(self, subject: str) -> None:
         """Forget a subject, and the lasting errors of what it saw and of sightings of it."""
         for block in list(self.joint.blocks):
@@ -145,8 +204,9 @@ class TeamJoint:
         if it is None:
             return
         squared, freedom = it.innovation(self.joint).squared, len(it.residual)
-        taken = squared <= GATES[freedom - 1]
-        self._judge(Verdict(robot, robot, "increment", squared, freedom, taken))
+        by = self._outvoted(robot, robot)
+        taken = squared <= GATES[freedom - 1] and not by
+        self._judge(Verdict(robot, robot, "increment", squared, freedom, taken, by))
         if taken:
             it.multiply(self.joint)
         left_out = 0 if taken else self._known[robot].left_out + 1
@@ -155,12 +215,12 @@ class TeamJoint:
             left_out = 0
         self._known[robot] = replace(self._known[robot], left_out=left_out)
 
-    def _widen(self, robot: str) -> None:
-        """Widen position and heading of a robot that may have moved in a way that its odometry did not measure."""
+    def _widen(self, robot: str, away: float = 0.0) -> None:
+        """Widen position and heading of a robot that may have moved, by `away` (unit) or so, as its odometry did not measure."""
         block = self.joint.moments(robot)
         noise = np.zeros((STATES, STATES))
         position, heading = WIDENED
-        noise[AXES, AXES] = position**2 * block.covariance[AXES, AXES]
+        noise[AXES, AXES] = position**2 * block.covariance[AXES, AXES] + away**2 * np.eye(2)
         noise[HEADING, HEADING] = heading**2
         self.joint.move(robot, block.mean, np.eye(STATES), noise)
 
@@ -180,10 +240,11 @@ class TeamJoint:
             self._seen[subject] = 0.0
         expectation = expect(self.joint, relative, motions)
         squared = expectation.innovation(self.joint).squared
-        agrees = squared <= GATES[1]
+        by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
+        agrees = squared <= GATES[1] and not by
         taken = agrees and not {observer, subject} & self._left_out
         self.trust.judge(observer, subject, agrees)
-        self._judge(Verdict(observer, subject, "relative", squared, 2, taken))
+        self._judge(Verdict(observer, subject, "relative", squared, 2, taken, by))
         if taken:
             correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
             if subject in self._seen:
@@ -224,7 +285,7 @@ class TeamJoint:
         """Whether the joint holds a position of the subject that is not flat."""
         if subject not in self.joint:
             return False
-        return bool(np.trace(self.joint.moments(subject).covariance[AXES, AXES]) < UNKNOWN)
+        return bool(np.trace(self.joint.moments(subject).covariance[AXES, AXES]) < KNOWN)
 
     def marginal(self, subject: str) -> Moments:
         """Mean and covariance of a subject's position; KeyError where it is not in the joint."""

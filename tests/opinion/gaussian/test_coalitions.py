@@ -1,0 +1,147 @@
+"""Coalitions as the gate of a joint: a lone voice against the prediction is left out, two that agree win over it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.opinion.cooperative import Coalition
+from blackboard.opinion.gaussian.coalitions import PREDICTION, about, choose
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, entering
+from blackboard.opinion.grid import Array
+
+PLACES = {"robot/r1": (0.0, 0.0), "robot/r2": (5.0, 0.0), "robot/r3": (0.0, 5.0), "robot/r4": (5.0, 5.0)}
+
+
+def place(x: float, y: float, sigma: float = 0.3) -> Moments:
+    return Moments(np.array([x, y]), np.eye(2) * sigma**2)
+
+
+def sees(observer: str, subject: str, at: tuple[float, float]) -> Relative:
+    dx, dy = np.subtract(at, PLACES[observer])
+    return Relative(observer, subject, math.hypot(dx, dy), math.atan2(dy, dx), 0.01, 0.0004)
+
+
+def told(robot: str, tick: int, *relatives: Relative, increment: Increment | None = None) -> Evidence:
+    pose = Moments(np.array([*PLACES[robot], 0.0]), np.diag([0.04, 0.04, 0.0004]))
+    belief = entering(pose, Nuisance())
+    return Evidence(robot, 0, tick, Motion(), Nuisance(), belief, increment, relatives)
+
+
+def team() -> TeamJoint:
+    """Four robots that stand, each known to 0.2."""
+    it = TeamJoint()
+    it.settle(0, 1.0, [told(robot, 0) for robot in PLACES])
+    return it
+
+
+def increment_at(x: float, y: float) -> Increment:
+    """What a robot says of its own place, to 0.2."""
+    reference, information = np.zeros(STATES), np.zeros((STATES, STATES))
+    reference[AXES] = x, y
+    information[AXES, AXES] = np.eye(2) / 0.04
+    return Increment(reference, information, np.zeros(STATES))
+
+
+def test_opinions_that_agree_are_members_and_others_are_not() -> None:
+    found = choose({PREDICTION: place(0, 0), "a": place(6, 0), "b": place(6.2, 0.1)}, Coalition())
+    assert found.members == {"a", "b"}
+    assert found.outvoted
+    assert sum(found.components) == pytest.approx(1.0)
+    found = choose({PREDICTION: place(0, 0), "a": place(6, 0), "b": place(0.2, 0.1)}, Coalition())
+    assert found.members == {PREDICTION, "b"}
+    assert not found.outvoted
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_whatever_the_opinions_are_the_choice_is_one(seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    opinions = {}
+    for name in (PREDICTION, "a", "b", "c"):
+        root = chance.normal(0, 10.0 ** chance.uniform(-3, 2), (2, 2))
+        opinions[name] = Moments(chance.normal(0, 10.0 ** chance.uniform(-2, 3), 2), root @ root.T + np.eye(2) * 1e-8)
+    found = choose(opinions, Coalition())
+    assert found.members <= opinions.keys()
+    assert sum(found.components) == pytest.approx(1.0)
+    shifted = {name: Moments(it.mean + [3.0, -7.0], it.covariance) for name, it in opinions.items()}
+    assert choose(shifted, Coalition()).members == found.members
+
+
+@pytest.mark.parametrize("piece", [increment_at(3.0, 4.0), sees("robot/r2", "robot/r1", (3.0, 4.0))])
+def test_what_a_piece_says_of_a_place_does_not_depend_on_what_was_believed_of_it(piece: Increment | Relative) -> None:
+    it = team()
+    found = about(it.joint, "robot/r1", piece, {})
+    assert found is not None
+    assert found.mean == pytest.approx((3.0, 4.0), abs=0.05)
+    assert math.sqrt(found.covariance[0, 0]) < 0.5
+
+
+def test_what_an_increment_says_of_the_heading_alone_is_no_opinion_on_a_place() -> None:
+    heading = increment_at(0, 0)
+    heading = replace(heading, information=np.diag([0, 0, 100.0, 0, 0, 0, 0, 0, 0]))
+    assert about(team().joint, "robot/r1", heading, {}) is None
+
+
+def carried(*relatives: Relative, own: Array | None = None) -> TeamJoint:
+    """Robot r1 may have been carried away; what its mates see of it, and what it says itself."""
+    it = team()
+    by = {robot: tuple(r for r in relatives if r.observer == robot) for robot in PLACES}
+    increments = {"robot/r1": None if own is None else increment_at(*own)}
+    it.settle(1, 1.0, [told(robot, 1, *by[robot], increment=increments.get(robot)) for robot in PLACES])
+    return it
+
+
+def test_one_voice_against_the_prediction_is_left_out() -> None:
+    it = carried(sees("robot/r2", "robot/r1", (4.0, 4.0)))
+    assert it.marginal("robot/r1").mean == pytest.approx((0.0, 0.0), abs=0.05)
+    assert [v.taken for v in it.tally.verdicts] == [False]
+
+
+def test_two_mates_that_agree_win_over_the_prediction_and_a_third_that_does_not_is_named() -> None:
+    here, there = (4.0, 4.0), (-9.0, 0.0)
+    it = carried(
+        sees("robot/r2", "robot/r1", here), sees("robot/r3", "robot/r1", here), sees("robot/r4", "robot/r1", there)
+    )
+    assert it.marginal("robot/r1").mean == pytest.approx(here, abs=0.3)
+    verdicts = {v.source: v for v in it.tally.verdicts}
+    assert verdicts["robot/r2"].taken
+    assert verdicts["robot/r3"].taken
+    assert verdicts["robot/r4"].outvoted_by == ("robot/r2", "robot/r3")
+    choice = it.tally.choices["robot/r1"]
+    assert choice.outvoted
+    assert len(choice.components) == 4
+
+
+def test_a_robot_that_lies_of_its_own_place_is_outvoted_by_those_who_see_it() -> None:
+    true = PLACES["robot/r1"]
+    it = carried(sees("robot/r2", "robot/r1", true), sees("robot/r3", "robot/r1", true), own=np.array([6.0, -6.0]))
+    assert it.marginal("robot/r1").mean == pytest.approx(true, abs=0.2)
+    assert [v.taken for v in it.tally.verdicts if v.kind == "increment"] == [False]
+
+
+def test_a_robot_that_was_carried_away_is_believed_once_a_mate_confirms_it() -> None:
+    here = (4.0, 4.0)
+    it = carried(sees("robot/r2", "robot/r1", here), own=np.array(here))
+    assert it.marginal("robot/r1").mean == pytest.approx(here, abs=0.3)
+    assert it.tally.outvoted == 1
+
+
+def test_those_whom_most_of_the_team_contradicts_form_no_coalition() -> None:
+    it = team()
+    it._left_out = frozenset({"robot/r2", "robot/r3"})
+    here = (4.0, 4.0)
+    news = {
+        robot: told(robot, 1, *((sees(robot, "robot/r1", here),) if robot in it._left_out else ())) for robot in PLACES
+    }
+    assert it._choose(news, dict.fromkeys(PLACES, Motion()), set(PLACES)) == {}
