@@ -1,5 +1,7 @@
 """How far the sources of a board may be believed, learned from how well they agree, without any truth. Pure.
 
+Long, because it is one estimator, from a comparison to the weights, and its parts have no other user.
+
 For two sources i and j whose opinions rest on different evidence, d the difference of their means and S their covariances,
 a = d^T (S_i + S_j)^-1 d / 2 is exponentially distributed with mean 1 where both are honest (2-D). So its median over a window says
 
@@ -331,19 +333,21 @@ def _variances(m: Array, significant: Array, count: Array, known: Array, trusted
     variance = np.ones(len(m))
     read = np.where(significant, m, 1.0)
     partner = known & trusted & ~np.eye(len(m), dtype=bool)  # row i: who i is measured against
-    measured = partner.any(axis=1)
-
-    def told(by: Array) -> Array:
-        found = np.ones(len(m))
-        found[measured] = np.nanmedian(np.where(partner, 2 * by - variance, np.nan)[measured], axis=1)
-        return np.maximum(found, 1.0)
-
     for _ in range(30):
-        variance = np.where(trusted, 0.5 * (variance + told(read)), 1.0)
-    variance = np.where(trusted, variance, told(m))
-    n = np.zeros(len(m))
-    n[measured] = np.nanmedian(np.where(partner, count, np.nan)[measured], axis=1)
+        told = np.maximum(1.0, _median_of(2 * read - variance, partner))
+        variance = np.where(trusted, 0.5 * (variance + told), 1.0)
+    variance = np.where(trusted, variance, np.maximum(1.0, _median_of(2 * m - variance, partner)))
+    n = np.maximum(0.0, _median_of(count, partner))
     return np.asarray(variance ** (n / (n + PRIOR_COUNT)))
+
+
+def _median_of(values: Array, chosen: Array) -> Array:
+    """The median of the chosen values of each row (S, S), shape (S,); -inf where a row has none."""
+    ordered = np.sort(np.where(chosen, values, math.inf), axis=1)
+    n = chosen.sum(axis=1)
+    rows = np.arange(len(values))
+    low, high = ordered[rows, np.maximum(n - 1, 0) // 2], ordered[rows, np.minimum(n // 2, len(values) - 1)]
+    return np.where(n > 0, 0.5 * (low + high), -math.inf)
 
 
 # --- from estimates to weights --------------------------------------------------------------------------------------------

@@ -1,5 +1,7 @@
 """Streams: the same sources fused again and again, so that a board can learn how far each may be believed. Pure.
 
+Long, because it holds the generator of all streams beside the table of them.
+
 Each stream is a situation: how sources err, how they claim to err, and who repeats whom. The rules see the opinions alone; the oracle
 is told the truth about the sources, their correlations and what they really err by, and so bounds what any learner can reach.
 """
@@ -62,6 +64,13 @@ def _biased(n: int, biases: Mapping[int, float]) -> Sources:
     return replace(sources(n), bias=np.array([biases.get(i, 0.0) for i in range(n)]))
 
 
+def _pairs(n: int, correlation: float) -> Sources:
+    matrix = np.eye(n)
+    for i in range(0, n, 2):
+        matrix[i, i + 1] = matrix[i + 1, i] = correlation
+    return replace(sources(n), correlation=matrix)
+
+
 def _steady(it: Sources) -> Stream:
     return lambda share: it
 
@@ -81,14 +90,24 @@ STREAMS: dict[str, Stream] = {
     "all claim double": _steady(sources(5, factor=0.5)),
     "independent, then correlated .8": lambda share: sources(5, 0.0 if share < 0.5 else 0.8),
 }
-#: Others, on which the rule is judged too.
-UNSEEN: dict[str, Stream] = {
+#: Others that were looked at, with other seeds, while the rule was made.
+OTHERS: dict[str, Stream] = {
     "independent, 3": _steady(sources(3)),
     "correlated .5, 12": _steady(sources(12, 0.5)),
     "errors that last": _steady(sources(5, memory=0.9)),
     "two claim half": _steady(replace(sources(5), factor=np.array([2.0, 2.0, 1.0, 1.0, 1.0]))),
     "rings, 5": _steady(sources(5, rings=(0, 1, 2))),
     "one of 3 lies late": lambda share: _biased(3, {0: 0.0 if share < 0.5 else 12.0}),
+}
+#: Streams that were written after the rule was made, and decided nothing.
+UNSEEN: dict[str, Stream] = {
+    "independent, 12": _steady(sources(12)),
+    "independent, 2": _steady(sources(2)),
+    "correlated .6, 4": _steady(sources(4, 0.6)),
+    "three pairs correlated .9": _steady(_pairs(6, 0.9)),
+    "one of 6 claims a third": _steady(replace(sources(6), factor=np.array([3.0, 1.0, 1.0, 1.0, 1.0, 1.0]))),
+    "two of 7 lie, one each way": _steady(_biased(7, {0: 12.0, 1: -12.0})),
+    "errors that last, correlated .5": _steady(sources(5, 0.5, memory=0.8)),
 }
 
 
@@ -170,14 +189,14 @@ def _root(correlation: Array) -> Array:
 
 RULES = {"default": Coalition(independence=CAUTIOUS), "independence 1": Coalition(independence=1.0)}
 LEARNED, ORACLE = "learned", "oracle"
-NAMES = (*STREAMS, *UNSEEN, *(f"trial {name}" for name in TRIALS))
+NAMES = (*STREAMS, *OTHERS, *UNSEEN, *(f"trial {name}" for name in TRIALS))
 
 
 def instants(name: str, fusions: int, rng: np.random.Generator) -> Iterator[Instant]:
     """The instants of one of NAMES."""
     if name.startswith("trial "):
         return trial_stream(name.removeprefix("trial "), fusions, rng)
-    return generate({**STREAMS, **UNSEEN}[name], fusions, rng)
+    return generate({**STREAMS, **OTHERS, **UNSEEN}[name], fusions, rng)
 
 
 def judge(name: str, fusions: int, rng: np.random.Generator) -> dict[str, Score]:

@@ -1,4 +1,7 @@
-"""A board that learns how far its sources may be believed: the laws of the learner, and what the board tells of it."""
+"""A board that learns how far its sources may be believed: the laws of the learner, and what the board tells of it.
+
+Long, because each law of the learner and each thing that it finds is a test.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from hypothesis import strategies as st
 
 from blackboard.board import learning
 from blackboard.board.fusion import as_advised, fuse_opinions
-from blackboard.board.learning import MAX_SOURCES, MAX_SUBJECTS, WINDOW, Learner, bell_shaped, escort_moments, width
+from blackboard.board.learning import WINDOW, Learner, bell_shaped, escort_moments, width
 from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import RuleError
@@ -201,16 +204,20 @@ def test_what_follows_too_soon_or_is_old_is_not_compared() -> None:
     assert exponents(it) == exponents(taught(20))
 
 
-def test_memory_is_bounded() -> None:
+def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of sources and subjects, with smaller bounds, so that few opinions are needed; of samples with the real one."""
+    monkeypatch.setattr(learning, "MAX_SOURCES", 6)
+    monkeypatch.setattr(learning, "MAX_SUBJECTS", 4)
     it = Learner()
-    for second in range(MAX_SUBJECTS + 20):
-        names = [f"n{(second * 7 + i) % 90}" for i in range(8)]
+    for second in range(12):
+        names = [f"n{(second * 3 + i) % 11}" for i in range(4)]
         it.hear(f"object/o{second}", float(second), [opinion(name, CENTRE) for name in names])
-    it.hear("object/all", 1000.0, [opinion(f"n{i}", CENTRE) for i in range(MAX_SOURCES + 6)])
-    assert len(it._heard) == MAX_SOURCES
-    assert len(it._last) == MAX_SUBJECTS
-    assert len(it._samples) <= MAX_SOURCES * (MAX_SOURCES - 1) // 2
-    assert all(len(means) <= MAX_SOURCES for _, means in it._last.values())
+    it.hear("object/all", 20.0, [opinion(f"n{i}", CENTRE) for i in range(9)])
+    assert len(it._heard) == 6
+    assert len(it._last) == 4
+    assert len(it._samples) <= 6 * 5 // 2
+    assert it._samples.keys() == it._pairings.keys()
+    assert all(len(means) <= 6 for _, means in it._last.values())
     assert all(len(window) <= WINDOW for window in taught(WINDOW + 5)._samples.values())
 
 
