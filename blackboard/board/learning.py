@@ -29,19 +29,16 @@ from blackboard.opinion.cooperative import CAUTIOUS
 from blackboard.opinion.grid import Array
 
 MAX_SOURCES = 64  # of which a learner keeps samples; beyond that it forgets who was silent the longest
-MAX_SUBJECTS = (
-    256  # whose newest samples are kept, for the spacing and for the dependence of one sample on the one before
-)
+MAX_SUBJECTS = 256  # whose newest sample is kept, for the spacing and to see how much is new in the next one
 WINDOW = 50  # samples of a pair, over all subjects
 SPACING = 1.0  # seconds of team time between two samples of a subject: what follows sooner is hardly new
 PRIOR_COUNT = 6.0  # effective samples that the default is worth
 RIDGE = 0.15  # added to the correlations' diagonal: weights (1 + RIDGE) (R + RIDGE I)^-1 1
 LEAST_COUNT = 4.0  # effective samples of a pair below which it is not looked at
-NOISE = 1.0 / math.log(
-    2
-)  # the standard deviation of median(a) / ln 2, times sqrt n, for a of an exponential distribution
+NOISE = 1.0 / math.log(2)  # sqrt n times the standard deviation of median(a) / ln 2, a being exponentially distributed
 DISAGREE = 3.0  # m, relative to what is usual in the team, from which two sources are held to disagree
-LEAST_WEIGHT = 1e-3  # so that an opinion that counts for nothing leaves every cell possible
+LEAST_WEIGHT = 1e-3  # of an opinion that adds nothing to the others
+LEAST_POWER = 1e-6  # so that what an opinion rules out stays ruled out
 MOST_USUAL = 6.0  # the largest m that is held to be usual: all claim sigmas that are 2.4 times too small
 BELL = 0.6  # width^2 of a belief relative to that of a Gaussian with its covariance; a flat square's is 0.48, a ring's less
 ECHO = 0.95  # correlation from which a source is named an echo: one that claims thrice its sigma looks like .89
@@ -165,26 +162,26 @@ class Learner:
         weights = _weights(_correlations(found, known), (np.array(widths) * np.sqrt(variance)) ** evidence)
         # n^(independence - 1) is the largest weight; without evidence it is CAUTIOUS to the last digit
         independence = min(1.0, max(0.0, round(1.0 + math.log(weights.max()) / math.log(n), 12)))
-        powers = np.round(weights / weights.max() / variance, 12)
+        powers = np.clip(np.round(weights * n ** (1.0 - independence) / variance, 12), LEAST_POWER, 1.0)
         return Advice(independence, powers, weights)
 
     def learned(self, sources: Sequence[str] | None = None) -> list[Learned]:
         """What was learned of these sources, or of all, sorted; those without a sample are left out."""
         found = self._found()
+        correlations = _correlations(found, list(range(len(found.names))))
+        np.fill_diagonal(correlations, -math.inf)
         told = []
         for i, name in enumerate(found.names):
             count = found.count[i]
             if (sources is None or name in sources) and count.max() > 0:
-                correlations = _correlations(found, list(range(len(found.names))))[i]
-                correlations[i] = -math.inf
-                nearest = int(np.argmax(correlations))
+                nearest = int(np.argmax(correlations[i]))
                 echo = found.names[nearest] if found.echoes[i, nearest] else None
                 told.append(
                     Learned(
                         source=name,
                         samples=float(count.max()),
                         variance=float(found.variance[i]),
-                        correlation=float(correlations[nearest]),
+                        correlation=float(correlations[i, nearest]),
                         echo=echo,
                         since=self._since.get(name),
                     )
@@ -363,8 +360,9 @@ def _correlations(found: _Estimate, known: list[int]) -> Array:
     prior = (1 + RIDGE) * (n ** (1 - CAUTIOUS) - 1) / (n - 1) if n > 1 else 0.0
     mean = (found.mean_count * max(0.0, found.mean) + PRIOR_COUNT * prior) / (found.mean_count + PRIOR_COUNT)
     matrix = np.full((n, n), mean)
-    there = np.flatnonzero(np.array(known) >= 0)
-    at = np.ix_(np.array(known)[there], np.array(known)[there])
+    index = np.array(known, dtype=int)
+    there = np.flatnonzero(index >= 0)
+    at = np.ix_(index[there], index[there])
     raw, count = found.raw[at], np.maximum(found.count[at], LEAST_COUNT)
     share = found.spread / (found.spread + NOISE**2 / count) * count / (count + PRIOR_COUNT)
     matrix[np.ix_(there, there)] += np.where(np.isnan(raw), 0.0, share * (raw - mean))
