@@ -11,7 +11,9 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from blackboard.board import learning
 from blackboard.board.fusion import Fusion, fuse_opinions
+from blackboard.board.learning import Learner
 from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
@@ -19,7 +21,7 @@ from blackboard.opinion.belief import Belief, blur
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.messages import Consensus, Informed, LeftOut, Report, Used
+from blackboard.wire.messages import Consensus, Informed, Learned, LeftOut, Report, Used
 
 MAX_SUBJECTS = 256  # a board's memory is bounded, whatever is sent to it
 MAX_SOURCES = 64
@@ -46,6 +48,7 @@ class Board:
         self.settings = settings
         self._entries: dict[str, dict[str, Entry]] = {}  # subject -> source -> its newest report
         self._consensuses: dict[str, dict[tuple[str, str], Entry]] = {}  # subject -> sub-team and board -> its newest
+        self._learners = {"consensus": Learner(), "agreed": Learner()}  # of robots, and of sub-teams
 
     # --- the sub-team's reports ---------------------------------------------------------------------------------------
 
@@ -70,7 +73,7 @@ class Board:
             entries, silent = self._usable(self._entries[subject], now)
             opinions = [o for source in sorted(entries) for o in self._admitted(entries[source], now)]
             if opinions:
-                fusion = fuse_opinions(opinions, self.grid, self.settings, subject)
+                fusion = self._fuse("consensus", opinions, subject, now)
                 found.append(self._consensus("consensus", subject, tick, now, fusion, _left_out(silent)))
         self._entries = {subject: entries for subject, entries in self._entries.items() if entries}
         return found
@@ -109,10 +112,14 @@ class Board:
                 continue
             if len(entries) == 1:  # one sub-team: its consensus is the agreed belief
                 opinions = opinions[-1:]
-            fusion = fuse_opinions(opinions, self.grid, self.settings, subject)
+            fusion = self._fuse("agreed", opinions, subject, now)
             found.append(self._consensus("agreed", subject, tick, now, fusion, left_out))
         self._consensuses = {subject: entries for subject, entries in self._consensuses.items() if entries}
         return found
+
+    def learned(self) -> list[Learned]:
+        """What was learned of every source with independence "learn": of robots, then of sub-teams."""
+        return [_told(level, it) for level, learner in self._learners.items() for it in learner.learned()]
 
     # --- shared ---------------------------------------------------------------------------------------------------------
 
@@ -154,6 +161,9 @@ class Board:
         sigma = self.settings.drift * math.sqrt(age) / self.grid.cell
         return [replace(o, belief=Belief(self.grid, blur(o.belief.p, sigma)), age=age) for o in entry.opinions]
 
+    def _fuse(self, level: str, opinions: list[Opinion], subject: str, now: float) -> Fusion:
+        return fuse_opinions(opinions, self.grid, self.settings, subject, self._learners[level], now)
+
     def _consensus(
         self, level: str, subject: str, tick: int, now: float, fusion: Fusion, left_out: list[LeftOut]
     ) -> Consensus:
@@ -186,6 +196,7 @@ class Board:
             rule=str(parameters.pop("rule")),
             parameters=parameters,
             outcome=fusion.outcome,
+            learned=[_told(level, it) for it in fusion.learned],
         )
 
 
@@ -193,6 +204,18 @@ def _withdraw(entries: dict[str, dict[Source, Entry]], source: Source, tick: int
     for subject, by_source in entries.items():
         if subject not in subjects and source in by_source and by_source[source].tick < tick:
             del by_source[source]
+
+
+def _told(level: str, it: learning.Learned) -> Learned:
+    return Learned(
+        level=level,  # type: ignore[arg-type]
+        source=it.source,
+        samples=it.samples,
+        variance=it.variance,
+        correlation=it.correlation,
+        echo=it.echo,
+        since=it.since,
+    )
 
 
 def _left_out(silent: dict[str, float]) -> list[LeftOut]:

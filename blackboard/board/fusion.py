@@ -7,18 +7,21 @@ overlapping opinions ───────────────────�
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from blackboard.board.learning import Advice, Learned, Learner, width
 from blackboard.board.provenance import Opinion, split, union
 from blackboard.config import BoardSection
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.chernoff import chernoff
+from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import fuse, linear_pool
 from blackboard.opinion.rules import Outcome, Rule
+from blackboard.opinion.vectors import tempered
 from blackboard.opinion.weights import entropy, entropy_weights
 
 #: Two overlapping beliefs whose Bhattacharyya coefficient is below this contradict each other. Equally wide Gaussians do so
@@ -52,10 +55,22 @@ class Fusion:
     conflict: bool
     rule: Rule
     outcome: Outcome
+    learned: list[Learned]  # of the independent sources, where the rule learns
 
 
-def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSection, subject: str) -> Fusion:
-    """Pool opinions about one subject, at least one, all on `grid`; the order does not matter."""
+def fuse_opinions(
+    opinions: Sequence[Opinion],
+    grid: Grid,
+    settings: BoardSection,
+    subject: str,
+    learner: Learner | None = None,
+    now: float = 0.0,
+) -> Fusion:
+    """Pool opinions about one subject, at least one, all on `grid`; the order does not matter.
+
+    Where the subject's rule is a coalition with independence "learn", the learner hears the independent opinions at the team time
+    `now`, in seconds, and says how far each is to be believed; without a learner the rule is as cautious as before any evidence.
+    """
     opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
     if settings.feedback == "paper":  # Table I to the letter: everything is multiplied
         independent, overlapping = list(opinions), list[Opinion]()
@@ -63,7 +78,17 @@ def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSectio
         independent, overlapping = split(opinions)
     rule = settings.of(subject)
     stack = np.stack([opinion.belief.p for opinion in independent])
-    pooled = fuse(rule, stack, grid)
+    learned = list[Learned]()
+    if learner is not None and isinstance(rule, Coalition) and rule.independence == "learn":
+        sources = [opinion.source for opinion in independent]
+        learner.hear(subject, now, independent)
+        advice = learner.advice(sources, [width(opinion.belief) for opinion in independent])
+        learned = learner.learned(sources)
+        rule, stack = as_advised(rule, stack, advice)
+        pooled = fuse(rule, stack, grid)
+        pooled = replace(pooled, weights=pooled.weights * advice.powers)
+    else:
+        pooled = fuse(rule, stack, grid)
     fused, more, contradicted = _pool_overlapping(pooled.p, overlapping)
     kept = 1.0 - sum(share.weight for share in more)  # the share of `pooled` in `fused`
     shares = [Share(o, float(w) * kept, "independent") for o, w in zip(independent, pooled.weights, strict=True)]
@@ -77,7 +102,13 @@ def fuse_opinions(opinions: Sequence[Opinion], grid: Grid, settings: BoardSectio
         conflict=contradicted or conflict(stack, pooled.claim()),
         rule=rule,
         outcome=pooled.outcome,
+        learned=learned,
     )
+
+
+def as_advised(rule: Coalition, opinions: Array, advice: Advice) -> tuple[Coalition, Array]:
+    """The rule and the opinions (N, *grid shape) that a learner advises to pool."""
+    return replace(rule, independence=advice.independence), tempered(opinions, advice.powers)
 
 
 def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array, list[Share], bool]:

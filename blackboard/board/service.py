@@ -239,7 +239,7 @@ class BoardService:
             out.append(Envelope(key, encode(forward)))
         self.counters["settled"] += len(found)
         self._settled = self._plain_status(tick, time).model_copy(
-            update={"phase": level, "subjects": [c.subject for c in found]}
+            update={"phase": level, "subjects": [c.subject for c in found], "learned": self.board.learned()}
         )
         out.append(self._status(now))
         self._sent += out

@@ -13,6 +13,7 @@ import numpy as np
 from blackboard.config import Scenario, load
 from blackboard.errors import UserError
 from blackboard.lab import comparison, paper, parallel, tuning, tuning_report
+from blackboard.lab import streams as streams_of_fusions
 from blackboard.lab.tuning import CandidateScores
 from blackboard.run.flags import LengthFlags, OutputFlags, RecordingFlags
 from blackboard.run.progress import progress
@@ -26,6 +27,7 @@ def lab(
     runs: int = 300,
     variants: int = 5,
     every: float = 1.0,
+    streams: int = 0,
     length: LengthFlags = LengthFlags(),
     recording: RecordingFlags = RecordingFlags(),
     picture: Path | None = None,
@@ -43,12 +45,16 @@ def lab(
         Seeds of the scenario, or stretches of the recording that follow each other.
     every
         Seconds of team time from one fusion to the next.
+    streams
+        Instead of all this, runs of each stream of fusions of the same sources, where a board can learn (independence "learn").
     picture
         Also draw the table into this file (.svg or .png); needs the extra `plot`.
     """
     drawing = _drawing() if picture is not None else None
     seed = SEED if length.seed is None else length.seed
-    _at_least(runs=(runs, 0), variants=(variants, 1), every=(every, 0), seed=(seed, 0))
+    _at_least(runs=(runs, 0), variants=(variants, 1), every=(every, 0), seed=(seed, 0), streams=(streams, 0))
+    if streams:
+        return _streams(streams, np.random.default_rng(seed), output)
     trials_rng, intervals_rng = np.random.default_rng(seed).spawn(2)
     teams = _teams(scenario, length, recording)
     situations = {}
@@ -176,6 +182,18 @@ def figures(
         for ending in (".svg", ".png"):
             drawing.save(figure, out / f"{name}{ending}")
     sys.stdout.write(json.dumps(found) + "\n")
+    return 0
+
+
+def _streams(runs: int, rng: np.random.Generator, output: OutputFlags) -> int:
+    with progress("lab") as show_progress:
+        jobs = streams_of_fusions.jobs(runs, rng)
+        parts = parallel.run_jobs(streams_of_fusions.judge, jobs, show_progress)
+    scores = {
+        name: [part for job, part in zip(jobs, parts, strict=True) if job[0] == name]
+        for name in streams_of_fusions.NAMES
+    }
+    output.show(streams_of_fusions.report(scores), streams_of_fusions.text)
     return 0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,9 @@ from blackboard.opinion.components import (
 from blackboard.opinion.grid import Array
 from blackboard.opinion.rules import EntropyWeighted, Pooled, parameter, pooled, rule
 from blackboard.opinion.vectors import checked, from_logarithm
+
+#: The independence of a coalition of which nothing is known.
+CAUTIOUS = 0.2
 
 
 @rule("cooperative")
@@ -62,7 +65,8 @@ class Coalition(EntropyWeighted):
     """sum_q m_q norm(C_q^(e_q)): COP only chooses the coalitions, by the mass m_q of component q in it. The default of a board.
 
     Within a coalition of q opinions e_q = q^-(1 - independence): 0 is the geometric mean of its members, which is safe when they
-    share information; 1 is their product, right when they are independent. gate, in nats: what it may cost an opinion to agree
+    share information; 1 is their product, right when they are independent; "learn" is 0.2 until a board has learned how far its
+    sources may be believed (`blackboard.board.learning`). gate, in nats: what it may cost an opinion to agree
     with the others (docs/paper.md, "The gate"); gamma instead of it: the paper's ratio of the alphas (V-C). Neither: gate = 4.
     Contribution of an opinion: as in `Cooperative`.
     """
@@ -71,7 +75,9 @@ class Coalition(EntropyWeighted):
 
     gamma: float | None = parameter(default=None, above=0, most=1)
     gate: float | None = parameter(default=None, above=0, tried=(1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0))
-    independence: float = parameter(default=0.2, least=0, most=1, tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0))
+    independence: float | Literal["learn"] = parameter(
+        default=CAUTIOUS, least=0, most=1, words=("learn",), tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,11 +88,12 @@ class Coalition(EntropyWeighted):
         relative, logs, alpha = _choice(opinions, weights, self.gamma, self.gate, cell_ratio)
         mass = _mass(logs / alpha[:, np.newaxis])  # (V-.2): C_q^(1/alpha_q)
         mixed = partial(_mixed, logs, mass.sum(axis=1), shape=opinions.shape[1:])
+        independence = CAUTIOUS if self.independence == "learn" else self.independence
         return Pooled(
-            mixed(self.independence),
+            mixed(independence),
             memberships(relative, weights, mass),
             _shares(mass),
-            if_independent=None if self.independence == 1.0 else partial(mixed, 1.0),
+            if_independent=None if independence == 1.0 else partial(mixed, 1.0),
         )
 
 

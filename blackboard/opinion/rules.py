@@ -59,13 +59,15 @@ def parameter(
     least: float = -math.inf,
     above: float = -math.inf,
     most: float = math.inf,
+    words: Sequence[str] = (),
     tried: Sequence[float] = (),
 ) -> Any:
     """A field of a rule: its default, the bounds of a number, and the values that `blackboard tune` tries.
 
-    A default of None means an optional number.
+    A default of None means an optional number. `words` may be given instead of a number.
     """
-    return field(default=default, metadata={"least": least, "above": above, "most": most, "tried": tuple(tried)})
+    bounds = {"least": least, "above": above, "most": most}
+    return field(default=default, metadata={**bounds, "words": tuple(words), "tried": tuple(tried)})
 
 
 class Rule:
@@ -137,14 +139,18 @@ def _checked_value(own: dataclasses.Field[Any], value: Any) -> Any:
         if type(value) is not type(own.default):
             raise RuleError(own.name, f"give a {'text' if isinstance(own.default, str) else 'boolean'}", repr(value))
         return value
+    words = own.metadata.get("words", ())
+    if isinstance(value, str) and value in words:
+        return value
     whole = isinstance(own.default, int)
     least, above, most = (own.metadata.get(name, bound) for name, bound in BOUNDS)
     number = isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
     if number and least <= value <= most and value > above and (not whole or value == int(value)):
         return int(value) if whole else float(value)
     bounds = {"of at least": least, "above": above, "at most": most}
-    words = " and ".join(f"{word} {bound:g}" for word, bound in bounds.items() if math.isfinite(bound))
-    raise RuleError(own.name, f"give a {'whole' if whole else 'finite'} value {words}".strip(), value)
+    limits = " and ".join(f"{word} {bound:g}" for word, bound in bounds.items() if math.isfinite(bound))
+    instead = "".join(f', or "{word}"' for word in words)
+    raise RuleError(own.name, f"give a {'whole' if whole else 'finite'} value {limits}".strip() + instead, value)
 
 
 # --- the registry ------------------------------------------------------------------------------------------------------

@@ -76,6 +76,15 @@ def shares(weights: npt.ArrayLike | None, n: int) -> Array:
     return np.asarray(scaled / scaled.sum())
 
 
+def tempered(opinions: Array, powers: Array) -> Array:
+    """Checked opinions (N, *grid shape), each to its power, powers (N,) above 0, and normalised: below 1 it claims less."""
+    if np.all(powers == 1):
+        return opinions
+    flat = opinions.reshape(len(opinions), -1)
+    raised = (flat / flat.max(axis=1, keepdims=True)) ** powers[:, np.newaxis]
+    return np.asarray((raised / raised.sum(axis=1, keepdims=True)).reshape(opinions.shape))
+
+
 def positive(value: float, name: str) -> float:
     """An argument that must be positive and finite; otherwise OpinionError."""
     if not (math.isfinite(value) and value > 0):

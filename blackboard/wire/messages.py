@@ -1,5 +1,7 @@
 """The messages between processes: one model each, unknown fields ignored, everything bounded.
 
+Long, because all models but those of evidence stand together, as in docs/wire.md.
+
 Times are team time in seconds: the world's clock where a world runs, Unix time on real robots. Positions and ranges are
 in the grid's unit, angles in radians, counter-clockwise. Subjects are `robot/<id>`, `object/<name>` or `landmark/<name>`.
 """
@@ -116,6 +118,18 @@ class Used(Part):
     how: Literal["independent", "overlapping"]
 
 
+class Learned(Part):
+    """What a board has learned of a source from how well it agrees with the others (`[board] independence = "learn"`)."""
+
+    level: Literal["consensus", "agreed"]  # of robots, or in the exchange of sub-teams
+    source: Name
+    samples: Finite  # effective comparisons with another source
+    variance: Finite  # of its errors, relative to what it claims; 1: nothing speaks against it
+    correlation: Finite  # of its errors with those of the source that it resembles most
+    echo: Name | None = None  # that source, where it is as good as the same
+    since: Finite | None = None  # team time since which it has been held over-confident or an echo, seconds
+
+
 class LeftOut(Part):
     source: Name
     reason: str
@@ -143,6 +157,8 @@ class Consensus(Message):
     parameters: dict[str, str | float] = Field(default_factory=dict)
     outcome: Outcome = "pooled"  # or the rule that pooled instead, where a veto left `rule` no cell
     state: PackedState | None = None  # of a robot in a joint: where its own filter may linearise; no evidence
+    #: of the sources whose independent opinions were used
+    learned: Annotated[list[Learned], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
 
 
 class Status(Message):
@@ -158,6 +174,7 @@ class Status(Message):
     refused: dict[str, int] = Field(default_factory=dict)
     ages: dict[str, float] = Field(default_factory=dict)  # seconds since each source was heard
     settings: dict[str, str | float] = Field(default_factory=dict)
+    learned: Annotated[list[Learned], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)  # of a board
 
 
 # --- the world -----------------------------------------------------------------------------------------------------------

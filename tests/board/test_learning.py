@@ -1,0 +1,317 @@
+"""A board that learns how far its sources may be believed: the laws of the learner, and what the board tells of it.
+
+Long, because each law of the learner and each thing that it finds is a test.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.board import learning
+from blackboard.board.fusion import as_advised, fuse_opinions
+from blackboard.board.learning import WINDOW, Learner, bell_shaped, escort_moments, width
+from blackboard.board.provenance import Opinion
+from blackboard.config import BoardSection
+from blackboard.errors import RuleError
+from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.cooperative import Coalition
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.pools import fuse
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.messages import Consensus, Learned
+from tests.board.desk import Desk, clock
+from tests.board.desk import report as sent
+from tests.board.reports import GRID, at, board, only, report
+
+CENTRE = (20.0, 15.0)
+LEARN = BoardSection.model_validate({"independence": "learn"})
+
+
+def opinion(source: str, mean: tuple[float, float], sigma: float = 2.0, age: float = 0.0) -> Opinion:
+    return Opinion(source, gaussian(GRID, mean, sigma), {source: 0.0}, age)
+
+
+def stream(
+    n: int, ticks: int, *, seed: int = 1, echoes: int = 0, liar: float = 0.0, factor: float = 1.0, memory: float = 0.0
+) -> Iterator[list[Opinion]]:
+    """Opinions of n sources in each tick: the first `echoes` repeat the last one, and the first is `liar` cells off."""
+    rng = np.random.default_rng(seed)
+    errors = rng.standard_normal((n, 2))
+    for _ in range(ticks):
+        errors = memory * errors + math.sqrt(1 - memory**2) * rng.standard_normal((n, 2))
+        means = np.array(CENTRE) + 2.0 * factor * errors
+        means[:echoes] = means[-1]
+        means[0, 0] += liar
+        means = np.clip(means, 0, GRID.shape)
+        yield [opinion(f"s{i}", (float(x), float(y))) for i, (x, y) in enumerate(means)]
+
+
+def taught(ticks: int = 40, n: int = 5, **how: Any) -> Learner:
+    it = Learner()
+    for second, opinions in enumerate(stream(n, ticks, **how)):
+        it.hear("object/ball", float(second), opinions)
+    return it
+
+
+def exponents(it: Learner, n: int = 5) -> list[float]:
+    """What each of n opinions is taken to where all agree: weight / variance."""
+    advice = it.advice([f"s{i}" for i in range(n)], [2.0] * n)
+    return [float(p) * n ** (advice.independence - 1.0) for p in advice.powers]
+
+
+# --- moments -------------------------------------------------------------------------------------------------------------
+
+
+def test_escort_moments_of_a_gaussian_are_its_own_and_withstand_a_floor() -> None:
+    it = gaussian(GRID, (20.3, 14.1), (2.0, 3.0))
+    with_floor = Belief(GRID, 0.99 * it.p + 0.01 / GRID.size)
+    for belief in (it, with_floor):
+        mean, covariance = escort_moments(belief)
+        np.testing.assert_allclose(mean, [20.3, 14.1], atol=0.02)
+        np.testing.assert_allclose(covariance, np.diag([4.0, 9.0]) + np.eye(2) / 12, atol=0.1)
+        assert width(belief) == pytest.approx(math.sqrt(6.0), rel=0.02)
+
+
+def test_only_beliefs_near_a_gaussian_are_compared() -> None:
+    x, y = GRID.mesh()
+    ring = np.exp(-0.5 * ((np.hypot(x - 20, y - 15) - 10) / 1.5) ** 2)
+    assert bell_shaped(at(10, 10, 2))
+    assert bell_shaped(at(10, 10, (1, 6)))
+    assert not bell_shaped(uniform(GRID))
+    assert not bell_shaped(Belief(GRID, ring / ring.sum()))
+
+
+# --- before any evidence --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
+def test_without_evidence_a_board_does_what_it_does_by_default(n: int) -> None:
+    opinions = [opinion(f"s{i}", (15 + i, 15), 1.0 + i) for i in range(n)]
+    learned = fuse_opinions(opinions, GRID, LEARN, "object/ball", Learner(), 0.0)
+    default = fuse_opinions(opinions, GRID, BoardSection(), "object/ball")
+    assert np.array_equal(learned.belief.p, default.belief.p)
+    assert [share.weight for share in learned.shares] == [share.weight for share in default.shares]
+    assert learned.rule == default.rule
+    assert learned.conflict == default.conflict
+
+
+def test_a_rule_that_learns_is_cautious_without_a_learner() -> None:
+    opinions = np.stack([at(10, 10, 2).p, at(12, 10, 3).p])
+    assert np.array_equal(
+        fuse(Coalition(independence="learn"), opinions, GRID).p, fuse(Coalition(independence=0.2), opinions, GRID).p
+    )
+    assert Coalition(independence="learn").in_force()["independence"] == "learn"
+    with pytest.raises(RuleError, match='or "learn"'):
+        Coalition(independence="lern")  # type: ignore[arg-type]
+
+
+# --- what is learned -------------------------------------------------------------------------------------------------------
+
+
+def test_independent_sources_come_to_be_multiplied() -> None:
+    assert sum(exponents(Learner())) == pytest.approx(5**0.2)  # the default: five count as 1.4
+    assert sum(exponents(taught())) > 2.2
+
+
+def test_the_weight_of_one_liar_falls() -> None:
+    found = exponents(taught(liar=12.0))
+    assert found[0] < 0.15
+    assert min(found[1:]) > 0.5
+    (it,) = taught(liar=12.0).learned(["s0"])
+    assert it.variance > 5
+    assert it.since is not None
+    assert it.echo is None
+
+
+def test_echoes_of_one_source_count_about_once() -> None:
+    it = taught(echoes=3)
+    found = exponents(it)
+    assert found[0] + found[1] + found[2] + found[4] == pytest.approx(1.0, abs=0.25)  # s4 and who repeats it
+    assert found[3] > 0.6
+    told = {one.source: one for one in it.learned()}
+    assert told["s0"].echo in ("s1", "s2", "s4")
+    assert told["s0"].since is not None
+    assert told["s3"].echo is None
+    assert told["s3"].since is None
+
+
+def test_sources_that_claim_half_their_sigma_are_found_out_together() -> None:
+    it = taught(50, factor=2.0)
+    assert all(2.0 < one.variance < 6.0 for one in it.learned())
+    assert max(exponents(it)) < 0.5
+
+
+def test_samples_that_follow_each_other_count_less() -> None:
+    fresh, lasting = taught(50), taught(50, memory=0.9)
+    assert fresh.learned()[0].samples > 40
+    assert lasting.learned()[0].samples < 12
+
+
+def test_a_source_that_mends_is_believed_again() -> None:
+    it = taught(40, liar=12.0)
+    for second, opinions in enumerate(stream(5, 60, seed=2), start=40):
+        it.hear("object/ball", float(second), opinions)
+    assert exponents(it)[0] > 0.5
+    assert it.learned(["s0"])[0].since is None
+
+
+def test_with_correlated_errors_the_sharp_opinion_gets_more() -> None:
+    advice = taught(echoes=4).advice([f"s{i}" for i in range(5)], [1.0, 4.0, 4.0, 4.0, 4.0])
+    assert advice.weights[0] == 1.0
+    assert max(advice.weights[1:]) < 0.3
+
+
+# --- laws -----------------------------------------------------------------------------------------------------------------
+
+
+def test_the_order_of_arrival_changes_nothing() -> None:
+    rng = np.random.default_rng(3)
+    one, other = Learner(), Learner()
+    for second, opinions in enumerate(stream(5, 20, liar=8.0)):
+        one.hear("object/ball", float(second), opinions)
+        other.hear("object/ball", float(second), [opinions[i] for i in rng.permutation(5)])
+    assert exponents(one) == exponents(other)
+    assert one.learned() == other.learned()
+
+
+def test_the_same_stream_gives_the_same_weights() -> None:
+    assert exponents(taught(echoes=2)) == exponents(taught(echoes=2))
+
+
+def test_what_shares_ancestors_is_not_compared() -> None:
+    it = Learner()
+    for second, (one, other, *_) in enumerate(stream(5, 20)):
+        shared = Opinion(other.source, other.belief, {"s0": 0.0, "s1": 0.0})
+        it.hear("object/ball", float(second), [one, shared])
+    assert it.learned() == []
+
+
+def test_what_follows_too_soon_or_is_old_is_not_compared() -> None:
+    it = Learner()
+    for second, opinions in enumerate(stream(5, 20)):
+        it.hear("object/ball", float(second), opinions)
+        it.hear("object/ball", second + 0.5, opinions)  # within a second of the one before
+        it.hear(
+            "object/can", float(second), [*opinions[:1], *(opinion(o.source, CENTRE, age=2.0) for o in opinions[1:])]
+        )
+    assert exponents(it) == exponents(taught(20))
+
+
+def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of sources and subjects, with smaller bounds, so that few opinions are needed; of samples with the real one."""
+    monkeypatch.setattr(learning, "MAX_SOURCES", 6)
+    monkeypatch.setattr(learning, "MAX_SUBJECTS", 4)
+    it = Learner()
+    for second in range(12):
+        names = [f"n{(second * 3 + i) % 11}" for i in range(4)]
+        it.hear(f"object/o{second}", float(second), [opinion(name, CENTRE) for name in names])
+    it.hear("object/all", 20.0, [opinion(f"n{i}", CENTRE) for i in range(9)])
+    assert len(it._heard) == 6
+    assert len(it._last) == 4
+    assert len(it._samples) <= 6 * 5 // 2
+    assert it._samples.keys() == it._pairings.keys()
+    assert all(len(means) <= 6 for _, means in it._last.values())
+    assert all(len(window) <= WINDOW for window in taught(WINDOW + 5)._samples.values())
+
+
+SMALL = Grid((6, 4))
+masses = st.one_of(
+    st.just([1.0] * SMALL.size),
+    st.integers(0, SMALL.size - 1).map(lambda cell: [float(i == cell) for i in range(SMALL.size)]),
+    st.lists(st.sampled_from([0.0, 1e-300, 1e-9, 1.0, 7.0]), min_size=SMALL.size, max_size=SMALL.size).filter(
+        lambda p: sum(p) > 1e-9
+    ),
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.lists(masses, min_size=3, max_size=3), min_size=1, max_size=8))
+def test_no_belief_makes_it_fail(ticks: list[list[list[float]]]) -> None:
+    it = Learner()
+    for second in range(12):
+        ps = [np.reshape(p, SMALL.shape) / sum(p) for p in ticks[second % len(ticks)]]
+        opinions = [Opinion(f"s{i}", Belief(SMALL, p), {f"s{i}": 0.0}) for i, p in enumerate(ps)]
+        it.hear("object/ball", float(second), opinions)
+        advice = it.advice([o.source for o in opinions], [width(o.belief) for o in opinions])
+        assert 0 <= advice.independence <= 1
+        assert np.all((advice.powers > 0) & (advice.powers <= 1))
+        assert np.all((advice.weights > 0) & (advice.weights <= 1))
+        rule, stack = as_advised(Coalition(), np.stack(ps), advice)
+        assert np.isfinite(fuse(rule, stack, SMALL).p).all()
+        for told in it.learned():
+            assert math.isfinite(told.variance)
+            assert 0 <= told.correlation <= 1
+            assert told.variance >= 1
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(2, 8), st.floats(0, 1), st.randoms(use_true_random=False))
+def test_weights_of_equally_wide_opinions_are_those_of_the_formula(n: int, correlation: float, random: Any) -> None:
+    """(1 + l) (R + l I)^-1 1 with equal correlations is (1 + l) / (1 + l + (n - 1) rho) for each."""
+    matrix = np.full((n, n), correlation)
+    np.fill_diagonal(matrix, 1.0)
+    told = (1 + learning.RIDGE) / (1 + learning.RIDGE + (n - 1) * correlation)
+    np.testing.assert_allclose(learning._weights(matrix, np.full(n, 3.0)), told, atol=1e-9)
+
+
+# --- the board ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_board_tells_what_it_learned_and_what_it_used() -> None:
+    it = board(independence="learn")
+    for second, opinions in enumerate(stream(5, 40, liar=12.0)):
+        for one in opinions:
+            it.hear(report(one.source, one.belief, time=float(second), tick=second), float(second))
+        consensus = only(it.settle(second, float(second)))
+    weights = {used.source: used.weight for used in consensus.used}
+    assert weights["s0"] < 0.3 < min(weight for source, weight in weights.items() if source != "s0")
+    told = {one.source: one for one in consensus.learned}
+    assert told["s0"].variance > 3
+    assert told["s0"].level == "consensus"
+    assert set(told) == set(weights)
+    assert consensus.parameters["independence"] > 0.5  # type: ignore[operator]
+    assert it.learned() == consensus.learned
+    assert decode(Consensus, encode(consensus)) == consensus
+
+
+def test_older_messages_without_the_field_are_taken() -> None:
+    it = board()
+    it.hear(report("s1", at(10, 10, 2)), 0.0)
+    consensus = only(it.settle(0, 0.0))
+    assert consensus.learned == []
+    older = Consensus.model_validate({k: v for k, v in consensus.model_dump().items() if k != "learned"})
+    assert older == consensus
+
+
+def test_the_exchange_learns_of_sub_teams() -> None:
+    it = board(independence="learn")
+    for second, opinions in enumerate(stream(3, 20)):
+        for one in opinions:
+            other = board()
+            other.hear(report(one.source, one.belief, time=float(second)), float(second))
+            theirs = only(other.settle(second, float(second))).model_copy(update={"sub_team": one.source})
+            it.hear_consensus(theirs, float(second))
+        it.exchange(second, float(second))
+    assert {one.source: one.level for one in it.learned()} == dict.fromkeys(("s0", "s1", "s2"), "agreed")
+
+
+def test_the_status_of_a_board_shows_what_it_learned_until_a_new_run_begins() -> None:
+    desk = Desk(independence="learn")
+    desk.register("r1", "r2")
+    for tick in range(0, 60, 5):
+        desk.tell(clock(tick, mode="realtime"), sent("r1", tick), sent("r2", tick))
+        desk.wait(0.3)
+    told = desk.status()
+    assert told.settings["independence"] == "learn"
+    assert {one.source for one in told.learned} == {"r1", "r2"}
+    assert all(isinstance(one, Learned) for one in told.learned)
+    desk.tell(clock(0, mode="realtime", run="two"))
+    desk.wait(0.3)
+    assert desk.status().learned == []
