@@ -60,12 +60,13 @@ def comparison(found: Mapping[str, Any]) -> Figure:
                         continue
                     e = results["rules"][rule][column]
                     default, best = rule == found["default"], rule in results["best"][column]
-                    axis.plot(
-                        [e["low"], e["high"]],
-                        [place, place],
-                        color=VERMILION if default else BLUE,
-                        lw=3 if default else 1.5,
-                    )
+                    if e["low"] is not None:  # of too few runs there is no interval
+                        axis.plot(
+                            [e["low"], e["high"]],
+                            [place, place],
+                            color=VERMILION if default else BLUE,
+                            lw=3 if default else 1.5,
+                        )
                     axis.plot(
                         e["value"], place, marker="*" if best else "o", ms=10 if best else 5,
                         color=VERMILION if default else BLUE,
