@@ -180,7 +180,7 @@ def figures(
     seconds
         Length of a run, in seconds of team time.
     every
-        Seconds of team time from one judged instant to the next.
+        Seconds of team time from one judged instant to the next in Fig. 7; Fig. 6 shows every tick.
     """
     drawing = _drawing()
     sizes = grids or [50, 100, 200]
@@ -188,7 +188,7 @@ def figures(
     with progress("figures") as show_progress:
         worlds = {n: paper.world(load("paper"), n, robots, seconds) for n in sizes}
         jobs = [(paper.RULES, worlds[n], number, every) for n in sorted(sizes, reverse=True) for number in range(seeds)]
-        parts = parallel.run_jobs(parallel.score_team_sizes, jobs, show_progress)
+        parts = parallel.run_jobs(parallel.score_figures, jobs, show_progress)
         runs = {n: [p for job, p in zip(jobs, parts, strict=True) if job[1] is worlds[n]] for n in sizes}
     found = paper.numbers(runs, np.random.default_rng(1))
     for name, figure in drawing.paper(found).items():

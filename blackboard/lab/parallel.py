@@ -19,7 +19,9 @@ from blackboard.lab.cases import GRID, TRIALS, Run
 from blackboard.lab.comparison import AGREED, IDEAL, Other, by_kind, contenders, judge, merged
 from blackboard.lab.estimates import RuleScores
 from blackboard.lab.ideal import ideal_beliefs
+from blackboard.lab.paper import JOINT, FigureScores
 from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases, variant
+from blackboard.lab.team_joint import joint_sizes
 from blackboard.lab.team_size import TeamSizeScores, score_sizes
 from blackboard.lab.tuning import CandidateScores, try_all
 from blackboard.opinion.rules import Rule
@@ -146,11 +148,19 @@ def judge_held_out(
     return {**judge([(number, run)], rules, UnixClock().now), **others}, by_size
 
 
-def score_team_sizes(
-    rules: dict[str, Rule], scenario: Scenario, number: int, every: float
-) -> dict[str, TeamSizeScores]:
-    """Score each rule with teams of one, two, ... robots, in a variant of a scenario."""
-    return score_sizes([(number, _cases(scenario, number, every))], scenario.team.robots, rules)
+def score_figures(rules: dict[str, Rule], scenario: Scenario, number: int, every: float) -> FigureScores:
+    """Score each rule, and the joint, in a variant of a scenario: in every tick, and all sizes of the team every `every` seconds."""
+    own, robots = variant(scenario, number), scenario.team.robots
+    run = first_hand_cases(own, scenario.time.tick)
+    stride = max(1, round(every / scenario.time.tick))
+    fewer = [case for case in run if round(case.time / scenario.time.tick) % stride == 0]
+    parts: list[tuple[Run, Sequence[int]]] = [(run, (1, len(robots))), (fewer, range(1, len(robots) + 1))]
+    joints = joint_sizes(own, parts, number)
+    over_time, over_size = (
+        {**score_sizes([(number, cases)], robots, rules, sizes), JOINT: joint}
+        for (cases, sizes), joint in zip(parts, joints, strict=True)
+    )
+    return FigureScores(over_time, over_size)
 
 
 def _others(scenario: Scenario, number: int, run: Run, beside: Beside) -> dict[str, Other]:
