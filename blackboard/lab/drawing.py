@@ -140,7 +140,7 @@ def _beliefs(data: Mapping[str, Any]) -> Figure:
 
 
 def _name_opinions(axis: Any, case: Mapping[str, Any]) -> None:
-    """The name and the entropy of each opinion above all curves, with a thin line to its peak."""
+    """The name of each opinion above all curves, with a thin line to its peak."""
     top = max(max(p) for p in [*case["opinions"], *(fused["p"] for fused in case["fused"].values())])
     peaks = [(case["x"][int(np.argmax(p))], max(p), i) for i, p in enumerate(case["opinions"])]
     order = sorted(peaks)
@@ -207,6 +207,8 @@ def _over_size(data: Mapping[str, Any]) -> Figure:
                     axis.fill_between(data["robots"], low, high, color=LINES[rule][1], alpha=0.15, lw=0)
             axis.set_ylabel(label)
         _finish(column, size, by_rule, "robots that cooperate")
+        for axis in column:
+            axis.set_xticks(data["robots"])
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=3, fontsize=8)
     return figure
 

@@ -1,5 +1,6 @@
 """The numbers behind the paper's Figs. 1 to 7 (Pahliani & Lima, IROS 2007), with what it leaves out: log score and coverage. Pure.
 
+Long, because it holds all seven figures.
 Figs. 1 to 5 are opinions on a line of 100 units, cell i centred at i; k = 2 and gamma = 1/2 as in the captions.
 """
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.lab.comparison import DEFAULT, PAPER
-from blackboard.lab.estimates import means
+from blackboard.lab.estimates import FEWEST, means
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.opinion.averages import linear_pool, logarithmic_pool
 from blackboard.opinion.belief import gaussian
@@ -234,7 +235,8 @@ def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]], rng: np.random.Gener
     any_scores = next(iter(next(iter(grids.values())).values()))
     robots = list(range(1, len(any_scores.entropies[0]) + 1))
     seeds = len(set(any_scores.run))
-    title = f"Fig. 7: cooperating robots, {seeds} runs ({PARAMETERS})"
+    shown = f"{seeds} runs, 95 % intervals" if seeds >= FEWEST else f"{seeds} run{'s' * (seeds > 1)}"
+    title = f"Fig. 7: cooperating robots, {shown} ({PARAMETERS})"
     return {"title": title, "robots": robots, "seeds": seeds, "grids": by_grid}
 
 
