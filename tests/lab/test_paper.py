@@ -24,13 +24,13 @@ GOLDEN: dict[str, Any] = json.loads(
 
 @cache
 def score_figures(seed: int) -> paper.FigureScores:
-    world = paper.world(load("paper"), 40, 3, 12.0)
+    world = paper.world(load("paper"), 25, 3, 12.0)
     return parallel.score_figures(paper.RULES, world, seed, 4.0)
 
 
 @cache
 def numbers() -> dict[str, Any]:
-    return paper.numbers({40: [score_figures(seed) for seed in range(4)]}, np.random.default_rng(1))
+    return paper.numbers({25: [score_figures(seed) for seed in range(4)]}, np.random.default_rng(1))
 
 
 def merged(part: str, rule: str) -> TeamSizeScores:
@@ -87,12 +87,12 @@ def test_figures_6_and_7_are_means_over_what_was_scored() -> None:
     assert told7["seeds"] == 4
     over_time, growth = merged("over_time", "cooperative"), merged("over_size", "cooperative")
     at = np.equal(over_time.time, 8.0)
-    six = told6["grids"]["40"]
+    six = told6["grids"]["25"]
     assert six["cooperative"]["entropy"][7] == pytest.approx(np.array(over_time.entropies)[at, -1].mean())
     assert six["alone"]["entropy"][7] == pytest.approx(np.array(over_time.original)[at].mean())
-    assert told6["means"]["40"]["alone"]["entropy"] == pytest.approx(np.mean(six["alone"]["entropy"]))
+    assert told6["means"]["25"]["alone"]["entropy"] == pytest.approx(np.mean(six["alone"]["entropy"]))
     assert set(growth.time) == {4.0, 8.0, 12.0}
-    seven = told7["grids"]["40"]["cooperative"]
+    seven = told7["grids"]["25"]["cooperative"]
     ratios = growth.means(np.array(growth.entropies) / np.array(growth.original)[:, None])
     assert seven["ratio"] == pytest.approx(ratios.mean(axis=0))
     assert seven["ratio"][0] == 1.0
