@@ -111,7 +111,7 @@ def paper(found: Mapping[str, Any]) -> dict[str, Figure]:
 
 
 def _figure(rows: int, columns: int, title: str) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(1 + 3.6 * columns, 1.4 + 2.4 * rows), layout="constrained")
+    figure = Figure(figsize=(max(6.5, 1 + 3.6 * columns), 1.4 + 2.4 * rows), layout="constrained")
     figure.suptitle(title)
     return figure, figure.subplots(rows, columns, squeeze=False)
 
@@ -162,7 +162,6 @@ def _name_opinions(axis: Any, case: Mapping[str, Any]) -> None:
 
 def _ratios(data: Mapping[str, Any]) -> Figure:
     figure, ((axis,),) = _figure(1, 1, data["title"])
-    figure.set_size_inches(6.5, 4.2)
     for rule, ratios in data["ratios"].items():
         _line(axis, rule, data["places"], ratios)
     axis.axhline(1.0, color=BLACK, lw=1)
@@ -190,7 +189,7 @@ def _over_time(data: Mapping[str, Any]) -> Figure:
                 _line(axis, rule, data["time"], values[metric], every)
             axis.set_ylabel(label)
         _finish(column, size, by_rule, "time [s]")
-    figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=3, fontsize=8)
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=1 + axes.shape[1], fontsize=8)
     return figure
 
 
@@ -209,7 +208,7 @@ def _over_size(data: Mapping[str, Any]) -> Figure:
         _finish(column, size, by_rule, "robots that cooperate")
         for axis in column:
             axis.set_xticks(data["robots"])
-    figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=3, fontsize=8)
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=1 + axes.shape[1], fontsize=8)
     return figure
 
 

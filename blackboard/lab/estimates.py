@@ -118,9 +118,10 @@ def difference(scores: RuleScores, other: RuleScores, rng: np.random.Generator) 
     return _spans(gained.mean(keepdims=True), drawn[:, None], runs)[0]
 
 
-def means(rows: Array, rng: np.random.Generator) -> list[Estimate]:
-    """The mean over runs of each column of rows (runs, columns), with its interval."""
-    return _spans(rows.mean(axis=0), resamples(len(rows), rng) @ rows / len(rows), len(rows))
+def means(rows: Array, rng: np.random.Generator, least: float = -math.inf, most: float = math.inf) -> list[Estimate]:
+    """The mean over runs of each column of rows (runs, columns), with its interval, cut off at the least and the most it can be."""
+    found = _spans(rows.mean(axis=0), resamples(len(rows), rng) @ rows / len(rows), len(rows))
+    return [_within(estimate, least, most) for estimate in found]
 
 
 def _spans(values: Array, drawn: Array, runs: int) -> list[Estimate]:

@@ -244,7 +244,8 @@ def _by_size(scores: TeamSizeScores, rng: np.random.Generator) -> dict[str, list
     found: dict[str, list[float | None]] = {}
     ratio = np.array(scores.entropies) / np.array(scores.original)[:, None]
     for metric, values in {"ratio": ratio, **_metrics(scores)}.items():
-        columns = means(scores.means(values), rng)
+        least, most = (0.0, 1.0) if metric.startswith("coverage") else (-np.inf, np.inf)
+        columns = means(scores.means(values), rng, least, most)
         found[metric] = [e.value for e in columns]
         found[f"{metric}_low"], found[f"{metric}_high"] = [e.low for e in columns], [e.high for e in columns]
     return found

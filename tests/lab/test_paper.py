@@ -99,6 +99,7 @@ def test_figures_6_and_7_are_means_over_what_was_scored() -> None:
     assert seven["ratio"][2] < 1.0
     for metric in ("log_score", "coverage_50", "coverage_95"):
         assert all(lo <= v <= hi for lo, v, hi in zip(seven[f"{metric}_low"], seven[metric], seven[f"{metric}_high"], strict=True))  # fmt: skip
+    assert all(high <= 1.0 for level in (50, 95) for high in seven[f"coverage_{level}_high"])
     assert set(seven["by_kind"]) == {"robot", "object"}
 
 
