@@ -33,6 +33,11 @@ class Case:
                 f"case of {len(self.sources)} sources on a grid of {self.grid.shape}: opinions of shape {self.opinions.shape}"
             )
 
+    @property
+    def asked(self) -> tuple[float, str]:
+        """The time, rounded to milliseconds, and the subject: what other beliefs about the same are found by."""
+        return round(self.time, 3), self.subject
+
     def of(self, sources: Collection[str]) -> Case:
         """The case with the opinions of some sources only."""
         kept = [i for i, source in enumerate(self.sources) if source in sources]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from blackboard.config import BoardSection
 from blackboard.lab.cases import Case, Run
-from blackboard.lab.estimates import COLUMNS, Estimate, RuleScores, estimates
+from blackboard.lab.estimates import COLUMNS, FEWEST, Estimate, RuleScores, estimates
 from blackboard.opinion.averages import ChannelFilter
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.cooperative import Coalition, Cooperative
@@ -31,6 +31,10 @@ DEFAULT = Coalition()
 DEFAULT_NAME = "coalition"
 #: The name of a scenario's own [board] table.
 OWN_BOARD = "[board]"
+#: The name of the centralised filter (`blackboard.lab.ideal`): a bound, which is never starred.
+IDEAL = "ideal"
+#: A row's name -> the `fusion` of the whole team's run whose agreed beliefs it judges.
+AGREED = {"agreed, opinions": "opinions", "agreed, joint": "joint"}
 
 
 def contenders(grid: Grid, board: BoardSection | None = None) -> dict[str, Contender]:
@@ -58,6 +62,27 @@ def judge(runs: Sequence[tuple[int, Run]], rules: Mapping[str, Contender], timer
                 belief = Belief(case.grid, pooled.p)
                 scores[name].add(number, belief, case.truth, seconds, pooled.outcome != "pooled")
     return scores
+
+
+@dataclass(frozen=True, eq=False)
+class Other:
+    """Beliefs that were not pooled from cases, by the time and the subject that a case asks for, and what they are."""
+
+    beliefs: Mapping[tuple[float, str], Belief]
+    in_force: dict[str, str | float]
+
+    def judge(self, number: int, run: Run) -> RuleScores:
+        """Their scores on the cases of run `number`."""
+        scores = RuleScores(in_force=self.in_force)
+        for case in run:
+            scores.add(number, self.beliefs[case.asked], case.truth, None)
+        return scores
+
+
+def by_kind(run: Run) -> dict[str, Run]:
+    """The cases about robots and those about objects, by what is added to the name of their situation."""
+    kinds = sorted({case.subject.split("/")[0] for case in run}, reverse=True)
+    return {f", {kind}s": [case for case in run if case.subject.startswith(f"{kind}/")] for kind in kinds}
 
 
 def merged(parts: Sequence[dict[str, RuleScores]]) -> dict[str, RuleScores]:
@@ -119,13 +144,14 @@ def _best(column: str, rows: Mapping[str, Mapping[str, Estimate]]) -> list[str]:
             return float("inf")
         return value
 
-    losses = {name: round(loss(row), 3) for name, row in rows.items()}
+    losses = {name: round(loss(row), 3) for name, row in rows.items() if name != IDEAL and column in row}
     least = min(losses.values())
     return [name for name, value in losses.items() if value == least < float("inf")]
 
 
 def text(found: Mapping[str, Any]) -> str:
     """The report as text: half the width of the 95 % interval after the number, a star at the best of each column."""
+    names = {name for result in found["trials"].values() for name in result["rules"]}
     heads = ("RMSE", "median", "log score", *(f"{level} %" for level in LEVELS), "entropy", "ms")
     lines = list(_lines(found, heads))
     lines.append(
@@ -134,6 +160,12 @@ def text(found: Mapping[str, Any]) -> str:
     lines.append(
         f"entropy of those whose 95 % regions hold the truth in {100 * HONEST:.0f} %. > the default of a board."
     )
+    if any(result["runs"] < FEWEST for result in found["trials"].values()):
+        lines.append(f"- no interval: of fewer than {FEWEST} runs there is none worth the name.")
+    if names & set(AGREED):
+        lines.append("agreed: what the boards of a whole team agree on, with exchange and feedback, by [board] fusion.")
+    if IDEAL in names:
+        lines.append("ideal: one filter on all readings; in simulation, with the world's own noise, it is the bound.")
     return "\n".join(lines)
 
 
@@ -142,13 +174,16 @@ def _lines(found: Mapping[str, Any], heads: Sequence[str]) -> Iterator[str]:
         yield f"{situation}: {result['runs']} runs, {result['cases']} fusions"
         yield " " * 22 + "".join(f"{head:>14}" for head in heads)
         for name, row in result["rules"].items():
-            cells = (_cell(column, row[column], name in result["best"][column]) for column in COLUMNS)
+            cells = (_cell(column, row.get(column), name in result["best"][column]) for column in COLUMNS)
             failed = f"  {row['failed']} vetoed" if row["failed"] else ""
             yield f"{'> ' if name == found['default'] else '  '}{name:20}" + "".join(cells) + failed
         yield ""
 
 
-def _cell(column: str, estimate: Mapping[str, float], best: bool) -> str:
-    half = (estimate["high"] - estimate["low"]) / 2
+def _cell(column: str, estimate: Mapping[str, float | None] | None, best: bool) -> str:
+    if estimate is None:
+        return "-".rjust(14)
+    low, high = estimate["low"], estimate["high"]
     places = 3 if column.startswith("coverage") else 2
-    return f"{'*' if best else ''}{estimate['value']:.{places}f} ±{half:.{places}f}".rjust(14)
+    half = "    -" if low is None or high is None else f"±{(high - low) / 2:.{places}f}"
+    return f"{'*' if best else ''}{estimate['value']:.{places}f} {half}".rjust(14)

@@ -60,12 +60,13 @@ def comparison(found: Mapping[str, Any]) -> Figure:
                         continue
                     e = results["rules"][rule][column]
                     default, best = rule == found["default"], rule in results["best"][column]
-                    axis.plot(
-                        [e["low"], e["high"]],
-                        [place, place],
-                        color=VERMILION if default else BLUE,
-                        lw=3 if default else 1.5,
-                    )
+                    if e["low"] is not None:  # of too few runs there is no interval
+                        axis.plot(
+                            [e["low"], e["high"]],
+                            [place, place],
+                            color=VERMILION if default else BLUE,
+                            lw=3 if default else 1.5,
+                        )
                     axis.plot(
                         e["value"], place, marker="*" if best else "o", ms=10 if best else 5,
                         color=VERMILION if default else BLUE,
@@ -82,16 +83,19 @@ def comparison(found: Mapping[str, Any]) -> Figure:
 
 # --- the paper's figures ---------------------------------------------------------------------------------------------
 
-#: Rule -> (colour, line style, marker).
+#: Rule -> (the paper's name for it, or ours; colour, line style, marker).
 LINES = {
-    "alone": (BLACK, ":", "s"),
-    "linear": (SKY, "-.", "^"),
-    "logarithmic": (GREEN, "--", "v"),
-    "cooperative": (VERMILION, "-", "o"),
-    "cooperative, reference cell": (PURPLE, "--", "D"),
-    "coalition": (BLUE, "-.", "P"),
-    "coalition, independent": (SKY, "-", "X"),
+    "alone": ("a robot alone", BLACK, ":", "s"),
+    "linear": ("LOP", SKY, "-.", "^"),
+    "logarithmic": ("LGP (w = 1)", GREEN, "--", "v"),
+    "cooperative": ("COP as printed", VERMILION, "-", "o"),
+    "cooperative, reference cell": ("COP, reference cell 1 unit", PURPLE, "--", "D"),
+    "coalition": ("coalition, a board's default", BLUE, "-.", "P"),
+    "coalition, independent": ("coalition, independence 1", SKY, "-", "X"),
+    "joint": ("joint", GREEN, "-", "*"),
 }
+APART = 8.0  # units between the names of two opinions
+BELOW: Any = "outside lower center"  # where a legend hides nothing
 
 
 def paper(found: Mapping[str, Any]) -> dict[str, Figure]:
@@ -107,73 +111,116 @@ def paper(found: Mapping[str, Any]) -> dict[str, Figure]:
 
 
 def _figure(rows: int, columns: int, title: str) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(1 + 3.6 * columns, 1 + 2.4 * rows), layout="constrained")
+    figure = Figure(figsize=(max(6.5, 1 + 3.6 * columns), 1.4 + 2.4 * rows), layout="constrained")
     figure.suptitle(title)
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
-def _line(axis: Any, rule: str, x: Any, y: Any, marks: bool = True, label: str | None = None) -> None:
-    colour, style, marker = LINES[rule]
-    axis.plot(x, y, color=colour, ls=style, marker=marker if marks else None, ms=4, lw=1.6, label=label or rule)
+def _line(axis: Any, rule: str, x: Any, y: Any, every: int | None = 1, label: str = "") -> None:
+    """A rule's line, with its marker at each of `every` points, or none."""
+    name, colour, style, marker = LINES[rule]
+    marked = {} if every is None else {"marker": marker, "markevery": every}
+    axis.plot(x, y, color=colour, ls=style, ms=4, lw=1.6, label=name + label, **marked)
 
 
 def _beliefs(data: Mapping[str, Any]) -> Figure:
-    """Opinions on a line (grey) and what each rule makes of them."""
+    """Opinions on a line (grey, each with its name) and what each rule makes of them."""
     figure, ((*axes,),) = _figure(1, len(data["cases"]), data["title"])
     for axis, (name, case) in zip(axes, data["cases"].items(), strict=True):
         for p in case["opinions"]:
             axis.plot(case["x"], p, color="#999999", lw=1)
         for rule, fused in case["fused"].items():
-            _line(axis, rule, case["x"], fused["p"], False, f"{rule}, H = {fused['entropy']:.3f}")
+            _line(axis, rule, case["x"], fused["p"], None, f", H = {fused['entropy']:.3f}")
+        _name_opinions(axis, case)
         axis.set_title(name)
         axis.set_xlabel("place [units]")
-        axis.legend(fontsize=7)
+        axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.22))
     axes[0].set_ylabel("probability of a cell")
     return figure
+
+
+def _name_opinions(axis: Any, case: Mapping[str, Any]) -> None:
+    """The name of each opinion above all curves, with a thin line to its peak."""
+    top = max(max(p) for p in [*case["opinions"], *(fused["p"] for fused in case["fused"].values())])
+    peaks = [(case["x"][int(np.argmax(p))], max(p), i) for i, p in enumerate(case["opinions"])]
+    order = sorted(peaks)
+    places = np.array([x for x, _, _ in order], dtype=float)
+    places = np.maximum.accumulate(places - APART * np.arange(len(order))) + APART * np.arange(len(order))
+    places -= np.mean(places - [x for x, _, _ in order])
+    for (x, height, i), place in zip(order, places, strict=True):
+        axis.annotate(
+            case["names"][i],
+            (x, height),
+            (place, 1.12 * top),
+            ha="center",
+            fontsize=8,
+            color="#555555",
+            arrowprops={"arrowstyle": "-", "color": "#bbbbbb", "lw": 0.6},
+        )
+    axis.set_ylim(top=1.22 * top)
 
 
 def _ratios(data: Mapping[str, Any]) -> Figure:
     figure, ((axis,),) = _figure(1, 1, data["title"])
     for rule, ratios in data["ratios"].items():
-        _line(axis, rule, range(1, len(ratios) + 1), ratios)
+        _line(axis, rule, data["places"], ratios)
     axis.axhline(1.0, color=BLACK, lw=1)
-    axis.set_xlabel("place of the robot")
+    axis.set_xlabel("place of the robot [units]")
     axis.set_ylabel("entropy / best sensor's")
-    axis.legend(fontsize=7)
+    figure.legend(*axis.get_legend_handles_labels(), loc=BELOW, ncols=3, fontsize=8)
     return figure
 
 
-METRICS = {"entropy": "entropy [nats]", "log_score": "log score [nats]", "coverage_95": "95 % coverage"}
+METRICS = {
+    "entropy": "entropy [nats]",
+    "log_score": "log score [nats]",
+    "coverage_50": "50 % coverage",
+    "coverage_95": "95 % coverage",
+}
 
 
 def _over_time(data: Mapping[str, Any]) -> Figure:
     """Fig. 6: each metric over time for each grid."""
     figure, axes = _figure(len(METRICS), len(data["grids"]), data["title"])
+    every = max(1, len(data["time"]) // 10)
     for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
         for axis, (metric, label) in zip(column, METRICS.items(), strict=True):
             for rule, values in by_rule.items():
-                _line(axis, rule, data["time"], values[metric])
+                _line(axis, rule, data["time"], values[metric], every)
             axis.set_ylabel(label)
-        column[0].set_title(f"{size} x {size} cells")
-        column[-1].set_xlabel("time [s]")
-        column[-1].axhline(0.95, color=BLACK, lw=1)
-    axes[0][0].legend(fontsize=7)
+        _finish(column, size, by_rule, "time [s]")
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=1 + axes.shape[1], fontsize=8)
     return figure
 
 
 def _over_size(data: Mapping[str, Any]) -> Figure:
-    """Fig. 7: each metric over the size of the team for each grid, with its spread over the seeds."""
-    metrics = {"ratio": "entropy / original entropy", **{m: METRICS[m] for m in ("log_score", "coverage_95")}}
+    """Fig. 7: each metric over the size of the team for each grid, with its 95 % interval over the seeds where there are enough."""
+    metrics = {"ratio": "entropy / original entropy", **{m: METRICS[m] for m in METRICS if m != "entropy"}}
     figure, axes = _figure(len(metrics), len(data["grids"]), data["title"])
     for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
         for axis, (metric, label) in zip(column, metrics.items(), strict=True):
             for rule, values in by_rule.items():
                 _line(axis, rule, data["robots"], values[metric])
                 low, high = (values[f"{metric}_{end}"] for end in ("low", "high"))
-                axis.fill_between(data["robots"], low, high, color=LINES[rule][0], alpha=0.15, lw=0)
+                if None not in low:
+                    axis.fill_between(data["robots"], low, high, color=LINES[rule][1], alpha=0.15, lw=0)
             axis.set_ylabel(label)
-        column[0].set_title(f"{size} x {size} cells")
-        column[-1].set_xlabel("robots that cooperate")
-        column[-1].axhline(0.95, color=BLACK, lw=1)
-    axes[0][0].legend(fontsize=7)
+        _finish(column, size, by_rule, "robots that cooperate")
+        for axis in column:
+            axis.set_xticks(data["robots"])
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=1 + axes.shape[1], fontsize=8)
     return figure
+
+
+def _finish(column: Any, size: str, by_rule: Mapping[str, Any], label: str) -> None:
+    """The title of a grid's column, with the curves that coincide in it, its axis, and what the coverages should be."""
+    same = [
+        f"{LINES[one][0]} = {LINES[other][0]}"
+        for i, one in enumerate(by_rule)
+        for other in list(by_rule)[:i]
+        if all(np.allclose(by_rule[one][metric], by_rule[other][metric], atol=1e-9) for metric in METRICS)
+    ]
+    column[0].set_title("\n".join([f"{size} x {size} cells", *same]), fontsize=9)
+    column[-1].set_xlabel(label)
+    for axis, level in ((column[-2], 0.5), (column[-1], 0.95)):
+        axis.axhline(level, color=BLACK, lw=1)

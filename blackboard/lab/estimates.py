@@ -1,4 +1,9 @@
-"""How a rule scored on many cases, with intervals over runs. Pure; the random generator is an argument."""
+"""How a rule scored on many cases, with intervals over runs. Pure; the random generator is an argument.
+
+The cases of a run are not independent of each other, so runs are drawn anew, and how much is known depends on their number: from
+`MANY` on the interval is the bootstrap's own (percentiles), which over fewer runs is too narrow; there it is the bootstrap's
+standard error times Student's t, and over fewer than `FEWEST` runs there is none.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +19,24 @@ from blackboard.opinion.scores import LEVELS, Score
 
 RESAMPLES = 400  # of the bootstrap
 Z = 1.959964  # of a normal distribution, two-sided 95 %
+FEWEST, MANY = (
+    4,
+    40,
+)  # runs: with fewer there is no interval; from so many on the bootstrap's percentiles are wide enough
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number and its 95 % interval."""
+    """A number and its 95 % interval; None where too few runs were made to give one."""
 
     value: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
+
+    @property
+    def above_zero(self) -> bool:
+        """Whether there is an interval, and all of it is above 0."""
+        return self.low is not None and self.low > 0.0
 
 
 @dataclass
@@ -31,14 +45,16 @@ class RuleScores:
 
     score: Score = field(default_factory=Score)
     runs: list[int] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)  # empty where no single fusion was made
     failed: int = 0  # fusions in which a veto left no cell; scored is what a board does then: the linear pool
     in_force: dict[str, str | float] = field(default_factory=dict)  # the rule and its parameters
 
-    def add(self, run: int, belief: Belief, truth: tuple[float, ...], seconds: float, failed: bool = False) -> None:
+    def add(
+        self, run: int, belief: Belief, truth: tuple[float, ...], seconds: float | None, failed: bool = False
+    ) -> None:
         self.score.add(belief, truth)
         self.runs.append(run)
-        self.seconds.append(seconds)
+        self.seconds += [] if seconds is None else [seconds]
         self.failed += failed
 
     def merge(self, other: RuleScores) -> RuleScores:
@@ -65,46 +81,81 @@ COLUMNS: dict[str, Column] = {
     "ms": (lambda t: 1000 * np.array(t.seconds), "mean"),
 }
 
+SIGNED = ("log_score",)  # the columns that may be below 0
+
 
 def estimates(scores: RuleScores, rng: np.random.Generator) -> dict[str, Estimate]:
-    """Every column of COLUMNS with its 95 % interval, from at least one case.
+    """Every column of COLUMNS with its 95 % interval over runs, from at least one case; without "ms" where no time was taken.
 
-    Percentile bootstrap over runs, whose cases are not independent of each other. Where every run has one case, the interval of
-    a share is Wilson's, which is right at 0 and 1 too (Wilson, JASA 22, 1927).
+    Where every run has one case, the interval of a share is Wilson's, which is right at 0 and 1 too (Wilson, JASA 22, 1927). A share
+    of 0 or 1 of all cases says nothing about how runs differ: there it is Wilson's too, in which a run counts as one case.
     """
-    _, runs = np.unique(scores.runs, return_inverse=True)
-    drawn = resamples(int(runs.max()) + 1, rng)
-    single = len(drawn[0]) == len(runs)
+    _, of_case = np.unique(scores.runs, return_inverse=True)
+    runs = int(of_case.max()) + 1
+    drawn = resamples(runs, rng)[:, of_case]
+    single = runs == len(of_case)
     found = {}
     for name, (values, how) in COLUMNS.items():
         x = values(scores)
+        if not len(x):
+            continue
         value = float(_pooled(x, np.ones((1, len(x))), how)[0])
-        if how == "share" and single:
-            found[name] = wilson(value, len(x))
+        if how == "share" and (single or value in (0.0, 1.0)):
+            found[name] = wilson(value, runs) if runs >= FEWEST else Estimate(value, None, None)
         else:
-            low, high = np.quantile(_pooled(x, drawn[:, runs], how), (0.025, 0.975))
-            found[name] = Estimate(value, float(low), float(high))
+            (found[name],) = _spans(np.array([value]), _pooled(x, drawn, how)[:, None], runs)
+            if name not in SIGNED:
+                found[name] = _within(found[name], 0.0, 1.0 if how == "share" else math.inf)
     return found
 
 
 def difference(scores: RuleScores, other: RuleScores, rng: np.random.Generator) -> Estimate:
-    """How much higher the mean log score of the first is, on the same cases in the same order; bootstrap over runs."""
-    _, runs = np.unique(scores.runs, return_inverse=True)
+    """How much higher the mean log score of the first is, on the same cases in the same order; the interval is over runs."""
+    _, of_case = np.unique(scores.runs, return_inverse=True)
+    runs = int(of_case.max()) + 1
     gained = np.array(scores.score.log_scores) - np.array(other.score.log_scores)
-    low, high = np.quantile(_pooled(gained, resamples(int(runs.max()) + 1, rng)[:, runs], "mean"), (0.025, 0.975))
-    return Estimate(float(gained.mean()), float(low), float(high))
+    drawn = _pooled(gained, resamples(runs, rng)[:, of_case], "mean")
+    return _spans(gained.mean(keepdims=True), drawn[:, None], runs)[0]
 
 
-def means(rows: Array, rng: np.random.Generator) -> list[Estimate]:
-    """The mean over runs of each column of rows (runs, columns), with its interval."""
-    counts = resamples(len(rows), rng)
-    low, high = np.quantile(counts @ rows / len(rows), (0.025, 0.975), axis=0)
-    return [Estimate(*(float(v) for v in column)) for column in zip(rows.mean(axis=0), low, high, strict=True)]
+def means(rows: Array, rng: np.random.Generator, least: float = -math.inf, most: float = math.inf) -> list[Estimate]:
+    """The mean over runs of each column of rows (runs, columns), with its interval, cut off at the least and the most it can be."""
+    found = _spans(rows.mean(axis=0), resamples(len(rows), rng) @ rows / len(rows), len(rows))
+    return [_within(estimate, least, most) for estimate in found]
+
+
+def _spans(values: Array, drawn: Array, runs: int) -> list[Estimate]:
+    """The intervals of some numbers, shape (n,), from what they are when the runs are drawn anew, shape (RESAMPLES, n)."""
+    if runs < FEWEST:
+        return [Estimate(float(value), None, None) for value in values]
+    if runs >= MANY:
+        low, high = np.quantile(drawn, (0.025, 0.975), axis=0)
+    else:  # the bootstrap's variance is (runs - 1) / runs of the unbiased one
+        half = student(runs - 1) * math.sqrt(runs / (runs - 1)) * drawn.std(axis=0)
+        low, high = values - half, values + half
+    return [Estimate(*(float(v) for v in column)) for column in zip(values, low, high, strict=True)]
+
+
+def _within(estimate: Estimate, least: float, most: float) -> Estimate:
+    """The estimate with its interval cut off where its number cannot be."""
+    if estimate.low is None or estimate.high is None:
+        return estimate
+    return Estimate(estimate.value, max(least, estimate.low), min(most, estimate.high))
 
 
 def resamples(runs: int, rng: np.random.Generator) -> Array:
     """How often each run was drawn in each resample, shape (RESAMPLES, runs)."""
     return np.asarray(rng.multinomial(runs, np.full(runs, 1 / runs), RESAMPLES).astype(float))
+
+
+def student(freedom: int) -> float:
+    """Student's t, two-sided 95 %, within 1 % from 3 degrees of freedom on (Abramowitz and Stegun 1964, 26.7.5)."""
+    terms = (
+        (Z**3 + Z) / 4,
+        (5 * Z**5 + 16 * Z**3 + 3 * Z) / 96,
+        (3 * Z**7 + 19 * Z**5 + 17 * Z**3 - 15 * Z) / 384,
+    )
+    return Z + sum(term / float(freedom) ** n for n, term in enumerate(terms, start=1))
 
 
 def wilson(share: float, n: int) -> Estimate:

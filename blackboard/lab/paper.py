@@ -1,12 +1,13 @@
 """The numbers behind the paper's Figs. 1 to 7 (Pahliani & Lima, IROS 2007), with what it leaves out: log score and coverage. Pure.
 
+Long, because it holds all seven figures.
 Figs. 1 to 5 are opinions on a line of 100 units, cell i centred at i; k = 2 and gamma = 1/2 as in the captions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.lab.comparison import DEFAULT, PAPER
+from blackboard.lab.estimates import FEWEST, means
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.opinion.averages import linear_pool, logarithmic_pool
 from blackboard.opinion.belief import gaussian
@@ -34,6 +36,7 @@ FIG1: Sensors = ((40, 4), (44, 5), (72, 4))
 OUTLIER = 0.1  # share of Fig. 1's sensors that may be wrong: without it no two Gaussians ever fuse to a higher entropy
 
 FAR = 40.0  # units: the sensors that agree are below, the odd ones above
+PARAMETERS = "k = 2, gamma = 1/2"
 PLACES = 40  # of the robot in Fig. 3
 ARENA = 50.0  # units along each edge, in Figs. 6 and 7
 
@@ -46,6 +49,18 @@ RULES: dict[str, Rule] = {
 }
 
 
+#: The name of the team's joint Gaussian (`[board] fusion = "joint"`) beside the rules.
+JOINT = "joint"
+
+
+@dataclass(frozen=True)
+class FigureScores:
+    """What Figs. 6 and 7 show of one run, for each of RULES and JOINT."""
+
+    over_time: dict[str, TeamSizeScores]  # in every tick, of one robot and of all
+    over_size: dict[str, TeamSizeScores]  # every few seconds, of 1, 2, ... robots
+
+
 def line(per_unit: int = 1) -> Grid:
     """100 units of a line; cell i is centred at i / per_unit."""
     return Grid((100 * per_unit,), 1 / per_unit, (-0.5 / per_unit,))
@@ -55,14 +70,20 @@ def world(paper: Scenario, cells: int, robots: int, seconds: float) -> Scenario:
     """The paper's world with the arena of 50 x 50 units divided into cells x cells, and so many robots in one team."""
     chosen = paper.changed("grid", shape=[cells, cells], cell=ARENA / cells)
     chosen = chosen.changed("team", sub_teams={"a": [f"r{i + 1}" for i in range(robots)]})
+    chosen = chosen.changed(
+        "board", objects_drift=0.0
+    )  # the object stands, which the robots are told too ([robot.objects])
     return chosen.changed("time", seconds=seconds)
 
 
-def numbers(runs: Mapping[int, Sequence[Mapping[str, TeamSizeScores]]], rng: np.random.Generator) -> dict[str, Any]:
-    """All figures' numbers as JSON; `runs` holds for each grid size what `score_sizes` found in each run of `world`."""
-    together = {
-        size: {rule: reduce(TeamSizeScores.merge, (run[rule] for run in some)) for rule in RULES}
-        for size, some in runs.items()
+def numbers(runs: Mapping[int, Sequence[FigureScores]], rng: np.random.Generator) -> dict[str, Any]:
+    """All figures' numbers as JSON; `runs` holds the scores of each run of `world` for each grid size."""
+    names = [*RULES, JOINT]
+    over_time = {
+        n: {name: _together([run.over_time[name] for run in some]) for name in names} for n, some in runs.items()
+    }
+    over_size = {
+        n: {name: _together([run.over_size[name] for run in some]) for name in names} for n, some in runs.items()
     }
     return {
         "fig1": fig1(),
@@ -70,12 +91,13 @@ def numbers(runs: Mapping[int, Sequence[Mapping[str, TeamSizeScores]]], rng: np.
         "fig3": fig3(rng),
         "fig4": _figure("Fig. 4: one sensor is wrong", {"as its text tells": FIG4_TEXT, "as its caption prints": FIG4_CAPTION}),
         "fig5": {**_figure("Fig. 5: two are wrong, and disagree", {"as printed": FIG5}), "resolution": resolution()},
-        "fig6": fig6(together),
-        "fig7": fig7(together),
+        "fig6": fig6(over_time),
+        "fig7": fig7(over_size, rng),
     }  # fmt: skip
 
 
-# --- on a line ---------------------------------------------------------------------------------------------------------
+def _together(runs: Sequence[TeamSizeScores]) -> TeamSizeScores:
+    return reduce(TeamSizeScores.merge, runs)
 
 
 def fig1() -> dict[str, Any]:
@@ -85,16 +107,17 @@ def fig1() -> dict[str, Any]:
     cases = {}
     for name, pair in (("P1 and P2 agree", [0, 1]), ("P1 and P3 do not", [0, 2])):
         opinions = (1 - OUTLIER) * gaussians[pair] + OUTLIER / grid.size
-        cases[name] = _case(grid, opinions, {"logarithmic": logarithmic_pool(opinions)})
+        cases[name] = _case(grid, opinions, {"logarithmic": logarithmic_pool(opinions)}, [f"P{i + 1}" for i in pair])
         cases[name]["entropy of pure Gaussians"] = entropy(logarithmic_pool(gaussians[pair]))
-    return {"title": "Fig. 1: agreement and the entropy of the LGP", "cases": cases}
+    return {"title": "Fig. 1: agreement and the entropy of the LGP (w = 1)", "cases": cases}
 
 
 def fig3(rng: np.random.Generator) -> dict[str, Any]:
     """Three sensors of a robot that agree, at one place after the other: entropy of what each rule makes of them / the best."""
     ratios: dict[str, list[float]] = {"linear": [], "logarithmic": [], "cooperative": []}
     grid = line()
-    for place in np.linspace(20, 80, PLACES):
+    places = np.linspace(20, 80, PLACES)
+    for place in places:
         sigmas = rng.uniform(2.0, 5.0, 3) * (0.6 + place / 100)  # the farther, the worse
         means = place + 0.5 * sigmas * rng.standard_normal(3)  # in agreement: half of what sigma allows
         opinions = np.stack([gaussian(grid, (m,), float(s)).p for m, s in zip(means, sigmas, strict=True)])
@@ -102,7 +125,8 @@ def fig3(rng: np.random.Generator) -> dict[str, Any]:
         for rule, p in _fused(opinions).items():
             ratios[rule].append(entropy(p) / best)
     return {
-        "title": "Fig. 3: three sensors that agree, at 40 places",
+        "title": f"Fig. 3: three sensors that agree, at 40 places ({PARAMETERS})",
+        "places": places.tolist(),  # units
         "ratios": ratios,
         "share below 1": {rule: float(np.mean(np.less(values, 1.0))) for rule, values in ratios.items()},
     }
@@ -128,7 +152,7 @@ def _figure(title: str, cases: Mapping[str, Sensors]) -> dict[str, Any]:
     for name, sensors in cases.items():
         opinions = np.stack([gaussian(grid, (mean,), sigma).p for mean, sigma in sensors])
         fused_cases[name] = _case(grid, opinions, _fused(opinions))
-    return {"title": title, "cases": fused_cases}
+    return {"title": f"{title} ({PARAMETERS})", "cases": fused_cases}
 
 
 def _fused(opinions: Array) -> dict[str, Array]:
@@ -140,9 +164,12 @@ def _fused(opinions: Array) -> dict[str, Array]:
     }
 
 
-def _case(grid: Grid, opinions: Array, fused: Mapping[str, Array]) -> dict[str, Any]:
+def _case(
+    grid: Grid, opinions: Array, fused: Mapping[str, Array], names: Sequence[str] | None = None
+) -> dict[str, Any]:
     x = grid.centres(0)
     return {
+        "names": list(names or (f"P{i + 1}" for i in range(len(opinions)))),
         "x": x.tolist(),
         "opinions": opinions.tolist(),
         "entropies": [entropy(p) for p in opinions],
@@ -162,14 +189,25 @@ def _case(grid: Grid, opinions: Array, fused: Mapping[str, Array]) -> dict[str, 
 
 
 def fig6(grids: Mapping[int, Mapping[str, TeamSizeScores]]) -> dict[str, Any]:
-    """Over time: what a robot believes alone and what the whole team does, mean over robots, subjects and runs."""
+    """Over time: what a robot believes alone and what the whole team does, mean over robots, subjects and runs.
+
+    All robots get their fix at the same instants, so the beliefs are a saw-tooth, which only every tick shows as it is.
+    `means` are those over time.
+    """
     time = sorted(set(next(iter(grids[min(grids)].values())).time))
     by_grid: dict[str, Any] = {}
     for size, by_rule in grids.items():
         first = next(iter(by_rule.values()))
         by_grid[str(size)] = {"alone": _at_times(first, time, 0)}
         by_grid[str(size)] |= {rule: _at_times(scores, time, -1) for rule, scores in by_rule.items()}
-    return {"title": "Fig. 6: one robot's belief and the cooperative belief of all", "time": time, "grids": by_grid}
+    over_time = {
+        size: {
+            rule: {metric: float(np.mean(values)) for metric, values in of_rule.items()} for rule, of_rule in by.items()
+        }
+        for size, by in by_grid.items()
+    }
+    title = f"Fig. 6: one robot's belief and the cooperative belief of all ({PARAMETERS})"
+    return {"title": title, "time": time, "grids": by_grid, "means": over_time}
 
 
 def _at_times(scores: TeamSizeScores, time: Sequence[float], size: int) -> dict[str, list[float]]:
@@ -178,18 +216,18 @@ def _at_times(scores: TeamSizeScores, time: Sequence[float], size: int) -> dict[
     return {metric: [float(values[rows, size].mean()) for rows in at] for metric, values in _metrics(scores).items()}
 
 
-def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]]) -> dict[str, Any]:
+def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]], rng: np.random.Generator) -> dict[str, Any]:
     """Over the size of the team: the average ratio of the cooperative entropy to the original one, and what it is worth.
 
-    low and high: the standard deviation over the runs around the mean. `by_kind` has robots and objects apart.
+    low and high: the 95 % interval over the runs, None of fewer than four. `by_kind` has robots and objects apart.
     """
     by_grid: dict[str, Any] = {}
     for size, by_rule in grids.items():
         by_grid[str(size)] = {
             rule: {
-                **_by_size(scores),
+                **_by_size(scores, rng),
                 "by_kind": {
-                    kind: _by_size(_only(scores, kind)) for kind in ("robot", "object") if _only(scores, kind).run
+                    kind: _by_size(_only(scores, kind), rng) for kind in ("robot", "object") if _only(scores, kind).run
                 },
             }
             for rule, scores in by_rule.items()
@@ -197,25 +235,28 @@ def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]]) -> dict[str, Any]:
     any_scores = next(iter(next(iter(grids.values())).values()))
     robots = list(range(1, len(any_scores.entropies[0]) + 1))
     seeds = len(set(any_scores.run))
-    return {"title": f"Fig. 7: cooperating robots, {seeds} runs", "robots": robots, "seeds": seeds, "grids": by_grid}
+    shown = f"{seeds} runs, 95 % intervals" if seeds >= FEWEST else f"{seeds} run{'s' * (seeds > 1)}"
+    title = f"Fig. 7: cooperating robots, {shown} ({PARAMETERS})"
+    return {"title": title, "robots": robots, "seeds": seeds, "grids": by_grid}
 
 
-def _by_size(scores: TeamSizeScores) -> dict[str, list[float]]:
-    found: dict[str, list[float]] = {}
+def _by_size(scores: TeamSizeScores, rng: np.random.Generator) -> dict[str, list[float | None]]:
+    found: dict[str, list[float | None]] = {}
     ratio = np.array(scores.entropies) / np.array(scores.original)[:, None]
     for metric, values in {"ratio": ratio, **_metrics(scores)}.items():
-        rows = scores.means(values)
-        mean, spread = rows.mean(axis=0), rows.std(axis=0)
-        found[metric] = mean.tolist()
-        found[f"{metric}_low"], found[f"{metric}_high"] = (mean - spread).tolist(), (mean + spread).tolist()
+        least, most = (0.0, 1.0) if metric.startswith("coverage") else (-np.inf, np.inf)
+        columns = means(scores.means(values), rng, least, most)
+        found[metric] = [e.value for e in columns]
+        found[f"{metric}_low"], found[f"{metric}_high"] = [e.low for e in columns], [e.high for e in columns]
     return found
 
 
 def _metrics(scores: TeamSizeScores) -> dict[str, Array]:
-    """Entropy, log score and coverage, each (rows, sizes)."""
+    """Entropy, log score and coverages, each (rows, sizes)."""
     return {
         "entropy": np.array(scores.entropies),
         "log_score": np.array(scores.log_scores),
+        "coverage_50": np.less(scores.levels, 0.5).astype(float),
         "coverage_95": np.less(scores.levels, 0.95).astype(float),
     }
 

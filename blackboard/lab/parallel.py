@@ -9,15 +9,19 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.lab.cases import GRID, TRIALS, Run
-from blackboard.lab.comparison import contenders, judge
+from blackboard.lab.comparison import AGREED, IDEAL, Other, by_kind, contenders, judge, merged
 from blackboard.lab.estimates import RuleScores
-from blackboard.lab.team_cases import first_hand_cases, variant
+from blackboard.lab.ideal import ideal_beliefs
+from blackboard.lab.paper import JOINT, FigureScores
+from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases, variant
+from blackboard.lab.team_joint import joint_sizes
 from blackboard.lab.team_size import TeamSizeScores, score_sizes
 from blackboard.lab.tuning import CandidateScores, try_all
 from blackboard.opinion.rules import Rule
@@ -26,6 +30,16 @@ from blackboard.run.lifeline import follow
 
 T = TypeVar("T")
 Progress = Callable[[int, int], None]  # jobs done, of all
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What is judged beside the rules: what whole teams agree on, and the centralised filter."""
+
+    agreed: bool = False
+    ideal: bool = False
+
+
 CHUNK = 25  # runs of a trial in one job
 
 
@@ -101,10 +115,20 @@ def judge_trial(name: str, first: int, streams: Sequence[np.random.Generator]) -
     return judge(runs, contenders(GRID), UnixClock().now)
 
 
-def judge_team(scenario: Scenario, number: int, every: float) -> dict[str, RuleScores]:
-    """Judge all contenders on a variant of a scenario, wherever there is something to pool."""
-    cases = [case for case in _cases(scenario, number, every) if len(case.sources) > 1]
-    return judge([(number, cases)], contenders(scenario.grid, scenario.board), UnixClock().now)
+def judge_team(
+    scenario: Scenario, number: int, every: float, beside: Beside = Beside()
+) -> dict[str, dict[str, RuleScores]]:
+    """Judge all contenders on a variant of a scenario, wherever there is something to pool: together (""), then `by_kind`."""
+    run = [case for case in _cases(scenario, number, every) if len(case.sources) > 1]
+    rules, others = contenders(scenario.grid, scenario.board), _others(scenario, number, run, beside)
+    parts = {
+        kind: {
+            **judge([(number, some)], rules, UnixClock().now),
+            **{name: other.judge(number, some) for name, other in others.items()},
+        }
+        for kind, some in (by_kind(run) or {"": []}).items()
+    }
+    return {"": merged(list(parts.values())), **(parts if len(parts) > 1 else {})}
 
 
 def try_settings(rules: Sequence[str], scenario: Scenario, number: int, every: float) -> dict[str, CandidateScores]:
@@ -114,20 +138,40 @@ def try_settings(rules: Sequence[str], scenario: Scenario, number: int, every: f
 
 
 def judge_held_out(
-    rules: dict[str, Rule], scenario: Scenario, number: int, every: float
+    rules: dict[str, Rule], scenario: Scenario, number: int, every: float, beside: Beside = Beside()
 ) -> tuple[dict[str, RuleScores], dict[str, TeamSizeScores]]:
     """Judge some rules on a variant of a scenario, and what one more robot gains with the first of them."""
     run = _cases(scenario, number, every)
     first = next(iter(rules))
     by_size = score_sizes([(number, run)], scenario.team.robots, {first: rules[first]})
-    return judge([(number, run)], rules, UnixClock().now), by_size
+    others = {name: other.judge(number, run) for name, other in _others(scenario, number, run, beside).items()}
+    return {**judge([(number, run)], rules, UnixClock().now), **others}, by_size
 
 
-def score_team_sizes(
-    rules: dict[str, Rule], scenario: Scenario, number: int, every: float
-) -> dict[str, TeamSizeScores]:
-    """Score each rule with teams of one, two, ... robots, in a variant of a scenario."""
-    return score_sizes([(number, _cases(scenario, number, every))], scenario.team.robots, rules)
+def score_figures(rules: dict[str, Rule], scenario: Scenario, number: int, every: float) -> FigureScores:
+    """Score each rule, and the joint, in a variant of a scenario: in every tick, and all sizes of the team every `every` seconds."""
+    own, robots = variant(scenario, number), scenario.team.robots
+    run = first_hand_cases(own, scenario.time.tick)
+    stride = max(1, round(every / scenario.time.tick))
+    fewer = [case for case in run if round(case.time / scenario.time.tick) % stride == 0]
+    parts: list[tuple[Run, Sequence[int]]] = [(run, (1, len(robots))), (fewer, range(1, len(robots) + 1))]
+    joints = joint_sizes(own, parts, number)
+    over_time, over_size = (
+        {**score_sizes([(number, cases)], robots, rules, sizes), JOINT: joint}
+        for (cases, sizes), joint in zip(parts, joints, strict=True)
+    )
+    return FigureScores(over_time, over_size)
+
+
+def _others(scenario: Scenario, number: int, run: Run, beside: Beside) -> dict[str, Other]:
+    """What is asked for beside the rules, on the subjects and times of the cases of a run."""
+    found, wanted, own = {}, [case.asked for case in run], variant(scenario, number)
+    for name, fusion in AGREED.items() if beside.agreed else ():
+        team = own.changed("board", fusion=fusion).changed("time", mode="lockstep")
+        found[name] = Other(agreed_beliefs(team, wanted), {"rule": scenario.board.rule, "fusion": fusion})
+    if beside.ideal:
+        found[IDEAL] = Other(ideal_beliefs(own, wanted), {"rule": IDEAL})
+    return found
 
 
 def _cases(scenario: Scenario, number: int, every: float) -> Run:

@@ -1,16 +1,25 @@
-"""The opinions that the boards of a team would be given: robots and world in one process, without network, board or feedback.
+"""The opinions that the boards of a team would be given: robots and world in one process, without network, board or feedback;
+and what a team with all of these agrees on.
 
 First-hand beliefs do not depend on what a board makes of them, so the cases of one run serve every rule.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.lab.cases import Case, Run
-from blackboard.opinion.belief import Belief
+from blackboard.lab.ideal import Asked
+from blackboard.lab.team import Team
+from blackboard.opinion.belief import Belief, uniform
+from blackboard.wire.arrays import unpack
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Consensus
 from robot_agent.agent import beliefs
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator
@@ -47,6 +56,28 @@ def first_hand_cases(scenario: Scenario, every: float = 1.0) -> Run:
             f"{scenario.where}: in {time.seconds:g} s nothing is judged every {every:g} s; give a longer run"
         )
     return cases
+
+
+def agreed_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked, Belief]:
+    """What the boards of a whole team agree on, with its exchange and its feedback, for each subject and time asked for.
+
+    All boards agree on the same, but for what each heard late: it is the first sub-team's that is taken, uniform where there is
+    none. The run must be in lockstep for its readings to be those of `first_hand_cases`. UserError: a wrong scenario.
+    """
+    team, grid, asked = Team(scenario), scenario.grid, set(wanted)
+    first = next(iter(scenario.team.sub_teams))
+    found = {name: uniform(grid) for name in asked}
+
+    def take(envelope: Envelope) -> None:
+        if f"/{first}/agreed/" in envelope.key:
+            consensus = decode(Consensus, envelope.payload)
+            name = round(consensus.time, 3), consensus.subject
+            if name in asked:
+                found[name] = unpack(consensus.belief, grid)
+
+    team.bus.spies.append(take)
+    team.run()
+    return found
 
 
 def variant(scenario: Scenario, number: int) -> Scenario:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +17,7 @@ from blackboard.opinion.scores import Score
 
 @dataclass
 class TeamSizeScores:
-    """Scores of the cooperative belief, one row for each (instant, robot, subject), a column for each size 1..N of the team."""
+    """Scores of the cooperative belief, one row for each (instant, robot, subject), a column for each size of the team."""
 
     run: list[int] = field(default_factory=list)
     time: list[float] = field(default_factory=list)  # seconds
@@ -37,49 +37,66 @@ class TeamSizeScores:
 
 
 def score_sizes(
-    runs: Sequence[tuple[int, Run]], robots: Sequence[str], rules: Mapping[str, Rule]
+    runs: Sequence[tuple[int, Run]],
+    robots: Sequence[str],
+    rules: Mapping[str, Rule],
+    sizes: Sequence[int] | None = None,
 ) -> dict[str, TeamSizeScores]:
     """For each rule: every robot, its own place and the objects it sees, with the n - 1 mates that follow it by name.
 
-    A mate without an opinion on the subject changes nothing, as on a board.
+    A mate without an opinion on the subject changes nothing, as on a board. `sizes` are the n that are scored [default: all].
     """
     found = {name: TeamSizeScores() for name in rules}
     for number, run in runs:
         for case in run:
-            for robot in _concerned(case):
-                for name, rule in rules.items():
-                    _row(found[name], number, case, _teams(robot, robots), rule)
+            for name, rule in rules.items():
+
+                def pool(members: frozenset[str], case: Case = case, rule: Rule = rule) -> Belief:
+                    return Belief(case.grid, fused(case.of(members), rule).p)
+
+                add_case(found[name], number, case, robots, sizes or range(1, len(robots) + 1), pool)
     return found
 
 
-def _concerned(case: Case) -> tuple[str, ...]:
+def add_case(
+    scores: TeamSizeScores,
+    run: int,
+    case: Case,
+    robots: Sequence[str],
+    sizes: Sequence[int],
+    believed: Callable[[frozenset[str]], Belief],
+) -> None:
+    """The rows of a case, one for each robot that it is about; `believed` says what a team believes, and is asked once for each."""
+    known: dict[frozenset[str], Score] = {}
+    for robot in concerned(case):
+        by_size = Score()
+        for size in sizes:
+            members = team(robot, robots, size)
+            if members not in known:
+                known[members] = _scored(believed(members), case)
+            by_size = by_size.merge(known[members])
+        scores.run.append(run)
+        scores.time.append(case.time)
+        scores.subject.append(case.subject)
+        scores.original += _scored(Belief(case.grid, case.of((robot,)).opinions[0]), case).entropies
+        scores.entropies.append(by_size.entropies)
+        scores.log_scores.append(by_size.log_scores)
+        scores.levels.append(by_size.levels)
+
+
+def concerned(case: Case) -> tuple[str, ...]:
     """The robots that a case is about: itself, or all that see the object."""
     kind, name = case.subject.split("/")
     return tuple(s for s in case.sources if kind == "object" or s == name)
 
 
-def _teams(robot: str, robots: Sequence[str]) -> list[list[str]]:
-    """The teams of 1, 2, ... robots that begin with this one."""
+def team(robot: str, robots: Sequence[str], size: int) -> frozenset[str]:
+    """A robot and the `size` - 1 that follow it by name, round from the last to the first."""
     first = list(robots).index(robot)
-    order = [*robots[first:], *robots[:first]]
-    return [order[: n + 1] for n in range(len(order))]
+    return frozenset([*robots[first:], *robots[:first]][:size])
 
 
-def _row(scores: TeamSizeScores, run: int, case: Case, teams: Sequence[Sequence[str]], rule: Rule) -> None:
-    by_size, known = Score(), dict[tuple[str, ...], Score]()
-    for team in teams:
-        part = case.of(team)
-        if part.sources not in known:
-            one = Score()
-            one.add(Belief(case.grid, fused(part, rule).p), case.truth)
-            known[part.sources] = one
-        by_size = by_size.merge(known[part.sources])
-    own = Score()
-    own.add(Belief(case.grid, case.of(teams[0]).opinions[0]), case.truth)
-    scores.run.append(run)
-    scores.time.append(case.time)
-    scores.subject.append(case.subject)
-    scores.original += own.entropies
-    scores.entropies.append(by_size.entropies)
-    scores.log_scores.append(by_size.log_scores)
-    scores.levels.append(by_size.levels)
+def _scored(belief: Belief, case: Case) -> Score:
+    score = Score()
+    score.add(belief, case.truth)
+    return score

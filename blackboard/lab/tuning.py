@@ -17,7 +17,7 @@ import numpy as np
 
 from blackboard.errors import UserError
 from blackboard.lab.cases import Case, Run
-from blackboard.lab.estimates import resamples
+from blackboard.lab.estimates import FEWEST, Estimate, resamples
 from blackboard.opinion.components import alphas, log_components, relative_to_peak, triangular_alphas
 from blackboard.opinion.cooperative import Calibrated, Coalition
 from blackboard.opinion.grid import Array
@@ -94,7 +94,8 @@ def try_all(rule: str, runs: Sequence[Run]) -> CandidateScores:
 def choose(scores: CandidateScores, coverage: float, cell: float, rng: np.random.Generator) -> dict[str, Any]:
     """The candidate with the highest log score of those whose 95 % regions hold the truth in at least a share of `coverage`.
 
-    With its parameters' 95 % intervals: the spread of the choice when the runs are drawn anew. `honest` is False where no
+    With its parameters' spreads: where 95 % of the choices lie when the runs are drawn anew; None of fewer than FEWEST runs. It is no
+    confidence interval, and the fewer the runs the more too narrow it is. `honest` is False where no
     candidate covers so much; then the one that covers most is chosen.
     """
     every = np.ones((1, len(scores.cases)))
@@ -104,8 +105,13 @@ def choose(scores: CandidateScores, coverage: float, cell: float, rng: np.random
     intervals = {}
     for name in space(scores.rule):
         values = np.array([getattr(setting, name) for setting in drawn])
-        low, high = np.quantile(values, (0.025, 0.975), method="nearest")
-        intervals[name] = {"value": getattr(chosen, name), "low": float(low), "high": float(high)}
+        low, high = (float(v) for v in np.quantile(values, (0.025, 0.975), method="nearest"))
+        few = len(scores.cases) < FEWEST
+        intervals[name] = {
+            "value": getattr(chosen, name),
+            "low": None if few else low,
+            "high": None if few else high,
+        }
     i = settings.index(chosen)
     share = float(scores.covered[:, i].sum() / scores.cases.sum())
     return {
@@ -115,6 +121,20 @@ def choose(scores: CandidateScores, coverage: float, cell: float, rng: np.random
         "coverage_95": share,
         "honest": share >= coverage,
     }
+
+
+def recommended(gain: Estimate, honest: bool) -> tuple[str, str]:
+    """What to recommend, "tuned" or "default", and why: the choice must beat the default on runs that it was not chosen from.
+
+    `gain` is how much higher the log score of the choice is there; `honest` whether it covered what was asked where it was chosen.
+    """
+    if not honest:
+        return "default", "no setting covers what is asked"
+    if gain.low is None:
+        return "default", f"fewer than {FEWEST} held-out runs cannot tell whether the choice is better"
+    if not gain.above_zero:
+        return "default", "the choice does not beat it on the held-out runs"
+    return "tuned", "the choice beats the default on the held-out runs"
 
 
 def board_table(rule: Rule) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from blackboard.lab.comparison import merged
 from blackboard.lab.estimates import RuleScores, difference, estimates, means
 from blackboard.lab.team_size import TeamSizeScores
-from blackboard.lab.tuning import board_table, enough
+from blackboard.lab.tuning import board_table, enough, recommended
 from blackboard.opinion.rules import Rule
 
 
@@ -26,25 +26,32 @@ def tuned(
     gain: float,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """The choice with its intervals, how it and others did on held-out runs, and what one more robot gains."""
+    """The choice with its spreads, how it and others did on held-out runs, what is recommended, and what one more robot gains.
+
+    `board` is the table of what is recommended: the choice, or the default where the choice does not beat it.
+    """
     scores = merged([by_rule for by_rule, _ in checks])
     by_size = reduce(TeamSizeScores.merge, (sizes["tuned"] for _, sizes in checks))
     log_scores = by_size.means(np.array(by_size.log_scores))
     gains = means(np.diff(log_scores, axis=1), rng)
+    over_default = difference(scores["tuned"], scores["default"], rng)
+    which, why = recommended(over_default, best["honest"])
     return {
         "asked": {"coverage_95": coverage, "gain": gain},
         "choices": {
             name: {key: value for key, value in choice.items() if key != "setting"} for name, choice in choices.items()
         },
         "chosen": {**best["setting"].in_force(), "honest": best["honest"]},
-        "board": board_table(best["setting"]),
+        "recommended": {"which": which, "why": why, **judged[which].in_force()},
+        "board": board_table(judged[which]),
         "held_out": {
             name: {
-                "rule": judged[name].in_force(),
+                "rule": of_rule.in_force,
                 **{column: asdict(e) for column, e in estimates(of_rule, rng).items()},
             }
             for name, of_rule in scores.items()
         },
+        "gain_over_default": asdict(over_default),
         "gain_over_paper": asdict(difference(scores["tuned"], scores["paper"], rng)),
         "team": {
             "log_score": [asdict(e) for e in means(log_scores, rng)],
@@ -61,11 +68,12 @@ def text(found: Mapping[str, Any]) -> str:
         intervals = ", ".join(f"{p} {_span(e)}" for p, e in choice["parameters"].items())
         share = f"95 % coverage {choice['coverage_95']:.3f}" + ("" if choice["honest"] else ": LESS THAN ASKED")
         lines.append(f"{name}: {intervals}; log score {choice['log_score']:.3f}, {share}")
-    lines += ["", f"on held-out runs {'RMSE':>9}{'log score':>25}{'95 % coverage':>22}{'entropy':>9}"]
+    lines += ["", f"on held-out runs    {'RMSE':>9}{'log score':>25}{'95 % coverage':>22}{'entropy':>9}"]
     for name, row in found["held_out"].items():
         log, cover = _span(row["log_score"], 3), _span(row["coverage_95"], 3)
-        lines.append(f"  {name:14}{row['rmse']['value']:9.3f}{log:>25}{cover:>22}{row['entropy']['value']:9.2f}")
-    lines.append(f"the choice's log score is higher than the paper's by {_span(found['gain_over_paper'], 3)} nats")
+        lines.append(f"  {name:18}{row['rmse']['value']:9.3f}{log:>25}{cover:>22}{row['entropy']['value']:9.2f}")
+    for other in ("default", "paper"):
+        lines.append(f"the choice's log score less the {other}'s: {_span(found[f'gain_over_{other}'], 3)} nats")
     lines += ["", "one robot more gains (nats of log score)"]
     for n, gain in enumerate(found["team"]["gains"], start=2):
         lines.append(f"  {n - 1} -> {n}: {_span(gain, 3)}")
@@ -74,10 +82,14 @@ def text(found: Mapping[str, Any]) -> str:
     lines.append(
         f"the last of {size} robots still gains {least}" if most else f"after {size} no robot more gains {least}"
     )
-    lines += ["", found["board"]]
+    which, why = found["recommended"]["which"], found["recommended"]["why"]
+    lines += ["", f"{'keep the default' if which == 'default' else 'take the choice'}: {why}", "", found["board"]]
     return "\n".join(lines)
 
 
-def _span(estimate: Mapping[str, float], places: int = 2) -> str:
-    value, low, high = (f"{estimate[key]:.{places}f}" for key in ("value", "low", "high"))
-    return f"{value} [{low}, {high}]"
+def _span(estimate: Mapping[str, float | None], places: int = 2) -> str:
+    """A number with its interval, "[-]" where too few runs were made to give one."""
+    value, low, high = (
+        None if estimate[key] is None else f"{estimate[key]:.{places}f}" for key in ("value", "low", "high")
+    )
+    return f"{value} [-]" if low is None else f"{value} [{low}, {high}]"

@@ -24,7 +24,7 @@ def told() -> dict[str, Any]:
 
 
 def figures(told: dict[str, Any]) -> list[Any]:
-    return [drawing.comparison(told), drawing.paper(numbers())["fig7"]]
+    return [drawing.comparison(told), drawing.paper(numbers())["fig4"]]
 
 
 def test_the_same_numbers_give_the_same_bytes(tmp_path: Path, told: dict[str, Any]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,10 @@ import pytest
 
 from blackboard.config import load
 from blackboard.lab import paper, parallel
+from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases
+from blackboard.lab.team_joint import joint_sizes
 from blackboard.lab.team_size import TeamSizeScores
+from blackboard.opinion.weights import entropy
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parent.parent / "golden" / "paper.json").read_text(encoding="utf-8")
@@ -20,14 +23,19 @@ GOLDEN: dict[str, Any] = json.loads(
 
 
 @cache
-def score_team_sizes(seed: int) -> dict[str, TeamSizeScores]:
-    world = paper.world(load("paper"), 40, 3, 12.0)
-    return parallel.score_team_sizes(paper.RULES, world, seed, 4.0)
+def score_figures(seed: int) -> paper.FigureScores:
+    world = paper.world(load("paper"), 25, 3, 12.0)
+    return parallel.score_figures(paper.RULES, world, seed, 4.0)
 
 
 @cache
 def numbers() -> dict[str, Any]:
-    return paper.numbers({40: [score_team_sizes(0), score_team_sizes(1)]}, np.random.default_rng(1))
+    return paper.numbers({25: [score_figures(seed) for seed in range(4)]}, np.random.default_rng(1))
+
+
+def merged(part: str, rule: str) -> TeamSizeScores:
+    runs: list[dict[str, TeamSizeScores]] = [getattr(score_figures(seed), part) for seed in range(4)]
+    return reduce(TeamSizeScores.merge, (run[rule] for run in runs))
 
 
 @pytest.mark.parametrize(
@@ -70,24 +78,54 @@ def test_figure_3_says_what_the_paper_says() -> None:
     assert found["share below 1"] == {"linear": 0.0, "logarithmic": 1.0, "cooperative": 1.0}
 
 
-def test_figures_6_and_7_are_means_over_what_was_score_team_sizes() -> None:
+def test_figures_6_and_7_are_means_over_what_was_scored() -> None:
     told6, told7 = numbers()["fig6"], numbers()["fig7"]
-    assert told6["time"] == [4.0, 8.0, 12.0]
+    assert told6["time"] == [
+        float(second) for second in range(1, 13)
+    ]  # every tick, or a saw-tooth of 6 s shows as another
     assert told7["robots"] == [1, 2, 3]
-    assert told7["seeds"] == 2
-    growth = score_team_sizes(0)["cooperative"].merge(score_team_sizes(1)["cooperative"])
-    at = np.equal(growth.time, 8.0)
-    six = told6["grids"]["40"]
-    assert six["cooperative"]["entropy"][1] == pytest.approx(np.array(growth.entropies)[at, -1].mean())
-    assert six["alone"]["entropy"][1] == pytest.approx(np.array(growth.original)[at].mean())
-    seven = told7["grids"]["40"]["cooperative"]
+    assert told7["seeds"] == 4
+    over_time, growth = merged("over_time", "cooperative"), merged("over_size", "cooperative")
+    at = np.equal(over_time.time, 8.0)
+    six = told6["grids"]["25"]
+    assert six["cooperative"]["entropy"][7] == pytest.approx(np.array(over_time.entropies)[at, -1].mean())
+    assert six["alone"]["entropy"][7] == pytest.approx(np.array(over_time.original)[at].mean())
+    assert told6["means"]["25"]["alone"]["entropy"] == pytest.approx(np.mean(six["alone"]["entropy"]))
+    assert set(growth.time) == {4.0, 8.0, 12.0}
+    seven = told7["grids"]["25"]["cooperative"]
     ratios = growth.means(np.array(growth.entropies) / np.array(growth.original)[:, None])
     assert seven["ratio"] == pytest.approx(ratios.mean(axis=0))
     assert seven["ratio"][0] == 1.0
     assert seven["ratio"][2] < 1.0
-    for metric in ("log_score", "coverage_95"):
+    for metric in ("log_score", "coverage_50", "coverage_95"):
         assert all(lo <= v <= hi for lo, v, hi in zip(seven[f"{metric}_low"], seven[metric], seven[f"{metric}_high"], strict=True))  # fmt: skip
+    assert all(high <= 1.0 for level in (50, 95) for high in seven[f"coverage_{level}_high"])
     assert set(seven["by_kind"]) == {"robot", "object"}
+
+
+def test_the_joint_is_shown_on_the_same_rows_as_the_rules() -> None:
+    for seed in range(4):
+        for part in (score_figures(seed).over_time, score_figures(seed).over_size):
+            rows = {name: (of_rule.time, of_rule.subject, of_rule.original) for name, of_rule in part.items()}
+            assert set(rows) == {*paper.RULES, paper.JOINT}
+            assert all(row == rows["cooperative"] for row in rows.values())
+    joint, rules = merged("over_size", paper.JOINT), merged("over_size", "coalition")
+    assert np.mean(np.array(joint.log_scores)[:, -1]) > np.mean(np.array(rules.log_scores)[:, -1])
+
+
+def test_the_joint_of_a_team_is_that_of_its_boards() -> None:
+    """All robots of a run: `Team` with fusion "joint", whose robots are told where to linearise, agrees on nearly the same."""
+    scenario = paper.world(load("paper"), 25, 3, 6.0).changed("board", fusion="joint")
+    run = first_hand_cases(scenario, 1.0)
+    agreed = agreed_beliefs(scenario, [case.asked for case in run])
+    (found,) = joint_sizes(scenario, [(run, (3,))], 0)
+    own = {
+        (round(time, 3), subject): row[0]
+        for time, subject, row in zip(found.time, found.subject, found.entropies, strict=True)
+    }
+    apart = [entropy(agreed[name].p) - value for name, value in own.items()]
+    assert len(apart) >= 18
+    assert np.median(np.abs(apart)) < 0.05
 
 
 def test_the_arena_is_the_same_on_every_grid() -> None:

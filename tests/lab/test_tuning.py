@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from blackboard.lab.cases import Case
-from blackboard.lab.tuning import SPACES, CandidateScores, board_table, candidates, choose, enough, try_all
+from blackboard.lab.comparison import DEFAULT, PAPER
+from blackboard.lab.estimates import Estimate, RuleScores
+from blackboard.lab.team_size import TeamSizeScores
+from blackboard.lab.tuning import SPACES, CandidateScores, board_table, candidates, choose, enough, recommended, try_all
+from blackboard.lab.tuning_report import text, tuned
+from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.pools import fuse
-from blackboard.opinion.scores import hdr_level, log_score
+from blackboard.opinion.rules import Rule
+from blackboard.opinion.scores import Score, hdr_level, log_score
 from tests.opinion.stacks import make
 
 GRID = Grid((6, 5), 0.5)
@@ -74,6 +80,54 @@ def test_intervals_show_when_the_runs_do_not_agree() -> None:
     found = choose(it, 0.9, 1.0, np.random.default_rng(1))
     spans = {name: (e["low"], e["high"]) for name, e in found["parameters"].items()}
     assert spans["gate"] == (min(SPACES["coalition"]["gate"]), max(SPACES["coalition"]["gate"]))
+
+
+def test_few_runs_give_no_spread() -> None:
+    found = choose(told([-1.0], [1.0], runs=3), 0.9, 1.0, np.random.default_rng(1))
+    assert all(e["low"] is None and e["high"] is None for e in found["parameters"].values())
+
+
+@pytest.mark.parametrize(
+    ("gain", "honest", "which", "why"),
+    [
+        (Estimate(0.1, 0.02, 0.18), True, "tuned", "beats the default"),
+        (Estimate(0.1, -0.02, 0.22), True, "default", "does not beat it"),
+        (Estimate(0.0, 0.0, 0.0), True, "default", "does not beat it"),  # the choice is the default
+        (Estimate(-0.1, -0.2, -0.05), True, "default", "does not beat it"),
+        (Estimate(0.5, None, None), True, "default", "fewer than 4"),
+        (Estimate(0.1, 0.02, 0.18), False, "default", "covers what is asked"),
+    ],
+)
+def test_the_default_is_kept_where_the_choice_does_not_beat_it(
+    gain: Estimate, honest: bool, which: str, why: str
+) -> None:
+    answer, reason = recommended(gain, honest)
+    assert answer == which
+    assert why in reason
+
+
+@pytest.mark.parametrize(("better", "which"), [(0.3, "tuned"), (-0.3, "default")])
+def test_the_report_recommends_by_the_held_out_runs_alone(better: float, which: str) -> None:
+    """Six held-out runs in which the choice is so many nats better than the default, give or take 0.1."""
+    setting, rng = Coalition(gate=5.0), np.random.default_rng(3)
+    judged = {"tuned": setting, "default": DEFAULT, "paper": PAPER}
+    choice = {"setting": setting, "parameters": {}, "log_score": -2.0, "coverage_95": 0.95, "honest": True}
+
+    def scores(run: int, log: float, rule: Rule) -> RuleScores:
+        return RuleScores(Score([1.0], [1.0], [log], [0.5]), [run], [0.001], in_force=rule.in_force())
+
+    sizes = TeamSizeScores([0], [1.0], ["robot/r1"], [3.0], [[3.0, 2.0]], [[-3.0, -2.0]], [[0.5, 0.5]])
+    checks = []
+    for run in range(6):
+        logs = {"tuned": -2.0 + better + 0.1 * rng.standard_normal(), "default": -2.0, "paper": -3.0}
+        own = TeamSizeScores(**{**sizes.__dict__, "run": [run]})
+        checks.append(({name: scores(run, log, judged[name]) for name, log in logs.items()}, {"tuned": own}))
+    found = tuned({"coalition": choice}, choice, judged, checks, coverage=0.9, gain=0.05, rng=np.random.default_rng(1))
+    assert found["recommended"]["which"] == which
+    assert found["board"] == board_table(judged[which])
+    assert found["chosen"]["gate"] == 5.0
+    assert ("take the choice" if which == "tuned" else "keep the default") in text(found)
+    assert found["gain_over_default"]["value"] == pytest.approx(better, abs=0.15)
 
 
 def test_the_team_is_large_enough_when_one_more_gains_less() -> None:

@@ -1,0 +1,216 @@
+"""The bound of a team: one joint Gaussian of all robots and objects, fed directly with the readings of all robots. Pure.
+
+No report, no increment and no board is in between, so nothing is forgotten and nothing is counted twice. In a simulated world
+the filter is told the world's own noise: only what a Gaussian cannot say (the walls, the sighting's sigma that depends on the
+true distance) is left to approximate. On a recording, whose noise nobody knows, it is the centralised extended Kalman filter
+with the sensors that the robots are configured with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blackboard.config import Scenario
+from blackboard.opinion.belief import Belief, uniform
+from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.gaussian.joint import Block, Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive, entering, wrap
+from blackboard.opinion.grid import Array
+from blackboard.wire.messages import Odometry, Readings, Sighting
+from robot_agent.config import RobotSection
+from robot_agent.estimator import newest
+from robot_agent.gaussian.sensors import Sensors, sensors_of, simulated
+from sim_world.scenario import WorldSection
+from sim_world.sensors import FAR, NEAR, vision_sigma
+from sim_world.sources import SensorSource, open_sensor_source
+
+GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
+NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # for the mean over a normal distribution
+WEIGHTS = WEIGHTS / WEIGHTS.sum()
+DISTANCES = np.linspace(NEAR + 0.01, FAR - 0.01, 121)  # at which the world's (VI-.1) is told to the filter
+
+#: A subject at a time (seconds, rounded to milliseconds): what beliefs are asked for and found by.
+Asked = tuple[float, str]
+
+
+@dataclass
+class Ideal:
+    """Mutable; `step` once per tick. Robots and objects are named as subjects: `robot/r1`, `object/ball`."""
+
+    sensors: Sensors  # of every robot
+    drifts: Mapping[str, float]  # object -> its random walk, unit / sqrt(s)
+    drift: float = 0.0  # of the other objects
+    gate: float = math.inf  # squared Mahalanobis distance beyond which a sighting is not taken
+    turns_first: bool = (
+        True  # the simulated world turns, then goes straight; else a robot goes along the chord of its turn
+    )
+    joint: Joint = field(default_factory=Joint)
+    _before: dict[str, Odometry] = field(default_factory=dict)  # robot -> the odometry of the tick before
+    _groups: dict[tuple[str, str], tuple[float, float]] = field(
+        default_factory=dict
+    )  # robot, first of a group -> its place
+
+    def step(self, dt: float, readings: Sequence[Readings]) -> None:
+        """Take the readings of all robots of a tick of `dt` seconds: motions, then fixes and compasses, then what was seen."""
+        sightings = self._sightings(readings)
+        motions = {f"robot/{r.robot}": self._move(f"robot/{r.robot}", r.odometry) for r in readings}
+        forget_biases(self.joint, dt)
+        for block in self.joint.blocks:
+            if isinstance(block, str) and block.startswith("object/"):
+                walk = np.eye(2) * self.drifts.get(block, self.drift) ** 2 * dt
+                self.joint.move(block, self.joint.moments(block).mean, np.eye(2), walk)
+        for one in readings:
+            self._take(f"robot/{one.robot}", one)
+        for relative, place in sightings:
+            self._see(relative, motions, place)
+
+    def belief(self, subject: str) -> Moments | None:
+        """Mean and covariance of a subject's position; None where it is not known."""
+        if subject not in self.joint:
+            return None
+        block = self.joint.moments(subject)
+        known = float(np.trace(block.covariance[AXES, AXES])) < FLAT / 2
+        return Moments(block.mean[AXES], block.covariance[AXES, AXES]) if known else None
+
+    # --- inside -------------------------------------------------------------------------------------------------------
+
+    def _move(self, robot: str, told: Odometry | None) -> Motion:
+        if told is None:
+            return Motion()
+        wheels = self.sensors.wheels
+        motion = wheels.motion(told, self._before.get(robot))
+        self._before[robot] = told
+        if robot in self.joint:
+            parts = [motion]
+            if self.turns_first:
+                turn = replace(motion, distance=0.0, along=0.0, across=0.0)
+                parts = [turn, replace(motion, turn=0.0, heading=0.0, dt=0.0, moving=0.0)]
+            for part in parts:
+                drive(self.joint, robot, part, wheels.nuisance)
+        return motion
+
+    def _take(self, robot: str, readings: Readings) -> None:
+        """The fix and the compass; a robot enters with its first heading, and a flat position if it has no fix."""
+        fix, rows = readings.fix, np.eye(STATES)
+        headings = [(readings.compass, self.sensors.compass)] if readings.compass is not None else []
+        if fix is not None and fix.heading is not None:
+            headings.append((fix.heading, fix.heading_sigma))
+        if robot not in self.joint:
+            if not headings:
+                return
+            heading, sigma = headings.pop()
+            x, y = (0.0, 0.0) if fix is None else fix.position
+            variance = FLAT if fix is None else fix.sigma**2
+            pose = Moments(np.array([x, y, heading]), np.diag([variance, variance, sigma**2]))
+            self.joint.add(robot, entering(pose, self.sensors.wheels.nuisance))
+        elif fix is not None:
+            off = np.array(fix.position) - self.joint.moments(robot).mean[AXES]
+            correct(self.joint, off, {robot: rows[AXES]}, np.eye(2) * fix.sigma**2)
+        for heading, sigma in headings:
+            off = np.array([wrap(heading - float(self.joint.moments(robot).mean[HEADING]))])
+            correct(self.joint, off, {robot: rows[[HEADING]]}, np.array([[sigma**2]]))
+
+    def _sightings(self, readings: Sequence[Readings]) -> list[tuple[Relative, Array | None]]:
+        """What was seen in a tick, with its place where that is known: landmarks first, then mates, then objects."""
+        found = []
+        for one in readings:
+            robot, told = f"robot/{one.robot}", one.odometry
+            before = self._before.get(robot, told)
+            turned = 0.0 if told is None or before is None else max(abs(told.turn), abs(told.turn - before.turn))
+            for sighting in newest(one.sightings):
+                group, dt = self._group(robot, sighting), 0.0 if told is None else told.dt
+                place = None if sighting.landmark is None else np.array(sighting.landmark)
+                found.append((self.sensors.camera.relative(robot, sighting, turned, dt, group), place))
+        return sorted(found, key=lambda it: (it[1] is None, it[0].subject.startswith("object/")))
+
+    def _group(self, robot: str, sighting: Sighting) -> str:
+        """The first landmark that the robot saw of those that stand together: they share their lasting errors."""
+        if sighting.landmark is None:
+            return ""
+        for (observer, first), there in self._groups.items():
+            if observer == robot and math.dist(sighting.landmark, there) < self.sensors.camera.together:
+                return first
+        self._groups[robot, sighting.subject] = sighting.landmark
+        return sighting.subject
+
+    def _see(self, relative: Relative, motions: Mapping[str, Motion], place: Array | None) -> None:
+        if relative.observer not in self.joint:
+            return
+        if place is None and relative.subject not in self.joint:
+            if not relative.subject.startswith("object/"):
+                return  # a mate that has not entered, or a landmark of unknown place
+            self.joint.add(relative.subject, Moments(np.zeros(2), np.eye(2) * FLAT))
+        if relative.profile and place is None:
+            self._see_position(relative)
+            return
+        expectation = expect(self.joint, relative, motions, place)
+        if expectation.innovation(self.joint).squared <= self.gate:
+            correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
+
+    def _see_position(self, relative: Relative) -> None:
+        """A position that was seen with an isotropic error, as the simulated cameras do: 0 = subject - observer - R(heading) seen.
+
+        That is linear but for the heading, which the compass tells well. The variance depends on the true distance, so it is
+        averaged over the distances that the joint expects; the range that was seen is left out of it, as it has the error itself.
+        """
+        observer, subject = self.joint.blocks[relative.observer], self.joint.blocks[relative.subject]
+        angle = float(self.joint.mean[observer][HEADING]) + relative.bearing
+        seen = relative.range * np.array([math.cos(angle), math.sin(angle)])
+        expected = self.joint.mean[subject][AXES] - self.joint.mean[observer][AXES]
+        mine, its = np.zeros((2, STATES)), np.zeros((2, subject.stop - subject.start))
+        mine[:, AXES], its[:, AXES] = -np.eye(2), np.eye(2)
+        rows: dict[Block, Array] = {relative.observer: mine, relative.subject: its}
+        spread = self.joint.innovation(seen - expected, rows, np.zeros((2, 2))).covariance
+        mine[:, HEADING] = seen[1], -seen[0]
+        # Where nothing is expected, the distance is the one that was seen.
+        away, spread = (seen, np.zeros((2, 2))) if np.trace(spread) > FLAT / 2 else (expected, spread)
+        distance = max(float(np.hypot(*away)), NEAR)
+        sigma = math.sqrt(float(away @ spread @ away)) / distance
+        distances, variances = np.array(relative.profile).T
+        variance = float(WEIGHTS @ np.interp(distance + sigma * NODES, distances, variances))
+        correct(self.joint, seen - expected, rows, np.eye(2) * variance)
+
+
+def ideal(scenario: Scenario) -> Ideal:
+    """The filter that a scenario allows: told the world's noise where that is simulated, else as the robots are configured.
+
+    UserError: a section that is wrong.
+    """
+    world = scenario.section("world", WorldSection)
+    if world.kind != "simulated":
+        settings = scenario.section("robot", RobotSection)
+        return Ideal(sensors_of(settings), {}, settings.objects.drift, GATE, turns_first=False)
+    variances = [
+        (float(d), (vision_sigma(float(d), world.vision.scale, world.vision.floor) or 0.0) ** 2) for d in DISTANCES
+    ]
+    told = simulated(0.0, world.odometry.turn, world.odometry.compass, tuple(variances))
+    # Every step of the world is speed * dt long, so the variance of its error is known exactly, and not by what was told.
+    wheels = replace(told.wheels, along=world.odometry.along * math.sqrt(world.speed), standing=1.0)
+    drifts = {f"object/{name}": thing.drift for name, thing in world.objects.items()}
+    return Ideal(replace(told, wheels=wheels), drifts)
+
+
+def ideal_beliefs(
+    scenario: Scenario, wanted: Collection[Asked], source: SensorSource | None = None
+) -> dict[Asked, Belief]:
+    """What the ideal filter of a scenario believes, on the grid, for each subject and time asked for; uniform where it knows nothing.
+
+    The readings are those that the robots of the scenario get. UserError: a wrong scenario.
+    """
+    world, time, it = source or open_sensor_source(scenario), scenario.time, ideal(scenario)
+    at: dict[float, list[Asked]] = {}
+    for asked in wanted:
+        at.setdefault(asked[0], []).append(asked)
+    found = {}
+    for tick in range(round(time.seconds / time.tick) + 1):
+        truth, readings = world.advance("lab", tick)
+        it.step(time.tick if tick else 0.0, readings)
+        for asked in at.get(round(truth.time, 3), ()):
+            moments = it.belief(asked[1])
+            found[asked] = uniform(scenario.grid) if moments is None else draw(scenario.grid, moments)
+    return found

@@ -1,0 +1,64 @@
+"""The joint beliefs (`[board] fusion = "joint"`) of teams of one, two, ... robots of the same world, for Figs. 6 and 7. Pure.
+
+What a robot sends as evidence rests on its own readings alone, so it is made once and settled by the joint of every team. Left out,
+against a running team, is the place at which a robot's filter linearises, which comes back from the board and is no evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from blackboard.config import Scenario
+from blackboard.lab.cases import Case, Run
+from blackboard.lab.comparison import DEFAULT, fused
+from blackboard.lab.team_size import TeamSizeScores, add_case, team
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.team import Objects, TeamJoint
+from blackboard.wire.messages import Readings
+from robot_agent.config import RobotSection
+from robot_agent.gaussian.filter import FirstHand
+from robot_agent.gaussian.sensors import sensors_of
+from sim_world.sources import open_sensor_source
+
+
+def joint_sizes(
+    scenario: Scenario, parts: Sequence[tuple[Run, Sequence[int]]], number: int
+) -> tuple[TeamSizeScores, ...]:
+    """As `score_sizes` with the joint in place of a rule, for some of a run's cases, with the sizes scored in them, at a time.
+
+    The scenario is the variant that the cases come from. What a joint does not know is pooled by the default rule, as on a board.
+    """
+    robots, time, world = scenario.team.robots, scenario.time, open_sensor_source(scenario)
+    sensors = sensors_of(scenario.section("robot", RobotSection))
+    filters = {robot: FirstHand(f"robot/{robot}", sensors) for robot in robots}
+    objects = Objects(drift=scenario.board.objects_drift)
+    sizes = {size for _, some in parts for size in some}
+    joints = {team(robot, robots, size): TeamJoint(objects) for robot in robots for size in sizes}
+    found = tuple(TeamSizeScores() for _ in parts)
+    for tick in range(round(time.seconds / time.tick) + 1):
+        truth, readings = world.advance("lab", tick)
+        evidence = {one.robot: _evidence(filters[one.robot], one) for one in readings}
+        for members, joint in joints.items():
+            joint.settle(tick, time.tick if tick else 0.0, [evidence[robot] for robot in sorted(members)])
+        for scores, (run, some) in zip(found, parts, strict=True):
+            for case in (case for case in run if case.time == truth.time):
+
+                def believed(members: frozenset[str], case: Case = case) -> Belief:
+                    joint = joints[members]
+                    known = joint.knows(case.subject)
+                    return (
+                        joint.drawn(case.subject, case.grid)
+                        if known
+                        else Belief(case.grid, fused(case.of(members), DEFAULT).p)
+                    )
+
+                add_case(scores, number, case, robots, some, believed)
+    return found
+
+
+def _evidence(own: FirstHand, readings: Readings) -> Evidence:
+    told, nuisance = own.step(readings), own.sensors.wheels.nuisance
+    return Evidence(
+        own.robot, told.epoch, readings.tick, told.travelled, nuisance, told.belief, told.increment, told.relatives
+    )
