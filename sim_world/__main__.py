@@ -39,8 +39,9 @@ def sim_world(
     chosen = run.apply(recording.scenario(scenario))
     settings = chosen.section("world", WorldSection)
     with series_file(run.series) as record:
-        referee = Referee(chosen.grid, settings.check, chosen.team.robots, record)
-        service = WorldService(chosen, open_sensor_source(chosen), referee)
+        sensors = open_sensor_source(chosen)
+        referee = Referee(chosen.grid, settings.check, sensors.robots, record)
+        service = WorldService(chosen, sensors, referee)
         door.serve(service, "world", flags)
     card = scorecard(service.result())
     output.show(card, text)

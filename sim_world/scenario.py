@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from blackboard.config import Name, Positive, Section
-from sim_world.mrclam.protocols import NOT_REPLAYED, PROTOCOLS
+from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS, protocol_of
 
 Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
@@ -94,8 +94,11 @@ class WorldSection(Section):
     @field_validator("protocol")
     @classmethod
     def _known(cls, protocol: str) -> str:
-        if protocol in NOT_REPLAYED:
-            raise ValueError(f"{protocol} is judged event by event and not run live; use one of {', '.join(PROTOCOLS)}")
-        if protocol not in PROTOCOLS:
-            raise ValueError(f"no protocol of this name; use one of {', '.join(PROTOCOLS)}")
+        if protocol in FAMILIES:
+            raise ValueError(
+                f"{protocol} is a family, a run for each object; use one of {', '.join(FAMILIES[protocol])}"
+            )
+        if protocol_of(protocol) is None:
+            families = ", ".join(f"{next(iter(family))}, ..." for family in FAMILIES.values())
+            raise ValueError(f"no protocol of this name; use one of {', '.join(PROTOCOLS)}, {families}")
         return protocol

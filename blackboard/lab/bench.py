@@ -6,7 +6,7 @@ Everything is computed from the samples that the referee judged (`sim_world.seri
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from sim_world.series import Sample
 
 FUSIONS = ("opinions", "joint")
 TEAM = "team"
+OBJECTS = "objects"
 
 BLOCK = 30.0  # seconds: what happens in different blocks is taken as independent
 FOUND, HOLD = 0.5, 10.0  # metres, seconds: a robot is localised once its error stays below, for so long
@@ -139,11 +140,39 @@ def own_places(run: Run) -> Iterator[tuple[str, Sample]]:
             yield ("solo" if sample.level == "solo" else run.fusion), sample
 
 
-def ways(runs: Sequence[Run]) -> dict[str, list[Sample]]:
+def objects(run: Run) -> Iterator[tuple[str, Sample]]:
+    """The samples of a run that are about objects, in the same way; what a sub-team agreed on counts once, not for each robot."""
+    once = set()
+    for sample in run.samples:
+        if not sample.subject.startswith("object/") or sample.level == "consensus":
+            continue
+        name = (run.protocol, sample.tick, sample.subject, sample.sub_team)
+        if sample.level == "solo":
+            yield "solo", sample
+        elif name not in once:
+            once.add(name)
+            yield run.fusion, sample
+
+
+def together(name: str, runs: Sequence[Run]) -> Run:
+    """Runs of several protocols with one fusion, at least one, under the name of their family."""
+    first = runs[0]
+    card = {
+        **first.card,
+        "verdict": "PASS" if all(run.card["verdict"] == "PASS" for run in runs) else "FAIL",
+        "reasons": [f"{run.protocol}: {reason}" for run in runs for reason in run.card["reasons"]],
+        "ticks": sum(run.card["ticks"] for run in runs),
+        "wall_s": sum(run.card["wall_s"] for run in runs),
+    }
+    samples = [sample for run in runs for sample in run.samples]
+    return Run(name, first.fusion, samples, card, sum(run.asked_ticks for run in runs), first.recording, first.start)
+
+
+def ways(runs: Sequence[Run], about: Callable[[Run], Iterator[tuple[str, Sample]]]) -> dict[str, list[Sample]]:
     """Of the runs of one protocol: "solo" (the first run's) and each fusion, with their samples."""
     found: dict[str, list[Sample]] = {}
     for number, run in enumerate(runs):
-        for way, sample in own_places(run):
+        for way, sample in about(run):
             if way != "solo" or not number:
                 found.setdefault(way, []).append(sample)
     return found
@@ -152,18 +181,20 @@ def ways(runs: Sequence[Run]) -> dict[str, list[Sample]]:
 def report(runs: Sequence[Run]) -> dict[str, Any]:
     """All numbers of some runs, at least one: by protocol how each run ended, and by robot and way what `measure` finds.
 
-    The team comes first. ValueError: the runs are of several recordings, or begin at different times.
+    The team comes first, objects last. ValueError: the runs are of several recordings, or begin at different times.
     """
     ((recording, start),) = {(run.recording, run.start) for run in runs}
     protocols: dict[str, Any] = {}
     for name in dict.fromkeys(run.protocol for run in runs):
         mine = [run for run in runs if run.protocol == name]
         scores: dict[str, dict[str, Any]] = {}
-        for way, samples in ways(mine).items():
+        for way, samples in ways(mine, own_places).items():
             robots = sorted({sample.robot for sample in samples})
             for who in (TEAM, *robots):
                 part = [sample for sample in samples if who in (TEAM, sample.robot)]
                 scores.setdefault(who, {})[way] = measure(part)
+        for way, samples in ways(mine, objects).items():
+            scores.setdefault(OBJECTS, {})[way] = measure(samples)
         protocols[name] = {"runs": {run.fusion: _ending(run.card) for run in mine}, "scores": scores}
     return {"recording": recording, "start": start, "definitions": list(DEFINITIONS), "protocols": protocols}
 

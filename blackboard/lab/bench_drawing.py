@@ -21,7 +21,7 @@ Axis = Any  # of matplotlib, which has no types
 
 def protocol(name: str, runs: Sequence[bench.Run]) -> dict[str, Figure]:
     """What is drawn of one protocol's runs: "trajectories", "errors" and "areas", a panel for each robot."""
-    by_way = bench.ways(runs)
+    by_way = bench.ways(runs, bench.own_places)
     with mpl.rc_context(STYLE):
         return {
             "trajectories": _panels(

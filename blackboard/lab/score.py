@@ -19,7 +19,7 @@ from blackboard.lab import bench
 from blackboard.run.flags import OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.launch import run_scenario
 from blackboard.run.progress import progress
-from sim_world.mrclam.protocols import PROTOCOLS
+from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS
 from sim_world.scenario import WorldSection
 from sim_world.series import read_series
 
@@ -56,11 +56,12 @@ def score(
     if recording.mrclam is None and runs is None:
         raise UserError("--mrclam: which recording is to be replayed? give its folder, in MRCLAM format")
     found = kept_runs(runs) if recording.mrclam is None and runs is not None else new_runs(recording, seconds, runs)
+    found += families(found)
     told = bench.report(found)
     if table is not None:
         _write(table, bench.markdown(told) if table.suffix == ".md" else _csv(told))
     if drawing is not None and pictures is not None:
-        for name in told["protocols"]:
+        for name in dict.fromkeys(run.protocol for run in found if run.protocol not in FAMILIES):
             for what, figure in drawing.protocol(name, [run for run in found if run.protocol == name]).items():
                 drawing.save(figure, pictures / f"{name}-{what}.png")
     output.show(told, bench.text)
@@ -68,8 +69,9 @@ def score(
 
 
 def scenarios(recording: RecordingFlags, seconds: float | None) -> list[tuple[str, str, Scenario]]:
-    """Protocol, fusion and scenario of every run; `--protocol all` is every protocol. UserError: no such protocol."""
-    names = list(PROTOCOLS) if recording.protocol == "all" else [recording.protocol]
+    """Protocol, fusion and scenario of every run; `all` is every protocol that is in no family. UserError: no such protocol."""
+    asked = recording.protocol
+    names = list(PROTOCOLS) if asked == "all" else list(FAMILIES.get(asked or "", [asked]))
     found = []
     for name in names:
         one = RecordingFlags(recording.mrclam, recording.start, name).scenario().changed("time", seconds=seconds)
@@ -104,7 +106,8 @@ def kept_runs(folder: Path) -> list[bench.Run]:
 
     UserError: there are none, or they do not belong together.
     """
-    files = [folder / f"{protocol}-{fusion}.csv" for protocol in PROTOCOLS for fusion in bench.FUSIONS]
+    names = [*PROTOCOLS, *(name for family in FAMILIES.values() for name in family)]
+    files = [folder / f"{protocol}-{fusion}.csv" for protocol in names for fusion in bench.FUSIONS]
     found = [_read_run(file) for file in files if file.with_suffix(".json").is_file()]
     if not found:
         raise UserError(f"--runs {folder}: no runs are kept there; give --mrclam DIR to make some")
@@ -122,6 +125,16 @@ def _read_run(series: Path) -> bench.Run:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UserError(f"{file}: not what a run left ({error}); run it again, with --mrclam") from error
     return bench.Run(protocol, fusion, read_series(series), **about)
+
+
+def families(runs: list[bench.Run]) -> list[bench.Run]:
+    """For each family of protocols with more than one run: its runs together, by fusion."""
+    found = []
+    for name, family in FAMILIES.items():
+        for fusion in bench.FUSIONS:
+            mine = [run for run in runs if run.protocol in family and run.fusion == fusion]
+            found += [bench.together(name, mine)] if len(mine) > 1 else []
+    return found
 
 
 def _ticks(scenario: Scenario) -> int:

@@ -113,9 +113,8 @@ class Team:
 def world(scenario: Scenario) -> WorldService:
     """The world of a scenario, with its referee."""
     settings = scenario.section("world", WorldSection)
-    return WorldService(
-        scenario, open_sensor_source(scenario), Referee(scenario.grid, settings.check, scenario.team.robots)
-    )
+    sensors = open_sensor_source(scenario)
+    return WorldService(scenario, sensors, Referee(scenario.grid, settings.check, sensors.robots))
 
 
 def board(scenario: Scenario, sub_team: str) -> BoardService:

@@ -16,7 +16,7 @@ from blackboard.errors import UserError
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting, Truth
 from blackboard.wire.types import MAX_OPINIONS
 from sim_world.mrclam.files import Recording, Track
-from sim_world.mrclam.protocols import PROTOCOLS
+from sim_world.mrclam.protocols import SightingProtocol, protocol_of
 from sim_world.scenario import WorldSection
 
 START_SIGMA, START_HEADING_SIGMA = 0.05, 0.03  # metres, radians: how well the start pose is known
@@ -31,8 +31,9 @@ class Replay:
     ) -> None:
         """`dt` is a tick, `seconds` the length of the run. UserError: robots, start, seconds or tick that do not fit."""
         self.settings, self.recording, self.dt = settings, recording, dt
-        self.protocol = PROTOCOLS[settings.protocol]
-        self.numbers = {robot: recording.number(robot) for robot in robots}
+        self.protocol = protocol_of(settings.protocol) or SightingProtocol()
+        numbers = {robot: recording.number(robot) for robot in robots}
+        self.numbers = {robot: number for robot, number in numbers.items() if number != self.protocol.unknown}
         self.start = recording.first if settings.start is None else settings.start
         self.stride = round(JUDGED_EVERY / dt)
         if abs(self.stride * dt - JUDGED_EVERY) > 1e-9 or not self.stride:
@@ -40,6 +41,7 @@ class Replay:
                 f"time.tick: {dt:g} s does not divide a second, and whole seconds are judged; use 0.5 or 1.0"
             )
         self._check_window(seconds)
+        self._check_unknown()
 
     def _check_window(self, seconds: float) -> None:
         first, last = self.recording.first, self.recording.last
@@ -55,6 +57,13 @@ class Replay:
             if self.recording.tracks[number].pose(self.start) is None:
                 raise UserError(f"world.start: the ground truth of {robot} has a gap there; move the start by a second")
 
+    def _check_unknown(self) -> None:
+        unknown = self.protocol.unknown
+        if unknown is not None and unknown not in {*self.recording.landmarks, *self.recording.tracks}:
+            raise UserError(
+                f"world.protocol: {self.settings.protocol} is about {unknown}, which is not in the recording"
+            )
+
     @property
     def robots(self) -> tuple[str, ...]:
         return tuple(self.numbers)
@@ -63,12 +72,22 @@ class Replay:
         return robot in self.numbers
 
     def judged(self, tick: int) -> bool:
-        return tick > 0 and tick % self.stride == 0
+        """Whole seconds; where there is an object, those in which at least two robots saw it."""
+        return tick > 0 and tick % self.stride == 0 and (self.protocol.unknown is None or self._seen_by(tick) >= 2)
+
+    def _seen_by(self, tick: int) -> int:
+        """How many robots saw the object in the last second."""
+        now = self.start + tick * self.dt
+        seen = (self.recording.tracks[number].sightings_in(now - JUDGED_EVERY, now) for number in self.numbers.values())
+        return sum(any(int(subject) == self.protocol.unknown for _, subject, _, _ in rows) for rows in seen)
 
     def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
         now = self.start + tick * self.dt
         poses = {number: track.pose(now) for number, track in self.recording.tracks.items()}
-        places = {f"robot/r{number}": pose[:2] for number, pose in poses.items() if pose is not None}
+        places = {self._name(number): pose[:2] for number, pose in poses.items() if pose is not None}
+        landmark = self.recording.landmarks.get(self.protocol.unknown or 0)
+        if landmark is not None:
+            places[self._name(self.protocol.unknown or 0)] = landmark
         truth = Truth(run=run, tick=tick, time=tick * self.dt, positions=places)
         return truth, [self._sense(robot, truth) for robot in self.robots]
 
@@ -101,9 +120,17 @@ class Replay:
         found = []
         for stamp, seen, distance, bearing in track.sightings_in(before, now):
             subject = int(seen)
-            place = self.recording.landmarks.get(subject)
+            place = None if subject == self.protocol.unknown else self.recording.landmarks.get(subject)
             if place is None or self.protocol.allows(number, subject, stamp - self.start):
-                name = f"robot/r{subject}" if place is None else f"landmark/{subject}"
                 age = now - stamp + self.settings.sighting_latency
-                found.append(Sighting(subject=name, range=distance, bearing=bearing, landmark=place, age=age))
+                found.append(
+                    Sighting(subject=self._name(subject), range=distance, bearing=bearing, landmark=place, age=age)
+                )
         return found[-MAX_OPINIONS:]
+
+    def _name(self, number: int) -> str:
+        """The subject of a robot or a landmark, which is an object where the protocol makes it one."""
+        robot = number not in self.recording.landmarks
+        if number == self.protocol.unknown:
+            return f"object/robot{number}" if robot else f"object/landmark{number}"
+        return f"robot/r{number}" if robot else f"landmark/{number}"

@@ -159,7 +159,7 @@ def run(protocol: str, fusion: str, error: float, **card: object) -> bench.Run:
 def test_numbers_of_robots_and_team_by_hand() -> None:
     found = bench.report([run("A_all", "opinions", 1.0), run("A_all", "joint", 0.1)])
     scores = found["protocols"]["A_all"]["scores"]
-    assert list(scores) == ["team", "r1", "r2"]
+    assert list(scores) == ["team", "r1", "r2", "objects"]
     assert list(scores["team"]) == ["solo", "opinions", "joint"]
     assert scores["team"]["solo"]["n"] == 4  # of one of the runs
     team = scores["team"]["opinions"]
@@ -209,3 +209,22 @@ def test_a_landmark_sighting_of_five_seconds_ago_is_no_access() -> None:
     samples = [at(1.0, 1.0, landmark_age=4.0), at(2.0, 2.0, landmark_age=5.0)]
     assert bench.measure(samples)["without_landmark"] == {"n": 1, "rmse": 2.0}
     assert bench.measure(samples[:1])["without_landmark"] == {"n": 0, "rmse": None}
+
+
+def test_what_a_sub_team_agreed_on_about_an_object_counts_once() -> None:
+    mates = [at(1, 0.5, subject="object/robot3", robot=robot) for robot in ("r1", "r2")]
+    alone = [replace(mate, level="solo", mean_x=2.0) for mate in mates]
+    one = replace(run("O2_mate3", "joint", 0.1), samples=[*mates, *alone])
+    found = bench.report([one])["protocols"]["O2_mate3"]["scores"]
+    assert {way: (s["n"], s["rmse"]) for way, s in found["objects"].items()} == {"solo": (2, 2.0), "joint": (1, 0.5)}
+
+
+def test_the_runs_of_a_family_are_judged_together() -> None:
+    runs = [
+        replace(run(name, "joint", 0.1, verdict=verdict), samples=[at(1, error, subject=f"object/robot{n}")])
+        for n, (name, verdict, error) in enumerate([("O2_mate1", "PASS", 3.0), ("O2_mate2", "FAIL", 4.0)])
+    ]
+    one = bench.together("O2_mate", runs)
+    assert (one.protocol, one.card["verdict"], one.asked_ticks) == ("O2_mate", "FAIL", sum(r.asked_ticks for r in runs))
+    found = bench.report([one])["protocols"]["O2_mate"]["scores"]["objects"]["joint"]
+    assert (found["n"], found["rmse"]) == (2, pytest.approx(math.sqrt(12.5)))

@@ -130,3 +130,10 @@ def test_runs_of_different_starts_are_not_judged_together(started: list[Scenario
         score.score(recording=RecordingFlags("folder", start, protocol), seconds=2.0, runs=tmp_path)
     with pytest.raises(UserError, match="several recordings or starts"):
         score.score(runs=tmp_path)
+
+
+def test_a_family_is_a_run_for_each_object() -> None:
+    todo = score.scenarios(RecordingFlags("x", None, "O2_mate"), 10.0)
+    assert [(protocol, fusion) for protocol, fusion, _ in todo] == [
+        (f"O2_mate{n}", fusion) for n in range(1, 6) for fusion in bench.FUSIONS
+    ]

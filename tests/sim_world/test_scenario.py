@@ -52,7 +52,7 @@ def test_the_demo_is_the_demo() -> None:
         ({"objects": {"a b": {}}}, r"it\.toml: world\.objects\.a b"),
         ({"speed": -1}, r"it\.toml: world\.speed: .*greater than 0.*-1"),
         ({"protocol": "Z"}, r"it\.toml: world\.protocol: .*no protocol of this name; use one of A_all, B_turns"),
-        ({"protocol": "O1_landmark"}, r"it\.toml: world\.protocol: .*not run live; use one of A_all"),
+        ({"protocol": "O1_landmark"}, r"it\.toml: world\.protocol: .*a run for each object; use one of O1_landmark6"),
     ],
 )
 def test_a_fault_names_file_field_and_cure(table: Mapping[str, Any], text: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from blackboard.errors import UserError
 from blackboard.wire.messages import Readings
 from sim_world.mrclam.files import Recording, read_recording
-from sim_world.mrclam.protocols import PROTOCOLS
+from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS
 from sim_world.mrclam.replay import Replay
 from sim_world.scenario import WorldSection
 from tests.sim_world.datasets import DATASET7, T0, write
@@ -158,6 +158,40 @@ def test_the_lost_have_a_compass_and_no_start(protocol: str, lost: tuple[str, ..
         for readings in it.advance("run", tick)[1]:
             assert (readings.compass is not None) == (readings.robot in lost)
             assert (readings.fix is not None) == (tick == 0 and readings.robot not in lost)
+
+
+def test_a_landmark_may_be_the_object_whose_place_nobody_is_told(tiny: Recording) -> None:
+    it = replay(tiny, start=1000.5, protocol="O1_landmark6", dt=1.0)
+    told = [it.advance("run", tick) for tick in range(4)]
+    seen = [(s.subject, s.landmark) for _, readings in told for r in readings for s in r.sightings]
+    assert ("object/landmark6", None) in seen
+    assert ("landmark/7", (-1.0, 0.5)) in seen
+    assert all(subject != "landmark/6" for subject, _ in seen)
+    assert all(truth.positions["object/landmark6"] == (1.0, 2.0) for truth, _ in told)
+    both = [tick for tick in range(4) if it.judged(tick)]
+    assert both == [], "r1 sees it in the first second, r2 in the second one"
+
+
+def test_a_robot_may_be_the_object_and_does_not_take_part(tiny: Recording) -> None:
+    it = replay(tiny, start=1000.5, protocol="O2_mate2", dt=1.0)
+    truth, readings = it.advance("run", 1)
+    assert it.robots == ("r1",)
+    assert not it.admit("r2")
+    assert set(truth.positions) == {"robot/r1", "object/robot2"}
+    assert [s.subject for r in readings for s in r.sightings if s.landmark is None] == ["object/robot2"]
+
+
+def test_an_object_that_is_not_in_the_recording_is_a_mistake(tiny: Recording) -> None:
+    with pytest.raises(UserError, match="O1_landmark20 is about 20, which is not in the recording"):
+        replay(tiny, protocol="O1_landmark20")
+
+
+@real
+def test_the_object_protocols_are_judged_at_the_events_of_the_recording_s_page() -> None:
+    """1 066 events for O1 and 159 for O2 (../shared/mrclam/README.md)."""
+    for family, events in (("O1_landmark", 1066), ("O2_mate", 159)):
+        runs = (replay(dataset7(), *ROBOTS, start=T0, protocol=p, dt=1.0, seconds=600) for p in FAMILIES[family])
+        assert sum(it.judged(tick) for it in runs for tick in range(601)) == events
 
 
 @real
