@@ -28,6 +28,8 @@ from blackboard.opinion.grid import Grid
 
 #: The 99.9 % quantiles of chi-squared, by degrees of freedom from 1 on.
 GATES = (10.83, 13.82, 16.27, 18.47, 20.52, 22.46, 24.32, 26.12, 27.88)
+#: The 99 % quantiles: beyond them coalitions are formed.
+DOUBTS = (6.63, 9.21, 11.34, 13.28, 15.09, 16.81, 18.48, 20.09, 21.67)
 PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
 WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
 
@@ -77,7 +79,7 @@ class TeamJoint:
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
         heard = entered | set(motions)
-        self.tally.choices = self._choose(news, {r: motions[r] for r in sorted(set(motions) - entered)}, heard)
+        self.tally.choices = self._choose(news, motions, entered)
         for robot in sorted(set(motions) - entered):
             self._multiply(news[robot])
         for evidence in news.values():
@@ -138,16 +140,18 @@ class TeamJoint:
         return True
 
     def _choose(
-        self, news: Mapping[str, Evidence], motions: Mapping[str, Motion], heard: set[str]
+        self, news: Mapping[str, Evidence], motions: Mapping[str, Motion], entered: set[str]
     ) -> dict[str, Choice]:
         """For each robot whose place some evidence contradicts: who is believed about it.
 
-        Where a coalition of the evidence wins over the prediction (the robot was carried away, or slipped), its place is forgotten.
+        Where a coalition of the evidence wins over the prediction (the robot was carried away, or entered with a lie), its place
+        is forgotten.
         """
         found = {}
-        for robot in motions:
-            pieces = self._pieces(robot, news, heard) if self.knows(robot) else {}
-            if len(pieces) < 2 or not any(self._is_beyond(robot, piece, motions) for piece in pieces.values()):
+        heard = entered | set(motions)
+        for robot in sorted(heard):
+            pieces = self._pieces(robot, news, heard, entered) if self.knows(robot) else {}
+            if len(pieces) < 2 or not any(self._is_doubtful(robot, piece, motions) for piece in pieces.values()):
                 continue
             said = {source: about(self.joint, robot, piece, motions) for source, piece in pieces.items()}
             opinions = {source: place for source, place in said.items() if place is not None}
@@ -161,7 +165,9 @@ class TeamJoint:
                     self.tally.outvoted += 1
         return found
 
-    def _pieces(self, robot: str, news: Mapping[str, Evidence], heard: set[str]) -> dict[str, Increment | Relative]:
+    def _pieces(
+        self, robot: str, news: Mapping[str, Evidence], heard: set[str], entered: set[str]
+    ) -> dict[str, Increment | Relative]:
         """The evidence about a robot's place, by its source: the robot itself, or the other end of a sighting."""
         found: dict[str, Increment | Relative] = {}
         for evidence in news.values():
@@ -173,21 +179,21 @@ class TeamJoint:
                 if other in heard and self.knows(other):
                     found[other] = relative
         own = news[robot].increment
-        if own is not None:
+        if own is not None and robot not in entered:
             found[robot] = own
         return found
 
-    def _is_beyond(self, robot: str, piece: Increment | Relative, motions: Mapping[str, Motion]) -> bool:
-        """Whether the gate would leave a piece of evidence out."""
+    def _is_doubtful(self, robot: str, piece: Increment | Relative, motions: Mapping[str, Motion]) -> bool:
+        """Whether a piece of evidence hardly agrees with what is predicted."""
         if isinstance(piece, Relative):
-            return expect(self.joint, piece, motions).innovation(self.joint).squared > GATES[1]
+            return expect(self.joint, piece, motions).innovation(self.joint).squared > DOUBTS[1]
         it = likelihood(self.joint, robot, piece)
-        return it is not None and it.innovation(self.joint).squared > GATES[len(it.residual) - 1]
+        return it is not None and it.innovation(self.joint).squared > DOUBTS[len(it.residual) - 1]
 
     def _outvoted(self, robot: str, source: str) -> tuple[str, ...]:
-        """The members of the coalition that won over the prediction of a robot's place, where a source is not among them."""
+        """The members of the coalition that is believed about a robot's place, where a source is not among them."""
         choice = self.tally.choices.get(robot)
-        if choice is None or not choice.outvoted or source in choice.members:
+        if choice is None or len(choice.members) < 2 or source in choice.members:
             return ()
         return tuple(sorted(choice.members))
 

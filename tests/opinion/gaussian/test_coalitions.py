@@ -19,6 +19,7 @@ from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, entering
 from blackboard.opinion.grid import Array
+from tests.opinion.gaussian.test_team import Own
 
 PLACES = {"robot/r1": (0.0, 0.0), "robot/r2": (5.0, 0.0), "robot/r3": (0.0, 5.0), "robot/r4": (5.0, 5.0)}
 
@@ -145,3 +146,48 @@ def test_those_whom_most_of_the_team_contradicts_form_no_coalition() -> None:
         robot: told(robot, 1, *((sees(robot, "robot/r1", here),) if robot in it._left_out else ())) for robot in PLACES
     }
     assert it._choose(news, dict.fromkeys(PLACES, Motion()), set(PLACES)) == {}
+
+
+def test_a_robot_that_enters_with_a_lie_is_outvoted_in_the_same_tick() -> None:
+    """Its mates see it from places that they know, and it says that it is 8 units beside."""
+    it = TeamJoint()
+    vague = np.diag([2.0, 2.0, 0.0004])
+    entering_at = {robot: np.array([*at, 0.0]) for robot, at in PLACES.items()}
+    entering_at["robot/r1"] = np.array([8.0, 0.0, 0.0])
+    reports = [
+        replace(
+            told(robot, 0, *(sees(robot, other, PLACES[other]) for other in PLACES if other != robot)),
+            belief=entering(Moments(pose, vague), Nuisance()),
+        )
+        for robot, pose in entering_at.items()
+    ]
+    it.settle(0, 1.0, reports)
+    it.settle(1, 1.0, [replace(report, tick=1) for report in reports])
+    assert it.tally.outvoted == 1
+    for robot, at in PLACES.items():
+        assert it.marginal(robot).mean == pytest.approx(at, abs=0.8), robot
+
+
+def others_error(seed: int, lie: float) -> float:
+    """RMSE of four honest robots beside a fifth that says of its place, in all that it sends, that it is `lie` units beside."""
+    chance = np.random.default_rng(seed)
+    robots = [Own(f"robot/r{k}", np.array([0.0, 3.0 * k]), chance) for k in range(5)]
+    liar, it, squared = robots[2], TeamJoint(), []
+    away = np.array([0.0, lie, *[0.0] * (STATES - 2)])
+    for tick in range(20):
+        reports = [robot.tick(tick, robots) for robot in robots]
+        said = next(report for report in reports if report.robot == liar.name)
+        assert said.belief is not None
+        false = replace(
+            said,
+            belief=Moments(said.belief.mean + away, said.belief.covariance),
+            increment=said.increment and replace(said.increment, reference=said.increment.reference + away),
+        )
+        it.settle(tick, 1.0, [false if report is said else report for report in reports])
+        squared += [float(((it.marginal(r.name).mean - r.place) ** 2).sum()) for r in robots if r is not liar]
+    return math.sqrt(np.mean(squared))
+
+
+def test_a_liar_of_five_raises_the_error_of_the_others_by_a_fifth_at_most() -> None:
+    honest, lying = (np.mean([others_error(seed, lie) for seed in range(3)]) for lie in (0.0, 8.0))
+    assert lying <= 1.2 * honest
