@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from blackboard.board.joint.evidence import names, reason, shrank, unpack
+from blackboard.board.joint.evidence import learned, names, reason, shrank, unpack
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.cooperative import Coalition
@@ -204,6 +204,7 @@ class JointDesk:
             entropy=entropy(belief.p),
             conflict=bool(left_out),
             rule="joint",
+            learned=learned(self.team.innovations, taken),
             parameters={"gate": GATES[1]},
             state=self._state(subject),
         )

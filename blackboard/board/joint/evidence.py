@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
+from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import GATES
 from blackboard.wire.evidence import (
@@ -15,6 +16,7 @@ from blackboard.wire.evidence import (
     unpack_relatives,
     unpack_state,
 )
+from blackboard.wire.messages import Learned
 
 GROWING = ("time", "moving", "along", "across", "heading")  # sums of an epoch that never shrink
 
@@ -54,3 +56,15 @@ def reason(verdict: Verdict) -> str:
     if verdict.squared > most:
         return f"its {verdict.kind} contradicts the joint: squared distance {verdict.squared:.1f}, at most {most:.1f}"
     return "most of the team contradicts it or what it saw"
+
+
+def learned(innovations: Innovations, sources: Iterable[str]) -> list[Learned]:
+    """How over-confident the evidence of some robots is: the larger factor of what they say of themselves and of others."""
+    found = []
+    for source in sources:
+        kinds = [(source, kind) for kind in ("increment", "relative")]
+        samples = max(innovations.samples(kind) for kind in kinds)
+        variance = max(innovations.variance(kind) for kind in kinds)
+        name = source.removeprefix("robot/")
+        found.append(Learned(level="agreed", source=name, samples=samples, variance=variance, correlation=0.0))
+    return found

@@ -20,6 +20,7 @@ from blackboard.opinion.gaussian.coalitions import KNOWN, PREDICTION, Choice, ab
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Tally, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
+from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
 from blackboard.opinion.gaussian.trust import Trust
@@ -59,6 +60,7 @@ class TeamJoint:
     joint: Joint = field(default_factory=Joint)
     tally: Tally = field(default_factory=Tally)
     trust: Trust = field(default_factory=Trust)
+    innovations: Innovations = field(default_factory=Innovations)
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
     tick: int = -1
     _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
@@ -134,6 +136,7 @@ class TeamJoint:
             self._known[robot] = Known(evidence.epoch, evidence.travelled)
             self._drop(robot)
             self.trust.forget(robot)
+            self.innovations.forget(robot)
         if robot in self.joint or evidence.belief is None:
             return False
         self.joint.add(robot, evidence.belief)
@@ -209,7 +212,10 @@ class TeamJoint:
         it = None if evidence.increment is None else likelihood(self.joint, robot, evidence.increment)
         if it is None:
             return
-        squared, freedom = it.innovation(self.joint).squared, len(it.residual)
+        source, freedom = (robot, "increment"), len(it.residual)
+        self.innovations.judge(source, it.innovation(self.joint).squared, freedom)
+        it = replace(it, noise=it.noise * self.innovations.variance(source))
+        squared = it.innovation(self.joint).squared
         by = self._outvoted(robot, robot)
         taken = squared <= GATES[freedom - 1] and not by
         self._judge(Verdict(robot, robot, "increment", squared, freedom, taken, by))
@@ -245,6 +251,9 @@ class TeamJoint:
             self.joint.add(subject, Moments(np.zeros(2), np.eye(2) * FLAT))
             self._seen[subject] = 0.0
         expectation = expect(self.joint, relative, motions)
+        source = (observer, "relative")
+        self.innovations.judge(source, expectation.innovation(self.joint).squared, 2)
+        expectation = replace(expectation, noise=expectation.noise * self.innovations.variance(source))
         squared = expectation.innovation(self.joint).squared
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
         agrees = squared <= GATES[1] and not by

@@ -19,7 +19,7 @@ from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, entering
 from blackboard.opinion.grid import Array
-from tests.opinion.gaussian.test_team import Own
+from tests.opinion.gaussian import driving
 
 PLACES = {"robot/r1": (0.0, 0.0), "robot/r2": (5.0, 0.0), "robot/r3": (0.0, 5.0), "robot/r4": (5.0, 5.0)}
 
@@ -170,12 +170,11 @@ def test_a_robot_that_enters_with_a_lie_is_outvoted_in_the_same_tick() -> None:
 
 def others_error(seed: int, lie: float) -> float:
     """RMSE of four honest robots beside a fifth that says of its place, in all that it sends, that it is `lie` units beside."""
-    chance = np.random.default_rng(seed)
-    robots = [Own(f"robot/r{k}", np.array([0.0, 3.0 * k]), chance) for k in range(5)]
+    robots = driving.team(5, seed)
     liar, it, squared = robots[2], TeamJoint(), []
     away = np.array([0.0, lie, *[0.0] * (STATES - 2)])
     for tick in range(20):
-        reports = [robot.tick(tick, robots) for robot in robots]
+        reports = driving.told(robots, tick)
         said = next(report for report in reports if report.robot == liar.name)
         assert said.belief is not None
         false = replace(

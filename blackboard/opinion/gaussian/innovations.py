@@ -1,0 +1,45 @@
+"""How far each source's evidence is from what the joint expects, against what it claims: an over-confident source counts for less.
+
+The squared Mahalanobis distance of a piece of evidence is chi-squared where its noise is as claimed. A median well above that of
+chi-squared says that the noise is larger, by about the ratio of the two. A source is never taken for better than it claims, because
+noise that is alike from one tick to the next looks smaller than it is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+#: The medians of chi-squared, by degrees of freedom from 1 on.
+MEDIANS = (0.455, 1.386, 2.366, 3.357, 4.351, 5.348, 6.346, 7.344, 8.343)
+WINDOW = 60  # pieces of evidence of a source that are remembered
+FEWEST = 20  # before they count
+MOST = 100.0  # times the claimed variance
+
+Source = tuple[str, str]  # a robot, and the kind of its evidence
+
+
+@dataclass
+class Innovations:
+    """Mutable; `judge` once per piece of evidence, before it is scaled or left out."""
+
+    _ratios: dict[Source, deque[float]] = field(default_factory=dict)
+
+    def judge(self, source: Source, squared: float, freedom: int) -> None:
+        """Take the squared distance of a piece of evidence as it was claimed, with its degrees of freedom."""
+        self._ratios.setdefault(source, deque(maxlen=WINDOW)).append(squared / MEDIANS[freedom - 1])
+
+    def samples(self, source: Source) -> int:
+        """How many pieces of evidence are remembered of a source."""
+        return len(self._ratios.get(source, ()))
+
+    def variance(self, source: Source) -> float:
+        """The variance of a source's noise relative to what it claims, at least 1; 1 until enough is known."""
+        ratios = self._ratios.get(source, ())
+        return min(MOST, max(1.0, float(np.median(ratios)))) if len(ratios) >= FEWEST else 1.0
+
+    def forget(self, robot: str) -> None:
+        """Drop what was remembered of a robot, which begins anew."""
+        self._ratios = {source: ratios for source, ratios in self._ratios.items() if source[0] != robot}
