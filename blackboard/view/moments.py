@@ -12,7 +12,7 @@ from blackboard.view.told import Told, read
 from blackboard.wire.messages import Consensus, PackedBelief, Report
 
 MAX_MOMENTS = 3000
-MAX_BYTES = 128 << 20  # of all messages that the moments hold
+MAX_BYTES = 64 << 20  # of all messages that the moments hold
 OVERHEAD = 4096  # bytes that a message takes in memory beyond those on the wire
 
 Point = tuple[float, float]

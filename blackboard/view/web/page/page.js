@@ -113,6 +113,7 @@ function draw() {
   drawMatrix(header, colours);
   drawCharts(header, colours);
   drawProcesses(state.live || header);
+  drawPulse(state.live || header);
   drawEvents(header);
   askWhy(header);
 }
@@ -338,12 +339,31 @@ function drawProcesses(header) {
   });
 }
 
+/** One mark for each process in the head: boards and the world are squares, who is gone stands on a corner. */
+function drawPulse(header) {
+  fill($("pulse"), header.processes, () => element("i"), (it, process) => {
+    it.className = `${process.kind} ${process.state}`;
+    it.title = `${process.name}: ${process.state}, ${process.rate.toFixed(1)} ticks/s`;
+  });
+  const alive = header.processes.filter((it) => it.state === "alive").length;
+  $("pulse").setAttribute("aria-label", `${alive} of ${header.processes.length} processes alive`);
+}
+
+function told(event) {
+  return event.what === "here" || event.what === "gone" ? `${event.text} is ${event.what}` : event.text;
+}
+
 function drawEvents(header) {
+  const last = header.events[header.events.length - 1];
+  if (last) {
+    $("latest").className = last.what;
+    $("latest").textContent = `${last.tick < 0 ? "" : `tick ${last.tick}: `}${told(last)}`;
+  }
   const rows = header.events.slice().reverse();
   fill($("events"), rows, () => element("li", {}, element("span"), element("div")), (row, it) => {
     row.className = it.what;
     row.firstChild.textContent = it.tick < 0 ? "" : `tick ${it.tick}`;
-    row.lastChild.textContent = it.what === "here" || it.what === "gone" ? `${it.text} is ${it.what}` : it.text;
+    row.lastChild.textContent = told(it);
   });
 }
 
