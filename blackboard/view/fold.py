@@ -34,6 +34,9 @@ MAX_EVENTS = 200
 RECENT = 4  # of what one source told about a subject, because some of it is newer than the moment
 FORGET = 60.0  # seconds of team time after which an old belief is not shown any more
 
+AHEAD = 5.0  # seconds that the stamp of a settled tick may be ahead of Unix time, where no world gives the time
+TICKS_AHEAD = 2  # that a settled tick may be ahead of the world's newest Clock, which comes from another sender
+
 TOKENS = {keys.MEMBER.name: ("robot", "robot"), keys.BOARD.name: ("board", "board"), keys.WORLD.name: ("world", "")}
 
 WORLD = ("world", "world")  # kind and name of the process of which a team has one
@@ -216,7 +219,7 @@ class TeamFold:
 
     def _settled(self, status: Status, now: float) -> None:
         newest = self.moments.newest
-        if newest is not None and status.tick <= newest.tick:
+        if (newest is not None and status.tick <= newest.tick) or self._is_ahead(status, now):
             return
         if self._open is not None and status.tick > self._open[0]:
             self._complete(now)
@@ -226,6 +229,12 @@ class TeamFold:
         boards = [process for process in self.processes.values() if process.kind == "board" and process.alive]
         if all(board.tick >= status.tick for board in boards):
             self._complete(now)
+
+    def _is_ahead(self, status: Status, now: float) -> bool:
+        """Whether a status is of a tick that cannot have begun: taken as the newest it would hide all that comes after it."""
+        if self.clock is None or self.mode == "free":
+            return status.time > now + AHEAD
+        return status.tick > self.clock.tick + TICKS_AHEAD
 
     def _complete(self, now: float) -> None:
         """Close the open moment; beliefs that are later than it wait for the next."""

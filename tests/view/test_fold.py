@@ -171,6 +171,19 @@ def test_nothing_that_arrives_raises(sent: list[tuple[str, bytes, Kind]]) -> Non
         fold.take(Envelope(key, payload, kind), float(n))
 
 
+def test_a_tick_that_cannot_have_begun_hides_nothing() -> None:
+    fold = Fold()
+    for envelope, now in recorded():
+        fold.take(envelope, now)
+        found = keys.parse(envelope.key)
+        if found is not None and found[0] is keys.STATUS and envelope.kind is Kind.PUT:
+            status = decode(Status, envelope.payload)
+            liar = status.model_copy(update={"tick": (1 << 53) - 1, "time": 1e15, "kind": "board", "phase": "agreed"})
+            fold.take(Envelope(envelope.key, encode(liar)), now)
+    ticks = [moment.tick for moment in fold.teams["t"].moments]
+    assert ticks == [moment.tick for moment in team_of().moments]
+
+
 def test_names_without_end_are_refused() -> None:
     fold = Fold()
     for n in range(1000):
