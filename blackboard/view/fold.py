@@ -11,7 +11,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
@@ -21,8 +21,7 @@ from blackboard.view.told import M, Told
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.evidence import Forward
-from blackboard.wire.messages import Clock, Consensus, Readings, Report, Solo, Status, Truth
+from blackboard.wire.messages import Clock, Consensus, Readings, Report, Status, Truth
 from blackboard.wire.types import Message
 
 MAX_TEAMS = 16
@@ -70,6 +69,8 @@ class Fold:
                 found = keys.parse(envelope.key)
                 if found is not None and found[0].name in TOKENS:
                     self._team(found[1]["team"]).hear_token(*found, envelope, now)
+            elif envelope.kind is Kind.PUT and (sender := _unread(envelope.key)) is not None:
+                self._team(sender.pop("team")).hear_sender(**sender, size=len(envelope.payload), now=now)
             elif envelope.kind is Kind.PUT:
                 _, parts, message = open_envelope(envelope)
                 self._team(parts["team"]).hear(parts, message, len(envelope.payload), now)
@@ -145,6 +146,10 @@ class TeamFold:
         tick = -1 if self.moments.newest is None else self.moments.newest.tick
         self.events.append(Event(now, tick, what, who, text))
 
+    def hear_sender(self, kind: str, name: str, sub_team: str | None, size: int, now: float) -> None:
+        """Count a message that is not read."""
+        self._process(kind, name, sub_team).heard(now, size)
+
     # --- messages -------------------------------------------------------------------------------------------------------
 
     def hear(self, parts: dict[str, str], message: Message, size: int, now: float) -> None:
@@ -165,10 +170,6 @@ class TeamFold:
         elif isinstance(message, Consensus):
             self._process("board", message.board, message.sub_team).heard(now, size)
             self._hear_consensus(message, size, now)
-        elif isinstance(message, Forward):
-            self._process("board", message.board, message.sub_team).heard(now, size)
-        elif isinstance(message, Solo):
-            self._process("robot", message.robot).heard(now, size)
         elif isinstance(message, Status) and message.kind in ("robot", "board"):
             process = self._process(message.kind, message.process, parts["sub_team"])
             process.heard(now, size)
@@ -284,6 +285,15 @@ class TeamFold:
             text = f"{source} counts again about {subject}" if source else f"no conflict about {subject} any more"
             self._note("back in" if source else "agreement", subject, text, now)
         self._noticed = found
+
+
+def _unread(key: str) -> dict[str, Any] | None:
+    """Who sends on a key whose messages show nothing new and are large: solo beliefs and forwarded evidence; None for others."""
+    if (parts := keys.SOLO.match(key)) is not None:
+        return {"team": parts["team"], "kind": "robot", "name": parts["robot"], "sub_team": None}
+    if (parts := keys.FORWARD.match(key)) is not None:
+        return {"team": parts["team"], "kind": "board", "name": parts["board"], "sub_team": parts["sub_team"]}
+    return None
 
 
 def _keep(store: dict[str, dict[str, deque[Told[M]]]], subject: str, source: str, told: Told[M]) -> None:

@@ -7,7 +7,7 @@ from collections import deque
 from blackboard.view.fold import Fold, TeamFold
 from blackboard.view.frame import frame
 
-LEAST_GAP = 0.1  # seconds between two frames; of ticks that come faster the newest is shown
+LEAST_GAP = 0.1  # seconds between two frames at least; of ticks that come faster the newest is shown
 BEAT = 1.0  # seconds after which a frame is made although nothing was settled: ages grow, processes vanish
 MAX_PAST = 32 << 20  # bytes of frames that are kept
 
@@ -19,6 +19,7 @@ class Frames:
         self._fold, self._team = fold, team
         self.newest = b""
         self.number = 0
+        self.gap = LEAST_GAP  # seconds between two frames; the server makes it longer where frames are costly
         self._most_bytes = most_bytes
         self._past: deque[bytes] = deque()
         self._bytes = 0
@@ -35,7 +36,7 @@ class Frames:
         """Make a frame if one is due at `now`, Unix time in seconds; whether there is a new one."""
         team = self.team
         gap = now - self._made_at
-        if gap < LEAST_GAP or (team.changes == self._changes and gap < BEAT):
+        if gap < self.gap or (team.changes == self._changes and gap < max(BEAT, self.gap)):
             return False
         moment = team.moments.newest
         self.number += 1
