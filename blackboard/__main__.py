@@ -1,4 +1,4 @@
-"""The door of the blackboard: `blackboard demo | up | serve | router | health | lab | tune | figures | score`."""
+"""The door of the blackboard: `blackboard demo | up | serve | router | health`, and those of other rooms, loaded when asked for."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 
 from blackboard.config import Scenario, load
 from blackboard.run import door
-from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags
+from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
 from blackboard.run.progress import progress
 
 app = App(
@@ -27,6 +27,15 @@ for command, about in {
     app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
 app.command("blackboard.lab.score:score", name="score", help="Score a recorded team: its robots, protocols, fusions.")
 
+for command, about in {
+    "why": "Say why a running team believes what it believes about a subject.",
+    "status": "Show teams, processes and beliefs, once or again and again.",
+    "echo": "Print every message on a key expression, decoded.",
+    "hz": "Print how often messages come on each key.",
+    "view": "Serve a live page of a running team (extra `web`).",
+}.items():
+    app.command(f"blackboard.view.__main__:{command}", name=command, help=about)
+
 
 @app.command
 def demo(
@@ -34,11 +43,12 @@ def demo(
     team: TeamFlags = TeamFlags(),
     run: RunFlags = RunFlags(),
     recording: RecordingFlags = RecordingFlags(),
+    look: ViewFlags = ViewFlags(),
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
     """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team."""
-    return _run(run.apply(team.apply(recording.scenario())), run, output, flags)
+    return _run(run.apply(team.apply(recording.scenario())), run, look, output, flags)
 
 
 @app.command
@@ -47,6 +57,7 @@ def up(
     *,
     team: TeamFlags = TeamFlags(),
     run: RunFlags = RunFlags(),
+    look: ViewFlags = ViewFlags(),
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
@@ -57,7 +68,7 @@ def up(
     scenario
         A scenario file (TOML), or the name of one that comes with the package.
     """
-    return _run(run.apply(team.apply(load(scenario))), run, output, flags)
+    return _run(run.apply(team.apply(load(scenario))), run, look, output, flags)
 
 
 @app.command
@@ -139,13 +150,13 @@ def health(
     return 1 if fault else 0
 
 
-def _run(scenario: Scenario, run: RunFlags, output: OutputFlags, flags: door.ZenohFlags) -> int:
+def _run(scenario: Scenario, run: RunFlags, look: ViewFlags, output: OutputFlags, flags: door.ZenohFlags) -> int:
     from blackboard.run.launch import run_scenario
     from sim_world.scorecard import text
 
     _check(scenario)
     with progress(scenario.name) as show_progress:
-        status, card = run_scenario(scenario, show_progress, flags.link(), run.series)
+        status, card = run_scenario(scenario, show_progress, flags.link(), run.series, view=look.view)
     output.show(card, text)
     return status
 

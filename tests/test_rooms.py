@@ -22,6 +22,7 @@ ERRORS, PLUGINS, CONFIG = "blackboard.errors", "blackboard.plugins", "blackboard
 OPINION, WIRE, PROCESS = "blackboard.opinion", "blackboard.wire", "blackboard.process"
 CLOCK, LOOP = "blackboard.process.clock", "blackboard.process.loop"
 BOARD, NET, RUN, LAB = "blackboard.board", "blackboard.net", "blackboard.run", "blackboard.lab"
+VIEW, WEB = "blackboard.view", "blackboard.view.web"
 SHARED = {ERRORS, PLUGINS, CONFIG, OPINION, WIRE, PROCESS}  # for machines and services; neither a clock nor a network
 
 #: Room -> the rooms that it may import besides itself. A door is a room of its own; so are the clock and the loop that reads it.
@@ -38,11 +39,14 @@ ALLOWED: dict[str, set[str]] = {
     NET: {ERRORS, WIRE, CLOCK},
     RUN: {*SHARED, NET, CLOCK, LOOP, "blackboard"},
     LAB: {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
+    VIEW: {*SHARED, BOARD},
+    WEB: {*SHARED, VIEW},
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
     "sim_world": SHARED,
     "blackboard.__main__": {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN},
+    "blackboard.view.__main__": {*SHARED, VIEW, WEB, NET, RUN, CLOCK},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
     "sim_world.__main__": {*SHARED, RUN, "sim_world"},
 }
@@ -57,10 +61,14 @@ LIBRARIES = {
         LAB,
         "blackboard.__main__",
         "blackboard.lab.__main__",
+        "blackboard.view.__main__",
         "robot_agent.__main__",
         "sim_world.__main__",
     },
     "matplotlib": {LAB},
+    "starlette": {WEB},
+    "uvicorn": {WEB},
+    "websockets": {WEB},
     "scipy": set[str](),
 }
 
@@ -142,7 +150,7 @@ def test_a_room_loads_what_it_may(a_room: str) -> None:
     }
 
 
-@pytest.mark.parametrize("a_room", ["robot_agent", "sim_world", BOARD, OPINION, WIRE, PROCESS])
+@pytest.mark.parametrize("a_room", ["robot_agent", "sim_world", BOARD, OPINION, WIRE, PROCESS, VIEW])
 def test_no_machine_loads_a_clock(a_room: str) -> None:
     assert not loaded_by(a_room) & {CLOCK, LOOP}
 
@@ -190,7 +198,11 @@ def users(banned: tuple[str, ...], *folders: str) -> set[str]:
 
 
 CHANCE = ("random", "secrets", "uuid", "numpy.random.default_rng", "numpy.random.seed", "numpy.random.RandomState")
-DOORS = {*(f"{package}/__main__.py" for package in PACKAGES), "blackboard/lab/__main__.py"}
+DOORS = {
+    *(f"{package}/__main__.py" for package in PACKAGES),
+    "blackboard/lab/__main__.py",
+    "blackboard/view/__main__.py",
+}
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,15 @@ class RunFlags(LengthFlags):
 
 @Parameter(name="*")
 @dataclass(frozen=True)
+class ViewFlags:
+    """How a run is looked at."""
+
+    view: Annotated[bool, Parameter(negative="", show_default=False)] = False
+    "Also serve a live page of the run on a free port of 127.0.0.1 (extra web); its address is in the log."
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
 class TeamFlags:
     """Who is in the team, and how it pools."""
 

@@ -38,6 +38,7 @@ class ProcessTable:
     routers: tuple[Process, ...]  # none where a network is given
     members: tuple[Process, ...]  # boards and robots
     world: Process
+    viewers: tuple[Process, ...] = ()  # the live page, if it is asked for
 
     @property
     def tokens(self) -> frozenset[str]:
@@ -46,11 +47,16 @@ class ProcessTable:
 
 
 def process_table(
-    scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None, series: Path | None = None
+    scenario: Scenario,
+    file: str,
+    config: LinkConfig,
+    own_endpoint: str | None,
+    series: Path | None = None,
+    view: bool = False,
 ) -> ProcessTable:
     """The process table of a scenario in `file`; with `own_endpoint` it has a router of its own, which listens there too.
 
-    The world writes its samples into `series`.
+    The world writes its samples into `series`. With `view` a live page is served by a process of its own.
     """
     python, team = (sys.executable, "-m"), scenario.team
     routers: tuple[Process, ...] = ()
@@ -72,7 +78,8 @@ def process_table(
         members.append(Process(robot, (*python, "robot_agent", *arguments, *common), tokens))
     samples = () if series is None else ("--series", str(series))
     world = Process("world", (*python, "sim_world", file, "--json", *samples, *_flags(config)))
-    return ProcessTable(routers, tuple(members), world)
+    page = Process("view", (*python, "blackboard", "view", "--team", team.name, "--port", "0", *_flags(config)))
+    return ProcessTable(routers, tuple(members), world, (page,) if view else ())
 
 
 def _flags(config: LinkConfig) -> tuple[str, ...]:
@@ -98,8 +105,12 @@ def run_scenario(
     progress: Progress | None = None,
     config: LinkConfig | None = None,
     series: Path | None = None,
+    *,
+    view: bool = False,
 ) -> tuple[int, dict[str, Any]]:
     """Run every process of a scenario until its world ends: the world's exit status and scorecard; samples go into `series`.
+
+    With `view` a live page is served beside it, and stopped with it.
 
     The network is the one that `config` names an endpoint or a file for, else a router of its own on 127.0.0.1.
     UserError: a process ended with one. RunFailed: the world gave no scorecard. KeyboardInterrupt: SIGINT or SIGTERM came. In
@@ -110,7 +121,7 @@ def run_scenario(
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
         file = Path(folder) / "scenario.json"
         file.write_text(scenario.to_json(), encoding="utf-8")
-        processes = process_table(scenario, str(file), config, own_endpoint, series)
+        processes = process_table(scenario, str(file), config, own_endpoint, series, view)
         if own_endpoint is not None:
             config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg)
         try:
@@ -134,7 +145,7 @@ async def _run(
         for router in processes.routers:
             supervisor.keep_running(router)
         async with _observer(config, scenario, supervisor.release, progress) as observer:
-            for member in processes.members:
+            for member in (*processes.members, *processes.viewers):
                 supervisor.keep_running(member)
             await observer.until_alive(processes.tokens)
             status, output = await supervisor.run(processes.world)

@@ -40,7 +40,7 @@ def arguments(process: Process) -> list[str]:
 
 
 def everybody(rows: ProcessTable) -> list[Process]:
-    return [*rows.routers, *rows.members, rows.world]
+    return [*rows.routers, *rows.members, *rows.viewers, rows.world]
 
 
 def test_the_table_lists_router_boards_robots_and_the_world() -> None:
@@ -62,6 +62,14 @@ def test_the_world_writes_the_series() -> None:
     rows = process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1", Path("x.csv"))
     assert " ".join(arguments(rows.world)) == "sim_world s.json --json --series x.csv --connect tcp/127.0.0.1:1"
     assert not any("--series" in process.arguments for process in rows.members)
+
+
+def test_the_live_page_is_a_process_of_its_own_where_it_is_asked_for() -> None:
+    rows = process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1", view=True)
+    (page,) = rows.viewers
+    assert " ".join(arguments(page)) == "blackboard view --team t --port 0 --connect tcp/127.0.0.1:1"
+    assert not page.tokens
+    assert process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1").viewers == ()
 
 
 def test_on_a_given_network_there_is_no_router_and_its_flags_are_passed_on() -> None:
@@ -135,7 +143,7 @@ def run(monkeypatch: pytest.MonkeyPatch, endpoint: str) -> Run:
 
     def run(member: str, world: str = WORLD, **more: object) -> tuple[int, object]:
         def rows(
-            scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None, series: None
+            scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None, series: None, view: bool
         ) -> ProcessTable:
             assert own_endpoint is None
             row = Process("r1", (sys.executable, "-c", member, endpoint, file), frozenset({"cop/t/a/member/r1"}))

@@ -1,0 +1,345 @@
+"""The fold: envelopes in, the state of the teams out. Pure: time is an argument, memory is bounded whatever arrives.
+
+Long, because it is the whole fold: what each kind of message changes, and when a moment is complete.
+
+A moment is complete when every board that is alive has its status "agreed" of a tick in, or when a later tick is agreed on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+from blackboard.errors import Refused
+from blackboard.opinion.grid import Grid
+from blackboard.view.moments import About, Moment, Moments, Point, Scored, scored
+from blackboard.view.processes import MAX_PROCESSES, Process
+from blackboard.view.told import M, Told
+from blackboard.wire import keys
+from blackboard.wire.codec import open_envelope
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Consensus, Readings, Report, Status, Truth
+from blackboard.wire.types import Message
+
+MAX_TEAMS = 16
+MAX_SUBJECTS = 256  # of a team
+MAX_SOURCES = 64  # of a subject; sub-teams count as such
+MAX_TRUTHS = 64  # ticks whose truth is kept until they are settled
+MAX_SIGHTINGS = 1024
+MAX_EVENTS = 200
+RECENT = 4  # of what one source told about a subject, because some of it is newer than the moment
+FORGET = 60.0  # seconds of team time after which an old belief is not shown any more
+
+AHEAD = 5.0  # seconds that the stamp of a settled tick may be ahead of Unix time, where no world gives the time
+TICKS_AHEAD = 2  # that a settled tick may be ahead of the world's newest Clock, which comes from another sender
+
+TOKENS = {keys.MEMBER.name: ("robot", "robot"), keys.BOARD.name: ("board", "board"), keys.WORLD.name: ("world", "")}
+
+WORLD = ("world", "world")  # kind and name of the process of which a team has one
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something to notice; `at` is Unix time, tick -1 where no tick is known."""
+
+    at: float
+    tick: int
+    what: str  # "here", "gone", "run", "conflict", "agreement", "left out", "back in", "refused"
+    who: str
+    text: str
+
+
+class Fold:
+    """All teams that are heard of. `take` never raises for what arrives: it counts what it refuses."""
+
+    def __init__(self) -> None:
+        self.teams: dict[str, TeamFold] = {}
+        self.refused: Counter[str] = Counter()  # by reason, as `blackboard.wire.messages.REASONS`
+
+    def take(self, envelope: Envelope, now: float) -> None:
+        """Take one envelope that arrived at `now`, Unix seconds."""
+        try:
+            if envelope.kind in (Kind.ALIVE, Kind.GONE):
+                found = keys.parse(envelope.key)
+                if found is not None and found[0].name in TOKENS:
+                    self._team(found[1]["team"]).hear_token(*found, envelope, now)
+            elif envelope.kind is Kind.PUT and (sender := _unread(envelope.key)) is not None:
+                self._team(sender.pop("team")).hear_sender(**sender, size=len(envelope.payload), now=now)
+            elif envelope.kind is Kind.PUT:
+                _, parts, message = open_envelope(envelope)
+                self._team(parts["team"]).hear(parts, message, len(envelope.payload), now)
+        except Refused as refusal:
+            self.refused[refusal.reason] += 1
+
+    def _team(self, name: str) -> TeamFold:
+        if name not in self.teams and len(self.teams) >= MAX_TEAMS:
+            raise Refused("too-many", f"{name} would be one more than {MAX_TEAMS} teams")
+        return self.teams.setdefault(name, TeamFold(name))
+
+
+class TeamFold:
+    """The state of one team."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.processes: dict[tuple[str, str], Process] = {}  # kind and name
+        self.clock: Clock | None = None
+        self.grid: Grid | None = None  # of its consensuses
+        self.moments = Moments()
+        self.events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self.changes = 0  # grows with each moment and each change of liveliness
+        self._truths: dict[
+            tuple[str, int], dict[str, Point]
+        ] = {}  # run and tick; the first of a run comes before its Clock
+        self._forget()
+
+    def _forget(self) -> None:
+        """A new run: nothing of the beliefs and ticks before it counts."""
+        self.moments.clear()
+        for process in self.processes.values():
+            process.tick = -1
+        self._reports: dict[str, dict[str, deque[Told[Report]]]] = {}  # subject -> source -> the newest last
+        self._consensus: dict[str, dict[str, deque[Told[Consensus]]]] = {}  # subject -> sub-team -> the newest last
+        self._agreed: dict[str, dict[str, deque[Told[Consensus]]]] = {}
+        self._sightings: dict[str, tuple[str, ...]] = {}  # observer -> what it sees
+        self._open: tuple[int, float] | None = None  # tick and time of the moment that is not complete
+        self._noticed: dict[tuple[str, str], str] = {}  # conflicts and sources left out at this moment, by subject
+
+    @property
+    def mode(self) -> str:
+        """By what the team goes: "lockstep", "realtime", or "free" where no world is alive."""
+        world = self.processes.get(WORLD)
+        return "free" if self.clock is None or world is None or not world.alive else self.clock.mode
+
+    # --- liveliness -----------------------------------------------------------------------------------------------------
+
+    def hear_token(self, topic: keys.Topic, parts: dict[str, str], envelope: Envelope, now: float) -> None:
+        kind, part = TOKENS[topic.name]
+        process = self._process(kind, parts.get(part, "world"), parts.get("sub_team"))
+        alive = process.alive
+        (process.tokens.add if envelope.kind is Kind.ALIVE else process.tokens.discard)(envelope.key)
+        if process.alive != alive:
+            process.gone_at = None if process.alive else now
+            self.changes += 1
+            self._note("here" if process.alive else "gone", process.name, f"{kind} {process.name}", now)
+
+    def _process(self, kind: str, name: str, sub_team: str | None = None) -> Process:
+        known = self.processes.get((kind, name))
+        if known is None:
+            if len(self.processes) >= MAX_PROCESSES:
+                gone = [key for key, process in self.processes.items() if not process.alive]
+                if not gone:
+                    raise Refused("too-many", f"{name} would be one more than {MAX_PROCESSES} processes")
+                del self.processes[min(gone, key=lambda key: self.processes[key].heard_at)]
+            known = self.processes[kind, name] = Process(kind, name)
+        if sub_team is not None and len(known.sub_teams) < MAX_SOURCES:
+            known.sub_teams.add(sub_team)
+        return known
+
+    def _note(self, what: str, who: str, text: str, now: float) -> None:
+        tick = -1 if self.moments.newest is None else self.moments.newest.tick
+        self.events.append(Event(now, tick, what, who, text))
+
+    def hear_sender(self, kind: str, name: str, sub_team: str | None, size: int, now: float) -> None:
+        """Count a message that is not read."""
+        self._process(kind, name, sub_team).heard(now, size)
+
+    # --- messages -------------------------------------------------------------------------------------------------------
+
+    def hear(self, parts: dict[str, str], message: Message, size: int, now: float) -> None:
+        """Take a message; Refused: "too-many"."""
+        if isinstance(message, Clock):
+            self._process(*WORLD).heard(now, size)
+            self._hear_clock(message, now)
+        elif isinstance(message, Truth):
+            self._process(*WORLD).heard(now, size)
+            self._truths[message.run, message.tick] = dict(list(message.positions.items())[:MAX_SUBJECTS])
+            _keep_newest(self._truths, MAX_TRUTHS)
+        elif isinstance(message, Readings):
+            seen = tuple(it.subject for it in message.sightings)
+            self._see(message.robot, seen)
+        elif isinstance(message, Report):
+            self._process("robot", message.source, parts["sub_team"]).heard(now, size)
+            self._hear_report(message, size, now)
+        elif isinstance(message, Consensus):
+            self._process("board", message.board, message.sub_team).heard(now, size)
+            self._hear_consensus(message, size, now)
+        elif isinstance(message, Status) and message.kind in ("robot", "board"):
+            process = self._process(message.kind, message.process, parts["sub_team"])
+            process.heard(now, size)
+            self._hear_status(process, parts["sub_team"], message, now)
+
+    def _hear_clock(self, clock: Clock, now: float) -> None:
+        if self.clock is None or clock.run != self.clock.run:
+            self._forget()
+            self._note("run", self.name, f"run {clock.run} begins", now)
+        elif clock.tick < self.clock.tick:
+            return
+        self.clock = clock
+        self._process(*WORLD).finished(clock.tick, clock.time, now)
+
+    def _see(self, observer: str, subjects: Iterable[str]) -> None:
+        self._sightings[observer] = tuple(dict.fromkeys(subjects))[:MAX_SOURCES]
+        _keep_newest(self._sightings, MAX_SOURCES)
+
+    def _hear_report(self, report: Report, size: int, now: float) -> None:
+        if report.evidence is not None:
+            if report.subject == f"robot/{report.source}":
+                self._see(report.source, (it.subject for it in report.evidence.relatives))
+            report = report.model_copy(update={"evidence": None})  # it is not shown, and large
+        _keep(self._reports, report.subject, report.source, Told(report, now, size))
+
+    def _hear_consensus(self, consensus: Consensus, size: int, now: float) -> None:
+        store = self._consensus if consensus.level == "consensus" else self._agreed
+        _keep(store, consensus.subject, consensus.sub_team, Told(consensus, now, size))
+        grid = consensus.belief.grid
+        self.grid = Grid(grid.shape, grid.cell, grid.origin, grid.unit)
+
+    def _hear_status(self, process: Process, sub_team: str, status: Status, now: float) -> None:
+        for reason, count in status.refused.items():
+            more = count - process.refused.get(reason, 0)
+            if more > 0 and process.status is not None:
+                self._note("refused", process.name, f"{process.name} refused {more} more: {reason}", now)
+        process.status, process.status_at = status, now
+        if status.kind == "robot" and status.phase == "reported":
+            process.finished(status.tick, status.time, now)
+            _withdraw(self._reports, status.process, status)
+        elif status.kind == "board" and status.phase in ("consensus", "agreed"):
+            _withdraw(self._consensus if status.phase == "consensus" else self._agreed, sub_team, status)
+            if status.phase == "agreed":
+                process.finished(status.tick, status.time, now)
+                self._settled(status, now)
+
+    # --- moments --------------------------------------------------------------------------------------------------------
+
+    def _settled(self, status: Status, now: float) -> None:
+        newest = self.moments.newest
+        if (newest is not None and status.tick <= newest.tick) or self._is_ahead(status, now):
+            return
+        if self._open is not None and status.tick > self._open[0]:
+            self._complete(now)
+        if self._open is None or status.tick == self._open[0]:
+            before = -math.inf if self._open is None else self._open[1]
+            self._open = (status.tick, max(before, status.time))
+        boards = [process for process in self.processes.values() if process.kind == "board" and process.alive]
+        if all(board.tick >= status.tick for board in boards):
+            self._complete(now)
+
+    def _is_ahead(self, status: Status, now: float) -> bool:
+        """Whether a status is of a tick that cannot have begun: taken as the newest it would hide all that comes after it."""
+        if self.clock is None or self.mode == "free":
+            return status.time > now + AHEAD
+        return status.tick > self.clock.tick + TICKS_AHEAD
+
+    def _complete(self, now: float) -> None:
+        """Close the open moment; beliefs that are later than it wait for the next."""
+        assert self._open is not None
+        tick, time = self._open
+        self._open = None
+        run = "" if self.clock is None else self.clock.run
+        truths = self._truths.get((run, tick), {})
+        subjects = {}
+        for subject in sorted({*self._agreed, *self._consensus, *self._reports, *truths}):
+            about = About(
+                agreed=_until(self._agreed.get(subject, {}), time),
+                consensus=_until(self._consensus.get(subject, {}), time),
+                reports=_until(self._reports.get(subject, {}), time),
+                truth=truths.get(subject),
+            )
+            if about.best is not None or about.reports or about.truth is not None:
+                subjects[subject] = replace(about, scores=_scores(about))
+        self._drop_old(time - FORGET)
+        seen = [(f"robot/{observer}", subject) for observer, all_ in self._sightings.items() for subject in all_]
+        moment = Moment(run, tick, time, now, subjects, tuple(seen[:MAX_SIGHTINGS]))
+        self.moments.add(moment)
+        self.changes += 1
+        self._notice(moment, now)
+
+    def _drop_old(self, oldest: float) -> None:
+        """Drop what was stamped before `oldest`, team time in seconds."""
+        self._agreed = _younger(self._agreed, oldest)
+        self._consensus = _younger(self._consensus, oldest)
+        self._reports = _younger(self._reports, oldest)
+
+    def _notice(self, moment: Moment, now: float) -> None:
+        """Note which conflicts and which sources left out are new, and which are over."""
+        found = {}
+        for subject, about in moment.subjects.items():
+            best = about.best
+            if best is None or best.message.tick < moment.tick:
+                continue
+            if best.message.conflict:
+                found[subject, ""] = f"conflict about {subject}"
+            for it in best.message.left_out:
+                found[subject, it.source] = f"{it.source} left out about {subject}: {it.reason}"
+        for (subject, source), text in found.items():
+            if (subject, source) not in self._noticed:
+                self._note("left out" if source else "conflict", subject, text, now)
+        for subject, source in self._noticed.keys() - found.keys():
+            text = f"{source} counts again about {subject}" if source else f"no conflict about {subject} any more"
+            self._note("back in" if source else "agreement", subject, text, now)
+        self._noticed = found
+
+
+def _unread(key: str) -> dict[str, Any] | None:
+    """Who sends on a key whose messages show nothing new and are large: solo beliefs and forwarded evidence; None for others."""
+    if (parts := keys.SOLO.match(key)) is not None:
+        return {"team": parts["team"], "kind": "robot", "name": parts["robot"], "sub_team": None}
+    if (parts := keys.FORWARD.match(key)) is not None:
+        return {"team": parts["team"], "kind": "board", "name": parts["board"], "sub_team": parts["sub_team"]}
+    return None
+
+
+def _keep(store: dict[str, dict[str, deque[Told[M]]]], subject: str, source: str, told: Told[M]) -> None:
+    """Keep what a source told about a subject, unless it is older than what is kept. Refused: "too-many"."""
+    if subject not in store and len(store) >= MAX_SUBJECTS:
+        raise Refused("too-many", f"{subject} would be one more than {MAX_SUBJECTS} subjects")
+    by_source = store.setdefault(subject, {})
+    if source not in by_source and len(by_source) >= MAX_SOURCES:
+        raise Refused("too-many", f"{source} would be one more than {MAX_SOURCES} sources on {subject}")
+    recent = by_source.setdefault(source, deque(maxlen=RECENT))
+    if not recent or told.message.time >= recent[-1].message.time:
+        recent.append(told)
+
+
+def _withdraw(store: dict[str, dict[str, deque[Told[M]]]], source: str, status: Status) -> None:
+    """Drop what a source told before the tick of its status on subjects that the status lists no longer."""
+    for subject, by_source in store.items():
+        if subject not in status.subjects and source in by_source and by_source[source][-1].message.tick < status.tick:
+            del by_source[source]
+
+
+def _younger(store: dict[str, dict[str, deque[Told[M]]]], oldest: float) -> dict[str, dict[str, deque[Told[M]]]]:
+    """What was told since `oldest`, team time in seconds."""
+    kept = {
+        subject: {source: recent for source, recent in by_source.items() if recent[-1].message.time >= oldest}
+        for subject, by_source in store.items()
+    }
+    return {subject: by_source for subject, by_source in kept.items() if by_source}
+
+
+def _keep_newest(table: dict[K, V], most: int) -> None:
+    while len(table) > most:
+        del table[next(iter(table))]
+
+
+def _until(told: dict[str, deque[Told[M]]], time: float) -> dict[str, Told[M]]:
+    """The newest of each source, by name, that is not later than a team time, and at most FORGET seconds older."""
+    fits = {name: [it for it in recent if time - FORGET <= it.message.time <= time] for name, recent in told.items()}
+    return {name: fits[name][-1] for name in sorted(fits) if fits[name]}
+
+
+def _scores(about: About) -> dict[str, Scored]:
+    if about.truth is None:
+        return {}
+    told = {f"consensus/{name}": it for name, it in about.consensus.items()}
+    if about.agreed and about.best is not None:
+        told["agreed"] = about.best
+    judged = {name: scored(it.message.belief, about.truth) for name, it in told.items()}
+    return {name: score for name, score in judged.items() if score is not None}

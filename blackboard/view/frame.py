@@ -1,0 +1,117 @@
+"""A frame of the live page: one settled tick as bytes, a JSON header and a byte for each cell that is drawn. Pure.
+
+    4 bytes   length of the header, little-endian
+    header    JSON, UTF-8
+    rest      the levels of all beliefs, one box after the other, C order; `blackboard.view.told.Drawn` says what a level means
+
+The beliefs stand in the header in the order of their bytes; each takes box[0] * box[1] of them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from blackboard.view.fold import TeamFold
+from blackboard.view.moments import About, Moment
+from blackboard.view.summary import processes
+from blackboard.view.told import REGION, STEP, Drawn, Told
+from blackboard.wire.messages import Consensus, Report
+
+MAX_EVENTS = 30
+MAX_BELIEFS = 2000  # in one frame
+DIGITS = 5  # significant ones; a screen has fewer
+
+Table = dict[str, Any]
+
+
+def frame(team: TeamFold, moment: Moment | None, number: int, now: float) -> bytes:
+    """A moment, or only the processes where nothing was settled yet; `number` counts the frames, `now` is Unix time in seconds."""
+    cells: list[bytes] = []
+    grid = team.grid
+    subjects = (
+        {} if moment is None else {name: _subject(about, moment, cells) for name, about in moment.subjects.items()}
+    )
+    header = {
+        "frame": number,
+        "team": team.name,
+        "run": "" if moment is None else moment.run,
+        "mode": team.mode,
+        "tick": None if moment is None else moment.tick,
+        "time": None if moment is None else _short(moment.time),
+        "at": round(now, 3),
+        "grid": None
+        if grid is None
+        else {"shape": grid.shape, "cell": grid.cell, "origin": grid.origin, "unit": grid.unit},
+        "step": STEP,
+        "subjects": subjects,
+        "sightings": () if moment is None else moment.sightings,
+        "processes": [_slim(it) for it in processes(team, now)],
+        "events": [
+            {"at": round(it.at, 3), "tick": it.tick, "what": it.what, "who": it.who, "text": it.text}
+            for it in list(team.events)[-MAX_EVENTS:]
+        ],
+    }
+    head = json.dumps(header, separators=(",", ":")).encode()
+    return b"".join([len(head).to_bytes(4, "little"), head, *cells])
+
+
+def _subject(about: About, moment: Moment, cells: list[bytes]) -> Table:
+    best = about.best
+    beliefs: list[Table] = []
+    if about.agreed and best is not None:
+        beliefs.append(_belief("agreed", "", best, best.drawn, moment, cells))
+    for name, told in about.consensus.items():
+        beliefs.append(_belief("consensus", name, told, told.drawn, moment, cells))
+    for name, report in about.reports.items():
+        beliefs.append(_belief("firsthand", name, report, report.drawn, moment, cells))
+        if report.message.informed is not None:
+            beliefs.append(_belief("informed", name, report, report.informed, moment, cells))
+    return {
+        "truth": None if about.truth is None else [_short(x) for x in about.truth],
+        "conflict": best is not None and best.message.conflict,
+        "rule": None if best is None else best.message.rule,
+        "left_out": [] if best is None else [[it.source, it.reason] for it in best.message.left_out],
+        "scores": {
+            name: {"error": _short(it.error), "inside": it.denser < REGION} for name, it in sorted(about.scores.items())
+        },
+        "beliefs": [it for it in beliefs if it],
+    }
+
+
+def _belief(
+    kind: str,
+    who: str,
+    told: Told[Report] | Told[Consensus],
+    drawn: Drawn | None,
+    moment: Moment,
+    cells: list[bytes],
+) -> Table:
+    if drawn is None or len(cells) >= MAX_BELIEFS:
+        return {}
+    cells.append(drawn.levels)
+    return {
+        "kind": kind,
+        "who": who,
+        "tick": told.message.tick,
+        "age": _short(moment.time - told.message.time),
+        "mean": [_short(x) for x in drawn.mean],
+        "sigma": _short(drawn.sigma),
+        "entropy": _short(drawn.entropy),
+        "area": _short(drawn.area),
+        "peak": _short(drawn.peak),
+        "edge": _short(drawn.edge),
+        "lo": drawn.lo,
+        "box": drawn.box,
+    }
+
+
+def _slim(it: Table) -> Table:
+    """What the page shows of a process."""
+    names = ("name", "kind", "sub_teams", "state", "tick", "refused", "dropped", "late")
+    return {**{name: it[name] for name in names}, "age": _short(it["age"] or 0.0), "rate": _short(it["rate"])}
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}") if math.isfinite(value) and abs(value) < 1e6 else value

@@ -1,0 +1,60 @@
+"""The processes of a team as an observer sees them: who is alive, how far it is, how fast, and what it refused. Pure."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from blackboard.wire.messages import Status
+
+MAX_PROCESSES = 512  # of a team
+WINDOW = 32  # ticks over which a rate is measured
+
+
+@dataclass
+class Process:
+    """A robot, a board or the world. Times are Unix seconds of arrival."""
+
+    kind: str
+    name: str
+    sub_teams: set[str] = field(default_factory=set)
+    tokens: set[str] = field(default_factory=set)  # that it holds
+    gone_at: float | None = None  # since when its last token is gone
+    tick: int = -1
+    time: float = 0.0  # team time of that tick, seconds
+    heard_at: float = 0.0
+    messages: int = 0
+    bytes: int = 0
+    status: Status | None = None
+    status_at: float = 0.0
+    _ticks: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
+
+    @property
+    def alive(self) -> bool:
+        """Whether it holds a liveliness token."""
+        return bool(self.tokens)
+
+    def heard(self, now: float, size: int) -> None:
+        self.heard_at = now
+        self.messages += 1
+        self.bytes += size
+
+    def finished(self, tick: int, time: float, now: float) -> None:
+        """It has finished a tick; one that was finished already, and is repeated, does not count."""
+        if tick != self.tick:
+            self._ticks.append(now)
+        self.tick, self.time = tick, time
+
+    def rate(self, now: float) -> float:
+        """Ticks finished per second, over the last ones; it falls while nothing comes."""
+        if len(self._ticks) < 2:
+            return 0.0
+        span = self._ticks[-1] - self._ticks[0]
+        mean = span / (len(self._ticks) - 1)
+        silent = now - self._ticks[-1]
+        return len(self._ticks) / (span + silent) if silent > 2 * mean else (1.0 / mean if mean else 0.0)
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Reason -> how many messages it refused for it."""
+        return {} if self.status is None else self.status.refused

@@ -1,0 +1,153 @@
+"""The state of a team in one table: what `blackboard status` prints, and what the live page shows of the processes. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from blackboard.view.fold import Fold, TeamFold
+from blackboard.view.moments import About
+from blackboard.view.processes import Process
+from blackboard.view.told import REGION
+
+Table = dict[str, Any]
+STALE = 5.0  # seconds without a word after which a process counts as silent
+
+
+def summary(fold: Fold, now: float) -> Table:
+    """All teams as one JSON object; `now` is Unix time in seconds, ages are in seconds."""
+    return {"teams": [team_summary(team, now) for _, team in sorted(fold.teams.items())], "refused": dict(fold.refused)}
+
+
+def team_summary(team: TeamFold, now: float) -> Table:
+    """One team: its clock, its processes, and what it believes by its newest settled tick."""
+    newest = team.moments.newest
+    boards = [process.rate(now) for process in team.processes.values() if process.kind == "board"]
+    return {
+        "team": team.name,
+        "mode": team.mode,
+        "run": "" if team.clock is None else team.clock.run,
+        "tick": None if newest is None else newest.tick,
+        "time": None if newest is None else newest.time,
+        "age": None if newest is None else now - newest.at,
+        "settlements": max(boards, default=0.0),  # ticks settled per second, by the fastest board
+        "processes": processes(team, now),
+        "subjects": {} if newest is None else {name: subject(it) for name, it in newest.subjects.items()},
+    }
+
+
+def processes(team: TeamFold, now: float) -> list[Table]:
+    """Boards, robots and the world, by name: liveness, tick, rate, age, counters and refusals."""
+    order = {"world": 0, "board": 1, "robot": 2}
+    found = sorted(team.processes.values(), key=lambda it: (order.get(it.kind, 3), sorted(it.sub_teams), it.name))
+    return [_process(it, now) for it in found]
+
+
+def _process(it: Process, now: float) -> Table:
+    counters = {} if it.status is None else it.status.counters
+    silent = it.heard_at > 0 and now - it.heard_at > STALE
+    return {
+        "name": it.name,
+        "kind": it.kind,
+        "sub_teams": sorted(it.sub_teams),
+        "state": ("silent" if silent else "alive") if it.alive else "gone",
+        "tick": None if it.tick < 0 else it.tick,
+        "time": None if it.tick < 0 else it.time,
+        "age": now - it.heard_at if it.heard_at else None,
+        "rate": it.rate(now),
+        "refused": dict(sorted(it.refused.items())),
+        "dropped": counters.get("dropped", 0),
+        "late": counters.get("late", 0),
+        "counters": dict(sorted(counters.items())),
+        "ages": {} if it.status is None else dict(it.status.ages),  # source -> seconds since that process heard it
+        "settings": {} if it.status is None else dict(it.status.settings),
+    }
+
+
+def subject(about: About) -> Table:
+    """What is believed about a subject, in a few numbers."""
+    best = about.best
+    drawn = None if best is None else best.drawn
+    score = about.scores.get("agreed") or next(iter(about.scores.values()), None)
+    return {
+        "level": None if best is None else best.message.level,
+        "tick": None if best is None else best.message.tick,
+        "mean": None if drawn is None else list(drawn.mean),
+        "entropy": None if best is None else best.message.entropy,
+        "area": None if drawn is None else drawn.area,
+        "error": None if score is None else score.error,
+        "inside": None if score is None else score.denser < REGION,
+        "rule": None if best is None else best.message.rule,
+        "conflict": best is not None and best.message.conflict,
+        "left_out": []
+        if best is None
+        else [{"source": it.source, "reason": it.reason} for it in best.message.left_out],
+        "sources": sorted(about.reports),
+    }
+
+
+# --- as text ----------------------------------------------------------------------------------------------------------------
+
+
+def text(table: Table) -> str:
+    """The tables of all teams as text."""
+    if not table["teams"]:
+        return "no team is heard of here"
+    return "\n\n".join(_team_text(team) for team in table["teams"])
+
+
+def _team_text(it: Table) -> str:
+    tick = (
+        "nothing settled yet" if it["tick"] is None else f"tick {it['tick']}, {it['time']:.1f} s, {it['age']:.1f} s ago"
+    )
+    lines = [f"team {it['team']}: {it['mode']}, {tick}, {it['settlements']:.1f} settled/s", ""]
+    rows: list[tuple[str, ...]] = [
+        ("process", "kind", "sub-team", "state", "tick", "ticks/s", "heard", "dropped", "late", "refused")
+    ]
+    for one in it["processes"]:
+        rows.append(
+            (
+                one["name"],
+                one["kind"],
+                ",".join(one["sub_teams"]) or "-",
+                one["state"],
+                _number(one["tick"], "d"),
+                f"{one['rate']:.1f}",
+                _number(one["age"], ".1f"),
+                str(one["dropped"]),
+                str(one["late"]),
+                ", ".join(f"{reason} {count}" for reason, count in one["refused"].items()) or "-",
+            )
+        )
+    lines += _aligned(rows)
+    if it["subjects"]:
+        rows = [("subject", "believed at", "entropy", "95 % area", "error", "rule", "sources", "")]
+        for name, one in it["subjects"].items():
+            rows.append(
+                (
+                    name,
+                    "-" if one["mean"] is None else ", ".join(f"{x:.2f}" for x in one["mean"]),
+                    _number(one["entropy"], ".2f"),
+                    _number(one["area"], ".3g"),
+                    _number(one["error"], ".2f") + ("" if one["inside"] in (None, True) else " outside"),
+                    one["rule"] or "-",
+                    ",".join(one["sources"]) or "-",
+                    _trouble(one),
+                )
+            )
+        lines += ["", *_aligned(rows)]
+    return "\n".join(lines)
+
+
+def _trouble(one: Table) -> str:
+    left_out = [f"{out['source']} left out: {out['reason']}" for out in one["left_out"]]
+    return "; ".join((["conflict"] if one["conflict"] else []) + left_out)
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -1,0 +1,1 @@
+"""The live page: its server, and the files that a browser loads (`page/`)."""

@@ -1,0 +1,422 @@
+// The live page: frames in, pictures out. Everything that comes from the team is shown as text, never as markup.
+
+import { History, best, coverage, decode, split } from "./frames.js";
+import { TABLE, chart, colour, level, mark, outline, peak, picture, place, prepare, projection, steps } from "./draw.js";
+
+const $ = (id) => document.getElementById(id);
+const TRAIL = 60; // seconds of team time
+const WINDOW = 180; // seconds of team time that the charts show
+const history_ = new History();
+const saved = (key) => { try { return localStorage.getItem(key); } catch { return null; } };
+const save = (key, value) => { try { localStorage.setItem(key, value); } catch { /* a private window keeps nothing */ } };
+const asked = new URLSearchParams(location.hash.slice(1));
+const state = {
+  live: null, // the newest header, with what the processes do now
+  shown: null, // the header that is drawn
+  paused: asked.has("tick"),
+  index: 0, // of the moment that is shown while paused
+  wanted: asked.has("tick") ? { tick: Number(asked.get("tick")), run: asked.get("run") } : null,
+  subject: asked.get("subject"),
+  log: saved("scale") !== "linear",
+  light: saved("theme") ? saved("theme") === "light" : matchMedia("(prefers-color-scheme: light)").matches,
+  connected: false,
+  order: new Map(), // subject -> its place among the colours
+  whyFor: "",
+  whyAt: 0,
+};
+window.page = { state, history: history_, level, peak, best }; // for tests and the curious
+
+// --- what comes in -------------------------------------------------------------------------------------------------------------
+
+function take(buffer) {
+  const header = decode(buffer);
+  state.live = header;
+  history_.add(buffer, header);
+  if (state.wanted && history_.newest) {
+    const run = state.wanted.run;
+    if (run && run !== history_.newest.run) state.paused = false;
+    else if (history_.newest.tick >= state.wanted.tick) { state.index = history_.index(state.wanted.tick); state.wanted = null; }
+  }
+  redraw();
+}
+
+async function connect() {
+  try {
+    const past = await fetch("past");
+    if (past.ok) for (const one of split(await past.arrayBuffer())) history_.add(one);
+  } catch { /* the server is away; the socket says so */ }
+  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+  socket.binaryType = "arraybuffer";
+  let newest = null;
+  socket.onopen = () => { state.connected = true; redraw(); };
+  socket.onmessage = (event) => { // only the newest of those that came between two pictures is drawn, all are kept
+    if (newest === null) requestAnimationFrame(() => { const it = newest; newest = null; take(it); });
+    else history_.add(newest);
+    newest = event.data;
+  };
+  socket.onclose = () => { state.connected = false; redraw(); setTimeout(connect, 1000); };
+}
+
+// --- which moment, which subject -------------------------------------------------------------------------------------------------
+
+function current() {
+  if (!state.paused || state.wanted || !history_.moments.length) return state.live;
+  state.index = Math.max(0, Math.min(state.index, history_.moments.length - 1));
+  const moment = history_.moments[state.index];
+  if (state.shown && state.shown.tick === moment.tick && state.shown.run === moment.run && state.shown.kept) return state.shown;
+  return { ...decode(moment.buffer), kept: true };
+}
+
+function pause(on, index = history_.moments.length - 1) {
+  state.paused = on; state.wanted = null; state.index = index; remember(); redraw();
+}
+
+function step(by) {
+  const from = state.paused ? state.index : history_.moments.length - 1;
+  pause(true, Math.max(0, Math.min(from + by, history_.moments.length - 1)));
+}
+
+function choose(name) { state.subject = name; remember(); redraw(); }
+
+/** The address names the subject, and the moment while paused: it is a link to what is shown. */
+function remember() {
+  const found = new URLSearchParams();
+  if (state.subject) found.set("subject", state.subject);
+  const moment = state.paused && history_.moments[state.index];
+  if (moment) { found.set("run", moment.run); found.set("tick", moment.tick); }
+  history.replaceState(null, "", "#" + found);
+}
+
+// --- drawing -----------------------------------------------------------------------------------------------------------------------
+
+let due = false;
+function redraw() { if (!due) { due = true; requestAnimationFrame(draw); } }
+
+function theme() {
+  const css = getComputedStyle(document.documentElement), of = (name) => css.getPropertyValue(name).trim();
+  return { ink: of("--ink"), soft: of("--soft"), line: of("--line"), arena: of("--arena"), accent: of("--accent"), panel: of("--panel") };
+}
+
+function draw() {
+  due = false;
+  document.documentElement.dataset.theme = state.light ? "light" : "dark";
+  const header = state.shown = current();
+  const colours = theme();
+  drawHead(header);
+  if (!header) return;
+  const names = Object.keys(header.subjects).sort((a, b) => (a.startsWith("robot/") ? 0 : 1) - (b.startsWith("robot/") ? 0 : 1) || a.localeCompare(b, "en", { numeric: true }));
+  for (const name of names) if (!state.order.has(name)) state.order.set(name, state.order.size);
+  if (!header.subjects[state.subject] && names.length && !asked.has("subject")) state.subject = names.find((it) => it.startsWith("object/")) || names[0];
+  drawMap(header, names, colours);
+  drawChips(header, names);
+  drawNumbers(header);
+  drawMatrix(header, colours);
+  drawCharts(header, colours);
+  drawProcesses(state.live || header);
+  drawPulse(state.live || header);
+  drawEvents(header);
+  askWhy(header);
+}
+
+const tint = (name) => colour(state.order.get(name) || 0, state.light);
+
+function drawHead(header) {
+  const it = $("state");
+  it.className = "state" + (!state.connected ? " lost" : state.paused ? "" : " live");
+  it.textContent = !state.connected ? "no connection" : state.paused ? "paused" : header && header.tick !== null ? "live" : "nothing settled yet";
+  $("theme").textContent = state.light ? "dark" : "light";
+  $("scale").textContent = state.log ? "log" : "linear";
+  $("pause").textContent = state.paused ? "live" : "pause";
+  const scrub = $("scrub"), count = history_.moments.length;
+  scrub.max = Math.max(0, count - 1);
+  scrub.value = state.paused ? state.index : count - 1;
+  if (!header) return;
+  $("team").textContent = `team ${header.team}`;
+  document.title = `${header.team}: what the team believes`;
+  const board = header.processes.filter((one) => one.kind === "board");
+  const rate = Math.max(0, ...board.map((one) => one.rate));
+  $("clock").textContent = header.tick === null ? "" : `tick ${header.tick} · ${header.time.toFixed(1)} s · ${header.mode} · ${rate.toFixed(1)} settled/s`;
+  $("moment").textContent = header.tick === null ? "" : `${header.time.toFixed(1)} s`;
+  scrub.setAttribute("aria-valuetext", $("moment").textContent);
+}
+
+function drawMap(header, names, colours) {
+  const canvas = $("map"), grid = header.grid;
+  if (grid) canvas.style.aspectRatio = `${grid.shape[0]} / ${grid.shape[1]}`;
+  const { context, width, height } = prepare(canvas);
+  if (!grid) return;
+  const [x0, y0] = grid.origin, x1 = x0 + grid.shape[0] * grid.cell, y1 = y0 + grid.shape[1] * grid.cell;
+  const to = projection(x0, x1, y0, y1, width, height, 20);
+  context.font = "10px system-ui, sans-serif"; context.fillStyle = colours.soft; context.strokeStyle = colours.line; context.lineWidth = 1;
+  context.globalAlpha = 0.7;
+  for (const x of steps(x0, x1, 6)) {
+    line(context, to.x(x), to.y(y0), to.x(x), to.y(y1));
+    context.textAlign = "center"; context.textBaseline = "top"; context.fillText(String(x), to.x(x), to.y(y0) + 4);
+  }
+  for (const y of steps(y0, y1, 6)) {
+    line(context, to.x(x0), to.y(y), to.x(x1), to.y(y));
+    context.textAlign = "right"; context.textBaseline = "middle"; context.fillText(String(y), to.x(x0) - 4, to.y(y));
+  }
+  context.globalAlpha = 1;
+  context.strokeRect(to.x(x0), to.y(y1), to.x(x1) - to.x(x0), to.y(y0) - to.y(y1));
+  drawTrails(context, to, header, names);
+  const means = Object.fromEntries(names.map((name) => [name, best(header.subjects[name])?.mean]));
+  context.lineWidth = 1;
+  for (const [observer, seen] of header.sightings) {
+    const from = means[observer], end = means[seen];
+    if (!from || !end) continue;
+    const chosen = observer === state.subject || seen === state.subject;
+    context.globalAlpha = chosen ? 0.85 : 0.32; context.strokeStyle = chosen ? colours.ink : colours.soft;
+    line(context, to.x(from[0]), to.y(from[1]), to.x(end[0]), to.y(end[1]));
+  }
+  context.globalAlpha = 1;
+  for (const name of names) {
+    const it = header.subjects[name], belief = best(it);
+    if (!belief) continue;
+    const [r, g, b] = rgb(tint(name)), chosen = name === state.subject;
+    place(context, to, grid, belief, picture(belief, (at) => [r, g, b, at ? 235 * Math.exp((at - 255) * header.step * 0.6) : 0]), true);
+    context.strokeStyle = tint(name); context.lineWidth = chosen ? 2.6 : 1.5; context.setLineDash(it.conflict ? [5, 3] : []);
+    outline(context, to, grid, belief);
+    context.setLineDash([]);
+  }
+  for (const name of names) {
+    const it = header.subjects[name], belief = best(it);
+    if (it.truth) mark(context, to.x(it.truth[0]), to.y(it.truth[1]), 4, colours.ink, colours.arena);
+    if (!belief) continue;
+    const away = Math.max(11, 1.9 * belief.sigma * to.scale + 5);
+    context.font = `${name === state.subject ? 700 : 600} 12px system-ui, sans-serif`;
+    context.textAlign = "left"; context.textBaseline = "alphabetic"; context.lineJoin = "round";
+    const label = name.split("/")[1], x = Math.min(to.x(belief.mean[0]) + away * 0.72, to.x(x1) - 8 * label.length), y = to.y(belief.mean[1]) - away * 0.72;
+    context.lineWidth = 3.5; context.strokeStyle = colours.arena; context.strokeText(label, x, Math.max(y, 14));
+    context.fillStyle = tint(name); context.fillText(label, x, Math.max(y, 14));
+  }
+  canvas.onclick = (event) => {
+    const box = canvas.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
+    const far = (name) => (means[name] ? Math.hypot(to.x(means[name][0]) - x, to.y(means[name][1]) - y) : Infinity);
+    const nearest = names.reduce((a, b) => (far(b) < far(a) ? b : a), names[0]);
+    if (nearest && far(nearest) < 40) choose(nearest);
+  };
+}
+
+function drawTrails(context, to, header, names) {
+  const end = header.tick === null ? -1 : history_.index(header.tick);
+  const moments = history_.moments.slice(0, end + 1).filter((it) => it.run === header.run && it.time >= header.time - TRAIL);
+  context.lineJoin = "round"; context.lineCap = "butt";
+  for (const name of names) {
+    context.strokeStyle = tint(name);
+    for (let k = 1; k < moments.length; k++) {
+      const a = moments[k - 1].subjects[name]?.mean, b = moments[k].subjects[name]?.mean;
+      if (!a || !b) continue;
+      context.globalAlpha = 0.08 + 0.5 * (1 - (header.time - moments[k].time) / TRAIL); context.lineWidth = 1.4;
+      line(context, to.x(a[0]), to.y(a[1]), to.x(b[0]), to.y(b[1]));
+    }
+  }
+  context.globalAlpha = 1;
+}
+
+function line(context, x, y, u, v) { context.beginPath(); context.moveTo(x, y); context.lineTo(u, v); context.stroke(); }
+
+function rgb(text) { return [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16)); }
+
+function element(tag, attributes = {}, ...children) {
+  const it = document.createElement(tag);
+  for (const [key, value] of Object.entries(attributes)) it[key] = value;
+  it.append(...children);
+  return it;
+}
+
+/** As many children as there are rows, each filled in its place, so that focus and scrolling stay. */
+function fill(parent, rows, make, set) {
+  while (parent.children.length > rows.length) parent.lastChild.remove();
+  while (parent.children.length < rows.length) parent.append(make());
+  rows.forEach((row, index) => set(parent.children[index], row, index));
+}
+
+function drawChips(header, names) {
+  fill($("subjects"), names, () => element("button", {}, element("i"), element("span")), (it, name) => {
+    it.firstChild.style.background = tint(name);
+    it.firstChild.className = name.split("/")[0];
+    it.lastChild.textContent = name.split("/")[1];
+    it.title = name;
+    it.setAttribute("aria-pressed", String(name === state.subject));
+    it.className = header.subjects[name].conflict ? "conflict" : "";
+    it.onclick = () => choose(name);
+  });
+}
+
+function drawNumbers(header) {
+  const it = header.subjects[state.subject], belief = it && best(it), unit = header.grid ? header.grid.unit : "";
+  const rows = [["subject", state.subject || "-"]];
+  if (belief) {
+    const score = it.scores.agreed || it.scores[`consensus/${belief.who}`];
+    rows.push(["at", belief.mean.map((x) => x.toFixed(1)).join(", ")], ["entropy", `${belief.entropy.toFixed(2)} nats`],
+      ["95 % region", `${Number(belief.area.toPrecision(3))} ${unit}²`]);
+    if (score) rows.push(["error", `${score.error.toFixed(2)} ${unit}`, !score.inside], ["truth is", score.inside ? "inside" : "outside", !score.inside]);
+    rows.push(["rule", it.rule]);
+    if (it.left_out.length) rows.push(["left out", it.left_out.map((one) => one[0]).join(", "), true]);
+  }
+  fill($("numbers"), rows, () => element("div", {}, element("dt"), element("dd")), (div, [name, value, bad]) => {
+    div.firstChild.textContent = name;
+    div.lastChild.textContent = div.lastChild.title = value;
+    div.lastChild.className = bad ? "bad" : "";
+  });
+}
+
+/** The square of cells that the heat maps show: most beliefs to 2.5 sigma, and the truth; a much wider one fills its tile. */
+function window_(beliefs, grid) {
+  if (!beliefs.length) return [[0, 0], 12];
+  const centre = beliefs[0].mean;
+  const reach = beliefs.map((it) => Math.max(...it.mean.map((x, axis) => Math.abs(x - centre[axis]))) + 2.5 * it.sigma).sort((a, b) => a - b);
+  const side = Math.min(Math.max(12, 2 * Math.ceil(reach[Math.floor(0.7 * (reach.length - 1))] / grid.cell)), Math.max(...grid.shape));
+  return [centre.map((x, axis) => (x - grid.origin[axis]) / grid.cell - side / 2), side];
+}
+
+function drawMatrix(header, colours) {
+  const it = header.subjects[state.subject], grid = header.grid, beliefs = it ? it.beliefs : [];
+  if (!grid) return;
+  const top = Math.max(1e-300, ...beliefs.map((one) => one.peak));
+  const [from, side] = window_(beliefs, grid);
+  const edge = (axis, cells) => grid.origin[axis] + cells * grid.cell;
+  fill($("matrix"), beliefs, () => element("figure", {}, element("canvas"), element("figcaption", {}, element("b"), element("span"))), (figure, belief) => {
+    const [canvas, caption] = figure.children, { context, width, height } = prepare(canvas);
+    context.fillStyle = `rgb(${TABLE[0]},${TABLE[1]},${TABLE[2]})`;
+    context.fillRect(0, 0, width, height);
+    const to = projection(edge(0, from[0]), edge(0, from[0] + side), edge(1, from[1]), edge(1, from[1] + side), width, height, 0);
+    const paint = (at) => {
+      const nats = (at - 255) * header.step + Math.log(belief.peak / top);
+      const shade = at ? Math.round(255 * Math.max(0, state.log ? 1 + nats / 9 : Math.exp(nats))) : 0;
+      return [TABLE[3 * shade], TABLE[3 * shade + 1], TABLE[3 * shade + 2], 255];
+    };
+    place(context, to, grid, belief, picture(belief, paint), false);
+    if (it.truth) mark(context, to.x(it.truth[0]), to.y(it.truth[1]), 3, "#ffffff", "#00224e");
+    const what = { agreed: "agreed", consensus: `sub-team ${belief.who}`, firsthand: belief.who, informed: belief.who }[belief.kind];
+    caption.firstChild.textContent = what;
+    const more = { firsthand: " first-hand", informed: " informed" }[belief.kind] || "";
+    caption.lastChild.textContent = `${more} ${belief.entropy.toFixed(2)}` + (belief.age > 0.5 ? `, ${belief.age.toFixed(0)} s old` : "");
+  });
+  const { context, width } = prepare($("bar"));
+  for (let x = 0; x < width; x++) {
+    const shade = Math.round((255 * x) / Math.max(1, width - 1));
+    context.fillStyle = `rgb(${TABLE[3 * shade]},${TABLE[3 * shade + 1]},${TABLE[3 * shade + 2]})`;
+    context.fillRect(x, 0, 1, 9);
+  }
+  context.font = "10px system-ui, sans-serif"; context.fillStyle = colours.soft; context.textBaseline = "bottom";
+  context.textAlign = "left"; context.fillText(state.log ? "e⁻⁹" : "0", 0, 23);
+  context.textAlign = "right"; context.fillText(beliefs.length ? `${top.toPrecision(2)} a cell` : "", width, 23);
+}
+
+function drawCharts(header, colours) {
+  const newest = history_.newest, name = state.subject;
+  if (!newest || !name) return;
+  const moments = history_.moments.filter((it) => it.time >= newest.time - WINDOW);
+  const times = moments.map((it) => it.time), found = [...new Set(moments.flatMap((it) => Object.keys(it.subjects[name]?.entropy || {})))].sort().reverse();
+  const cursor = state.paused ? times.findIndex((time) => time >= header.time) : null;
+  const look = (who, index) => (who === "agreed" ? { colour: tint(name), width: 2.2 } : { colour: colours.soft, width: 1 + 0.3 * (index % 2) });
+  const options = { ...colours, cursor };
+  const pick = (value) => (who, index) => ({ values: moments.map((it) => value(it.subjects[name], who) ?? null), ...look(who, index) });
+  const charts = {
+    entropy: chart($("entropy"), times, found.map(pick((it, who) => it?.entropy[who])), options),
+    error: chart($("error"), times, found.map(pick((it, who) => it?.scores[who]?.error)), options),
+    coverage: chart($("coverage"), times, [{ values: coverage(moments, name), colour: tint(name), width: 2.2 }], { ...options, high: 1.04, rule: 0.95 }),
+  };
+  for (const [id, it] of Object.entries(charts)) {
+    $(id).onclick = (event) => {
+      const time = it.time(event.clientX - $(id).getBoundingClientRect().left);
+      const index = history_.moments.findIndex((one) => one.time >= time);
+      pause(true, index < 0 ? history_.moments.length - 1 : index);
+    };
+  }
+}
+
+function drawProcesses(header) {
+  fill($("processes"), header.processes, () => element("tr", {}, ...Array.from({ length: 6 }, () => element("td"))), (row, it) => {
+    const refused = Object.entries(it.refused).map(([reason, count]) => `${reason} ${count}`).join(", ");
+    const where = it.sub_teams.length ? ` (${it.sub_teams.join(", ")})` : "";
+    const more = [refused, it.dropped ? `dropped ${it.dropped}` : "", it.late ? `late ${it.late}` : ""].filter(Boolean).join(", ");
+    const cells = [it.name + where, it.state, it.tick ?? "-", it.rate.toFixed(1), `${it.age.toFixed(1)} s`, more || "-"];
+    cells.forEach((text, index) => { row.children[index].textContent = text; });
+    row.children[1].className = it.state;
+  });
+}
+
+/** One mark for each process in the head: boards and the world are squares, who is gone stands on a corner. */
+function drawPulse(header) {
+  fill($("pulse"), header.processes, () => element("i"), (it, process) => {
+    it.className = `${process.kind} ${process.state}`;
+    it.title = `${process.name}: ${process.state}, ${process.rate.toFixed(1)} ticks/s`;
+  });
+  const alive = header.processes.filter((it) => it.state === "alive").length;
+  $("pulse").setAttribute("aria-label", `${alive} of ${header.processes.length} processes alive`);
+}
+
+function told(event) {
+  return event.what === "here" || event.what === "gone" ? `${event.text} is ${event.what}` : event.text;
+}
+
+function drawEvents(header) {
+  const last = header.events[header.events.length - 1];
+  if (last) {
+    $("latest").className = last.what;
+    $("latest").textContent = `${last.tick < 0 ? "" : `tick ${last.tick}: `}${told(last)}`;
+  }
+  const rows = header.events.slice().reverse();
+  fill($("events"), rows, () => element("li", {}, element("span"), element("div")), (row, it) => {
+    row.className = it.what;
+    row.firstChild.textContent = it.tick < 0 ? "" : `tick ${it.tick}`;
+    row.lastChild.textContent = told(it);
+  });
+}
+
+/** Ask the server why, for the moment that is shown; while it is live every two seconds. */
+async function askWhy(header) {
+  if (!state.subject || header.tick === null || !state.connected) return;
+  const query = new URLSearchParams({ subject: state.subject, run: header.run, tick: header.tick });
+  const key = `${state.subject} ${state.paused ? query : Math.floor(Date.now() / 2000)}`;
+  if (key === state.whyFor) return;
+  state.whyFor = key;
+  try {
+    const found = await (await fetch(`why?${query}`)).json();
+    if (state.whyFor !== key) return;
+    fill($("why"), found.sentences.filter(Boolean), () => element("p"), (it, text) => {
+      it.textContent = text;
+      it.className = /^(Agreed by|Sub-team)/.test(text) ? "lead" : "";
+    });
+  } catch { state.whyFor = ""; }
+}
+
+// --- hands ---------------------------------------------------------------------------------------------------------------------------
+
+function toggleScale() { state.log = !state.log; save("scale", state.log ? "log" : "linear"); redraw(); }
+function toggleTheme() { state.light = !state.light; save("theme", state.light ? "light" : "dark"); redraw(); }
+async function copyLink() {
+  if (!state.paused) pause(true);
+  remember();
+  try { await navigator.clipboard.writeText(location.href); $("link").textContent = "copied"; } catch { $("link").textContent = "in the address"; }
+  setTimeout(() => { $("link").textContent = "link"; }, 1500);
+}
+function next(by) {
+  const names = [...$("subjects").children].map((it) => it.title), at = names.indexOf(state.subject);
+  if (names.length) choose(names[(at + by + names.length) % names.length]);
+}
+
+$("pause").onclick = () => pause(!state.paused);
+$("scrub").oninput = (event) => pause(true, Number(event.target.value));
+$("scale").onclick = toggleScale;
+$("theme").onclick = toggleTheme;
+$("link").onclick = copyLink;
+$("help").onclick = () => $("keys").showModal();
+addEventListener("resize", redraw);
+addEventListener("hashchange", () => location.reload());
+addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || $("keys").open) return;
+  const far = event.shiftKey ? 10 : 1;
+  const act = {
+    " ": () => pause(!state.paused), ArrowLeft: () => step(-far), ArrowRight: () => step(far), Home: () => pause(true, 0), End: () => pause(false),
+    "[": () => next(-1), "]": () => next(1), l: toggleScale, t: toggleTheme, c: copyLink, "?": () => $("keys").showModal(),
+  }[event.key];
+  if (!act || (event.key === " " && event.target.tagName === "BUTTON")) return;
+  event.preventDefault();
+  act();
+});
+connect();
+redraw();

@@ -1,0 +1,41 @@
+"""The envelopes of a team in one process, with the tokens that its services hold: what the tests of this room look at."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from blackboard.config import Scenario
+from blackboard.lab.team import Team
+from blackboard.process.service import Service
+from blackboard.view.fold import Fold, TeamFold
+from blackboard.wire.envelope import Envelope, Kind
+from tests.flow.test_team import SCENARIO
+
+JOINT = SCENARIO.changed("board", fusion="joint").changed("robot", localizer="position")
+
+
+@cache
+def recorded(joint: bool = False) -> tuple[tuple[Envelope, float], ...]:
+    """Every envelope of a run with its time on the bus, in Unix seconds; tokens first."""
+    return tuple(record(JOINT if joint else SCENARIO))
+
+
+def record(scenario: Scenario) -> list[tuple[Envelope, float]]:
+    team = Team(scenario)
+    services: list[Service] = [*team.boards.values(), *team.robots.values(), team.world]
+    found = [(Envelope(token, kind=Kind.ALIVE), team.now) for service in services for token in service.tokens]
+    team.bus.spies.append(lambda envelope: found.append((envelope, team.now)))
+    team.run()
+    return found
+
+
+def folded(joint: bool = False) -> Fold:
+    """A fold that has taken a whole run."""
+    fold = Fold()
+    for envelope, now in recorded(joint):
+        fold.take(envelope, now)
+    return fold
+
+
+def team_of(joint: bool = False) -> TeamFold:
+    return folded(joint).teams["t"]

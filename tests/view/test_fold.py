@@ -1,0 +1,238 @@
+"""The fold: what a whole run leaves in it, and that nothing which arrives breaks it or makes it grow without bound."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.errors import Refused
+from blackboard.opinion.scores import Score
+from blackboard.view import fold as room
+from blackboard.view.fold import Fold, TeamFold
+from blackboard.view.moments import About, Moment, Moments
+from blackboard.view.processes import MAX_PROCESSES
+from blackboard.wire import keys
+from blackboard.wire.arrays import unpack
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Consensus, Report, Status, Truth
+from tests.view.recorded import recorded, team_of
+
+
+def of(model: type, name: str, joint: bool = False) -> list[Any]:
+    """The messages of a run on the topic of a name."""
+    found = ((keys.parse(envelope.key), envelope) for envelope, _ in recorded(joint) if envelope.kind is Kind.PUT)
+    return [decode(model, envelope.payload) for parsed, envelope in found if parsed and parsed[0].name == name]
+
+
+@pytest.mark.parametrize("joint", [False, True])
+def test_every_settled_tick_is_a_moment_with_all_that_was_published_in_it(joint: bool) -> None:
+    team = team_of(joint)
+    agreed = of(Consensus, "agreed", joint)
+    assert [moment.tick for moment in team.moments] == sorted({it.tick for it in agreed})
+    for moment in team.moments:
+        published = [(it.subject, it.sub_team) for it in agreed if it.tick == moment.tick]
+        shown = [(subject, name) for subject, about in moment.subjects.items() for name in about.agreed]
+        assert sorted(shown) == sorted(published)
+        assert all(it.message.tick == moment.tick for about in moment.subjects.values() for it in about.all())
+
+
+def test_the_truth_and_the_scores_are_those_of_the_tick() -> None:
+    team, truths = team_of(), {it.tick: it for it in of(Truth, "truth")}
+    for moment in team.moments:
+        for subject, about in moment.subjects.items():
+            assert about.truth == truths[moment.tick].positions[subject]
+            if about.agreed and about.best is not None:
+                score = Score()
+                score.add(unpack(about.best.message.belief), about.truth)
+                found = about.scores["agreed"]
+                assert [found.error, found.log_score, found.denser] == [
+                    score.errors[0],
+                    score.log_scores[0],
+                    score.levels[0],
+                ]
+
+
+def test_processes_their_ticks_and_who_is_there() -> None:
+    team = team_of()
+    assert set(team.processes) == {
+        ("board", "board-a"),
+        ("board", "board-b"),
+        ("robot", "r1"),
+        ("robot", "r2"),
+        ("robot", "r3"),
+        ("world", "world"),
+    }
+    last = max(it.tick for it in of(Clock, "clock"))
+    assert {process.tick for process in team.processes.values()} == {last}
+    assert all(process.alive for process in team.processes.values())
+    assert team.processes["robot", "r3"].sub_teams == {"b"}
+
+
+def test_a_token_that_vanishes_is_noted_with_its_time() -> None:
+    fold = Fold()
+    token = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
+    fold.take(Envelope(token, kind=Kind.ALIVE), 1.0)
+    fold.take(Envelope(token, kind=Kind.GONE), 3.0)
+    team = fold.teams["t"]
+    process = team.processes["robot", "r1"]
+    assert not process.alive
+    assert process.gone_at == 3.0
+    assert [(event.what, event.who, event.at) for event in team.events] == [("here", "r1", 1.0), ("gone", "r1", 3.0)]
+    assert team.changes == 2
+
+
+def test_what_a_robot_sees_is_a_sighting_until_it_sees_something_else() -> None:
+    for moment in team_of(joint=True).moments:
+        assert all(observer.startswith("robot/") and observer != subject for observer, subject in moment.sightings)
+    assert any(moment.sightings for moment in team_of(joint=True).moments)
+
+
+def test_another_run_begins_with_nothing() -> None:
+    fold = Fold()
+    for envelope, now in recorded():
+        fold.take(envelope, now)
+    clock = Clock(run="another", tick=0, time=0.0, mode="lockstep")
+    fold.take(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 5.0)
+    assert len(fold.teams["t"].moments) == 0
+    assert fold.teams["t"].processes
+
+
+def test_a_dead_board_holds_no_moment_up() -> None:
+    """Board b has a token and stays silent: its tick is shown when the other board has settled the next one."""
+    fold, ticks = Fold(), []
+    for envelope, now in recorded():
+        if "/b/" not in envelope.key or envelope.kind is Kind.ALIVE:
+            fold.take(envelope, now)
+        moment = fold.teams["t"].moments.newest
+        if moment is not None and moment.tick not in ticks:
+            ticks.append(moment.tick)
+    assert ticks == sorted(ticks)
+    assert len(ticks) == len(team_of().moments) - 1
+
+
+def test_the_order_of_arrival_of_different_senders_changes_no_belief() -> None:
+    """Within a tick, and the status of each sender behind what it settles."""
+    envelopes = [envelope for envelope, _ in recorded()]
+    begun = [i for i, it in enumerate(envelopes) if it.key.endswith("/world/clock")] + [len(envelopes)]
+    fold, chance = Fold(), random.Random(1)
+    for envelope in envelopes[: begun[0]]:
+        fold.take(envelope, 0.0)
+    for begin, end in itertools.pairwise(begun):
+        senders: dict[str, list[Envelope]] = {}
+        for envelope in envelopes[begin:end]:
+            found = keys.parse(envelope.key)
+            assert found is not None
+            senders.setdefault("board-" + found[1]["sub_team"] if "sub_team" in found[1] else "", []).append(envelope)
+        queues = list(senders.values())
+        while queues:
+            queue = chance.choice(queues)
+            fold.take(queue.pop(0), 0.0)
+            queues = [it for it in queues if it]
+    told = [
+        (moment.tick, subject, sorted(about.agreed), sorted(about.consensus))
+        for moment in fold.teams["t"].moments
+        for subject, about in moment.subjects.items()
+        if about.best
+    ]
+    assert told == [
+        (moment.tick, subject, sorted(about.agreed), sorted(about.consensus))
+        for moment in team_of().moments
+        for subject, about in moment.subjects.items()
+        if about.best
+    ]
+
+
+# --- whatever arrives -----------------------------------------------------------------------------------------------------
+
+KEYS = sorted({envelope.key for envelope, _ in recorded()})
+PAYLOADS = [envelope.payload for envelope, _ in recorded()][::7]
+
+
+@settings(max_examples=15)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(KEYS) | st.text(max_size=30),
+            st.sampled_from(PAYLOADS) | st.binary(max_size=40),
+            st.sampled_from(list(Kind)),
+        ),
+        max_size=40,
+    )
+)
+def test_nothing_that_arrives_raises(sent: list[tuple[str, bytes, Kind]]) -> None:
+    fold = Fold()
+    for n, (key, payload, kind) in enumerate(sent):
+        fold.take(Envelope(key, payload, kind), float(n))
+
+
+def test_a_tick_that_cannot_have_begun_hides_nothing() -> None:
+    fold = Fold()
+    for envelope, now in recorded():
+        fold.take(envelope, now)
+        found = keys.parse(envelope.key)
+        if found is not None and found[0] is keys.STATUS and envelope.kind is Kind.PUT:
+            status = decode(Status, envelope.payload)
+            liar = status.model_copy(update={"tick": (1 << 53) - 1, "time": 1e15, "kind": "board", "phase": "agreed"})
+            fold.take(Envelope(envelope.key, encode(liar)), now)
+    ticks = [moment.tick for moment in fold.teams["t"].moments]
+    assert ticks == [moment.tick for moment in team_of().moments]
+
+
+def test_names_without_end_are_refused() -> None:
+    fold = Fold()
+    for n in range(1000):
+        token = keys.MEMBER.key(team=f"t{n}", sub_team="a", robot="r1")
+        fold.take(Envelope(token, kind=Kind.ALIVE), 0.0)
+    assert len(fold.teams) == room.MAX_TEAMS
+    for n in range(2000):
+        fold.take(Envelope(keys.MEMBER.key(team="t0", sub_team=f"s{n}", robot=f"r{n}"), kind=Kind.ALIVE), 0.0)
+    assert len(fold.teams["t0"].processes) == MAX_PROCESSES
+    assert fold.refused["too-many"] > 1000
+
+
+def test_subjects_sources_and_truths_are_bounded() -> None:
+    report = next(it for it in of(Report, "report"))
+    team = TeamFold("t")
+    parts = {"sub_team": "a"}
+    for n in range(room.MAX_SUBJECTS + 5):
+        made = report.model_copy(update={"subject": f"object/o{n}"})
+        if n < room.MAX_SUBJECTS:
+            team.hear(parts, made, 1, 0.0)
+        else:
+            with pytest.raises(Refused, match="subjects"):
+                team.hear(parts, made, 1, 0.0)
+    for n in range(room.MAX_SOURCES - 1):
+        team.hear(parts, report.model_copy(update={"subject": "object/o0", "source": f"x{n}"}), 1, 0.0)
+    with pytest.raises(Refused, match="sources"):
+        team.hear(parts, report.model_copy(update={"subject": "object/o0", "source": "y"}), 1, 0.0)
+    for n in range(1000):
+        team.hear({}, Truth(run="r", tick=n, time=0.0, positions={"robot/r1": (0.0, 0.0)}), 1, 0.0)
+    assert len(team._truths) == room.MAX_TRUTHS
+
+
+def test_moments_keep_to_their_bytes_and_their_number() -> None:
+    about = next(about for moment in team_of().moments for about in moment.subjects.values() if about.reports)
+    kept = Moments(most=10, most_bytes=200_000)
+    for tick in range(30):
+        kept.add(Moment("r", tick, 0.0, 0.0, {"object/x": about}))
+    assert [moment.tick for moment in kept] == list(range(20, 30))
+    assert kept.at(25) is not None
+    assert kept.at(5) is None
+    tight = Moments(most_bytes=1)
+    for tick in range(3):
+        tight.add(Moment("r", tick, 0.0, 0.0, {"object/x": About()}))
+    assert [moment.tick for moment in tight] == [2]
+
+
+def test_refusals_and_conflicts_are_events() -> None:
+    team = TeamFold("t")
+    status = Status(process="b", kind="board", tick=1, time=0.0)
+    team.hear({"sub_team": "a"}, status, 1, 0.0)
+    team.hear({"sub_team": "a"}, status.model_copy(update={"refused": {"future": 3}}), 1, 1.0)
+    assert [event.text for event in team.events] == ["b refused 3 more: future"]

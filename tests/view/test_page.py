@@ -1,0 +1,102 @@
+"""The page's own code for frames and contours, run by Node.js where there is one: it reads what the server writes."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blackboard.view.frame import frame
+from blackboard.view.told import REGION
+from blackboard.wire.arrays import unpack
+from tests.view.recorded import team_of
+
+NODE = shutil.which("node")
+SCRIPT = """
+import { readFileSync } from "node:fs";
+import { History, best, coverage, decode, split } from "./frames.mjs";
+import { contour, peak } from "./draw.mjs";
+const past = readFileSync("past.bin");
+const frames = split(past.buffer.slice(past.byteOffset, past.byteOffset + past.length));
+const history = new History(), short = new History(frames[0].byteLength);
+for (const one of frames) { history.add(one); short.add(one); history.add(one); }
+const found = frames.map((one) => {
+  const header = decode(one), subjects = {};
+  for (const [name, it] of Object.entries(header.subjects)) {
+    const belief = best(it);
+    subjects[name] = { peak: peak(belief), contour: contour(belief), level: belief.levels[0] };
+  }
+  return { tick: header.tick, subjects };
+});
+console.log(JSON.stringify({ found, ticks: history.moments.map((it) => it.tick), kept: short.moments.map((it) => it.tick),
+  index: history.index(2), coverage: coverage(history.moments, "robot/r1") }));
+"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What the page's code makes of the frames of a run."""
+    if NODE is None:
+        pytest.skip("no Node.js on this machine")
+    folder: Path = tmp_path_factory.mktemp("page")
+    for name in ("frames", "draw"):
+        text = resources.files("blackboard.view.web").joinpath("page", f"{name}.js").read_text(encoding="utf-8")
+        (folder / f"{name}.mjs").write_text(text, encoding="utf-8")
+    team = team_of()
+    frames = [frame(team, moment, n, 0.0) for n, moment in enumerate(team.moments)]
+    (folder / "past.bin").write_bytes(b"".join(len(one).to_bytes(4, "little") + one for one in frames))
+    (folder / "run.mjs").write_text(SCRIPT, encoding="utf-8")
+    done = subprocess.run([NODE, "run.mjs"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def test_the_history_has_each_moment_once_and_keeps_to_its_bytes(page: dict[str, Any]) -> None:
+    ticks = [moment.tick for moment in team_of().moments]
+    assert page["ticks"] == ticks
+    assert page["kept"] == ticks[-1:]
+    assert ticks[page["index"]] == 2
+
+
+def test_the_peak_is_the_peak_of_what_was_agreed(page: dict[str, Any]) -> None:
+    for moment, shown in zip(team_of().moments, page["found"], strict=True):
+        assert shown["tick"] == moment.tick
+        for name, about in moment.subjects.items():
+            assert about.best is not None
+            p = unpack(about.best.message.belief).p
+            assert p[tuple(shown["subjects"][name]["peak"])] == p.max()
+
+
+def test_the_contour_parts_the_cells_inside_from_those_outside(page: dict[str, Any]) -> None:
+    """Cells clearly denser than the edge of the 95 % region are within the contour, those clearly fainter are not."""
+    for moment, shown in zip(team_of().moments, page["found"], strict=True):
+        for name, about in moment.subjects.items():
+            assert about.best is not None
+            assert about.best.drawn is not None
+            drawn = about.best.drawn
+            pieces = np.array(shown["subjects"][name]["contour"])
+            levels = np.frombuffer(drawn.levels, np.uint8).reshape(drawn.box)
+            for i, j in np.ndindex(*drawn.box):
+                if abs(float(levels[i, j]) - drawn.edge) > 2:
+                    cell = (drawn.lo[0] + i + 0.5, drawn.lo[1] + j + 0.5)
+                    assert within(pieces, *cell) == (levels[i, j] > drawn.edge), (name, i, j)
+
+
+def within(pieces: np.ndarray, x: float, y: float) -> bool:
+    """Whether a point is inside the closed line that the pieces (x, y, x, y) make: by a ray to the right."""
+    x1, y1, x2, y2 = pieces.T
+    crosses = (y1 > y) != (y2 > y)
+    at = x1[crosses] + (x2 - x1)[crosses] * (y - y1[crosses]) / (y2 - y1)[crosses]
+    return int(np.count_nonzero(at > x)) % 2 == 1
+
+
+def test_coverage_is_the_running_share(page: dict[str, Any]) -> None:
+    inside = [moment.subjects["robot/r1"].scores["agreed"].denser < REGION for moment in team_of().moments]
+    assert page["coverage"] == pytest.approx([np.mean(inside[: n + 1]) for n in range(len(inside))])

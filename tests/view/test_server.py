@@ -1,0 +1,132 @@
+"""The page's server over a real socket of 127.0.0.1, fed with a recorded run: files, frames, reasons, and whom it turns away."""
+
+from __future__ import annotations
+
+import json
+import queue
+import threading
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+from urllib.error import HTTPError
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from blackboard.errors import UserError
+from blackboard.view.feed import Feed
+from blackboard.view.web.server import FILES, serve
+from blackboard.wire.envelope import Envelope
+from tests.view.recorded import recorded, team_of
+from tests.view.test_told import read
+
+
+class Recording:
+    """A link that has a run to tell, once."""
+
+    def __init__(self) -> None:
+        self._left = [envelope for envelope, _ in recorded()]
+        self._empty = threading.Event()
+
+    def subscribe(self, key_expr: str) -> None: ...
+
+    def watch(self, key_expr: str) -> None: ...
+
+    def get(self, key_expr: str) -> list[Envelope]:
+        return []
+
+    def receive(self, timeout: float) -> list[Envelope]:
+        found, self._left = self._left, []
+        if not found:
+            self._empty.wait(timeout)
+        return found
+
+
+class Clock:
+    """Time that passes by being asked for: a frame is due each time."""
+
+    def __init__(self) -> None:
+        self._now = 0.0
+
+    def __call__(self) -> float:
+        self._now += 1.0
+        return self._now
+
+
+@pytest.fixture(scope="module")
+def url() -> Iterator[str]:
+    stop, ready = threading.Event(), queue.Queue[str]()
+    now = Clock()
+    feed = Feed(Recording(), now, "t")
+    thread = threading.Thread(target=serve, args=(feed, "t", now, "127.0.0.1", 0, stop.is_set, ready.put))
+    thread.start()
+    try:
+        yield ready.get(timeout=30)
+    finally:
+        stop.set()
+        thread.join(30)
+    assert not thread.is_alive()
+
+
+def get(url: str, **headers: str) -> Any:
+    return urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30)
+
+
+def socket_of(url: str) -> str:
+    return url.replace("http", "ws") + "live"
+
+
+def test_the_files_are_served_and_nothing_is_loaded_from_elsewhere(url: str) -> None:
+    for name, kind in FILES.items():
+        answer = get(url + name)
+        text = answer.read().decode()
+        assert answer.headers["content-type"] == kind
+        assert "default-src 'none'" in answer.headers["content-security-policy"]
+        assert "//" not in text.replace("://${location.host}", "").replace("// ", "").replace("//\n", ""), name
+    assert get(url).read() == get(url + "index.html").read()
+    with pytest.raises(HTTPError, match="404"):
+        get(url + "server.py")
+
+
+def test_the_newest_frame_comes_and_then_newer_ones(url: str) -> None:
+    with connect(socket_of(url)) as socket:
+        frames = [read(bytes(socket.recv(timeout=30)))[0] for _ in range(3)]
+    numbers = [header["frame"] for header in frames]
+    assert numbers == sorted(set(numbers))
+    newest = team_of().moments.newest
+    assert newest is not None
+    assert frames[-1]["tick"] == newest.tick
+    assert frames[-1]["subjects"].keys() == newest.subjects.keys()
+
+
+def test_the_past_is_there_for_who_comes_late(url: str) -> None:
+    with connect(socket_of(url)) as socket:
+        socket.recv(timeout=30)
+    past = get(url + "past").read()
+    length = int.from_bytes(past[:4], "little")
+    assert read(past[4 : 4 + length])[0]["team"] == "t"
+
+
+def test_reasons_are_given_for_a_moment(url: str) -> None:
+    with connect(socket_of(url)) as socket:
+        tick = read(bytes(socket.recv(timeout=30)))[0]["tick"]
+    found = json.load(get(f"{url}why?subject=robot/r1&tick={tick}"))
+    assert found["sentences"][0].startswith(f"robot/r1 in tick {tick}")
+    assert found["why"]["levels"]
+    for query in ("subject=robot/r1&tick=99999", "subject=nobody", "subject=robot/r1&tick=x&run=y", ""):
+        assert len(json.load(get(f"{url}why?{query}"))["sentences"]) == 1
+
+
+def test_pages_of_other_sites_and_other_names_are_turned_away(url: str) -> None:
+    with pytest.raises(InvalidStatus), connect(socket_of(url), origin=Origin("http://elsewhere.example")):
+        pass
+    with pytest.raises(HTTPError, match="400"):
+        get(url, Host="elsewhere.example")
+
+
+def test_a_port_that_is_taken_is_a_person_s_mistake(url: str) -> None:
+    port = int(url.rstrip("/").rsplit(":", 1)[1])
+    with pytest.raises(UserError, match="choose another port"):
+        serve(Feed(Recording(), Clock(), "t"), "t", Clock(), "127.0.0.1", port, lambda: True, print)

@@ -1,0 +1,89 @@
+"""What `status`, `echo` and `hz` print."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from blackboard.errors import UserError
+from blackboard.view.echo import Rates, in_order, key_expression, line
+from blackboard.view.fold import Fold
+from blackboard.view.processes import Process
+from blackboard.view.summary import summary, text
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope, Kind
+from tests.view.recorded import folded, recorded
+
+
+def test_the_summary_is_json_and_its_text_names_everybody() -> None:
+    fold = folded()
+    it = summary(fold, 1_000_001.0)
+    assert json.loads(json.dumps(it)) == it
+    team = it["teams"][0]
+    assert (team["team"], team["mode"], team["time"]) == ("t", "lockstep", team["tick"] * 0.5)
+    said = text(it)
+    for name in ("board-a", "board-b", "r1", "r2", "r3", "world", "object/ball", "robot/r3", "lockstep"):
+        assert name in said
+    assert text(summary(Fold(), 0.0)) == "no team is heard of here"
+
+
+def test_a_process_that_says_nothing_is_silent_and_one_without_a_token_gone() -> None:
+    fold = folded()
+    fold.take(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.GONE), 1_000_001.0)
+    states = {it["name"]: it["state"] for it in summary(fold, 1_000_100.0)["teams"][0]["processes"]}
+    assert (states["r1"], states["r2"]) == ("gone", "silent")
+
+
+def test_a_rate_is_over_the_last_ticks_and_falls_in_silence() -> None:
+    process = Process("board", "b")
+    assert process.rate(0.0) == 0.0
+    for tick in range(11):
+        process.finished(tick, 0.0, 0.2 * tick)
+        process.finished(tick, 0.0, 0.2 * tick)  # repeated
+    assert process.rate(2.0) == pytest.approx(5.0)
+    assert process.rate(20.0) == pytest.approx(11 / 20)
+
+
+def test_a_line_is_decoded_or_says_why_not() -> None:
+    lines = [line(envelope) for envelope, _ in recorded()]
+    report = next(it for it in lines if "/report/r1/robot/r1 Report {" in it)
+    assert json.loads(report.split(" ", 2)[2])["belief"]["data"].endswith(" bytes>")
+    assert lines[0].endswith(" alive")
+    assert line(Envelope("cop/t/world/clock", b"x")).startswith("cop/t/world/clock refused: not-msgpack")
+
+
+@pytest.mark.parametrize("wrong", ["", "a b", "a//b", "/a", "a/", "a*", "a/$*", "a#b"])
+def test_a_wrong_key_expression_is_a_person_s_mistake(wrong: str) -> None:
+    with pytest.raises(UserError, match="no key expression"):
+        key_expression(wrong)
+
+
+def test_good_key_expressions_are_taken() -> None:
+    for good in ("cop/**", "cop/*/a/agreed/object/ball", "**"):
+        assert key_expression(good) == good
+
+
+def test_rates_count_by_key_and_in_all() -> None:
+    rates = Rates()
+    assert rates.text(2.0) == "nothing came in 2.0 s"
+    for _ in range(4):
+        rates.take(Envelope("a", b"12"))
+    rates.take(Envelope("b", b""))
+    assert [row.split() for row in rates.text(2.0).splitlines()] == [
+        ["2.00", "Hz", "0.00", "kB/s", "a"],
+        ["0.50", "Hz", "0.00", "kB/s", "b"],
+        ["2.50", "Hz", "0.00", "kB/s", "all", "2", "keys"],
+    ]
+
+
+def test_the_newest_values_of_a_team_are_a_moment_once_they_are_in_order() -> None:
+    newest = {envelope.key: envelope for envelope, _ in recorded() if envelope.kind is Kind.PUT}
+    fold = Fold()
+    for envelope in in_order(sorted(newest.values(), key=lambda it: it.key)):
+        fold.take(envelope, 0.0)
+    moment, whole = fold.teams["t"].moments.newest, folded().teams["t"].moments.newest
+    assert moment is not None
+    assert whole is not None
+    assert moment.tick == whole.tick
+    assert moment.subjects.keys() == whole.subjects.keys()

@@ -1,0 +1,118 @@
+"""How a belief is drawn: the box of bytes, the region, and the frame that carries them."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.scores import hdr_level, region_area
+from blackboard.view.frame import frame
+from blackboard.view.told import DEPTH, STEP, draw
+from blackboard.view.web.frames import BEAT, LEAST_GAP, Frames
+from tests.view.recorded import folded, team_of
+
+GRID = Grid((7, 5), 0.5, (1.0, -2.0))
+BELIEFS = arrays(np.float64, GRID.shape, elements=st.floats(0, 1) | st.floats(0, 1e-6)).filter(lambda p: p.sum() > 1e-3)
+
+
+def read(frame: bytes) -> tuple[dict[str, Any], bytes]:
+    length = int.from_bytes(frame[:4], "little")
+    return json.loads(frame[4 : 4 + length]), frame[4 + length :]
+
+
+@given(BELIEFS)
+def test_the_levels_are_the_logarithms_and_the_region_is_that_of_the_scores(p: np.ndarray) -> None:
+    belief = Belief(GRID, p / p.sum())
+    it = draw(belief)
+    box = np.frombuffer(it.levels, np.uint8).reshape(it.box)
+    levels = np.zeros(GRID.shape, np.uint8)
+    levels[it.lo[0] : it.lo[0] + it.box[0], it.lo[1] : it.lo[1] + it.box[1]] = box
+    drawn = levels > 0
+    below = np.log(belief.p[drawn] / belief.p.max())
+    assert np.abs(below - (levels[drawn].astype(float) - 255) * STEP).max() <= STEP / 2 + 1e-9
+    assert (belief.p[~drawn] <= it.peak * math.exp(-DEPTH + STEP)).all()
+    assert it.area == pytest.approx(region_area(belief, 0.95))
+
+
+@given(BELIEFS, st.tuples(st.integers(0, 6), st.integers(0, 4)))
+def test_a_cell_beyond_the_edge_is_in_the_region(p: np.ndarray, cell: tuple[int, int]) -> None:
+    belief = Belief(GRID, p / p.sum())
+    it = draw(belief)
+    if belief.p[cell] > 0 and abs(hdr_level(belief.p, cell) - 0.95) > 1e-9:
+        level = 255 + math.log(belief.p[cell] / it.peak) / STEP
+        assert (level >= it.edge - 1e-6) == (hdr_level(belief.p, cell) < 0.95)
+
+
+def test_a_sharp_and_a_flat_belief_are_drawn() -> None:
+    sharp = draw(gaussian(GRID, (2.2, -1.2), 1e-3))
+    assert (sharp.box, sharp.levels) == ((1, 1), b"\xff")
+    flat = draw(uniform(GRID))
+    assert flat.box == GRID.shape
+    assert set(flat.levels) == {255}
+
+
+def test_a_frame_carries_every_belief_of_the_moment() -> None:
+    team = team_of()
+    moment = team.moments.newest
+    assert moment is not None
+    header, cells = read(frame(team, moment, 7, 12.0))
+    assert (header["frame"], header["tick"], header["grid"]["shape"]) == (7, moment.tick, [24, 24])
+    begin = 0
+    for name, about in moment.subjects.items():
+        beliefs = header["subjects"][name]["beliefs"]
+        assert [it["kind"] for it in beliefs].count("consensus") == len(about.consensus)
+        assert [it["who"] for it in beliefs if it["kind"] == "firsthand"] == sorted(about.reports)
+        for it in beliefs:
+            size = it["box"][0] * it["box"][1]
+            levels = cells[begin : begin + size]
+            assert max(levels) == 255
+            begin += size
+        agreed = next(it for it in beliefs if it["kind"] == "agreed")
+        assert about.best is not None
+        assert about.best.drawn is not None
+        assert agreed["mean"] == pytest.approx(about.best.drawn.mean, rel=1e-4)
+    assert begin == len(cells)
+    assert [it["name"] for it in header["processes"]] == ["world", "board-a", "board-b", "r1", "r2", "r3"]
+
+
+def test_frames_come_with_news_not_faster_than_can_be_seen_and_at_least_every_beat() -> None:
+    fold = folded()
+    frames = Frames(fold, "t")
+    assert frames.look(100.0)
+    assert not frames.look(100.0 + BEAT / 2)  # nothing new
+    assert frames.look(100.0 + BEAT)
+    fold.teams["t"].changes += 1
+    assert not frames.look(100.0 + BEAT + LEAST_GAP / 2)  # too soon
+    assert frames.look(100.0 + BEAT + LEAST_GAP + 1e-6)
+    assert frames.number == 3
+    assert len(frames.past()) == 4 + len(frame(fold.teams["t"], fold.teams["t"].moments.newest, 1, 100.0))
+
+
+def test_the_past_is_bounded_and_keeps_the_newest() -> None:
+    fold = folded()
+    team = fold.teams["t"]
+    moments = list(team.moments)
+    frames = Frames(fold, "t", most_bytes=1)
+    team.moments.clear()
+    for n, moment in enumerate(moments):
+        team.moments.add(moment)
+        team.changes += 1
+        frames.look(100.0 + n)
+    past = frames.past()
+    assert past[4:] == frames.newest
+
+
+def test_a_team_that_nobody_heard_of_has_a_frame_too() -> None:
+    frames = Frames(folded(), "another")
+    assert frames.look(1.0)
+    header, cells = read(frames.newest)
+    assert (header["tick"], header["processes"], cells) == (None, [], b"")

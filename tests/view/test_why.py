@@ -1,0 +1,98 @@
+"""Why: what is computed again is what was published, what is left out is really left out, and the sentences say it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from blackboard.board.fusion import fuse_opinions
+from blackboard.board.provenance import Opinion
+from blackboard.config import BoardSection
+from blackboard.errors import UserError
+from blackboard.opinion.agreement import kullback_leibler
+from blackboard.view.why import explain
+from blackboard.view.words import sentences
+from blackboard.wire.arrays import unpack
+from tests.flow.test_team import SCENARIO
+from tests.view.recorded import team_of
+
+#: What quantised logarithms on the wire cost: reports are read back before they are fused, the consensus is read back once more.
+QUANTISED = 2e-3  # nats
+
+
+def test_every_pooled_belief_is_computed_again_as_it_was_published() -> None:
+    team, found = team_of(), 0
+    for moment in team.moments:
+        for subject in moment.subjects:
+            for level in explain(team, moment, subject)["levels"]:
+                assert level["recomputed"] is not None
+                assert level["recomputed"] < QUANTISED
+                found += 1
+    assert found > 20
+
+
+def test_without_a_source_it_is_what_the_others_would_have_made() -> None:
+    """The same by hand: first-hand and informed reports but those of r1, fused as the board does."""
+    team = team_of()
+    moment = team.moments.newest
+    assert moment is not None
+    subject = next(
+        name
+        for name, about in moment.subjects.items()
+        if {it.source for it in about.consensus["a"].message.used} == {"r1", "r2"}
+    )
+    about = moment.subjects[subject]
+    level = next(
+        it for it in explain(team, moment, subject)["levels"] if it["sub_team"] == "a" and it["level"] == "consensus"
+    )
+    opinions = {}
+    for name, told in about.reports.items():
+        report = told.message
+        opinions[name] = [Opinion(name, unpack(report.belief), {name: report.time})]
+        if report.informed is not None:
+            opinions[name].append(Opinion(name, unpack(report.informed.belief), report.informed.ancestors))
+    grid = opinions["r1"][0].belief.grid
+    both = fuse_opinions(opinions["r1"] + opinions["r2"], grid, SCENARIO.board, subject).belief
+    alone = fuse_opinions(opinions["r2"], grid, SCENARIO.board, subject).belief
+    assert isinstance(SCENARIO.board, BoardSection)
+    assert level["without"]["r1"]["nats"] == pytest.approx(kullback_leibler(both.p, alone.p))
+    assert level["without"]["r1"]["shift"] == pytest.approx(math.dist(both.mean(), alone.mean()))
+
+
+def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
+    team = team_of(joint=True)
+    moment = team.moments.newest
+    assert moment is not None
+    level = explain(team, moment, "robot/r1")["levels"][0]
+    assert level["rule"] == "joint"
+    assert level["without"] == {}
+    said = " ".join(sentences(explain(team, moment, "robot/r1")))
+    assert "marginal of the joint Gaussian" in said
+
+
+def test_the_sentences_have_the_numbers() -> None:
+    team = team_of()
+    moment = team.moments.newest
+    assert moment is not None
+    for subject in moment.subjects:
+        it = explain(team, moment, subject)
+        said = " ".join(sentences(it))
+        for level in it["levels"]:
+            assert f"the entropy is {level['entropy']:.2f} nats" in said
+            assert f"log score {level['truth']['log_score']:.2f}" in said
+            for name, change in level["without"].items():
+                if change and change["nats"] is not None:
+                    assert f"Without {name} the belief would be {change['nats']:.3f} nats away" in said
+        overlapping = [
+            source for level in it["levels"] for source in level["sources"] if source["how"] == "overlapping"
+        ]
+        assert ("counted already" in said) == any(set(one["contains"]) - {one["source"]} for one in overlapping)
+
+
+def test_an_unknown_subject_is_a_person_s_mistake() -> None:
+    team = team_of()
+    moment = team.moments.newest
+    assert moment is not None
+    with pytest.raises(UserError, match="known are object/ball"):
+        explain(team, moment, "object/nothing")
