@@ -22,6 +22,7 @@ ERRORS, PLUGINS, CONFIG = "blackboard.errors", "blackboard.plugins", "blackboard
 OPINION, WIRE, PROCESS = "blackboard.opinion", "blackboard.wire", "blackboard.process"
 CLOCK, LOOP = "blackboard.process.clock", "blackboard.process.loop"
 BOARD, NET, RUN, LAB = "blackboard.board", "blackboard.net", "blackboard.run", "blackboard.lab"
+TAPE = "blackboard.tape"
 SHARED = {ERRORS, PLUGINS, CONFIG, OPINION, WIRE, PROCESS}  # for machines and services; neither a clock nor a network
 
 #: Room -> the rooms that it may import besides itself. A door is a room of its own; so are the clock and the loop that reads it.
@@ -37,6 +38,7 @@ ALLOWED: dict[str, set[str]] = {
     BOARD: SHARED,
     NET: {ERRORS, WIRE, CLOCK},
     RUN: {*SHARED, NET, CLOCK, LOOP, "blackboard"},
+    TAPE: {*SHARED, BOARD, NET, "sim_world", "blackboard"},
     LAB: {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
@@ -61,6 +63,7 @@ LIBRARIES = {
         "sim_world.__main__",
     },
     "matplotlib": {LAB},
+    "mcap": {TAPE},
     "scipy": set[str](),
 }
 
@@ -198,10 +201,11 @@ DOORS = {*(f"{package}/__main__.py" for package in PACKAGES), "blackboard/lab/__
     [
         (("zenoh",), {"blackboard/net/link.py", "blackboard/net/settings.py"}),
         (("msgpack",), {"blackboard/wire/codec.py"}),
+        (("mcap", "zstandard"), {"blackboard/tape/file.py"}),
         (CHANCE, DOORS | {"sim_world/sources.py"}),
         (("blackboard.net.link",), DOORS | {"blackboard/run/door.py", "blackboard/run/launch.py"}),
     ],
-    ids=["zenoh", "msgpack", "chance", "Link"],
+    ids=["zenoh", "msgpack", "mcap", "chance", "Link"],
 )
 def test_it_is_named_in_one_place(banned: tuple[str, ...], only: set[str]) -> None:
     found = users(banned, *PACKAGES)
