@@ -83,6 +83,7 @@ def serve(
         A scenario file with the grid and the board's settings, or the name of one that comes with the package.
     """
     from blackboard.board.service import BoardService
+    from blackboard.tape.journal import Journaled
 
     chosen = load(scenario) if scenario else Scenario({})
     name = board or f"board-{sub_team}"
@@ -95,7 +96,8 @@ def serve(
         grid=chosen.grid,
         settings=chosen.board,
     )
-    door.serve(service, name, flags)
+    journaled = Journaled(service, team=service.team, sub_team=sub_team, board=name)
+    door.serve(journaled, name, flags)
     return 0
 
 

@@ -43,7 +43,7 @@ ALLOWED: dict[str, set[str]] = {
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
     "sim_world": SHARED,
-    "blackboard.__main__": {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
+    "blackboard.__main__": {*SHARED, BOARD, TAPE, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
     "sim_world.__main__": {*SHARED, RUN, "sim_world"},
