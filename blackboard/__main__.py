@@ -1,9 +1,12 @@
-"""The door of the blackboard: `blackboard demo | up | serve | router | health | lab | tune | figures | score`."""
+"""The door of the blackboard: `blackboard demo | up | serve | router | health | record | replay | tape | lab | tune
+| figures | score`.
+"""
 
 from __future__ import annotations
 
 import socket
 import sys
+from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
@@ -25,6 +28,14 @@ for command, about in {
     "figures": "Draw the paper's figures and print the numbers behind them.",
 }.items():
     app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
+for command, about in {
+    "record": "Record every message of a running team onto a tape.",
+    "replay": "Replay a tape into boards, or into a live network, and ask what another rule would have made of it.",
+}.items():
+    app.command(f"blackboard.tape.__main__:{command}", name=command, help=about)
+app.command(
+    "blackboard.tape.__main__:tape", name="tape", help="Look at a tape, mend it, cut it, or make a table of it."
+)
 app.command("blackboard.lab.score:score", name="score", help="Score a recorded team: its robots, protocols, fusions.")
 
 
@@ -34,11 +45,18 @@ def demo(
     team: TeamFlags = TeamFlags(),
     run: RunFlags = RunFlags(),
     recording: RecordingFlags = RecordingFlags(),
+    record: Path | None = None,
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
-    """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team."""
-    return _run(run.apply(team.apply(recording.scenario())), run, output, flags)
+    """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team.
+
+    Parameters
+    ----------
+    record
+        Record every message of the team onto this tape (MCAP).
+    """
+    return _run(run.apply(team.apply(recording.scenario())), run, record, output, flags)
 
 
 @app.command
@@ -47,6 +65,7 @@ def up(
     *,
     team: TeamFlags = TeamFlags(),
     run: RunFlags = RunFlags(),
+    record: Path | None = None,
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
@@ -56,8 +75,10 @@ def up(
     ----------
     scenario
         A scenario file (TOML), or the name of one that comes with the package.
+    record
+        Record every message of the team onto this tape (MCAP).
     """
-    return _run(run.apply(team.apply(load(scenario))), run, output, flags)
+    return _run(run.apply(team.apply(load(scenario))), run, record, output, flags)
 
 
 @app.command
@@ -141,13 +162,17 @@ def health(
     return 1 if fault else 0
 
 
-def _run(scenario: Scenario, run: RunFlags, output: OutputFlags, flags: door.ZenohFlags) -> int:
+def _run(scenario: Scenario, run: RunFlags, record: Path | None, output: OutputFlags, flags: door.ZenohFlags) -> int:
     from blackboard.run.launch import run_scenario
     from sim_world.scorecard import text
 
     _check(scenario)
+    if record is not None:
+        from blackboard.tape.file import check_new
+
+        check_new(record)
     with progress(scenario.name) as show_progress:
-        status, card = run_scenario(scenario, show_progress, flags.link(), run.series)
+        status, card = run_scenario(scenario, show_progress, flags.link(), run.series, record)
     output.show(card, text)
     return status
 

@@ -45,6 +45,7 @@ ALLOWED: dict[str, set[str]] = {
     "sim_world": SHARED,
     "blackboard.__main__": {*SHARED, BOARD, TAPE, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN},
+    "blackboard.tape.__main__": {*SHARED, TAPE, NET, RUN, CLOCK, "sim_world"},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
     "sim_world.__main__": {*SHARED, RUN, "sim_world"},
 }
@@ -59,11 +60,12 @@ LIBRARIES = {
         LAB,
         "blackboard.__main__",
         "blackboard.lab.__main__",
+        "blackboard.tape.__main__",
         "robot_agent.__main__",
         "sim_world.__main__",
     },
     "matplotlib": {LAB},
-    "mcap": {TAPE},
+    "mcap": {TAPE, "blackboard.tape.__main__"},
     "scipy": set[str](),
 }
 
@@ -193,7 +195,11 @@ def users(banned: tuple[str, ...], *folders: str) -> set[str]:
 
 
 CHANCE = ("random", "secrets", "uuid", "numpy.random.default_rng", "numpy.random.seed", "numpy.random.RandomState")
-DOORS = {*(f"{package}/__main__.py" for package in PACKAGES), "blackboard/lab/__main__.py"}
+DOORS = {
+    *(f"{package}/__main__.py" for package in PACKAGES),
+    "blackboard/lab/__main__.py",
+    "blackboard/tape/__main__.py",
+}
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import signal
 import socket
 import sys
@@ -26,6 +27,8 @@ from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock
 
+log = logging.getLogger(__name__)
+
 READY_SECONDS = 60.0  # for all processes to show their tokens, on a machine that may be slow
 
 Progress = Callable[[int, int], None]  # ticks done, of all
@@ -38,6 +41,7 @@ class ProcessTable:
     routers: tuple[Process, ...]  # none where a network is given
     members: tuple[Process, ...]  # boards and robots
     world: Process
+    recorder: Process | None = None  # where the run is recorded
 
     @property
     def tokens(self) -> frozenset[str]:
@@ -46,11 +50,16 @@ class ProcessTable:
 
 
 def process_table(
-    scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None, series: Path | None = None
+    scenario: Scenario,
+    file: str,
+    config: LinkConfig,
+    own_endpoint: str | None,
+    series: Path | None = None,
+    record: Path | None = None,
 ) -> ProcessTable:
     """The process table of a scenario in `file`; with `own_endpoint` it has a router of its own, which listens there too.
 
-    The world writes its samples into `series`.
+    The world writes its samples into `series`, a recorder everything onto the tape `record`.
     """
     python, team = (sys.executable, "-m"), scenario.team
     routers: tuple[Process, ...] = ()
@@ -72,7 +81,10 @@ def process_table(
         members.append(Process(robot, (*python, "robot_agent", *arguments, *common), tokens))
     samples = () if series is None else ("--series", str(series))
     world = Process("world", (*python, "sim_world", file, "--json", *samples, *_flags(config)))
-    return ProcessTable(routers, tuple(members), world)
+    recorder = None
+    if record is not None:
+        recorder = Process("recorder", (*python, "blackboard", "record", str(record), "--team", team.name, *common))
+    return ProcessTable(routers, tuple(members), world, recorder)
 
 
 def _flags(config: LinkConfig) -> tuple[str, ...]:
@@ -98,8 +110,11 @@ def run_scenario(
     progress: Progress | None = None,
     config: LinkConfig | None = None,
     series: Path | None = None,
+    record: Path | None = None,
 ) -> tuple[int, dict[str, Any]]:
-    """Run every process of a scenario until its world ends: the world's exit status and scorecard; samples go into `series`.
+    """Run every process of a scenario until its world ends: the world's exit status and scorecard.
+
+    Samples go into `series`, and every message onto the tape `record`.
 
     The network is the one that `config` names an endpoint or a file for, else a router of its own on 127.0.0.1.
     UserError: a process ended with one. RunFailed: the world gave no scorecard. KeyboardInterrupt: SIGINT or SIGTERM came. In
@@ -110,11 +125,11 @@ def run_scenario(
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
         file = Path(folder) / "scenario.json"
         file.write_text(scenario.to_json(), encoding="utf-8")
-        processes = process_table(scenario, str(file), config, own_endpoint, series)
+        processes = process_table(scenario, str(file), config, own_endpoint, series, record)
         if own_endpoint is not None:
             config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg)
         try:
-            return asyncio.run(_run(processes, scenario, config, progress))
+            return asyncio.run(_run(processes, scenario, config, progress, record))
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
         except UserError as error:  # a child names the copy that it has read, not the person's own file
@@ -122,7 +137,7 @@ def run_scenario(
 
 
 async def _run(
-    processes: ProcessTable, scenario: Scenario, config: LinkConfig, progress: Progress | None
+    processes: ProcessTable, scenario: Scenario, config: LinkConfig, progress: Progress | None, tape: Path | None
 ) -> tuple[int, dict[str, Any]]:
     main = asyncio.current_task()
     assert main is not None
@@ -133,7 +148,10 @@ async def _run(
     async with Supervisor() as supervisor:
         for router in processes.routers:
             supervisor.keep_running(router)
-        async with _observer(config, scenario, supervisor.release, progress) as observer:
+        async with (
+            _observer(config, scenario, supervisor.release, progress) as observer,
+            _recording(supervisor, processes.recorder, tape),
+        ):
             for member in processes.members:
                 supervisor.keep_running(member)
             await observer.until_alive(processes.tokens)
@@ -190,6 +208,30 @@ class Observer:
         except TimeoutError:
             late = ", ".join(sorted(token.rsplit("/", 1)[1] for token in tokens - self._roster.tokens))
             raise RunFailed(f"not ready after {READY_SECONDS:g} s: {late}; their output is above") from None
+
+
+@asynccontextmanager
+async def _recording(supervisor: Supervisor, recorder: Process | None, tape: Path | None) -> AsyncIterator[None]:
+    """Record while this context lasts: it is entered once the recorder listens, which the first bytes of the tape show.
+
+    RunFailed, UserError: the recorder ended before that. One that ends later is warned of; the team does not depend on it.
+    """
+    if recorder is None or tape is None:
+        yield
+        return
+    running = asyncio.create_task(supervisor.run(recorder))
+    try:
+        async with asyncio.timeout(READY_SECONDS):
+            while not running.done() and not (tape.is_file() and tape.stat().st_size):
+                await asyncio.wait([running], timeout=0.02)
+        if running.done():
+            raise RunFailed(f"the recorder ended with status {running.result()[0]}; its output is above")
+        yield
+        if running.done():
+            log.warning("the recorder ended before the run; %s has what came until then", tape)
+    finally:
+        running.cancel()
+        await asyncio.wait([running])
 
 
 @asynccontextmanager

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from blackboard.config import Scenario, load
 from blackboard.errors import Refused, UserError
@@ -72,3 +72,59 @@ def messages(
                 yield at, parts, decode(model, envelope.payload)
             except Refused:
                 continue
+
+
+def cut(
+    envelopes: Iterator[tuple[float, Envelope]], start: float, end: float, keep: Callable[[str], bool]
+) -> Iterator[tuple[float, Envelope]]:
+    """What arrived from `start` until before `end`, in seconds after the first envelope, on keys that are to be kept.
+
+    Tokens that are held at the start come first, at its time.
+    """
+    begin: float | None = None
+    held: dict[str, None] | None = {}
+    for at, envelope in envelopes:
+        begin = at if begin is None else begin
+        if at - begin >= end:
+            return
+        if not keep(envelope.key):
+            continue
+        if held is not None and at - begin >= start:
+            yield from ((begin + start, Envelope(token, kind=Kind.ALIVE)) for token in held)
+            held = None
+        if held is None:
+            yield at, envelope
+        elif envelope.kind is Kind.ALIVE:
+            held[envelope.key] = None
+        elif envelope.kind is Kind.GONE:
+            held.pop(envelope.key, None)
+
+
+def summary(tape: Tape) -> dict[str, Any]:
+    """What is on a tape, as JSON: times in seconds, sizes in bytes of payload."""
+    seconds = tape.envelopes[-1][0] - tape.envelopes[0][0] if tape.envelopes else 0.0
+    topics: dict[str, dict[str, int]] = {}
+    for _, envelope in tape.envelopes:
+        found = keys.parse(envelope.key)
+        counts = topics.setdefault(found[0].name if found else "other", {"messages": 0, "bytes": 0, "events": 0})
+        counts["messages" if envelope.kind is Kind.PUT else "events"] += 1
+        counts["bytes"] += len(envelope.payload)
+    return {
+        **{name: text for name, text in tape.about.metadata.items() if name != "scenario"},
+        "scenario": bool(tape.about.metadata.get("scenario")),
+        "seconds": round(seconds, 3),
+        "messages": len(tape.envelopes),
+        "bytes": sum(counts["bytes"] for counts in topics.values()),
+        "topics": topics,
+        "runs": tape.runs,
+        "boards": [
+            {
+                "board": f"{life.sub_team}/{life.board}",
+                "events": len(life.events),
+                "gaps": len(life.gaps),
+                "whole": not life.first,
+            }
+            for life in tape.lives
+        ],
+        "link": tape.about.link,
+    }

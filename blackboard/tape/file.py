@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -148,28 +149,48 @@ def look_through(path: Path, about: About, broken: list[int] | None = None) -> I
                 yield record.log_time / 1e9, found
 
 
-def copy(path: Path, out: Path, keep: Callable[[float, Envelope], bool], broken: list[int] | None = None) -> int:
-    """Write the envelopes of a tape that are to be kept into a new tape, and return how many. `broken` as in `look_through`."""
+def copy(
+    path: Path,
+    out: Path,
+    change: Callable[[Iterator[tuple[float, Envelope]]], Iterator[tuple[float, Envelope]]] = lambda envelopes: (
+        envelopes
+    ),
+    broken: list[int] | None = None,
+) -> int:
+    """Write what `change` makes of the envelopes of a tape into a new tape, and return how many. `broken` as in `look_through`.
+
+    UserError: as in `read`, or the new tape cannot be made; then there is none.
+    """
     about = About()
     envelopes = look_through(path, about, broken)
-    first = next(envelopes, None)
+    first = next(envelopes, None)  # the metadata come before it
+    everything = envelopes if first is None else chain([first], envelopes)
     with create(out) as file:
         writer = TapeWriter(file, {name: text for name, text in about.metadata.items() if name != "format"})
-        while first is not None:
-            if keep(*first):
-                writer.write(*first)
-            first = next(envelopes, None)
+        try:
+            for at, envelope in change(everything):
+                writer.write(at, envelope)
+        except UserError:
+            out.unlink()
+            raise
         writer.close()
         return writer.messages
+
+
+def check_new(path: Path) -> None:
+    """Check before a run that its tape can be made. UserError: it is there already, or its folder is not."""
+    if path.exists():
+        raise UserError(f"{path}: is there already, and a tape is never overwritten; choose another name")
+    if not path.parent.is_dir():
+        raise UserError(f"{path}: there is no folder {path.parent}; make it, or choose another place")
 
 
 @contextmanager
 def create(path: Path) -> Iterator[BinaryIO]:
     """A new file for a tape. UserError: it is there already, or cannot be made."""
+    check_new(path)
     try:
         file = path.open("xb")
-    except FileExistsError as error:
-        raise UserError(f"{path}: is there already, and a tape is never overwritten; choose another name") from error
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
     with file:

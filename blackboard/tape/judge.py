@@ -7,9 +7,10 @@ that boards made in a replay. So the scorecards of both have one shape, and the 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from blackboard.config import Scenario
 from blackboard.errors import Refused
 from blackboard.process.roster import Roster
 from blackboard.tape.content import Tape, messages
@@ -22,7 +23,6 @@ from sim_world.instant import Instant, who_saw_landmarks
 from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
 from sim_world.scorecard import RunResult
-from sim_world.series import Sample
 from sim_world.traffic import Traffic
 
 JUDGED_EVERY = 1.0  # seconds: how often the referee judges a recorded team (sim_world.mrclam.replay)
@@ -97,13 +97,13 @@ def recorded(tape: Tape) -> Output:
 
 
 def judge(
-    tape: Tape, story: Course, output: Output, wall: float = 0.0, record: Callable[[Sample], None] | None = None
+    scenario: Scenario, story: Course, output: Output, wall: float = 0.0, without: Collection[str] = ()
 ) -> RunResult:
-    """What the referee says of consensuses, as a scorecard needs it; `wall` seconds were spent. `record` gets every sample."""
-    scenario, settings = tape.scenario, tape.scenario.section("world", WorldSection)
-    referee = Referee(scenario.grid, settings.check, scenario.team.robots, record)
+    """What the referee says of consensuses, as a scorecard needs it; `wall` seconds were spent. Robots `without` are not judged."""
+    settings = scenario.section("world", WorldSection)
+    referee = Referee(scenario.grid, settings.check, [r for r in scenario.team.robots if r not in without])
     every = round(JUDGED_EVERY / scenario.time.tick) if settings.kind == "mrclam" else 1
-    instants = _instants(story, output)
+    instants = _instants(story, output, without)
     for tick in sorted(instants):
         referee.hear(instants[tick], judged=tick in story.truths and tick > 0 and tick % max(1, every) == 0)
     judgement = referee.judgement()
@@ -150,12 +150,12 @@ def match(run: str, taped: Output, replayed: Output) -> Match:
     return Match(len(both) - different, different, len(one.keys() - both), len(other.keys() - both), first)
 
 
-def _instants(story: Course, output: Output) -> dict[int, Instant]:
+def _instants(story: Course, output: Output, without: Collection[str]) -> dict[int, Instant]:
     """The ticks of a run; without a world, those in which there was a consensus."""
-    instants = {
-        tick: Instant(truth, story.teams.get(tick, {}), landmark_seen=who_saw_landmarks(story.readings.get(tick, [])))
-        for tick, truth in story.truths.items()
-    }
+    instants = {}
+    for tick, truth in story.truths.items():
+        teams = {s: [r for r in robots if r not in without] for s, robots in story.teams.get(tick, {}).items()}
+        instants[tick] = Instant(truth, teams, landmark_seen=who_saw_landmarks(story.readings.get(tick, [])))
     for solo in story.solos:
         if solo.tick in instants:
             instants[solo.tick].hear("", solo, b"")

@@ -75,7 +75,7 @@ def test_a_tape_that_breaks_off_is_one_line_and_recovered_to_its_last_flush(tmp_
     with pytest.raises(UserError, match=r"x.mcap, byte \d+: breaks off; `blackboard tape recover"):
         list(read(path))
     broken: list[int] = []
-    count = copy(path, tmp_path / "y.mcap", lambda at, envelope: True, broken)
+    count = copy(path, tmp_path / "y.mcap", broken=broken)
     assert list(read(tmp_path / "y.mcap")) == ENVELOPES[:count]
     assert sum(broken) < cut % len(content)
     assert count >= (5 if cut == -1 else 0)

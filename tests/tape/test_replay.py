@@ -40,7 +40,9 @@ def hashes(tape: Tape) -> tuple[str, str]:
     again = replay(tape)
     assert (again.missing, again.gaps, again.late) == (0, 0, [])
     assert match(story.run, recorded(tape), again.output).exact
-    return judge(tape, story, recorded(tape)).judgement.hash, judge(tape, story, again.output).judgement.hash
+    return judge(tape.scenario, story, recorded(tape)).judgement.hash, judge(
+        tape.scenario, story, again.output
+    ).judgement.hash
 
 
 @pytest.mark.parametrize("fusion", ["opinions", "joint"])
@@ -61,7 +63,7 @@ def test_the_hash_is_the_recorded_one(
 
 def test_the_scorecard_of_a_tape_is_the_world_s(tmp_path: Path) -> None:
     card, tape = recorded_run(tmp_path / "x.mcap")
-    found = scorecard(judge(tape, course(tape, tape.runs[-1]), recorded(tape)))
+    found = scorecard(judge(tape.scenario, course(tape, tape.runs[-1]), recorded(tape)))
     assert found.keys() == card.keys()
     own = ("wall_s", "messages", "bytes", "counters")  # what was on the network, and at the world's own process
     assert {k: v for k, v in found.items() if k not in own} == {k: v for k, v in card.items() if k not in own}
