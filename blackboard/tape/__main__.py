@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import logging
+import os
 import sys
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, astuple, dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -34,6 +37,10 @@ from blackboard.wire.messages import VERSION
 from sim_world.scorecard import scorecard, text
 
 LIBRARIES = ("numpy", "eclipse-zenoh", "mcap", "msgpack", "pydantic")  # whose versions a tape keeps
+NOTE = (
+    "Compare with `unchanged`: the same boards on what the recorder received. Robots do not hear the changed boards: "
+    "what they report as informed is that of the recorded run."
+)
 
 tape = App(name="tape", help="Look at a tape, mend it, cut it, or make a table of it.")
 
@@ -150,8 +157,24 @@ def replay(
         raise UserError("--only, and where the network is, are for --speed; without it nothing is sent")
     if len(found.runs) > 1:
         sys.stderr.write(f"{file}: {len(found.runs)} runs; the last one is judged\n")
+    logging.getLogger("blackboard").setLevel(
+        logging.ERROR
+    )  # what boards refuse is counted, and was logged in the recorded run
     story = course(found, found.runs[-1] if found.runs else "")
-    return _what_if(found, story, changes, output) if changes.given else _again(found, story, output)
+    with _quiet():
+        return _what_if(found, story, changes, output) if changes.given else _again(found, story, output)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the warnings of boards: what they refuse is counted, and was logged in the recorded run."""
+    logger = logging.getLogger("blackboard")
+    before = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 def _again(found: Tape, story: Course, output: OutputFlags) -> int:
@@ -171,13 +194,14 @@ def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags) 
     scenario, rng, clock = changes.apply(found), np.random.default_rng(changes.seed), UnixClock()
     began = clock.now()
     changed = what_if(found, scenario, changes.without, lambda _: bool(changes.loss) and rng.random() < changes.loss)
+    wall, without = clock.now() - began, changes.without
     cards = {
-        "recorded": scorecard(judge(found.scenario, story, recorded(found), 0.0, changes.without)),
-        "what if": scorecard(judge(scenario, story, changed, clock.now() - began, changes.without)),
+        "recorded": scorecard(judge(found.scenario, story, recorded(found), 0.0, without)),
+        "unchanged": scorecard(judge(found.scenario, story, what_if(found, found.scenario), 0.0, without)),
+        "what if": scorecard(judge(scenario, story, changed, wall, without)),
     }
-    note = "robots do not hear the changed boards: what they report as informed is that of the recorded run"
-    result = {"changes": changes.given, "recorded": cards["recorded"], "what_if": cards["what if"], "note": note}
-    output.show(result, lambda _: f"{side_by_side(cards)}\n{note}")
+    result = {"changes": changes.given, **{name.replace(" ", "_"): card for name, card in cards.items()}, "note": NOTE}
+    output.show(result, lambda _: f"{side_by_side(cards)}\n\n{NOTE}")
     return 0
 
 
@@ -237,6 +261,8 @@ def table(file: Path, *, out: Path | None = None, scenario: str | None = None) -
                 writer = csv.writer(stream, lineterminator="\n")
                 writer.writerow(COLUMNS)
                 writer.writerows(astuple(row) for row in found)
+    except BrokenPipeError:  # whoever reads it has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         raise UserError(f"--out {out}: cannot be written ({error.strerror}); choose another place") from error
     return 0

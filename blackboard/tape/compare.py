@@ -37,8 +37,10 @@ def told(found: Replay, matched: Match) -> list[str]:
             f"NOT as recorded: {matched.same} consensuses are the same, {matched.different} differ, {matched.only_recorded} "
             f"are only on the tape, {matched.only_replayed} only in the replay; the first: {matched.first or 'none'}"
         ]
+        if matched.exact_from is not None:
+            lines.append(f"from tick {matched.exact_from} on all are the same")
     if found.missing:
-        lines.append(f"{found.missing} messages that boards were given are not on the tape (the recorder lost them)")
+        lines.append(f"{found.missing} messages that boards were given are not on the tape")
     if found.gaps:
         lines.append(f"the journals miss something in {found.gaps} places")
     if found.late:

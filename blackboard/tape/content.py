@@ -85,13 +85,13 @@ def cut(
     held: dict[str, None] | None = {}
     for at, envelope in envelopes:
         begin = at if begin is None else begin
+        if held is not None and at - begin >= start:
+            yield from ((begin + start, Envelope(token, kind=Kind.ALIVE)) for token in held)
+            held = None
         if at - begin >= end:
             return
         if not keep(envelope.key):
             continue
-        if held is not None and at - begin >= start:
-            yield from ((begin + start, Envelope(token, kind=Kind.ALIVE)) for token in held)
-            held = None
         if held is None:
             yield at, envelope
         elif envelope.kind is Kind.ALIVE:

@@ -134,6 +134,7 @@ class Match:
     only_recorded: int
     only_replayed: int
     first: str  # the first that is not the same; empty if all are
+    exact_from: int | None  # the tick from which all are the same; None if there is none
 
     @property
     def exact(self) -> bool:
@@ -147,7 +148,9 @@ def match(run: str, taped: Output, replayed: Output) -> Match:
     both = one.keys() & other.keys()
     different = sum(one[name] != other[name] for name in both)
     first = "tick {}, {}, {} of {} by {}".format(*odd[0]) if odd else ""
-    return Match(len(both) - different, different, len(one.keys() - both), len(other.keys() - both), first)
+    behind = odd[-1][0] + 1 if odd else min((name[0] for name in both), default=None)
+    exact_from = behind if behind is not None and any(name[0] >= behind for name in both) else None
+    return Match(len(both) - different, different, len(one.keys() - both), len(other.keys() - both), first, exact_from)
 
 
 def _instants(story: Course, output: Output, without: Collection[str]) -> dict[int, Instant]:

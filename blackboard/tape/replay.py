@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from blackboard.board.service import BoardService
 from blackboard.config import Scenario
 from blackboard.errors import UserError
+from blackboard.net.bus import intersects
 from blackboard.tape.content import Tape
 from blackboard.tape.journal import TOO_LARGE, Life
 from blackboard.wire import keys
@@ -69,6 +70,9 @@ def _live_again(tape: Tape, life: Life, found: Replay) -> None:
     found.gaps += len(life.gaps)
     if life.first:
         found.late.append(f"{life.sub_team}/{life.board}")
+        for token in _held_before(tape, life):
+            if any(intersects(key_expr, token) for key_expr in service.watches):
+                service.receive(Envelope(token, kind=Kind.ALIVE), life.events[0][0])
     for at, what, name in life.events:
         if what == "wake":
             output.take(service, service.wake(at))
@@ -82,3 +86,17 @@ def _live_again(tape: Tape, life: Life, found: Replay) -> None:
         output.take(service, service.receive(envelope, at))
     output.counters["dropped"] += found.missing
     output.refused += service.refused
+
+
+def _held_before(tape: Tape, life: Life) -> list[str]:
+    """The tokens that are held when the journal of a board begins on the tape: what it had been told before."""
+    key = keys.JOURNAL.key(team=tape.scenario.team.name, sub_team=life.sub_team, board=life.board)
+    held: dict[str, None] = {}
+    for _, envelope in tape.envelopes:
+        if envelope.kind is Kind.ALIVE:
+            held[envelope.key] = None
+        elif envelope.kind is Kind.GONE:
+            held.pop(envelope.key, None)
+        elif envelope.key == key:
+            break
+    return list(held)

@@ -23,6 +23,7 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Journal
 
+OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.JOURNAL)
 LATER = 1e-6  # seconds that pass after a board was woken, so that time moves even if it is due again at once
 
 
@@ -46,13 +47,16 @@ class _Boards:
         self._rest = self._bus.connect()  # what is played
         self._tokens: dict[str, BusLink] = {}  # each held by a link of its own, which is closed when the token goes
         self._boards: dict[tuple[str, str], tuple[BoardService, BusLink]] = {}
-        self._began: dict[tuple[str, str], float] = {}  # which life of a board this is, as its journal says
+        self._tick = "", -1  # run and tick of the newest Clock
         self._now = -math.inf
         self._behind = 0.0  # seconds that were waited in lockstep and not in the recorded run
 
     def play(self, tape: Tape) -> Output:
-        for at, envelope in tape.envelopes:
+        ends = _ends(tape)
+        for number, (at, envelope) in enumerate(tape.envelopes):
             self._pass_time(at + self._behind)
+            if number in ends:
+                self._stop(ends[number])
             self._take(envelope)
             self._deliver()
         self._settle()
@@ -69,24 +73,21 @@ class _Boards:
             return
         board = parts.get("sub_team", ""), parts.get("board") or parts.get("process") or ""
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
-            if topic is keys.BOARD and board not in self._boards:
+            if topic is keys.BOARD and envelope.kind is Kind.ALIVE and board not in self._boards:
                 self._start(board)
             self._hold(envelope)
-        elif topic is keys.JOURNAL:
-            for _, _, journal in messages([(0.0, envelope)], keys.JOURNAL, Journal):
-                if self._began.setdefault(board, journal.began) != journal.began:  # it was started again
-                    self._began[board] = journal.began
-                    self._start(board)
         elif topic is keys.CLOCK:
             self._rest.send(self._clock(envelope))
-        elif topic not in (keys.CONSENSUS, keys.AGREED, keys.FORWARD) and board not in self._boards:
+        elif topic not in OF_BOARDS and board not in self._boards:
             self._rest.send(envelope)
 
-    def _start(self, board: tuple[str, str]) -> None:
+    def _stop(self, board: tuple[str, str]) -> None:
         if board in self._boards:
             service, link = self._boards.pop(board)
             self.output.refused += service.refused
             link.close()
+
+    def _start(self, board: tuple[str, str]) -> None:
         service, link = board_service(self.scenario, *board), self._bus.connect()
         self._boards[board] = service, link
         for key_expr in service.watches:
@@ -106,8 +107,9 @@ class _Boards:
         clock = next((clock for _, _, clock in messages([(0.0, envelope)], keys.CLOCK, Clock)), None)
         if clock is None:
             return envelope
-        if clock.mode == "lockstep":
+        if clock.mode == "lockstep" and (clock.run, clock.tick) != self._tick:  # not one that is sent again
             self._settle()
+        self._tick = clock.run, clock.tick
         if not self.without:
             return envelope
         robots = {sub_team: [r for r in names if r not in self.without] for sub_team, names in clock.robots.items()}
@@ -150,6 +152,28 @@ class _Boards:
         self.output.take(service, out)
         for envelope in out:
             link.send(envelope)
+
+
+def _ends(tape: Tape) -> dict[int, tuple[str, str]]:
+    """Where the life of a board ends: its token goes, and its next journal, if there is one, is of another life.
+
+    A token also goes where the network does; then the board lives on, with all that it holds.
+    """
+    began: dict[tuple[str, str], float] = {}  # of the next journal, looking back from the end
+    gone: dict[tuple[str, str], tuple[int, float | None]] = {}  # the next token that goes, and what came next then
+    ends = {}
+    for number, (_, envelope) in reversed(list(enumerate(tape.envelopes))):
+        if envelope.kind is Kind.GONE and (parts := keys.BOARD.match(envelope.key)):
+            board = parts["sub_team"], parts["board"]
+            gone[board] = number, began.get(board)
+        for _, parts, journal in messages([(0.0, envelope)], keys.JOURNAL, Journal):
+            board = parts["sub_team"], parts["board"]
+            if board in gone:
+                number_gone, next_began = gone.pop(board)
+                if next_began != journal.began:
+                    ends[number_gone] = board
+            began[board] = journal.began
+    return ends | {number: board for board, (number, _) in gone.items()}
 
 
 def _is_busy(service: BoardService) -> bool:

@@ -17,11 +17,13 @@ from blackboard.tape.recorder import Recorder
 from blackboard.wire.envelope import Envelope
 from tests.flow.test_team import SCENARIO
 
+SMALL = SCENARIO.changed("grid", shape=[14, 14]).changed("time", seconds=2.0)  # 5 ticks, from 0 to 4
+
 
 class RecordedTeam(Team):
     """A team whose boards keep journals and whose messages go onto a tape."""
 
-    def __init__(self, scenario: Scenario = SCENARIO) -> None:
+    def __init__(self, scenario: Scenario = SMALL) -> None:
         super().__init__(scenario)
         self.file = io.BytesIO()
         self.writer = TapeWriter(self.file, {"team": scenario.team.name, "scenario": scenario.to_json()})
@@ -54,7 +56,7 @@ class RecordedTeam(Team):
 
 
 def recorded_run(
-    path: Path, scenario: Scenario = SCENARIO, story: Callable[[RecordedTeam], None] = lambda team: None
+    path: Path, scenario: Scenario = SMALL, story: Callable[[RecordedTeam], None] = lambda team: None
 ) -> tuple[dict[str, Any], Tape]:
     """Let a team run to the end, after a `story` of kills and losses: its scorecard, and its tape."""
     team = RecordedTeam(scenario)

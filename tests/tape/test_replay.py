@@ -14,23 +14,22 @@ from blackboard.tape.judge import course, judge, match, recorded
 from blackboard.tape.replay import replay
 from blackboard.wire.envelope import Kind
 from sim_world.scorecard import scorecard
-from tests.flow.test_team import SCENARIO
-from tests.tape.teams import RecordedTeam, recorded_run
+from tests.tape.teams import SMALL, RecordedTeam, recorded_run
 
-REALTIME = SCENARIO.changed("time", mode="realtime", seconds=4.0)
+REALTIME = SMALL.changed("time", mode="realtime")
 
 
-def lossy(team: RecordedTeam) -> None:
+def kills_and_losses(team: RecordedTeam) -> None:
     """A board is killed and started again, a robot is killed, and every tenth message does not reach its receiver."""
     rng = np.random.default_rng(5)
     team.lose = lambda receiver, envelope: (
         receiver is not team.world and envelope.kind is Kind.PUT and rng.random() < 0.1
     )
-    team.run_until(lambda: team.world.tick == 2)
+    team.run_until(lambda: team.world.tick == 1)
     team.kill("b")
-    team.run_until(lambda: team.world.tick == 3)
+    team.run_until(lambda: team.world.tick == 2)
     team.restart("b")
-    team.run_until(lambda: team.world.tick == 4)
+    team.run_until(lambda: team.world.tick == 3)
     team.leave(team.robots["r2"])
 
 
@@ -45,9 +44,16 @@ def hashes(tape: Tape) -> tuple[str, str]:
     ).judgement.hash
 
 
-@pytest.mark.parametrize("fusion", ["opinions", "joint"])
 @pytest.mark.parametrize(
-    ("scenario", "story"), [(SCENARIO, None), (REALTIME, None), (SCENARIO, lossy), (REALTIME, lossy)]
+    ("scenario", "story", "fusion"),
+    [
+        (SMALL, None, "joint"),
+        (REALTIME, None, "opinions"),
+        (SMALL, kills_and_losses, "opinions"),
+        (REALTIME, kills_and_losses, "joint"),
+        (SMALL.changed("board", independence="learn"), None, "opinions"),
+    ],
+    ids=["lockstep", "real time", "lockstep with kills and losses", "real time with kills and losses", "learning"],
 )
 def test_the_hash_is_the_recorded_one(
     tmp_path: Path, scenario: Scenario, story: Callable[[RecordedTeam], None] | None, fusion: str
