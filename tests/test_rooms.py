@@ -38,7 +38,7 @@ ALLOWED: dict[str, set[str]] = {
     BOARD: SHARED,
     NET: {ERRORS, WIRE, CLOCK},
     RUN: {*SHARED, NET, CLOCK, LOOP, "blackboard"},
-    TAPE: {*SHARED, BOARD, NET, "sim_world", "blackboard"},
+    TAPE: {*SHARED, BOARD, NET, "sim_world"},
     LAB: {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,

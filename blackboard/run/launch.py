@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import logging
 import signal
 import socket
 import sys
@@ -21,13 +20,12 @@ from blackboard.errors import Refused, RunFailed, UserError
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.roster import Roster
+from blackboard.run.recording import recording
 from blackboard.run.supervisor import Process, Supervisor
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock
-
-log = logging.getLogger(__name__)
 
 READY_SECONDS = 60.0  # for all processes to show their tokens, on a machine that may be slow
 
@@ -150,7 +148,7 @@ async def _run(
             supervisor.keep_running(router)
         async with (
             _observer(config, scenario, supervisor.release, progress) as observer,
-            _recording(supervisor, processes.recorder, tape),
+            recording(supervisor, processes.recorder, tape, READY_SECONDS),
         ):
             for member in processes.members:
                 supervisor.keep_running(member)
@@ -208,30 +206,6 @@ class Observer:
         except TimeoutError:
             late = ", ".join(sorted(token.rsplit("/", 1)[1] for token in tokens - self._roster.tokens))
             raise RunFailed(f"not ready after {READY_SECONDS:g} s: {late}; their output is above") from None
-
-
-@asynccontextmanager
-async def _recording(supervisor: Supervisor, recorder: Process | None, tape: Path | None) -> AsyncIterator[None]:
-    """Record while this context lasts: it is entered once the recorder listens, which the first bytes of the tape show.
-
-    RunFailed, UserError: the recorder ended before that. One that ends later is warned of; the team does not depend on it.
-    """
-    if recorder is None or tape is None:
-        yield
-        return
-    running = asyncio.create_task(supervisor.run(recorder))
-    try:
-        async with asyncio.timeout(READY_SECONDS):
-            while not running.done() and not (tape.is_file() and tape.stat().st_size):
-                await asyncio.wait([running], timeout=0.02)
-        if running.done():
-            raise RunFailed(f"the recorder ended with status {running.result()[0]}; its output is above")
-        yield
-        if running.done():
-            log.warning("the recorder ended before the run; %s has what came until then", tape)
-    finally:
-        running.cancel()
-        await asyncio.wait([running])
 
 
 @asynccontextmanager

@@ -1,4 +1,7 @@
-"""The door of the tapes: `blackboard record`, `blackboard replay` and `blackboard tape info | recover | cut | table`."""
+"""The door of the tapes: `blackboard record`, `blackboard replay` and `blackboard tape info | recover | cut | table`.
+
+Long, because it is the door of six commands, each with its flags.
+"""
 
 from __future__ import annotations
 

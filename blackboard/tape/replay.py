@@ -78,13 +78,13 @@ def _live_again(tape: Tape, life: Life, found: Replay) -> None:
             output.take(service, service.wake(at))
             continue
         envelope = Envelope(name, kind=Kind(what)) if what != "put" else tape.by_digest.get(name)
-        if envelope is None:  # it has no effect but that time passes; one that was too large had none either
+        if envelope is None:  # nothing happens but that time passes, as with one that was too large
             found.missing += name != TOO_LARGE
-            envelope = Envelope(name)
+            envelope = Envelope(name, kind=Kind.DELETE)
         output.counters["received"] += 1
         output.counters["bytes"] += len(envelope.payload)
         output.take(service, service.receive(envelope, at))
-    output.counters["dropped"] += found.missing
+    output.counters["dropped"] = found.missing
     output.refused += service.refused
 
 

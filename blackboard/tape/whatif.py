@@ -24,6 +24,7 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Journal
 
 OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.JOURNAL)
+LONGEST = 600.0  # seconds
 LATER = 1e-6  # seconds that pass after a board was woken, so that time moves even if it is due again at once
 
 
@@ -127,7 +128,8 @@ class _Boards:
         self._behind += self._now - start
 
     def _pass_time(self, until: float) -> None:
-        """Wake the boards that are due until then, the earliest first."""
+        """Wake the boards that are due until then, the earliest first; of a silence of more than `LONGEST`, in its last part only."""
+        self._now = max(self._now, until - LONGEST)
         while self._boards:
             service, link = min(self._boards.values(), key=lambda board: _due(board[0], self._now))
             due = _due(service, self._now)
