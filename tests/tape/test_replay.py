@@ -59,9 +59,8 @@ def hashes(tape: Tape) -> tuple[str, str]:
         (REALTIME, None, "opinions"),
         (SMALL, kills_and_losses, "opinions"),
         (REALTIME, kills_and_losses, "joint"),
-        (SMALL.changed("board", independence="learn"), None, "opinions"),
     ],
-    ids=["lockstep", "real time", "lockstep with kills and losses", "real time with kills and losses", "learning"],
+    ids=["lockstep", "real time", "lockstep with kills and losses", "real time with kills and losses"],
 )
 def test_the_hash_is_the_recorded_one(
     tmp_path: Path, scenario: Scenario, story: Callable[[RecordedTeam], None] | None, fusion: str
