@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import sys
+from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
@@ -25,6 +26,14 @@ for command, about in {
     "figures": "Draw the paper's figures and print the numbers behind them.",
 }.items():
     app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
+for command, about in {
+    "record": "Record every message of a running team onto a tape.",
+    "replay": "Replay a tape into boards, or into a live network, and ask what another rule would have made of it.",
+}.items():
+    app.command(f"blackboard.tape.__main__:{command}", name=command, help=about)
+app.command(
+    "blackboard.tape.__main__:tape", name="tape", help="Look at a tape, mend it, cut it, or make a table of it."
+)
 app.command("blackboard.lab.score:score", name="score", help="Score a recorded team: its robots, protocols, fusions.")
 
 for command, about in {
@@ -44,11 +53,18 @@ def demo(
     run: RunFlags = RunFlags(),
     recording: RecordingFlags = RecordingFlags(),
     look: ViewFlags = ViewFlags(),
+    record: Path | None = None,
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
-    """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team."""
-    return _run(run.apply(team.apply(recording.scenario())), run, look, output, flags)
+    """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team.
+
+    Parameters
+    ----------
+    record
+        Record every message of the team onto this tape (MCAP).
+    """
+    return _run(run.apply(team.apply(recording.scenario())), run, look, record, output, flags)
 
 
 @app.command
@@ -58,6 +74,7 @@ def up(
     team: TeamFlags = TeamFlags(),
     run: RunFlags = RunFlags(),
     look: ViewFlags = ViewFlags(),
+    record: Path | None = None,
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
@@ -67,8 +84,10 @@ def up(
     ----------
     scenario
         A scenario file (TOML), or the name of one that comes with the package.
+    record
+        Record every message of the team onto this tape (MCAP).
     """
-    return _run(run.apply(team.apply(load(scenario))), run, look, output, flags)
+    return _run(run.apply(team.apply(load(scenario))), run, look, record, output, flags)
 
 
 @app.command
@@ -94,6 +113,7 @@ def serve(
         A scenario file with the grid and the board's settings, or the name of one that comes with the package.
     """
     from blackboard.board.service import BoardService
+    from blackboard.tape.journal import Journaled
 
     chosen = load(scenario) if scenario else Scenario({})
     name = board or f"board-{sub_team}"
@@ -106,7 +126,8 @@ def serve(
         grid=chosen.grid,
         settings=chosen.board,
     )
-    door.serve(service, name, flags)
+    journaled = Journaled(service, team=service.team, sub_team=sub_team, board=name)
+    door.serve(journaled, name, flags)
     return 0
 
 
@@ -150,13 +171,24 @@ def health(
     return 1 if fault else 0
 
 
-def _run(scenario: Scenario, run: RunFlags, look: ViewFlags, output: OutputFlags, flags: door.ZenohFlags) -> int:
+def _run(
+    scenario: Scenario,
+    run: RunFlags,
+    look: ViewFlags,
+    record: Path | None,
+    output: OutputFlags,
+    flags: door.ZenohFlags,
+) -> int:
     from blackboard.run.launch import run_scenario
     from sim_world.scorecard import text
 
     _check(scenario)
+    if record is not None:
+        from blackboard.tape.file import check_new
+
+        check_new(record)
     with progress(scenario.name) as show_progress:
-        status, card = run_scenario(scenario, show_progress, flags.link(), run.series, view=look.view)
+        status, card = run_scenario(scenario, show_progress, flags.link(), run.series, record, view=look.view)
     output.show(card, text)
     return status
 

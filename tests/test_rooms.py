@@ -2,6 +2,7 @@
 
 The sources show every import, also one inside a function. A fresh interpreter that imports a room lists what came with it, so a
 re-export cannot hide anything. The same list stands in pyproject.toml for import-linter, which draws the chain where one is broken.
+Long, because the list and every law over it stand side by side.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ OPINION, WIRE, PROCESS = "blackboard.opinion", "blackboard.wire", "blackboard.pr
 CLOCK, LOOP = "blackboard.process.clock", "blackboard.process.loop"
 BOARD, NET, RUN, LAB = "blackboard.board", "blackboard.net", "blackboard.run", "blackboard.lab"
 VIEW, WEB = "blackboard.view", "blackboard.view.web"
+TAPE = "blackboard.tape"
 SHARED = {ERRORS, PLUGINS, CONFIG, OPINION, WIRE, PROCESS}  # for machines and services; neither a clock nor a network
 
 #: Room -> the rooms that it may import besides itself. A door is a room of its own; so are the clock and the loop that reads it.
@@ -38,15 +40,17 @@ ALLOWED: dict[str, set[str]] = {
     BOARD: SHARED,
     NET: {ERRORS, WIRE, CLOCK},
     RUN: {*SHARED, NET, CLOCK, LOOP, "blackboard"},
+    TAPE: {*SHARED, BOARD, NET, "sim_world"},
     LAB: {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     VIEW: {*SHARED, BOARD},
     WEB: {*SHARED, VIEW},
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
     "sim_world": SHARED,
-    "blackboard.__main__": {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
+    "blackboard.__main__": {*SHARED, BOARD, TAPE, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN},
     "blackboard.view.__main__": {*SHARED, VIEW, WEB, NET, RUN, CLOCK},
+    "blackboard.tape.__main__": {*SHARED, TAPE, NET, RUN, CLOCK, "sim_world"},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
     "sim_world.__main__": {*SHARED, RUN, "sim_world"},
 }
@@ -62,6 +66,7 @@ LIBRARIES = {
         "blackboard.__main__",
         "blackboard.lab.__main__",
         "blackboard.view.__main__",
+        "blackboard.tape.__main__",
         "robot_agent.__main__",
         "sim_world.__main__",
     },
@@ -69,6 +74,7 @@ LIBRARIES = {
     "starlette": {WEB},
     "uvicorn": {WEB},
     "websockets": {WEB},
+    "mcap": {TAPE, "blackboard.tape.__main__"},
     "scipy": set[str](),
 }
 
@@ -202,6 +208,7 @@ DOORS = {
     *(f"{package}/__main__.py" for package in PACKAGES),
     "blackboard/lab/__main__.py",
     "blackboard/view/__main__.py",
+    "blackboard/tape/__main__.py",
 }
 
 
@@ -210,10 +217,11 @@ DOORS = {
     [
         (("zenoh",), {"blackboard/net/link.py", "blackboard/net/settings.py"}),
         (("msgpack",), {"blackboard/wire/codec.py"}),
+        (("mcap", "zstandard"), {"blackboard/tape/file.py"}),
         (CHANCE, DOORS | {"sim_world/sources.py"}),
         (("blackboard.net.link",), DOORS | {"blackboard/run/door.py", "blackboard/run/launch.py"}),
     ],
-    ids=["zenoh", "msgpack", "chance", "Link"],
+    ids=["zenoh", "msgpack", "mcap", "chance", "Link"],
 )
 def test_it_is_named_in_one_place(banned: tuple[str, ...], only: set[str]) -> None:
     found = users(banned, *PACKAGES)

@@ -84,12 +84,20 @@ class Stop:
         return self._event.wait(seconds)
 
 
-def serve(service: Service, name: str, flags: ZenohFlags, *, patience: float = 30.0) -> None:
-    """Run a service over a Zenoh session of its own until it is done or a signal comes."""
+def serve(service: Service, name: str, flags: ZenohFlags, *, patience: float = 30.0, linger: float = 0.0) -> None:
+    """Run a service over a Zenoh session of its own until it is done or a signal comes.
+
+    What is on its way then is still handed to the service, until nothing came for 0.1 s, for at most `linger` seconds.
+    """
     stop, clock = Stop(), UnixClock()
     with Link(flags.link(), name, patience=patience, stopped=stop, clock=clock) as link:
         log.info("ready", process=name, tokens=list(service.tokens))
         run(service, link, clock, stop)
+        end = clock.now() + linger
+        while clock.now() < end and (late := link.receive(0.1)):
+            for envelope in late:
+                service.receive(envelope, clock.now())
+        service.record_link_counters(link.counters)
 
 
 def route(flags: ZenohFlags) -> None:

@@ -20,6 +20,7 @@ from blackboard.errors import Refused, RunFailed, UserError
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.roster import Roster
+from blackboard.run.recording import recording
 from blackboard.run.supervisor import Process, Supervisor
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
@@ -39,6 +40,7 @@ class ProcessTable:
     members: tuple[Process, ...]  # boards and robots
     world: Process
     viewers: tuple[Process, ...] = ()  # the live page, if it is asked for
+    recorder: Process | None = None  # where the run is recorded
 
     @property
     def tokens(self) -> frozenset[str]:
@@ -52,11 +54,13 @@ def process_table(
     config: LinkConfig,
     own_endpoint: str | None,
     series: Path | None = None,
+    record: Path | None = None,
     view: bool = False,
 ) -> ProcessTable:
     """The process table of a scenario in `file`; with `own_endpoint` it has a router of its own, which listens there too.
 
-    The world writes its samples into `series`. With `view` a live page is served by a process of its own.
+    The world writes its samples into `series`, a recorder everything onto the tape `record`. With `view` a live page is served by a
+    process of its own.
     """
     python, team = (sys.executable, "-m"), scenario.team
     routers: tuple[Process, ...] = ()
@@ -78,8 +82,11 @@ def process_table(
         members.append(Process(robot, (*python, "robot_agent", *arguments, *common), tokens))
     samples = () if series is None else ("--series", str(series))
     world = Process("world", (*python, "sim_world", file, "--json", *samples, *_flags(config)))
+    recorder = None
+    if record is not None:
+        recorder = Process("recorder", (*python, "blackboard", "record", str(record), "--team", team.name, *common))
     page = Process("view", (*python, "blackboard", "view", "--team", team.name, "--port", "0", *_flags(config)))
-    return ProcessTable(routers, tuple(members), world, (page,) if view else ())
+    return ProcessTable(routers, tuple(members), world, (page,) if view else (), recorder)
 
 
 def _flags(config: LinkConfig) -> tuple[str, ...]:
@@ -105,10 +112,13 @@ def run_scenario(
     progress: Progress | None = None,
     config: LinkConfig | None = None,
     series: Path | None = None,
+    record: Path | None = None,
     *,
     view: bool = False,
 ) -> tuple[int, dict[str, Any]]:
-    """Run every process of a scenario until its world ends: the world's exit status and scorecard; samples go into `series`.
+    """Run every process of a scenario until its world ends: the world's exit status and scorecard.
+
+    Samples go into `series`, and every message onto the tape `record`.
 
     With `view` a live page is served beside it, and stopped with it.
 
@@ -121,11 +131,11 @@ def run_scenario(
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
         file = Path(folder) / "scenario.json"
         file.write_text(scenario.to_json(), encoding="utf-8")
-        processes = process_table(scenario, str(file), config, own_endpoint, series, view)
+        processes = process_table(scenario, str(file), config, own_endpoint, series, record, view)
         if own_endpoint is not None:
             config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg)
         try:
-            return asyncio.run(_run(processes, scenario, config, progress))
+            return asyncio.run(_run(processes, scenario, config, progress, record))
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
         except UserError as error:  # a child names the copy that it has read, not the person's own file
@@ -133,7 +143,7 @@ def run_scenario(
 
 
 async def _run(
-    processes: ProcessTable, scenario: Scenario, config: LinkConfig, progress: Progress | None
+    processes: ProcessTable, scenario: Scenario, config: LinkConfig, progress: Progress | None, tape: Path | None
 ) -> tuple[int, dict[str, Any]]:
     main = asyncio.current_task()
     assert main is not None
@@ -144,7 +154,10 @@ async def _run(
     async with Supervisor() as supervisor:
         for router in processes.routers:
             supervisor.keep_running(router)
-        async with _observer(config, scenario, supervisor.release, progress) as observer:
+        async with (
+            _observer(config, scenario, supervisor.release, progress) as observer,
+            recording(supervisor, processes.recorder, tape, READY_SECONDS),
+        ):
             for member in (*processes.members, *processes.viewers):
                 supervisor.keep_running(member)
             await observer.until_alive(processes.tokens)

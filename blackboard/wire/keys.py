@@ -85,6 +85,10 @@ FORWARD = Topic(
     "forward", "cop/{team}/{sub_team}/forward/{board}", "Forward",
     ("board",), "board", ("board", "operator"), "every tick", "its robots' evidence, for a joint",
 )  # fmt: skip
+JOURNAL = Topic(
+    "journal", "cop/{team}/{sub_team}/journal/{board}", "Journal",
+    ("board",), "board", ("operator",), "every tick", "what the board was given, in its order and when, for a replay",
+)  # fmt: skip
 MEMBER = Topic(
     "member", "cop/{team}/{sub_team}/member/{robot}", "token",
     ("robot",), "robot", EVERYBODY, "while it runs", "registration of a robot",
@@ -98,7 +102,7 @@ STATUS = Topic(
     ("robot", "board"), "process", EVERYBODY, "once a second", "counters, the tick done, ages",
 )  # fmt: skip
 
-TOPICS = (CLOCK, READING, TRUTH, WORLD, SOLO, REPORT, CONSENSUS, AGREED, FORWARD, MEMBER, BOARD, STATUS)
+TOPICS = (CLOCK, READING, TRUTH, WORLD, SOLO, REPORT, CONSENSUS, AGREED, FORWARD, JOURNAL, MEMBER, BOARD, STATUS)
 
 
 def parse(key: str) -> tuple[Topic, dict[str, str]] | None:

@@ -48,7 +48,11 @@ REASONS = {
 }
 
 MAX_BYTES = 1 << 20  # a 200 x 200 belief as float32 is 160 kB; anything near this bound is a mistake or an attack
+MAX_JOURNAL_NAME = 512  # characters; no key of a topic is longer
 MAX_CELLS = 1 << 20  # the largest grid that is unpacked
+
+#: Unix seconds; the bound is far in the future, and keeps what is counted in periods of it an integer.
+UnixTime = Annotated[float, Field(ge=0, le=1e11, allow_inf_nan=False)]
 
 
 # --- beliefs -----------------------------------------------------------------------------------------------------------
@@ -177,6 +181,32 @@ class Status(Message):
     learned: Annotated[list[Learned], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)  # of a board
 
 
+class Journal(Message):
+    """What a board was given, in its order: with the messages themselves, enough to repeat what it did to the bit.
+
+    An event is (Unix time that the board was told, what, name): "put" with the digest of the message (`tape.journal.digest`),
+    "delete", "alive" and "gone" with the key, "wake" without a name. A journal comes before what the board made of its events.
+    """
+
+    board: Name
+    sub_team: Name
+    began: UnixTime  # of the first event: another value is another life of the board
+    first: Tick  # number of the first event here, counted from 0 at `began`
+    events: Annotated[
+        list[
+            Annotated[
+                tuple[
+                    UnixTime,
+                    Literal["put", "delete", "alive", "gone", "wake"],
+                    Annotated[str, Field(max_length=MAX_JOURNAL_NAME)],
+                ],
+                Listed,
+            ]
+        ],
+        Field(max_length=MAX_OPINIONS),
+    ]
+
+
 # --- the world -----------------------------------------------------------------------------------------------------------
 
 
@@ -252,5 +282,5 @@ class Solo(Message):
 
 #: The model of each name that stands in the topic table (`keys.Topic.message`).
 MODELS: dict[str, type[Message]] = {
-    model.__name__: model for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status)
+    model.__name__: model for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status, Journal)
 }

@@ -143,7 +143,13 @@ def run(monkeypatch: pytest.MonkeyPatch, endpoint: str) -> Run:
 
     def run(member: str, world: str = WORLD, **more: object) -> tuple[int, object]:
         def rows(
-            scenario: Scenario, file: str, config: LinkConfig, own_endpoint: str | None, series: None, view: bool
+            scenario: Scenario,
+            file: str,
+            config: LinkConfig,
+            own_endpoint: str | None,
+            series: None,
+            record: None,
+            view: bool,
         ) -> ProcessTable:
             assert own_endpoint is None
             row = Process("r1", (sys.executable, "-c", member, endpoint, file), frozenset({"cop/t/a/member/r1"}))

@@ -21,6 +21,7 @@ from blackboard.wire.messages import (
     Consensus,
     Fix,
     Informed,
+    Journal,
     LeftOut,
     Odometry,
     Readings,
@@ -109,6 +110,13 @@ STATUS = Status(
     ages={"r2": 0.1},
     settings={"rule": "cooperative", "k": 2.0},
 )
+JOURNAL = Journal(
+    board="a1",
+    sub_team="a",
+    began=1e9,
+    first=7,
+    events=[(1e9, "alive", "cop/t/a/board/a1"), (1e9 + 0.1, "put", "0123456789abcdef"), (1e9 + 0.2, "wake", "")],
+)
 
 #: A topic's name -> the parts of a key of it, and a message for it.
 EXAMPLES: dict[str, tuple[dict[str, str], Message]] = {
@@ -120,6 +128,7 @@ EXAMPLES: dict[str, tuple[dict[str, str], Message]] = {
     "consensus": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, CONSENSUS),
     "agreed": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, AGREED),
     "forward": ({"team": "t", "sub_team": "a", "board": "a1"}, FORWARD),
+    "journal": ({"team": "t", "sub_team": "a", "board": "a1"}, JOURNAL),
     "status": ({"team": "t", "sub_team": "a", "process": "r1"}, STATUS),
 }
 TOPICS = {topic.name: topic for topic in keys.TOPICS}

@@ -1,0 +1,1 @@
+"""Tapes: what a team said, recorded, read, cut, shown as a table, and replayed into boards."""

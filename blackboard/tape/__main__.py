@@ -1,0 +1,293 @@
+"""The door of the tapes: `blackboard record`, `blackboard replay` and `blackboard tape info | recover | cut | table`.
+
+Long, because it is the door of six commands, each with its flags.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import asdict, astuple, dataclass, field, fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from cyclopts import App, Parameter
+
+from blackboard.config import Scenario, load
+from blackboard.errors import RunFailed, UserError
+from blackboard.net.bus import intersects
+from blackboard.process.clock import UnixClock
+from blackboard.run import door
+from blackboard.run.flags import OutputFlags, TeamFlags
+from blackboard.tape.compare import changed_board, side_by_side, told
+from blackboard.tape.content import Tape, load_tape, summary
+from blackboard.tape.content import cut as cut_out
+from blackboard.tape.file import TapeWriter, copy, create
+from blackboard.tape.judge import Course, course, judge, match, recorded
+from blackboard.tape.player import Part, Player
+from blackboard.tape.recorder import Recorder
+from blackboard.tape.replay import replay as replay_tape
+from blackboard.tape.table import COLUMNS, rows
+from blackboard.tape.whatif import what_if
+from blackboard.wire.messages import VERSION
+from sim_world.scorecard import scorecard, text
+
+LIBRARIES = ("numpy", "eclipse-zenoh", "mcap", "msgpack", "pydantic")  # whose versions a tape keeps
+NOTE = (
+    "Compare with `unchanged`: the same boards on what the recorder received. Robots do not hear the changed boards: "
+    "what they report as informed is that of the recorded run."
+)
+
+tape = App(name="tape", help="Look at a tape, mend it, cut it, or make a table of it.")
+
+
+def record(
+    file: Path,
+    *,
+    team: str | None = None,
+    scenario: str | None = None,
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
+    """Record every message and token of a running team onto a tape, until a signal comes.
+
+    Parameters
+    ----------
+    file
+        The tape (MCAP); a file that is there already is not overwritten.
+    team
+        Name of the team [default: the scenario's].
+    scenario
+        The team's scenario, a file or the name of one that comes with the package. It is kept on the tape, for replays.
+    """
+    chosen = load(scenario) if scenario else None
+    name = team or (chosen or Scenario({})).team.name
+    door.check_name("--team", name)
+    with create(file) as out:
+        writer = TapeWriter(out, _about(name, chosen))
+        try:
+            door.serve(Recorder(name, writer), "recorder", flags, linger=1.0)
+            writer.close()
+        except OSError as error:
+            raise RunFailed(
+                f"{file}: cannot be written any more ({error.strerror}); what was written is safe"
+            ) from error
+    skipped = sum(writer.skipped.values())
+    sys.stderr.write(f"{file}: {writer.messages} messages" + (f", {skipped} left out\n" if skipped else "\n"))
+    return 0
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What is to be different from the recorded run."""
+
+    without: Annotated[list[str], Parameter(negative="", show_default=False)] = field(default_factory=list)
+    "Without this robot; may be given again."
+    rule: str | None = None
+    "Another rule of the boards; implies --fusion opinions."
+    fusion: Literal["opinions", "joint"] | None = None
+    "Pool opinions, or keep a joint belief of the team."
+    set: Annotated[list[str], Parameter(negative="", show_default=False)] = field(default_factory=list)
+    "Another setting of the boards, as board.gate=8; may be given again."
+    loss: float = 0.0
+    "Share of the messages to boards that is lost, Clocks and tokens aside."
+    seed: int = 1
+    "Seed of what is lost."
+
+    @property
+    def given(self) -> dict[str, object]:
+        """Those that are set, by their names."""
+        defaults = Changes()
+        return {
+            f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != getattr(defaults, f.name)
+        }
+
+    def apply(self, tape: Tape) -> Scenario:
+        """The scenario of a tape with these changes. UserError: what cannot be changed on it."""
+        scenario = tape.scenario
+        unknown = sorted(set(self.without) - set(scenario.team.robots))
+        if unknown:
+            raise UserError(f"--without {unknown[0]}: no such robot; on the tape are {', '.join(scenario.team.robots)}")
+        if not 0.0 <= self.loss <= 1.0:
+            raise UserError(f"--loss {self.loss:g}: give a share from 0 to 1")
+        scenario = TeamFlags(rule=self.rule, fusion=self.fusion).apply(scenario)
+        scenario = changed_board(scenario, self.set)
+        if scenario.board.fusion == "joint" and tape.scenario.board.fusion != "joint":
+            raise UserError(
+                '--fusion joint: the robots of this tape sent no evidence; record a team with fusion = "joint"'
+            )
+        return scenario
+
+
+def replay(
+    file: Path,
+    *,
+    changes: Annotated[Changes, Parameter(name="*")] = Changes(),
+    speed: float | None = None,
+    only: Annotated[list[Part], Parameter(negative="", show_default=False)] | None = None,
+    scenario: str | None = None,
+    output: OutputFlags = OutputFlags(),
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
+    """Replay a tape into boards, as fast as the machine can, and print the scorecard of what they believe.
+
+    Each board gets what its journal says, at the same times: its consensuses are the recorded ones to the bit, and the exit
+    status is 1 where they are not. With a change (--without, --rule, --fusion, --set, --loss) the boards are run anew on what the
+    robots sent, and both scorecards are shown. With --speed nothing is judged: the tape goes into a live network.
+
+    Parameters
+    ----------
+    file
+        The tape.
+    speed
+        Send the tape into the network at this speed; 1 is as recorded.
+    only
+        With --speed, who is played: world, robots, boards; may be given again [default: all].
+    scenario
+        The team's scenario, instead of the one on the tape.
+    """
+    found = load_tape(file, scenario)
+    if speed is not None:
+        door.serve(Player(found, speed, only or ("world", "robots", "boards")), "player", flags, linger=0.0)
+        return 0
+    if only or flags != door.ZenohFlags():
+        raise UserError("--only, and where the network is, are for --speed; without it nothing is sent")
+    if len(found.runs) > 1:
+        sys.stderr.write(f"{file}: {len(found.runs)} runs; the last one is judged\n")
+    logging.getLogger("blackboard").setLevel(
+        logging.ERROR
+    )  # what boards refuse is counted, and was logged in the recorded run
+    story = course(found, found.runs[-1] if found.runs else "")
+    with _quiet():
+        return _what_if(found, story, changes, output) if changes.given else _again(found, story, output)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the warnings of boards: what they refuse is counted, and was logged in the recorded run."""
+    logger = logging.getLogger("blackboard")
+    before = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
+
+
+def _again(found: Tape, story: Course, output: OutputFlags) -> int:
+    clock = UnixClock()
+    began = clock.now()
+    again = replay_tape(found)
+    matched = match(story.run, recorded(found), again.output)
+    lines = told(again, matched)
+    card = scorecard(judge(found.scenario, story, again.output, clock.now() - began))
+    output.show(card, lambda card: "\n".join([text(card), "", *lines]))
+    if not matched.exact and output.as_json:
+        sys.stderr.writelines(f"{line}\n" for line in lines)
+    return 0 if matched.exact else 1
+
+
+def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags) -> int:
+    scenario, rng, clock = changes.apply(found), np.random.default_rng(changes.seed), UnixClock()
+    began = clock.now()
+    changed = what_if(found, scenario, changes.without, lambda _: bool(changes.loss) and rng.random() < changes.loss)
+    wall, without = clock.now() - began, changes.without
+    cards = {
+        "recorded": scorecard(judge(found.scenario, story, recorded(found), 0.0, without)),
+        "unchanged": scorecard(judge(found.scenario, story, what_if(found, found.scenario), 0.0, without)),
+        "what if": scorecard(judge(scenario, story, changed, wall, without)),
+    }
+    result = {"changes": changes.given, **{name.replace(" ", "_"): card for name, card in cards.items()}, "note": NOTE}
+    output.show(result, lambda _: f"{side_by_side(cards)}\n\n{NOTE}")
+    return 0
+
+
+@tape.command
+def info(file: Path, *, output: OutputFlags = OutputFlags()) -> int:
+    """Show what is on a tape: of which team, how long, what of it, and what its recorder lost."""
+    output.show(summary(load_tape(file, scenario="demo")), _info)
+    return 0
+
+
+@tape.command
+def recover(file: Path, out: Path) -> int:
+    """Save what is whole of a broken tape, as of one whose recorder was killed, into a new one."""
+    broken: list[int] = []
+    count = copy(file, out, broken=broken)
+    sys.stderr.write(f"{out}: {count} messages; {sum(broken)} bytes of {file} could not be read\n")
+    return 0
+
+
+@tape.command
+def cut(file: Path, out: Path, *, start: float = 0.0, end: float = float("inf"), key: str = "**") -> int:
+    """Keep a part of a tape.
+
+    Parameters
+    ----------
+    start
+        Seconds after the beginning of the tape. Tokens that are held then are kept.
+    end
+        Seconds after the beginning of the tape.
+    key
+        A key expression: what others carry is left out.
+    """
+    count = copy(file, out, lambda envelopes: cut_out(envelopes, start, end, lambda one: intersects(key, one)))
+    sys.stderr.write(f"{out}: {count} messages\n")
+    return 0
+
+
+@tape.command
+def table(file: Path, *, out: Path | None = None, scenario: str | None = None) -> int:
+    """Write a row for each tick, subject and level, with the error where the tape has the truth.
+
+    Parameters
+    ----------
+    out
+        A file that ends in .csv or .jsonl [default: CSV on standard output].
+    scenario
+        The team's scenario, instead of the one on the tape.
+    """
+    if out is not None and out.suffix not in (".csv", ".jsonl"):
+        raise UserError(f"--out {out}: tables are written as .csv or .jsonl; choose one of these endings")
+    found = rows(load_tape(file, scenario))
+    try:
+        with nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="") as stream:
+            if out is not None and out.suffix == ".jsonl":
+                stream.writelines(json.dumps(asdict(row)) + "\n" for row in found)
+            else:
+                writer = csv.writer(stream, lineterminator="\n")
+                writer.writerow(COLUMNS)
+                writer.writerows(astuple(row) for row in found)
+    except BrokenPipeError:  # whoever reads it has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        raise UserError(f"--out {out}: cannot be written ({error.strerror}); choose another place") from error
+    return 0
+
+
+def _info(found: dict[str, Any]) -> str:
+    """A summary as text."""
+    shown = {name: value for name, value in found.items() if not isinstance(value, dict | list)}
+    lines = [f"{name:<16}{value}" for name, value in shown.items()]
+    lines += [f"{'link':<16}" + ", ".join(f"{count} {name}" for name, count in found["link"].items())]
+    lines += [f"{'run':<16}{run}" for run in found["runs"]]
+    for board in found["boards"]:
+        whole = "from its beginning" if board["whole"] else "the beginning is missing"
+        lines.append(f"{'board':<16}{board['board']}: {board['events']} events, {board['gaps']} gaps, {whole}")
+    lines += ["", f"{'topic':<16}{'messages':>10}{'bytes':>12}{'events':>8}"]
+    for name, counts in sorted(found["topics"].items()):
+        lines.append(f"{name:<16}{counts['messages']:>10}{counts['bytes']:>12}{counts['events']:>8}")
+    return "\n".join(lines)
+
+
+def _about(team: str, scenario: Scenario | None) -> dict[str, str]:
+    """What a tape says about itself."""
+    about = {"team": team, "started": f"{UnixClock().now():.6f}", "package": door.version(), "protocol": str(VERSION)}
+    about |= {name: version(name) for name in LIBRARIES} | {"python": sys.version.split()[0]}
+    return about if scenario is None else {**about, "name": scenario.name, "scenario": scenario.to_json()}

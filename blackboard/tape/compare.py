@@ -1,0 +1,75 @@
+"""Replays told: what was changed, scorecards side by side, and whether a replay is the recording. Pure."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from typing import Any
+
+from blackboard.config import Scenario
+from blackboard.errors import UserError
+from blackboard.tape.judge import Match
+from blackboard.tape.replay import Replay
+from sim_world.referee import GROUPS, LEVELS
+
+
+def changed_board(scenario: Scenario, settings: Sequence[str]) -> Scenario:
+    """A scenario with settings KEY=VALUE of its boards, VALUE as in TOML (or a bare word). UserError: what cannot be set."""
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        section, _, name = key.strip().partition(".")
+        if not equals or section != "board" or not name:
+            raise UserError(f"--set {setting}: only boards are run again; say board.KEY=VALUE, as board.gate=8")
+        try:
+            scenario = scenario.changed("board", **{name: tomllib.loads(f"value = {value}")["value"]})
+        except tomllib.TOMLDecodeError:
+            scenario = scenario.changed("board", **{name: value.strip()})
+    _ = scenario.board
+    return scenario
+
+
+def told(found: Replay, matched: Match) -> list[str]:
+    """Whether a replay is the recording, and every reason why it may not be, in sentences."""
+    if matched.exact:
+        lines = [f"as recorded, to the bit: {matched.same} consensuses"]
+    else:
+        lines = [
+            f"NOT as recorded: {matched.same} consensuses are the same, {matched.different} differ, {matched.only_recorded} "
+            f"are only on the tape, {matched.only_replayed} only in the replay; the first: {matched.first or 'none'}"
+        ]
+        if matched.exact_from is not None:
+            lines.append(f"from tick {matched.exact_from} on all are the same")
+    if found.missing:
+        lines.append(f"{found.missing} messages that boards were given are not on the tape")
+    if found.gaps:
+        lines.append(f"the journals miss something in {found.gaps} places")
+    if found.late:
+        lines.append(
+            f"the recorder came after the beginning of {', '.join(found.late)}: what they held then is unknown"
+        )
+    return lines
+
+
+def side_by_side(cards: dict[str, dict[str, Any]]) -> str:
+    """Scorecards as one table, a column for each."""
+    width = max(14, *(len(name) + 2 for name in cards))
+    lines = [f"{'':<32}" + "".join(f"{name:>{width}}" for name in cards)]
+    unit = next(iter(cards.values()))["unit"]
+    measures = {f"RMSE {unit}": "rmse", "entropy": "entropy", "log score": "log_score", "in 95 %": "coverage"}
+    for group in GROUPS:
+        for level in LEVELS:
+            found = [card["scores"][group][level] for card in cards.values()]
+            if not any(each["n"] for each in found):
+                continue
+            for name, key in measures.items():
+                values = [
+                    (each[key]["95"] if key == "coverage" else each[key]) if each["n"] else None for each in found
+                ]
+                shown = "".join(f"{'-' if value is None else f'{value:.3f}':>{width}}" for value in values)
+                lines.append(f"{f'{group} {level}, {name}':<32}{shown}")
+    samples = "".join(f"{sum(card['scores'][g]['agreed']['n'] for g in GROUPS):>{width}}" for card in cards.values())
+    lines.append(f"{'samples':<32}{samples}")
+    lines.append(
+        f"{'hash of the consensuses':<32}" + "".join(f"{card['hash'][:12]:>{width}}" for card in cards.values())
+    )
+    return "\n".join(lines)

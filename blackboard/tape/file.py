@@ -1,0 +1,276 @@
+"""Tapes as MCAP files, written and read. The only place that names mcap (https://mcap.dev/spec).
+
+Long, because writing and reading stand together, so that the format has one place.
+
+Each key is a channel of its own, with the key as its topic. A message lies there verbatim (encoding "msgpack", schema named
+`cop.v1.Report`, ...). What happens to a key beside messages, `alive` and `gone` of a token and `delete`, is a second channel of the
+same topic (encoding "json", schema `cop.v1.Event`). The recorder's own counters are on `LINK`. Times are Unix time at the recorder.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from io import BytesIO
+from itertools import chain
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from blackboard.errors import UserError
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import MAX_BYTES, VERSION
+
+try:
+    import zstandard
+    from mcap.opcode import Opcode
+    from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata
+    from mcap.stream_reader import StreamReader, breakup_chunk
+    from mcap.writer import Writer
+except ModuleNotFoundError as error:
+    raise UserError(f"{error.name} is missing: install the extra, as pip install 'cop-blackboard[record]'") from error
+
+PROFILE = "cop-blackboard"
+FORMAT = "1"  # of the tape: another one is refused
+LINK = "tape/link"  # channel of the recorder's link counters, as JSON, once a second
+ABOUT = "blackboard"  # the metadata record that says what is recorded
+MAGIC = b"\x89MCAP0\r\n"
+CHUNK = 1 << 16  # bytes: with a flush a second, a kill -9 loses a second at most
+MAX_RECORD = 1 << 26  # bytes of a record, and of a chunk unpacked
+MAX_KEYS = 4096  # channels on a tape; messages on further keys are counted and left out
+
+
+@dataclass
+class About:
+    """What a tape says about itself, and what a look through it finds."""
+
+    metadata: dict[str, str] = field(default_factory=dict)
+    link: dict[str, int] = field(default_factory=dict)  # the recorder's newest counters
+
+    @property
+    def scenario(self) -> dict[str, Any] | None:
+        """The tables of the scenario; None where the recorder was not told."""
+        text = self.metadata.get("scenario", "")
+        try:
+            tables = json.loads(text) if text else None
+        except ValueError:
+            return None
+        return tables if isinstance(tables, dict) else None
+
+
+class TapeWriter:
+    """Writes a tape; `flush` makes safe what was written until now."""
+
+    def __init__(self, file: BinaryIO, metadata: Mapping[str, str]) -> None:
+        self._writer = Writer(file, chunk_size=CHUNK)
+        self._channels: dict[tuple[str, bool], tuple[int, int]] = {}  # key and whether a PUT -> channel, messages
+        self._schemas: dict[str, int] = {}
+        self.skipped = {"too_large": 0, "too_many_keys": 0}
+        self.messages = 0
+        self._writer.start(PROFILE, f"blackboard {metadata.get('package', '')}")
+        self._writer.add_metadata(ABOUT, {"format": FORMAT, **metadata})
+
+    def write(self, at: float, envelope: Envelope) -> None:
+        """Add an envelope that arrived at a Unix time; one beyond the wire's limit of bytes is counted instead."""
+        put = envelope.kind is Kind.PUT
+        if put and len(envelope.payload) > MAX_BYTES:
+            self.skipped["too_large"] += 1
+            return
+        payload = envelope.payload if put else json.dumps({"event": envelope.kind.value}).encode()
+        self._add(at, envelope.key, put, payload)
+
+    def note(self, at: float, counters: Mapping[str, int]) -> None:
+        """Add the link's counters, and how much was left out."""
+        self._add(at, LINK, False, json.dumps({**counters, **self.skipped}).encode())
+
+    def flush(self) -> None:
+        """Hand all that was written to the operating system."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def close(self) -> None:
+        """Write the index; the file stays open."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _add(self, at: float, key: str, put: bool, payload: bytes) -> None:
+        found = self._channels.get((key, put))
+        if found is None:
+            if len(self._channels) >= MAX_KEYS and key != LINK:
+                self.skipped["too_many_keys"] += 1
+                return
+            found = self._register(key, put), 0
+        channel, count = found
+        self._channels[key, put] = channel, count + 1
+        self.messages += 1
+        time = round(at * 1e9)
+        self._writer.add_message(channel, log_time=time, publish_time=time, data=payload, sequence=count)
+
+    def _register(self, key: str, put: bool) -> int:
+        if put:
+            known = keys.parse(key)
+            schema = "" if known is None or known[0].message == "token" else f"cop.v{VERSION}.{known[0].message}"
+        else:
+            schema = f"cop.v{VERSION}.{'Link' if key == LINK else 'Event'}"
+        if schema and schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(schema, "", b"")
+        return self._writer.register_channel(key, "msgpack" if put else "json", self._schemas.get(schema, 0))
+
+
+def read(path: Path) -> Iterator[tuple[float, Envelope]]:
+    """All envelopes of a tape with the Unix times of their arrival at the recorder, in order of arrival.
+
+    UserError: no tape, or one that is broken; what is whole before that place came first.
+    """
+    return look_through(path, About())
+
+
+def look_through(path: Path, about: About, broken: list[int] | None = None) -> Iterator[tuple[float, Envelope]]:
+    """As `read`; `about` is filled while the tape goes by, its metadata before the first envelope.
+
+    With `broken` nothing is raised for what is broken: the bytes of each such place are appended to it, and the rest is read.
+    """
+    channels: dict[int, Channel] = {}
+    for record in _records(path, broken):
+        if isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Metadata) and record.name == ABOUT:
+            about.metadata = record.metadata
+            if record.metadata.get("format") != FORMAT:
+                raise UserError(
+                    f"{path}: a tape of format {record.metadata.get('format')!r:.20}; this version reads {FORMAT}"
+                )
+        elif isinstance(record, Message) and record.channel_id in channels:  # else its channel was in what is broken
+            channel = channels[record.channel_id]
+            found = _envelope(channel, record.data)
+            if channel.topic == LINK:
+                about.link = _counters(record.data)
+            elif found is not None:
+                yield record.log_time / 1e9, found
+
+
+def copy(
+    path: Path,
+    out: Path,
+    change: Callable[[Iterator[tuple[float, Envelope]]], Iterator[tuple[float, Envelope]]] = lambda envelopes: (
+        envelopes
+    ),
+    broken: list[int] | None = None,
+) -> int:
+    """Write what `change` makes of the envelopes of a tape into a new tape, and return how many. `broken` as in `look_through`.
+
+    UserError: as in `read`, or the new tape cannot be made; then there is none.
+    """
+    about = About()
+    envelopes = look_through(path, about, broken)
+    first = next(envelopes, None)  # the metadata come before it
+    everything = envelopes if first is None else chain([first], envelopes)
+    with create(out) as file:
+        writer = TapeWriter(file, {name: text for name, text in about.metadata.items() if name != "format"})
+        try:
+            for at, envelope in change(everything):
+                writer.write(at, envelope)
+        except UserError:
+            out.unlink()
+            raise
+        writer.close()
+        return writer.messages
+
+
+def check_new(path: Path) -> None:
+    """Check before a run that its tape can be made. UserError: it is there already, or its folder is not."""
+    if path.exists():
+        raise UserError(f"{path}: is there already, and a tape is never overwritten; choose another name")
+    if not path.parent.is_dir():
+        raise UserError(f"{path}: there is no folder {path.parent}; make it, or choose another place")
+
+
+@contextmanager
+def create(path: Path) -> Iterator[BinaryIO]:
+    """A new file for a tape. UserError: it is there already, or cannot be made."""
+    check_new(path)
+    try:
+        file = path.open("xb")
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
+    with file:
+        yield file
+
+
+# --- reading ------------------------------------------------------------------------------------------------------------
+
+
+def _records(path: Path, broken: list[int] | None) -> Iterator[McapRecord]:
+    """The records of the data section, those in chunks too, one frame after the other; everything is bounded by `MAX_RECORD`."""
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise UserError(
+            f"{path}: cannot be read ({error.strerror}); give a tape, as `blackboard record` writes it"
+        ) from error
+    with file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise UserError(f"{path}, byte 0: no MCAP file; give a tape, as `blackboard record` writes it")
+        opcode = None
+        while opcode != Opcode.DATA_END:
+            at = file.tell()
+            head = file.read(9)
+            length = int.from_bytes(head[1:], "little")
+            content = file.read(length) if len(head) == 9 and length <= MAX_RECORD else b""
+            if len(head) < 9 or len(content) < length:
+                if broken is None:
+                    raise UserError(
+                        f"{path}, byte {at}: breaks off; `blackboard tape recover {path}` saves what is whole"
+                    )
+                broken.append(len(head) + len(content) + len(file.read(MAX_RECORD)))
+                return
+            opcode = head[0]
+            try:
+                found = _parse(opcode, head + content)
+            except Exception as error:  # whatever the library makes of hostile bytes
+                if broken is None:
+                    cure = f"`blackboard tape recover {path}` saves what is whole"
+                    raise UserError(f"{path}, byte {at}: broken ({error!r:.80}); {cure}") from error
+                broken.append(len(head) + length)
+                continue
+            for record in found:
+                if isinstance(record, Header) and record.profile != PROFILE:
+                    raise UserError(f"{path}: an MCAP file of profile {record.profile!r:.40}, not a tape of a team")
+                yield record
+
+
+def _parse(opcode: int, record: bytes) -> list[McapRecord]:
+    """The record in a frame, or those in a chunk; none of kinds that are not needed."""
+    if opcode not in (Opcode.HEADER, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA, Opcode.CHUNK):
+        return []
+    found = next(StreamReader(BytesIO(record), skip_magic=True, emit_chunks=True).records)
+    if not isinstance(found, Chunk):
+        return [found]
+    if found.compression == "zstd":
+        data = zstandard.ZstdDecompressor().stream_reader(found.data).read(MAX_RECORD + 1)
+    elif found.compression == "":
+        data = found.data
+    else:
+        raise ValueError(f"compressed by {found.compression}")
+    if len(data) > MAX_RECORD or len(data) != found.uncompressed_size:
+        raise ValueError(f"a chunk of {len(data)} bytes that says {found.uncompressed_size}")
+    plain = Chunk("", data, found.message_end_time, found.message_start_time, found.uncompressed_crc, len(data))
+    return breakup_chunk(plain, validate_crc=True)
+
+
+def _envelope(channel: Channel, data: bytes) -> Envelope | None:
+    if channel.message_encoding == "msgpack":
+        return Envelope(channel.topic, data)
+    try:
+        event = json.loads(data)
+        return Envelope(channel.topic, kind=Kind(event["event"])) if event["event"] != "put" else None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _counters(data: bytes) -> dict[str, int]:
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    return {str(name): count for name, count in found.items() if type(count) is int} if isinstance(found, dict) else {}

@@ -1,0 +1,102 @@
+"""Replay into boards: each board of a tape is given again what its journal says, at the same times. Pure.
+
+So it does again what it did, to the bit, in every pace: nothing of it depends on the recorder's order of arrival.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from blackboard.board.service import BoardService
+from blackboard.config import Scenario
+from blackboard.errors import UserError
+from blackboard.net.bus import intersects
+from blackboard.tape.content import Tape
+from blackboard.tape.journal import TOO_LARGE, Life
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope, Kind
+
+
+@dataclass
+class Output:
+    """What boards sent in a replay, and what the replay cost."""
+
+    sent: list[tuple[str, Envelope]] = field(default_factory=list)  # the run that the board followed; consensuses only
+    counters: Counter[str] = field(default_factory=Counter)  # "sent", "received", "dropped", "bytes", of envelopes
+    refused: Counter[str] = field(default_factory=Counter)  # reason -> messages that boards refused
+
+    def take(self, service: BoardService, out: list[Envelope]) -> None:
+        """Take what a board sends."""
+        self.counters["sent"] += len(out)
+        run = service.clock.followed.run if service.clock.followed is not None else ""
+        self.sent += [(run, envelope) for envelope in out if is_consensus(envelope)]
+
+
+@dataclass
+class Replay:
+    """A replay by the journals, and why it may differ from what was recorded."""
+
+    output: Output = field(default_factory=Output)
+    missing: int = 0  # messages that a board was given and that are not on the tape
+    gaps: int = 0  # places at which a journal misses something
+    late: list[str] = field(default_factory=list)  # boards whose beginning is not on the tape
+
+
+def replay(tape: Tape) -> Replay:
+    """Give every board what its journal says. UserError: there is no journal on the tape."""
+    if not tape.lives:
+        raise UserError(f"{tape.scenario.where}: no board on the tape kept a journal; boards of this version do")
+    found = Replay()
+    for life in tape.lives:
+        _live_again(tape, life, found)
+    return found
+
+
+def board_service(scenario: Scenario, sub_team: str, board: str) -> BoardService:
+    """A board as `blackboard serve` makes it."""
+    return BoardService(
+        team=scenario.team.name, sub_team=sub_team, board=board, grid=scenario.grid, settings=scenario.board
+    )
+
+
+def is_consensus(envelope: Envelope) -> bool:
+    """Whether an envelope is a consensus or an agreed belief."""
+    return keys.CONSENSUS.match(envelope.key) is not None or keys.AGREED.match(envelope.key) is not None
+
+
+def _live_again(tape: Tape, life: Life, found: Replay) -> None:
+    service, output = board_service(tape.scenario, life.sub_team, life.board), found.output
+    found.gaps += len(life.gaps)
+    if life.first:
+        found.late.append(f"{life.sub_team}/{life.board}")
+        for token in _held_before(tape, life):
+            if any(intersects(key_expr, token) for key_expr in service.watches):
+                service.receive(Envelope(token, kind=Kind.ALIVE), life.events[0][0])
+    for at, what, name in life.events:
+        if what == "wake":
+            output.take(service, service.wake(at))
+            continue
+        envelope = Envelope(name, kind=Kind(what)) if what != "put" else tape.by_digest.get(name)
+        if envelope is None:  # nothing happens but that time passes, as with one that was too large
+            found.missing += name != TOO_LARGE
+            envelope = Envelope(name, kind=Kind.DELETE)
+        output.counters["received"] += 1
+        output.counters["bytes"] += len(envelope.payload)
+        output.take(service, service.receive(envelope, at))
+    output.counters["dropped"] = found.missing
+    output.refused += service.refused
+
+
+def _held_before(tape: Tape, life: Life) -> list[str]:
+    """The tokens that are held when the journal of a board begins on the tape: what it had been told before."""
+    key = keys.JOURNAL.key(team=tape.scenario.team.name, sub_team=life.sub_team, board=life.board)
+    held: dict[str, None] = {}
+    for _, envelope in tape.envelopes:
+        if envelope.kind is Kind.ALIVE:
+            held[envelope.key] = None
+        elif envelope.kind is Kind.GONE:
+            held.pop(envelope.key, None)
+        elif envelope.key == key:
+            break
+    return list(held)

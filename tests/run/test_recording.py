@@ -1,0 +1,89 @@
+"""The recorder of a run: the team waits until it listens, and goes on without it."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from pathlib import Path
+
+import pytest
+
+from blackboard.config import Scenario
+from blackboard.errors import RunFailed
+from blackboard.net.settings import LinkConfig
+from blackboard.run.launch import process_table
+from blackboard.run.recording import recording
+from blackboard.run.supervisor import Process, Supervisor
+
+#: A recorder that ends in order when it is told to; one that ends when the file `go` is there.
+LISTENS = """
+import signal, sys
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+open(sys.argv[1], "w").write("x")
+signal.sigwait([signal.SIGTERM])
+open(sys.argv[1], "a").write("end")
+"""
+GIVES_UP = """
+import pathlib, sys, threading
+tape = pathlib.Path(sys.argv[1])
+tape.write_text("x")
+while not tape.with_name("go").exists():
+    threading.Event().wait(0.01)
+"""
+QUIET: list[str] = []
+pytestmark = pytest.mark.system
+
+
+def run(tape: Path | None, code: str, ready_seconds: float = 30.0) -> bool:
+    """Record with a stand-in; whether the team ran."""
+
+    async def team() -> bool:
+        row = None if tape is None else Process("recorder", (sys.executable, "-c", code, str(tape)))
+        async with (
+            Supervisor(lambda name, line: QUIET.append(line)) as supervisor,
+            recording(supervisor, row, tape, ready_seconds),
+        ):
+            return tape is None or tape.stat().st_size > 0
+        return False
+
+    return asyncio.run(team())
+
+
+def test_the_table_has_a_recorder_where_one_is_asked_for() -> None:
+    scenario = Scenario({"team": {"name": "t"}})
+    assert process_table(scenario, "s.json", LinkConfig(), "tcp/127.0.0.1:1").recorder is None
+    row = process_table(scenario, "s.json", LinkConfig(), "tcp/127.0.0.1:1", None, Path("x.mcap")).recorder
+    assert row is not None
+    told = "-m blackboard record x.mcap --team t --scenario s.json --connect tcp/127.0.0.1:1"
+    assert " ".join(row.arguments[1:]) == told
+
+
+def test_the_team_starts_once_it_listens_and_it_is_stopped_in_order(tmp_path: Path) -> None:
+    assert run(None, "")
+    assert run(tmp_path / "x.mcap", LISTENS)
+    assert (tmp_path / "x.mcap").read_text() == "xend"
+
+
+def test_one_that_never_listens_is_a_failed_run(tmp_path: Path) -> None:
+    with pytest.raises(RunFailed, match="the recorder ended with status 1"):
+        run(tmp_path / "x.mcap", "raise SystemExit(1)")
+    with pytest.raises(RunFailed, match="does not listen after 0.01 s"):
+        run(tmp_path / "y.mcap", "import signal; signal.pause()", 0.01)
+
+
+def test_the_team_goes_on_without_one_that_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    tape = tmp_path / "x"
+
+    async def team() -> None:
+        row = Process("recorder", (sys.executable, "-c", GIVES_UP, str(tape)))
+        async with (
+            Supervisor(lambda name, line: QUIET.append(line)) as supervisor,
+            recording(supervisor, row, tape, 30.0),
+        ):
+            (tmp_path / "go").touch()
+            await asyncio.wait(
+                [task for task in asyncio.all_tasks() if task is not asyncio.current_task()], timeout=30.0
+            )
+
+    asyncio.run(team())
+    assert "ended before the run" in caplog.text

@@ -1,0 +1,69 @@
+"""Teams in one process with journals and a recorder: tapes as a real team makes them, without its processes."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from blackboard.config import Scenario
+from blackboard.lab.team import Team, board
+from blackboard.process.service import Service
+from blackboard.tape.content import Tape, load_tape
+from blackboard.tape.file import TapeWriter
+from blackboard.tape.journal import Journaled
+from blackboard.tape.recorder import Recorder
+from blackboard.wire.envelope import Envelope
+from tests.flow.test_team import SCENARIO
+
+SMALL = SCENARIO.changed("grid", shape=[14, 14]).changed("time", seconds=2.0)  # 5 ticks, from 0 to 4
+
+
+class RecordedTeam(Team):
+    """A team whose boards keep journals and whose messages go onto a tape."""
+
+    def __init__(self, scenario: Scenario = SMALL) -> None:
+        super().__init__(scenario)
+        self.file = io.BytesIO()
+        self.writer = TapeWriter(self.file, {"team": scenario.team.name, "scenario": scenario.to_json()})
+        self.journaled: dict[str, Service] = {}
+        self.lose: Callable[[Service, Envelope], bool] = lambda receiver, envelope: False
+        self.recorder = Recorder(scenario.team.name, self.writer)
+        self.join(self.recorder)
+        for sub_team, service in self.boards.items():
+            self.leave(service)
+            self.restart(sub_team)
+
+    def restart(self, sub_team: str) -> None:
+        """Start the board of a sub-team, with nothing."""
+        name, team = f"board-{sub_team}", self.scenario.team.name
+        service = Journaled(board(self.scenario, sub_team), team=team, sub_team=sub_team, board=name)
+        self.journaled[sub_team] = service
+        self.join(service)
+
+    def _deliver(self) -> None:
+        """As in any team, but what `lose` says is lost on its way to one receiver; the recorder gets everything."""
+        link, envelope = self.bus.waiting[0]
+        receiver = next(service for service, other in self._links.items() if other is link)
+        if receiver is not self.recorder and self.lose(receiver, envelope):
+            del self.bus.waiting[0]
+        else:
+            super()._deliver()
+
+    def kill(self, sub_team: str) -> None:
+        self.leave(self.journaled.pop(sub_team))
+
+
+def recorded_run(
+    path: Path, scenario: Scenario = SMALL, story: Callable[[RecordedTeam], None] = lambda team: None
+) -> tuple[dict[str, Any], Tape]:
+    """Let a team run to the end, after a `story` of kills and losses: its scorecard, and its tape."""
+    team = RecordedTeam(scenario)
+    story(team)
+    card = team.run()
+    while team.bus.waiting:
+        team._deliver()
+    team.writer.close()
+    path.write_bytes(team.file.getvalue())
+    return card, load_tape(path)

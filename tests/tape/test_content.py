@@ -1,0 +1,179 @@
+"""What is on a tape: its parts, its table, its summary, what a cut leaves, and who is played into a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from blackboard.errors import UserError
+from blackboard.tape.compare import changed_board, side_by_side, told
+from blackboard.tape.content import Tape, cut, load_tape, messages, summary
+from blackboard.tape.judge import Match, course, judge, match, recorded
+from blackboard.tape.player import Part, Player
+from blackboard.tape.replay import Replay, replay
+from blackboard.tape.table import rows
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.keys import CLOCK
+from blackboard.wire.messages import Clock
+from sim_world.scorecard import scorecard
+from tests.tape.teams import SMALL, recorded_run
+from tests.tape.test_file import ENVELOPES, written
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Tape, Path]:
+    path = tmp_path_factory.mktemp("tape") / "x.mcap"
+    return *recorded_run(path), path
+
+
+def test_a_scenario_comes_from_the_tape_or_from_who_asks(
+    tmp_path: Path, run: tuple[dict[str, Any], Tape, Path]
+) -> None:
+    assert load_tape(run[2]).scenario.team == SMALL.team
+    assert load_tape(run[2], "demo").scenario.name == "demo"
+    path = tmp_path / "x.mcap"
+    path.write_bytes(written().replace(b'{"name": "x"}', b'{"nome": "x"}'))
+    with pytest.raises(UserError, match="unknown section or key 'nome'"):
+        load_tape(path)
+    path.write_bytes(written().replace(b'{"name": "x"}', b'["name", "x"]'))
+    with pytest.raises(UserError, match="without a scenario; give the team's with --scenario"):
+        load_tape(path)
+
+
+def test_a_tape_without_journals_is_told_so(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(written())
+    with pytest.raises(UserError, match="no board on the tape kept a journal"):
+        replay(load_tape(path))
+
+
+def test_the_table_has_the_errors_of_the_scorecard(run: tuple[dict[str, Any], Tape, Path]) -> None:
+    card, tape, _ = run
+    found = {(row.tick, row.level, row.by, row.subject): row for row in rows(tape)}
+    one = [row.error for (tick, level, by, s), row in found.items() if level == "solo" and s == f"robot/{by}" and tick]
+    scores = card["scores"]["robots"]["solo"]
+    assert len(one) == scores["n"]
+    assert (sum(e**2 for e in one if e is not None) / len(one)) ** 0.5 == pytest.approx(scores["rmse"])
+    levels = {row.level for row in found.values()}
+    assert levels == {"solo", "consensus", "agreed"}
+    blind = Tape(tape.scenario, [e for e in tape.envelopes if "/truth" not in e[1].key], tape.about)
+    bare = list(rows(blind))
+    assert len(bare) == len(list(rows(tape)))
+    assert {(row.error, row.truth_x, row.log_score, row.region) for row in bare} == {(None, None, None, None)}
+    assert {row.entropy for row in bare} == {row.entropy for row in rows(tape)}
+
+
+def test_the_summary_counts_everything(run: tuple[dict[str, Any], Tape, Path]) -> None:
+    tape = run[1]
+    found = summary(tape)
+    assert (found["team"], found["scenario"], found["runs"]) == ("t", True, tape.runs)
+    assert (
+        sum(c["messages"] + c["events"] for c in found["topics"].values()) == found["messages"] == len(tape.envelopes)
+    )
+    assert found["bytes"] == sum(len(envelope.payload) for _, envelope in tape.envelopes)
+    assert [(b["board"], b["gaps"], b["whole"]) for b in found["boards"]] == [
+        ("a/board-a", 0, True), ("b/board-b", 0, True),
+    ]  # fmt: skip
+
+
+def test_a_cut_keeps_its_time_its_keys_and_the_tokens_held_then() -> None:
+    found = list(cut(iter(ENVELOPES), 0.3, 0.9, lambda key: "report" not in key))
+    assert (
+        found == [(1e9 + 0.25 + 0.3, Envelope("cop/t/world/alive", kind=Kind.ALIVE))] or found[0][1].kind is Kind.ALIVE
+    )
+    assert list(cut(iter(ENVELOPES), 0.0, 99.0, lambda key: True)) == ENVELOPES
+    assert list(cut(iter(ENVELOPES), 0.0, 0.1, lambda key: True)) == ENVELOPES[:1]
+    assert list(cut(iter(ENVELOPES), 0.0, 99.0, lambda key: "report" in key)) == ENVELOPES[2:5]
+    gone = [*ENVELOPES, (1e9 + 9.0, Envelope("x", b"1"))]
+    assert list(cut(iter(gone), 5.0, 99.0, lambda key: True)) == gone[-1:]
+
+
+def test_a_recorder_that_came_late_is_told_and_all_is_the_same_after_a_while(
+    run: tuple[dict[str, Any], Tape, Path],
+) -> None:
+    tape = run[1]
+    clocks = [
+        (i, clock) for i, (_, e) in enumerate(tape.envelopes) for _, _, clock in messages([(0.0, e)], CLOCK, Clock)
+    ]
+    begin = next(i for i, clock in clocks if clock.tick == 2)
+    held = [each for each in tape.envelopes[:begin] if each[1].kind is Kind.ALIVE]
+    late = Tape(tape.scenario, held + tape.envelopes[begin:], tape.about)
+    again = replay(late)
+    found = match(late.runs[-1], recorded(late), again.output)
+    assert again.late == ["a/board-a", "b/board-b"]
+    assert found.exact_from is not None
+    assert found.exact_from <= 3
+    assert any("came after the beginning" in line for line in told(again, found))
+
+
+def test_what_a_replay_lacks_is_told() -> None:
+    lines = told(Replay(missing=2, gaps=1), Match(1, 2, 3, 4, "tick 7", 9))
+    assert "NOT as recorded" in lines[0]
+    assert lines[1] == "from tick 9 on all are the same"
+    assert [line.split()[0] for line in lines[2:]] == ["2", "the"]
+    assert told(Replay(), Match(5, 0, 0, 0, "", 0)) == ["as recorded, to the bit: 5 consensuses"]
+
+
+def test_a_gap_and_a_message_that_is_not_there_are_counted(run: tuple[dict[str, Any], Tape, Path]) -> None:
+    tape = run[1]
+    journals = [i for i, (_, e) in enumerate(tape.envelopes) if "/journal/" in e.key]
+    reports = [i for i, (_, e) in enumerate(tape.envelopes) if "/report/" in e.key]
+    report = tape.envelopes[reports[9]][1]
+    lost = {journals[5], *(i for i in reports if tape.envelopes[i][1] == report)}
+    holey = Tape(tape.scenario, [e for i, e in enumerate(tape.envelopes) if i not in lost], tape.about)
+    again = replay(holey)
+    assert (again.gaps, again.missing) == (1, 1)
+    assert not match(holey.runs[0], recorded(holey), again.output).exact
+
+
+def test_settings_of_boards_and_of_nobody_else() -> None:
+    board = changed_board(SMALL, ["board.gate=8", "board.feedback=off", "board.max_age = 3"]).board
+    assert (board.feedback, board.max_age, board.in_force()["gate"]) == ("off", 3.0, 8)
+    for wrong in ("robot.speed=1", "gate=1", "board.gate", "board.=1"):
+        with pytest.raises(UserError, match="only boards are run again"):
+            changed_board(SMALL, [wrong])
+    with pytest.raises(UserError, match=r"board\.gait"):
+        changed_board(SMALL, ["board.gait=1"])
+
+
+def test_scorecards_stand_side_by_side(run: tuple[dict[str, Any], Tape, Path]) -> None:
+    card, tape, _ = run
+    other = scorecard(judge(tape.scenario, course(tape, tape.runs[0]), recorded(tape)))
+    lines = side_by_side({"recorded": card, "what if": other}).splitlines()
+    assert lines[0].split() == ["recorded", "what", "if"]
+    assert lines[1].split()[-2:] == [f"{card['scores']['robots']['solo']['rmse']:.3f}"] * 2
+    assert lines[-1].split()[-2:] == [card["hash"][:12]] * 2
+
+
+@pytest.mark.parametrize("parts", [("world",), ("robots", "boards"), ("world", "robots", "boards")])
+def test_a_player_sends_what_was_recorded_when_it_was_due(
+    run: tuple[dict[str, Any], Tape, Path], parts: tuple[Part, ...]
+) -> None:
+    tape = run[1]
+    player = Player(tape, 2.0, parts)
+    sent: list[Envelope] = []
+    now = 100.0
+    while not player.done:
+        due = player.wake_at(now)
+        assert due is not None
+        now = max(now, due)
+        sent += player.wake(now)
+    assert now - 100.0 <= (tape.envelopes[-1][0] - tape.envelopes[0][0]) / 2 + 1e-6
+    tokens = {envelope.key for _, envelope in tape.envelopes if envelope.kind is Kind.ALIVE}
+    wanted = [e for _, e in tape.envelopes if e.kind is Kind.PUT and "/journal/" not in e.key]
+    if parts == ("world",):
+        wanted, tokens = [e for e in wanted if "/world/" in e.key], {"cop/t/world/alive"}
+    elif parts == ("robots", "boards"):
+        wanted, tokens = [e for e in wanted if "/world/" not in e.key], tokens - {"cop/t/world/alive"}
+    assert sent == wanted
+    assert set(player.tokens) == tokens
+
+
+def test_a_player_needs_a_speed_and_something_to_send(run: tuple[dict[str, Any], Tape, Path]) -> None:
+    for speed in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(UserError, match="--speed"):
+            Player(run[1], speed, ("world",))
+    with pytest.raises(UserError, match="nothing on the tape is from boards"):
+        Player(Tape(run[1].scenario, run[1].envelopes[:3], run[1].about), 1.0, ("boards",))

@@ -1,0 +1,129 @@
+"""`blackboard replay` and `blackboard tape` as a person meets them, on the golden tape.
+
+The golden tape is a run of three robots and two boards, 3 s of team time, as this command records it (the hash is the one that it prints):
+
+    blackboard demo --robots 3 --seconds 3 --record tests/tape/golden.mcap
+
+A change of what boards compute shows here first: then record it again, and put the new hash below. Another processor may round the
+last bit of a belief in another way, so here the scores are compared; tests that record a tape themselves compare the bits.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from blackboard.__main__ import app
+from blackboard.errors import UserError
+from blackboard.tape.file import read
+
+GOLDEN = Path(__file__).parent / "golden.mcap"
+HASH = "d50f236248c1bd708532878dbfa5e8479696748d680e6da1822496f0a642d21f"
+
+
+def call(*arguments: object) -> object:
+    return app([str(each) for each in arguments], exit_on_error=False, print_error=False, result_action="return_value")
+
+
+def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
+    assert call(*arguments, "--json") == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def rmse(card: dict[str, Any]) -> dict[tuple[str, str], float]:
+    """The RMSE of each group at each level."""
+    groups = card["scores"].items()
+    return {(group, level): by[level]["rmse"] for group, by in groups for level in ("solo", "consensus", "agreed")}
+
+
+def test_the_golden_tape_is_small_and_replayed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert GOLDEN.stat().st_size <= 200_000
+    card, compared = told(capsys, "replay", GOLDEN), told(capsys, "replay", GOLDEN, "--loss", "0")
+    assert compared["recorded"]["hash"] == HASH
+    assert rmse(card) == pytest.approx(rmse(compared["recorded"]), abs=1e-4)
+    assert (card["ticks"], card["mode"], card["fusion"], card["verdict"]) == (15, "lockstep", "joint", "PASS")
+
+
+def test_what_if_shows_what_was_recorded_beside_it(capsys: pytest.CaptureFixture[str]) -> None:
+    found = told(
+        capsys,
+        "replay",
+        GOLDEN,
+        "--set",
+        "board.gamma=0.3",
+        "--without",
+        "r3",
+        "--rule",
+        "cooperative",
+        "--loss",
+        "0.1",
+    )
+    assert found["changes"] == {"without": ["r3"], "rule": "cooperative", "set": ["board.gamma=0.3"], "loss": 0.1}
+    assert found["recorded"]["hash"] == HASH
+    assert rmse(found["unchanged"]) == pytest.approx(rmse(found["recorded"]), abs=1e-4)
+    assert found["what_if"]["hash"] != HASH
+    assert "r3" not in found["recorded"]["scores"]["robots"]["by_name"]
+    assert "do not hear the changed boards" in found["note"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--without", "r9"], "--without r9: no such robot; on the tape are r1, r2, r3"),
+        (["--loss", "2"], "--loss 2: give a share"),
+        (["--set", "board.gait=1"], "board.gait"),
+        (["--set", "world.seed=1"], "only boards are run again"),
+        (["--only", "world"], "are for --speed"),
+        (["-e", "tcp/127.0.0.1:1"], "are for --speed"),
+        (["--speed", "0"], "--speed 0"),
+        (["--rule", "loudest"], "loudest"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments: list[str], says: str) -> None:
+    with pytest.raises(UserError, match=says):
+        call("replay", GOLDEN, *arguments)
+
+
+def test_info_recover_and_cut(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert told(capsys, "tape", "info", GOLDEN)["runs"]
+    broken, saved, part = (tmp_path / name for name in ("broken.mcap", "saved.mcap", "part.mcap"))
+    broken.write_bytes(GOLDEN.read_bytes()[:-60_000])
+    assert call("tape", "recover", broken, saved) == 0
+    assert call("tape", "cut", GOLDEN, part, "--key", "cop/*/world/**") == 0
+    assert call("tape", "info", saved) == 0
+    whole = list(read(GOLDEN))
+    rescued = list(read(saved))
+    assert rescued == whole[: len(rescued)]
+    assert len(rescued) > len(whole) / 4
+    assert list(read(part)) == [each for each in whole if each[1].key.startswith("cop/demo/world/")]
+    with pytest.raises(UserError, match="never overwritten"):
+        call("tape", "cut", GOLDEN, part)
+
+
+def test_a_table_is_csv_or_json_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    part = tmp_path / "part.mcap"
+    call("tape", "cut", GOLDEN, part, "--key", "cop/demo/**/robot/**")
+    lines = tmp_path / "x.jsonl"
+    assert call("tape", "table", part, "--out", lines) == 0
+    capsys.readouterr()
+    assert call("tape", "table", part) == 0
+    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    records = [json.loads(line) for line in lines.read_text().splitlines()]
+    assert [(r["tick"], r["subject"], r["mean_x"]) for r in rows] == [
+        (str(r["tick"]), r["subject"], repr(r["mean_x"])) for r in records
+    ]
+    with pytest.raises(UserError, match=r"written as .csv or .jsonl"):
+        call("tape", "table", part, "--out", tmp_path / "x.parquet")
+
+
+def test_a_tape_that_is_there_stops_a_run_before_it_starts() -> None:
+    for command in (["demo"], ["up", "demo"]):
+        with pytest.raises(UserError, match="never overwritten"):
+            call(*command, "--record", GOLDEN)
+    with pytest.raises(UserError, match="there is no folder"):
+        call("demo", "--record", "nowhere/x.mcap")

@@ -1,0 +1,84 @@
+"""Other boards on a tape: without a change the recorded consensuses, with one what it changes, and nobody waits for ever."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blackboard.tape.content import Tape
+from blackboard.tape.judge import course, judge, match, recorded
+from blackboard.tape.replay import Output
+from blackboard.tape.whatif import what_if
+from blackboard.wire import keys
+from blackboard.wire.codec import open_envelope
+from blackboard.wire.messages import Consensus
+from tests.tape.teams import SMALL, RecordedTeam, recorded_run
+
+
+@pytest.fixture(scope="module")
+def tape(tmp_path_factory: pytest.TempPathFactory) -> Tape:
+    return recorded_run(tmp_path_factory.mktemp("tape") / "x.mcap", SMALL.changed("board", fusion="joint"))[1]
+
+
+def consensuses(output: Output) -> list[Consensus]:
+    return [message for _, e in output.sent if isinstance(message := open_envelope(e)[2], Consensus)]
+
+
+def test_without_a_change_lockstep_comes_out_as_recorded(tape: Tape) -> None:
+    assert match(tape.runs[0], recorded(tape), what_if(tape, tape.scenario)).exact
+
+
+def test_a_board_that_was_started_again_is_started_again(tmp_path: Path) -> None:
+    def story(team: RecordedTeam) -> None:
+        team.run_until(lambda: team.world.tick == 1)
+        team.kill("b")
+        team.run_until(lambda: team.world.tick == 3)
+        team.restart("b")
+
+    _, tape = recorded_run(tmp_path / "x.mcap", story=story)
+    found = match(tape.runs[0], recorded(tape), what_if(tape, tape.scenario))
+    assert (found.only_recorded, found.only_replayed) == (0, 0)
+    assert found.different <= 5  # the agreed beliefs of the tick in which it came back: there the order counts
+
+
+def test_another_rule_is_in_force(tape: Tape) -> None:
+    output = what_if(tape, tape.scenario.with_rule("linear").changed("board", fusion="opinions"))
+    assert {c.rule for c in consensuses(output)} == {"linear"}
+    one, other = (judge(tape.scenario, course(tape, tape.runs[0]), o).judgement for o in (recorded(tape), output))
+    assert one.hash != other.hash
+    assert one.scores["robots"]["agreed"]["n"] == other.scores["robots"]["agreed"]["n"]
+    assert one.scores["robots"]["solo"] == other.scores["robots"]["solo"]
+
+
+def test_without_a_robot_nobody_knows_it_and_nobody_waits_for_it(tape: Tape) -> None:
+    output = what_if(tape, tape.scenario, without=["r2"])
+    assert {c.tick for c in consensuses(output)} == set(range(5))
+    assert "r2" not in {used.source for c in consensuses(output) for used in c.used}
+    found = judge(tape.scenario, course(tape, tape.runs[0]), output, without=["r2"]).judgement
+    assert set(found.scores["robots"]["by_name"]) == {"r1", "r3"}
+    assert "r2 was never judged" not in found.reasons
+
+
+@pytest.mark.parametrize("loss", [0.3, 1.0])
+def test_what_is_lost_is_waited_for_no_longer_than_patience(tape: Tape, loss: float) -> None:
+    rng = np.random.default_rng(1)
+    output = what_if(tape, tape.scenario, lose=lambda envelope: rng.random() < loss)
+    ticks = {c.tick for c in consensuses(output)}
+    assert ticks == (set(range(5)) if loss < 1 else set())
+    rng = np.random.default_rng(1)
+    again = what_if(tape, tape.scenario, lose=lambda envelope: rng.random() < loss)
+    assert [e for _, e in output.sent] == [e for _, e in again.sent]
+
+
+def test_a_clock_is_never_lost(tape: Tape) -> None:
+    asked = []
+    what_if(tape, tape.scenario, lose=lambda envelope: asked.append(envelope.key) is not None)
+    assert asked
+    assert keys.CLOCK.key(team="t") not in asked
+
+
+def test_in_real_time_boards_settle_every_tick(tmp_path: Path) -> None:
+    _, tape = recorded_run(tmp_path / "x.mcap", SMALL.changed("time", mode="realtime"))
+    assert {c.tick for c in consensuses(what_if(tape, tape.scenario))} == set(range(5))
