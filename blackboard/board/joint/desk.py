@@ -36,6 +36,7 @@ from blackboard.wire.evidence import (
     pack_state,
 )
 from blackboard.wire.messages import Consensus, LeftOut, Used
+from blackboard.wire.types import MAX_NAME
 
 log = logging.getLogger(__name__)
 
@@ -114,12 +115,19 @@ class JointDesk:
         self.counters["joint_dropped"] += len(evidence.relatives) - len(kept)
         return replace(evidence, relatives=kept)
 
-    def hear(self, forward: Forward) -> None:
-        """Take the evidence that another board passes on; refused as in `take`, after what is sound was taken."""
+    def hear(self, forward: Forward, has_robot: Callable[[str], bool] = lambda robot: True) -> None:
+        """Take the evidence that another board passes on of the robots that its sub-team has.
+
+        Refused: as in `take`, and "unregistered", after what is sound was taken.
+        """
         self._heard.setdefault((forward.sub_team, forward.board), deque(maxlen=TICKS)).append(forward.tick)
         refusals = []
         for one in forward.evidence:
             try:
+                if not has_robot(one.robot):
+                    raise Refused(
+                        "unregistered", f"{one.robot} holds no liveliness token in sub-team {forward.sub_team}"
+                    )
                 self.take(one.robot, one.tick, forward.time, one.evidence, own=False)
             except Refused as refusal:
                 refusals.append(refusal)
@@ -197,7 +205,7 @@ class JointDesk:
                 for source in taken
             ],
             left_out=[
-                LeftOut(source=source.removeprefix("robot/"), reason=reason)
+                LeftOut(source=source.removeprefix("robot/"), reason=reason[:MAX_NAME])
                 for source, reason in sorted(left_out.items())
             ],
             components=[] if choice is None else list(choice.components),
