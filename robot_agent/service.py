@@ -1,6 +1,8 @@
 """The robot process: envelopes to messages around an Agent, and when it acts on its readings.
 
 The table `blackboard.process.rounds.ROBOT` says when a phase of a tick is over (docs/design.md, "A tick in lockstep").
+
+Long, because it is the whole protocol of a robot's process: whom it believes, when it acts, what it sends.
 """
 
 from __future__ import annotations

@@ -14,11 +14,12 @@ from blackboard.wire.codec import encode, open_envelope
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.types import Message
 
+#: Small and short: an attack takes part of a second.
 SCENARIO = Scenario(
     {
         "team": {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r3"]}},
         "grid": {"shape": [24, 24]},
-        "time": {"tick": 0.5, "seconds": 3.0},
+        "time": {"tick": 0.5, "seconds": 2.5},
         "world": {"seed": 3},
     }
 )
@@ -28,7 +29,7 @@ JOINT = SCENARIO.changed("board", fusion="joint")
 class Attack:
     """A run that is stopped after the first messages of a tick, with the newest message that was sent on each key."""
 
-    def __init__(self, scenario: Scenario = SCENARIO, tick: int = 3) -> None:
+    def __init__(self, scenario: Scenario = SCENARIO, tick: int = 2) -> None:
         self.team = Team(scenario)
         self.newest: dict[str, Envelope] = {}
         self.team.bus.spies.append(self._remember)
