@@ -12,8 +12,9 @@ MACHINE      ?= $(shell uname -m)
 MUTANTS      ?= 120
 SEED         ?= 1
 ONLY         ?=
+COUNT        ?= 100000
 
-.PHONY: help demo test check lint format types imports rooms unit system compose-test mutants figures wheels venv clean
+.PHONY: help demo test check lint format types imports rooms unit system compose-test mutants fuzz figures wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -42,7 +43,7 @@ rooms: $(VENV)/.dev
 	$(PYTEST) tests/test_rooms.py
 
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
-	$(PYTEST) -m "not system and not compose" --ignore tests/test_rooms.py -n 2 --durations=5
+	$(PYTEST) -m "not system and not compose and not hostile" --ignore tests/test_rooms.py -n 2 --durations=5
 
 system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1
 	$(PYTEST) -m system --durations=5
@@ -52,6 +53,10 @@ compose-test: $(VENV)/.dev ## the containers; skipped with its reason where no D
 
 mutants: $(VENV)/.mutants ## change the pure rooms at random places and see whether the tests notice: MUTANTS=120 SEED=1 ONLY=board
 	$(BIN)/python -m tests.mutants --count $(MUTANTS) --seed $(SEED) --only '$(ONLY)'
+
+fuzz: $(VENV)/.dev ## every attack, and changed messages of every type, on a team in one process, in minutes: COUNT=100000 SEED=1
+	$(PYTEST) tests/hostile -m hostile
+	$(BIN)/python -m tests.hostile.fuzz --count $(COUNT) --seed $(SEED)
 
 figures: $(VENV)/.plot ## the paper's figures, into figures/
 	$(BIN)/blackboard figures --out figures

@@ -1,6 +1,7 @@
 """Errors, divided by whose fault they are.
 
-A fault of this program is a plain exception with a sentence; it ends the process. Bytes from another process that cannot be used
+A fault of this program is a plain exception with a sentence. It ends the process at the start; a service that runs counts and logs
+it, and goes on without what met it (`blackboard.process.failures`). Bytes from another process that cannot be used
 raise `Refused`, which a service counts under its reason and drops. A person's mistake raises `UserError`, which a door prints as
 one line before it exits with status 2. A run that breaks off raises `RunFailed`, which a door prints the same way before it exits
 with status 1.

@@ -19,6 +19,7 @@ from blackboard.wire.evidence import unpack_state
 from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings, Report, Solo
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
+from robot_agent.sensing import trackable
 
 Feedback = Literal["paper", "guarded", "off"]
 
@@ -77,6 +78,7 @@ class Agent:
 
         The solo message holds the same first-hand beliefs as the reports, but for the sighted mates; it is for a referee.
         """
+        readings = trackable(readings, self.firsthand.objects.keys() | self.informed.objects.keys())
         if self.feedback != "off":
             self._fold(agreed)
         self.firsthand = self.firsthand.advance(readings)

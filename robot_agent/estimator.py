@@ -19,6 +19,7 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import chernoff
 from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Readings, Sighting
+from blackboard.wire.types import capped
 from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer
 from robot_agent.localizers import localizer_factory
@@ -100,7 +101,7 @@ class Estimator:
         for name, until in ancestors.items():
             merged[name] = max(until, merged.get(name, until))
         localizer = self.localizer.fold(agreed, reported or self.localizer.marginal())
-        return replace(self, localizer=localizer, ancestors=merged)
+        return replace(self, localizer=localizer, ancestors=capped(merged, lambda: {self.robot}))
 
     # --- inside -------------------------------------------------------------------------------------------------------
 
@@ -115,7 +116,7 @@ class Estimator:
                 localizer = estimator.localizer.update_with_sighting(sighting, moved, mate.mean, mate.covariance)
             else:
                 localizer = estimator._intersected(sighting, moved, mate)
-            ancestors = {**mate.ancestors, **estimator.ancestors}
+            ancestors = capped({**mate.ancestors, **estimator.ancestors}, lambda: {self.robot})
             estimator = replace(estimator, localizer=localizer, ancestors=ancestors)
         return estimator
 

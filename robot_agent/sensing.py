@@ -6,6 +6,7 @@ The world's physics (`sim_world.sensors`) is written separately on purpose, so t
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from robot_agent.config import OdometrySection, VisionSection
 # The distances of (VI-.1), in cells: the printed sigma is 0 at the best view, and nothing is seen outside SEEN_FROM..SEEN_TO.
 BEST_VIEW = 7.5
 SEEN_FROM, LINEAR_FROM, LINEAR_TO, SEEN_TO = 1.0, 3.0, 11.0, 13.0
+
+MAX_TRACKED = 64  # objects, and mates in one tick, of which a robot has a belief; each costs it a grid
 
 TURNING = 0.3  # rad/s: by which a robot that drives may have turned while nobody measured
 
@@ -43,6 +46,19 @@ class Unseen:
 
     way: float = 0.0
     turn: float = 0.0
+
+
+def trackable(readings: Readings, tracked: Collection[str]) -> Readings:
+    """The readings without sightings of more mates, or of more objects beside the `tracked` subjects, than a robot tracks."""
+    names = {s.subject for s in readings.sightings if s.landmark is None}
+    mates = sorted(name for name in names if name.startswith("robot/"))
+    objects = sorted(names - set(mates) - set(tracked))
+    room = max(0, MAX_TRACKED - sum(not name.startswith("robot/") for name in tracked))
+    left = {*mates[MAX_TRACKED:], *objects[room:]}
+    if not left:
+        return readings
+    kept = [s for s in readings.sightings if s.landmark is not None or s.subject not in left]
+    return readings.model_copy(update={"sightings": kept})
 
 
 def unseen(before: Readings | None, readings: Readings) -> Unseen:

@@ -1,6 +1,8 @@
 """The robot process: envelopes to messages around an Agent, and when it acts on its readings.
 
 The table `blackboard.process.rounds.ROBOT` says when a phase of a tick is over (docs/design.md, "A tick in lockstep").
+
+Long, because it is the whole protocol of a robot's process: whom it believes, when it acts, what it sends.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from collections.abc import Sequence
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
-from blackboard.process.intake import Intake
+from blackboard.process.intake import Intake, TooEarly
 from blackboard.process.roll_call import RollCall
 from blackboard.process.roster import Roster
 from blackboard.process.rounds import ROBOT, Rounds
@@ -27,6 +29,8 @@ from robot_agent.gaussian.agent import JointAgent
 log = logging.getLogger(__name__)
 
 MAX_AGREED = 512  # agreed beliefs that are kept between two ticks, over all boards
+JUMP = 100  # ticks: readings that are further ahead, or behind, are believed with the second ones in succession
+FAILURES = 3  # ticks in a row that the agent could not do until it begins anew
 
 
 class AgentService:
@@ -56,15 +60,20 @@ class AgentService:
     def _begin(self, run: str) -> None:
         """Forget everything: another run than before, or the very first."""
         self.run = run
-        kind = JointAgent if self.joint else Agent
-        self.agent: JointAgent | Agent = kind(self.robot, self.settings, self.grid, self.feedback)
+        self.agent = self._new_agent()
         self.tick, self.time = -1, 0.0  # of the newest tick that was done
         self.rounds.enter("readings", 0.0)
         self._readings: Readings | None = None  # of the tick that is to be done next
+        self._doubted: Readings | None = None  # the newest that did not go on with those before
+        self._failed = 0  # ticks in a row that the agent could not do
         self._agreed: dict[tuple[str, str, str], Agreed] = {}  # by sub-team, board and subject, since the last tick
         self._arrived: RollCall[str] = RollCall()  # agreed beliefs by sub-team
         self._reports: list[Report] = []  # of the newest tick; sent again when the world repeats its Clock
         self._solo: Solo | None = None
+
+    def _new_agent(self) -> JointAgent | Agent:
+        kind = JointAgent if self.joint else Agent
+        return kind(self.robot, self.settings, self.grid, self.feedback)
 
     # --- what the loop needs ------------------------------------------------------------------------------------------
 
@@ -79,8 +88,9 @@ class AgentService:
 
     @property
     def watches(self) -> tuple[str, ...]:
-        """The world's token, and one of this robot's own: where that vanishes, the network is lost."""
-        return (keys.WORLD.key(team=self.team), self.tokens[0])
+        """The world's token, one of this robot's own (where that vanishes, the network is lost), and those of its boards."""
+        boards = [keys.BOARD.key(team=self.team, sub_team=s, board="*") for s in self.sub_teams]
+        return (keys.WORLD.key(team=self.team), self.tokens[0], *boards)
 
     @property
     def done(self) -> bool:
@@ -92,7 +102,10 @@ class AgentService:
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             self.roster.hear(envelope, now)
-            return self._advance(now)
+            early = (
+                self.intake.retry(lambda _, message: self._hear(message, now)) if envelope.kind is Kind.ALIVE else []
+            )
+            return early + self._advance(now)
         return self.intake.take(envelope, lambda _, message: self._hear(message, now)) + self._advance(now)
 
     def wake(self, now: float) -> list[Envelope]:
@@ -110,14 +123,43 @@ class AgentService:
             news = self.clock.hear(message, now)
             return [] if message.end else self._follow(news, now)  # the last Clock of a run begins no tick
         if isinstance(message, Readings):
-            if message.run != self.run:
-                self._begin(message.run)
-            if message.tick > self.tick:
-                self._readings = message
-                self.rounds.enter("readings", now)
-        elif isinstance(message, Consensus):
+            return self._hear_readings(message, now)
+        if isinstance(message, Consensus):
             self._keep(message)
         return []
+
+    def _hear_readings(self, readings: Readings, now: float) -> list[Envelope]:
+        """Take readings that go on with those before; others once the world's Clock, or those that come next, say so too."""
+        before, self._doubted = self._doubted, None
+        if not self.run and self.clock.followed is None:
+            self._begin(readings.run)
+        if self._goes_on(readings):
+            self._take(readings, now)
+        elif readings.run != self.run or abs(readings.tick - self.tick) > JUMP:
+            self._doubted = readings
+            if self.clock.pace is Pace.FREE and before is not None and _follows(before, readings):
+                return self._believe(before, readings, now)
+        return []
+
+    def _goes_on(self, readings: Readings) -> bool:
+        """Whether these may be the next readings of this run; where a world's Clock is followed, they are one tick ahead at most."""
+        followed = self.clock.followed
+        newest = self.tick + JUMP if followed is None else max(followed.tick + 1, self.tick + 1)
+        return readings.run == self.run and (self.tick < 0 or self.tick < readings.tick <= newest)
+
+    def _take(self, readings: Readings, now: float) -> None:
+        self._readings = readings
+        self.rounds.enter("readings", now)
+
+    def _believe(self, before: Readings, readings: Readings, now: float) -> list[Envelope]:
+        """Readings jumped, and those that came next say the same: go on with both, and begin anew where they are of a new start."""
+        if readings.run != self.run or readings.tick < self.tick:
+            self._begin(readings.run)
+        self._doubted = None
+        self._take(before, now)
+        out = self._advance(now)
+        self._take(readings, now)
+        return out
 
     def _follow(self, news: News, now: float) -> list[Envelope]:
         """React to what is new about the team clock; a tick itself begins with its readings."""
@@ -125,7 +167,10 @@ class AgentService:
         if news is News.FREE:
             log.warning("%s: the world is gone; going by Unix time", self.robot)
         elif clock is not None and clock.run != self.run:
+            ahead = self._doubted
             self._begin(clock.run)
+            if ahead is not None and ahead.run == clock.run:  # they came before the Clock
+                self._take(ahead, now)
         if clock is not None and news is News.RUN:
             self._forget_agreed(clock.tick)
         if clock is not None and news is not News.TICK and clock.tick == self.tick:
@@ -145,6 +190,9 @@ class AgentService:
         newest = max(self.clock.tick, self.tick + 1)  # whoever joins a run late has done none of its ticks
         if self.clock.followed is not None and consensus.tick > newest:
             raise Refused("future", f"agreed in tick {consensus.tick}, and the newest is {newest}")
+        if consensus.board not in self.roster.boards.get(consensus.sub_team, []):
+            who = f"board {consensus.board} holds no liveliness token in sub-team {consensus.sub_team}"
+            raise TooEarly(Refused("unregistered", who))  # the token may be on its way
         key = consensus.sub_team, consensus.board, consensus.subject
         before = self._agreed.get(key)
         if before is None and len(self._agreed) >= MAX_AGREED:
@@ -190,8 +238,14 @@ class AgentService:
             if subject not in newest or agreed.tick > newest[subject].tick:
                 newest[subject] = agreed
         self._agreed = {}
-        self._reports, self._solo = self.agent.tick(readings, newest)
         self.tick, self.time = readings.tick, readings.time
+        self._reports, self._solo = [], Solo(robot=self.robot, tick=self.tick, time=self.time, beliefs={})
+        self._failed += 1
+        with self.intake.failures.survive("the robot's tick"):
+            self._reports, self._solo = self.agent.tick(readings, newest)
+            self._failed = 0
+        if self._failed >= FAILURES:
+            self.agent, self._failed = self._new_agent(), 0
         self.counters["ticks"] += 1
         return self._answers(now)
 
@@ -227,3 +281,8 @@ class AgentService:
         payload = encode(self.intake.counted(status, now))
         keys_of = (keys.STATUS.key(team=self.team, sub_team=s, process=self.robot) for s in self.sub_teams)
         return [Envelope(key, payload) for key in keys_of]
+
+
+def _follows(before: Readings, readings: Readings) -> bool:
+    """Whether readings may be the next ones after others."""
+    return readings.run == before.run and 0 < readings.tick - before.tick <= JUMP

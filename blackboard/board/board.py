@@ -7,11 +7,12 @@ sub-teams into the `agreed` belief. Both keep what arrives by subject and source
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 
 from blackboard.board import learning
+from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
 from blackboard.board.learning import Learner
 from blackboard.board.provenance import Opinion
@@ -22,60 +23,63 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.messages import Consensus, Informed, Learned, LeftOut, Report, Used
+from blackboard.wire.types import capped
 
-MAX_SUBJECTS = 256  # a board's memory is bounded, whatever is sent to it
-MAX_SOURCES = 64
-
-Source = TypeVar("Source", str, tuple[str, str])  # a robot; or a sub-team and one of its boards
-
-
-@dataclass(frozen=True)
-class Entry:
-    """The newest report of one source about one subject, or the newest consensus of one sub-team's board."""
-
-    tick: int
-    time: float
-    opinions: tuple[Opinion, ...]
+#: What is done for one subject happens within one of these, which may survive an exception so that the other subjects go on.
+Survive = Callable[[str], AbstractContextManager[object]]
 
 
 class Board:
     """The blackboard of one sub-team: `hear` reports, `settle` subjects, hear the other boards, `exchange`."""
 
-    def __init__(self, sub_team: str, board: str, grid: Grid, settings: BoardSection) -> None:
+    def __init__(
+        self,
+        sub_team: str,
+        board: str,
+        grid: Grid,
+        settings: BoardSection,
+        survive: Survive = lambda subject: nullcontext(),
+    ) -> None:
+        """`survive` is entered for each subject that is fused; by default an exception is the caller's."""
         self.sub_team = sub_team
         self.name = board
         self.grid = grid
         self.settings = settings
-        self._entries: dict[str, dict[str, Entry]] = {}  # subject -> source -> its newest report
-        self._consensuses: dict[str, dict[tuple[str, str], Entry]] = {}  # subject -> sub-team and board -> its newest
+        self._survive = survive
+        self._entries: Entries[str] = Entries(grid.size)  # of robots: their newest reports
+        self._consensuses = Entries(grid.size, (sub_team, board))  # of boards, by sub-team and name
         self._learners = {"consensus": Learner(), "agreed": Learner()}  # of robots, and of sub-teams
 
     # --- the sub-team's reports ---------------------------------------------------------------------------------------
 
     def hear(self, report: Report, now: float) -> None:
-        """Take a report; `now` is team time in seconds. Refused: "grid", "mass", "future", "past"."""
+        """Take a report; `now` is team time in seconds. Refused: "grid", "mass", "future", "past", "too-many".
+
+        Whose information it is, the board does not leave to the report: the first-hand belief is the source's own, and the
+        informed one contains that at least.
+        """
         self.check_time(report.time, now)
-        own = report.ancestors or {report.source: report.time}
+        own = {report.source: report.time}
         opinions = [Opinion(report.source, unpack(report.belief, self.grid), own)]
         if report.informed is not None:
             informed = unpack(report.informed.belief, self.grid)
-            opinions.append(Opinion(report.source, informed, report.informed.ancestors))
-        self._keep(self._entries, report.subject, report.source, Entry(report.tick, report.time, tuple(opinions)))
+            opinions.append(Opinion(report.source, informed, {**report.informed.ancestors, **own}))
+        self._entries.keep(report.subject, report.source, Entry(report.tick, report.time, tuple(opinions)))
 
     def withdraw(self, source: str, tick: int, subjects: Collection[str]) -> None:
         """Drop a source's reports from before `tick` on subjects that it no longer lists."""
-        _withdraw(self._entries, source, tick, subjects)
+        self._entries.withdraw(source, tick, subjects)
 
     def settle(self, tick: int, now: float) -> list[Consensus]:
         """The consensus on every subject that somebody reported, sorted by subject."""
         found = []
-        for subject in sorted(self._entries):
-            entries, silent = self._usable(self._entries[subject], now)
-            opinions = [o for source in sorted(entries) for o in self._admitted(entries[source], now)]
-            if opinions:
-                fusion = self._fuse("consensus", opinions, subject, now)
-                found.append(self._consensus("consensus", subject, tick, now, fusion, _left_out(silent)))
-        self._entries = {subject: entries for subject, entries in self._entries.items() if entries}
+        for subject in self._entries:
+            with self._survive(subject):
+                entries, silent = self._entries.usable(subject, now, self.settings.max_age)
+                opinions = [o for source in sorted(entries) for o in self._admitted(entries[source], now)]
+                if opinions:
+                    fusion = self._fuse("consensus", opinions, subject, now)
+                    found.append(self._consensus("consensus", subject, tick, now, fusion, _left_out(silent)))
         return found
 
     # --- the exchange -------------------------------------------------------------------------------------------------
@@ -83,17 +87,17 @@ class Board:
     def hear_consensus(self, consensus: Consensus, now: float) -> None:
         """Take a consensus of another sub-team's board, or this board's own, for the exchange. Refused as in `hear`."""
         self.check_time(consensus.time, now)
-        belief = Opinion(consensus.sub_team, unpack(consensus.belief, self.grid), consensus.ancestors)
-        opinions = [belief]
-        if consensus.firsthand is not None:
-            firsthand = unpack(consensus.firsthand.belief, self.grid)
-            opinions.insert(0, Opinion(consensus.sub_team, firsthand, consensus.firsthand.ancestors))
+        part = consensus.firsthand  # which the whole contains, so that the two are never multiplied
+        ancestors = consensus.ancestors if part is None else {**part.ancestors, **consensus.ancestors}
+        opinions = [Opinion(consensus.sub_team, unpack(consensus.belief, self.grid), ancestors)]
+        if part is not None:
+            opinions.insert(0, Opinion(consensus.sub_team, unpack(part.belief, self.grid), part.ancestors))
         entry = Entry(consensus.tick, consensus.time, tuple(opinions))
-        self._keep(self._consensuses, consensus.subject, (consensus.sub_team, consensus.board), entry)
+        self._consensuses.keep(consensus.subject, (consensus.sub_team, consensus.board), entry)
 
     def withdraw_consensuses(self, sub_team: str, board: str, tick: int, subjects: Collection[str]) -> None:
         """Drop a board's consensuses from before `tick` on subjects that it no longer lists: its sub-team lost sight of them."""
-        _withdraw(self._consensuses, (sub_team, board), tick, subjects)
+        self._consensuses.withdraw((sub_team, board), tick, subjects)
 
     def exchange(self, tick: int, now: float) -> list[Consensus]:
         """The agreed belief on every subject that any sub-team has a consensus on, sorted by subject.
@@ -102,19 +106,20 @@ class Board:
         name sorts first.
         """
         found = []
-        for subject in sorted(self._consensuses):
-            usable, silent = self._usable(self._consensuses[subject], now)
-            newest = sorted(usable, key=lambda source: (source[0], -usable[source].tick, source[1]), reverse=True)
-            entries = {sub_team: usable[sub_team, board] for sub_team, board in newest}  # the first of each comes last
-            left_out = _left_out({sub_team: age for (sub_team, _), age in silent.items() if sub_team not in entries})
-            opinions = [o for sub_team in sorted(entries) for o in self._aged(entries[sub_team], now)]
-            if not opinions:
-                continue
-            if len(entries) == 1:  # one sub-team: its consensus is the agreed belief
-                opinions = opinions[-1:]
-            fusion = self._fuse("agreed", opinions, subject, now)
-            found.append(self._consensus("agreed", subject, tick, now, fusion, left_out))
-        self._consensuses = {subject: entries for subject, entries in self._consensuses.items() if entries}
+        for subject in self._consensuses:
+            with self._survive(subject):
+                usable, silent = self._consensuses.usable(subject, now, self.settings.max_age)
+                newest = sorted(usable, key=lambda source: (source[0], -usable[source].tick, source[1]), reverse=True)
+                entries = {
+                    sub_team: usable[sub_team, board] for sub_team, board in newest
+                }  # the first of each comes last
+                left_out = _left_out({name: age for (name, _), age in silent.items() if name not in entries})
+                opinions = [o for sub_team in sorted(entries) for o in self._aged(entries[sub_team], now)]
+                if len(entries) == 1:  # one sub-team: its consensus is the agreed belief
+                    opinions = opinions[-1:]
+                if opinions:
+                    fusion = self._fuse("agreed", opinions, subject, now)
+                    found.append(self._consensus("agreed", subject, tick, now, fusion, left_out))
         return found
 
     def learned(self) -> list[Learned]:
@@ -129,24 +134,6 @@ class Board:
             raise Refused("future", f"stamped {time - now:.1f} s ahead of team time {now:.1f} s")
         if time < now - self.settings.max_age:
             raise Refused("past", f"stamped {now - time:.1f} s ago, older than {self.settings.max_age:g} s")
-
-    @staticmethod
-    def _keep(entries: dict[str, dict[Source, Entry]], subject: str, source: Source, entry: Entry) -> None:
-        if subject not in entries and len(entries) >= MAX_SUBJECTS:
-            raise Refused("too-many", f"{subject} would be one more than {MAX_SUBJECTS} subjects")
-        known = entries.setdefault(subject, {}).get(source)
-        if known is None and len(entries[subject]) >= MAX_SOURCES:
-            raise Refused("too-many", f"{source} would be one more than {MAX_SOURCES} sources on {subject}")
-        if known is None or entry.time >= known.time:
-            entries[subject][source] = entry
-
-    def _usable(self, entries: dict[Source, Entry], now: float) -> tuple[dict[Source, Entry], dict[Source, float]]:
-        """The entries that are young enough; the others are forgotten, and returned once as source -> age in seconds."""
-        oldest = now - self.settings.max_age
-        silent = {source: now - entries[source].time for source in sorted(entries) if entries[source].time < oldest}
-        for source in silent:
-            del entries[source]
-        return dict(entries), silent
 
     def _admitted(self, entry: Entry, now: float) -> list[Opinion]:
         """Which opinions of a report count, by `feedback`: both, the informed one alone, or the first-hand one alone."""
@@ -164,6 +151,10 @@ class Board:
     def _fuse(self, level: str, opinions: list[Opinion], subject: str, now: float) -> Fusion:
         return fuse_opinions(opinions, self.grid, self.settings, subject, self._learners[level], now)
 
+    def _capped(self, ancestors: dict[str, float]) -> dict[str, float]:
+        """As many ancestors as a message holds: the robots that report to this board, then the others by name."""
+        return capped(ancestors, self._entries.sources)
+
     def _consensus(
         self, level: str, subject: str, tick: int, now: float, fusion: Fusion, left_out: list[LeftOut]
     ) -> Consensus:
@@ -177,8 +168,10 @@ class Board:
             tick=tick,
             time=now,
             belief=pack(fusion.belief),
-            ancestors=fusion.ancestors,
-            firsthand=None if whole else Informed(belief=pack(fusion.firsthand), ancestors=fusion.firsthand_ancestors),
+            ancestors=self._capped(fusion.ancestors),
+            firsthand=None
+            if whole
+            else Informed(belief=pack(fusion.firsthand), ancestors=self._capped(fusion.firsthand_ancestors)),
             used=[
                 Used(
                     source=s.opinion.source,
@@ -198,12 +191,6 @@ class Board:
             outcome=fusion.outcome,
             learned=[_told(level, it) for it in fusion.learned],
         )
-
-
-def _withdraw(entries: dict[str, dict[Source, Entry]], source: Source, tick: int, subjects: Collection[str]) -> None:
-    for subject, by_source in entries.items():
-        if subject not in subjects and source in by_source and by_source[source].tick < tick:
-            del by_source[source]
 
 
 def _told(level: str, it: learning.Learned) -> Learned:

@@ -20,9 +20,13 @@ class Participants:
         self.roster, self.clock = roster, clock
         self.team, self.sub_team = team, sub_team
 
+    def has_robot(self, robot: str, sub_team: str) -> bool:
+        """Whether a robot holds a token in a sub-team, or the world names it there."""
+        return robot in self.roster.robots.get(sub_team, []) or robot in self._named().get(sub_team, [])
+
     def check_robot(self, robot: str) -> None:
         """Refused: a robot without a token in the sub-team that the world does not name. TooEarly: its token may be on its way."""
-        if robot in self.roster.robots.get(self.sub_team, []) or robot in self._named().get(self.sub_team, []):
+        if self.has_robot(robot, self.sub_team):
             return
         refusal = Refused("unregistered", f"{robot} holds no liveliness token in sub-team {self.sub_team}")
         raise TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal

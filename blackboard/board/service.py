@@ -26,7 +26,7 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.evidence import Forward
 from blackboard.wire.messages import Clock, Consensus, Report, Status
-from blackboard.wire.types import Message
+from blackboard.wire.types import MAX_OPINIONS, Message
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +49,7 @@ class BoardService:
 
     def _begin(self) -> None:
         """Forget all messages: a new run begins, or stamps have another time base from now on."""
-        self.board = Board(self.sub_team, self.name, self.grid, self.settings)
+        self.board = Board(self.sub_team, self.name, self.grid, self.settings, self.intake.failures.survive)
         self.rounds.enter("settled", 0.0)
         self._reports: RollCall[str] = RollCall()  # of the sub-team's robots
         self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
@@ -77,7 +77,7 @@ class BoardService:
     @property
     def watches(self) -> tuple[str, ...]:
         return (
-            keys.MEMBER.key(team=self.team, sub_team=self.sub_team, robot="*"),
+            keys.MEMBER.key(team=self.team, sub_team="*", robot="*"),
             keys.BOARD.key(team=self.team, sub_team="*", board="*"),
             keys.WORLD.key(team=self.team),
         )
@@ -129,7 +129,7 @@ class BoardService:
         elif isinstance(message, Forward) and message.sub_team != self.sub_team and self._joint is not None:
             self.participants.check_board(message.sub_team, message.board)
             self.board.check_time(message.time, time)
-            self._joint.hear(message)
+            self._joint.hear(message, lambda robot: self.participants.has_robot(robot, message.sub_team))
         elif isinstance(message, Status):
             self._hear_status(parts["sub_team"], message)
         return []
@@ -153,12 +153,15 @@ class BoardService:
 
     def _hear_status(self, sub_team: str, status: Status) -> None:
         if status.kind == "robot" and sub_team == self.sub_team and status.phase == "reported":
+            self.participants.check_robot(status.process)
             self._reports.record_list(status.process, status.tick, status.subjects)
             self.board.withdraw(status.process, status.tick, status.subjects)
         elif status.kind == "board" and sub_team != self.sub_team and status.phase == "consensus":
             # Outside lockstep an empty list changes nothing, and a board that has just started may send it before its token arrives.
             if status.subjects or self.clock.pace is Pace.LOCKSTEP:
                 self.participants.check_board(sub_team, status.process)
+            elif status.process not in self.roster.boards.get(sub_team, []):
+                return
             self._consensuses.record_list((sub_team, status.process), status.tick, status.subjects)
             self.board.withdraw_consensuses(sub_team, status.process, status.tick, status.subjects)
             if self._joint is not None and status.process in self.roster.boards.get(sub_team, []):
@@ -223,20 +226,15 @@ class BoardService:
 
     def _publish(self, level: str, now: float) -> list[Envelope]:
         tick, time = self.clock.tick, self.clock.time(now)
-        if level == "consensus":
-            found = self.board.settle(tick, time)
-            for consensus in found:
-                self.board.hear_consensus(consensus, time)
-            self.board.withdraw_consensuses(self.sub_team, self.name, tick, [c.subject for c in found])
-        else:
-            found = self._agreed(tick, time)
+        survive = self.intake.failures.survive
+        found = list[Consensus]()
+        with survive(f"the {level} of a tick"):
+            found = self._consensuses_of(tick, time) if level == "consensus" else self._agreed(tick, time)
         topic = keys.CONSENSUS if level == "consensus" else keys.AGREED
         out = [Envelope(topic.key(team=self.team, sub_team=self.sub_team, subject=c.subject), encode(c)) for c in found]
-        evidence = self._joint.forward() if level == "consensus" and self._joint is not None else []
-        if evidence or (level == "consensus" and self._joint is not None and self.clock.pace is not Pace.FREE):
-            forward = Forward(board=self.name, sub_team=self.sub_team, tick=max(0, tick), time=time, evidence=evidence)
-            key = keys.FORWARD.key(team=self.team, sub_team=self.sub_team, board=self.name)
-            out.append(Envelope(key, encode(forward)))
+        if level == "consensus" and self._joint is not None:
+            with survive("what is forwarded"):
+                out += self._forward(self._joint, tick, time)
         self.counters["settled"] += len(found)
         self._settled = self._plain_status(tick, time).model_copy(
             update={"phase": level, "subjects": [c.subject for c in found], "learned": self.board.learned()}
@@ -245,16 +243,36 @@ class BoardService:
         self._sent += out
         return out
 
+    def _consensuses_of(self, tick: int, time: float) -> list[Consensus]:
+        """What the sub-team believes, which this board also hears itself."""
+        found = self.board.settle(tick, time)
+        for consensus in found:
+            with self.intake.failures.survive(consensus.subject):
+                self.board.hear_consensus(consensus, time)
+        self.board.withdraw_consensuses(self.sub_team, self.name, tick, [c.subject for c in found])
+        return found
+
+    def _forward(self, joint: JointDesk, tick: int, time: float) -> list[Envelope]:
+        evidence = joint.forward()
+        if not evidence and self.clock.pace is Pace.FREE:
+            return []
+        forward = Forward(board=self.name, sub_team=self.sub_team, tick=max(0, tick), time=time, evidence=evidence)
+        return [Envelope(keys.FORWARD.key(team=self.team, sub_team=self.sub_team, board=self.name), encode(forward))]
+
     def _agreed(self, tick: int, time: float) -> list[Consensus]:
-        """What the joint knows, and what the boards' opinions say about everything else."""
+        """What the joint knows, and what the boards' opinions say about everything else, as much as a status can list."""
         pooled = {consensus.subject: consensus for consensus in self.board.exchange(tick, time)}
+        first = {f"robot/{robot}" for robot in self.participants.robots()}
         if self._joint is not None:
             make = partial(
                 Consensus, board=self.name, sub_team=self.sub_team, level="agreed", tick=max(0, tick), time=time
             )
-            known = self._joint.settle(time, make)
-            pooled |= {consensus.subject: consensus for consensus in known}
-        return [pooled[subject] for subject in sorted(pooled)]
+            with self.intake.failures.survive("the joint"):
+                known = {consensus.subject: consensus for consensus in self._joint.settle(time, make)}
+                pooled |= known
+                first |= known.keys()
+        kept = sorted(pooled, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
+        return [pooled[subject] for subject in sorted(kept)]
 
     def _plain_status(self, tick: int, time: float) -> Status:
         return Status(process=self.name, kind="board", tick=max(0, tick), time=time, settings=self._settings)

@@ -1,25 +1,67 @@
-"""The inbox of a link: where other threads put envelopes and one thread takes them out, bounded in number and bytes."""
+"""The inbox of a link: where other threads put envelopes and one thread takes them out, bounded in number and bytes, and fair.
+
+Each source has a quota of its own, so that it can only displace what it sent itself. The source of an envelope is whom its key names;
+that it is true, nobody can tell without keys. All who hold no liveliness token share one quota and are read last.
+"""
 
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections import Counter, deque
+from dataclasses import dataclass, field
 
 from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.keys import READING, identities, writer
 from blackboard.wire.messages import MAX_BYTES
 
 #: Kept instead of any larger payload: it is refused for its size, and only that matters.
 TOO_LARGE = bytes(MAX_BYTES + 1)
 
+STRANGERS = ""  # the source of everything whose writer holds no token
+MAX_TOKENS = 4096  # that are known; changes of more are dropped
+CHANGES = 4  # of one token that wait; more are dropped in pairs, so that the newest state stays, and that it changed
+STRANGERS_BATCH = 32  # envelopes of strangers that are handed out at once
+
+
+@dataclass(slots=True)
+class Slot:
+    """An envelope's place in the order of arrival; None once it was taken or dropped."""
+
+    envelope: Envelope | None
+    source: str
+
+
+@dataclass(slots=True)
+class Source:
+    """What waits of one source, by key: the key that was not written for longest first."""
+
+    keys: dict[str, deque[Slot]] = field(default_factory=dict)
+    count: int = 0
+    size: int = 0  # bytes
+
 
 class Inbox:
-    """One queue, in order of arrival. Overflow drops the oldest sample, never a change of liveliness, and is counted."""
+    """Queues in order of arrival. Overflow drops the oldest of the key that the source floods, else its oldest key, and is counted."""
 
-    def __init__(self, most: int = 8192, most_bytes: int = 64 << 20, batch: int = 256) -> None:
+    def __init__(
+        self,
+        most: int = 8192,
+        most_bytes: int = 64 << 20,
+        batch: int = 256,
+        quota: int = 2048,
+        quota_bytes: int = 16 << 20,
+    ) -> None:
+        """`most` and `most_bytes` bound all that waits, `quota` and `quota_bytes` that of one source."""
         self.most, self.most_bytes, self.batch = most, most_bytes, batch
+        self.quota, self.quota_bytes = quota, quota_bytes
         self.received = self.dropped = self.bytes_received = 0
-        self._waiting: deque[Envelope] = deque()
-        self._bytes = 0
+        self._known: deque[Slot] = deque()
+        self._strange: deque[Slot] = deque()
+        self._sources: dict[str, Source] = {}
+        self._tokens: set[str] = set()
+        self._identities: Counter[str] = Counter()  # as whom somebody may write, by how many tokens
+        self._changes: dict[str, int] = {}  # token -> its changes that wait
+        self._count = self._bytes = 0
         self._arrived = threading.Condition()
 
     def put(self, envelope: Envelope, size: int) -> None:
@@ -27,29 +69,127 @@ class Inbox:
         with self._arrived:
             self.received += 1
             self.bytes_received += size
-            self._waiting.append(envelope)
-            self._bytes += len(envelope.payload)
-            while len(self._waiting) > self.most or self._bytes > self.most_bytes:
-                if not self._drop_oldest():
-                    break
+            if envelope.kind in (Kind.ALIVE, Kind.GONE):
+                self._put_change(envelope)
+            else:
+                self._put_sample(envelope)
             self._arrived.notify()
 
     def drain(self, timeout: float) -> list[Envelope]:
-        """The oldest envelopes, at most a batch of them, so that the caller can look at the time between two batches.
+        """The oldest envelopes, those of strangers last, at most a batch, so that the caller can look at the time between two batches.
 
         Waits up to `timeout` seconds for the first; empty if nothing came.
         """
         with self._arrived:
-            self._arrived.wait_for(lambda: self._waiting, timeout)
-            found = [self._waiting.popleft() for _ in range(min(self.batch, len(self._waiting)))]
-            self._bytes -= sum(len(envelope.payload) for envelope in found)
-            return found
+            self._arrived.wait_for(lambda: self._count or self._changes, timeout)
+            found = self._take(self._known, self.batch)
+            return found + self._take(self._strange, min(STRANGERS_BATCH, self.batch - len(found)))
 
-    def _drop_oldest(self) -> bool:
-        for i, envelope in enumerate(self._waiting):
-            if envelope.kind in (Kind.PUT, Kind.DELETE):
-                del self._waiting[i]
-                self._bytes -= len(envelope.payload)
+    # --- inside, all under the lock -----------------------------------------------------------------------------------
+
+    def _put_change(self, envelope: Envelope) -> None:
+        token, here = envelope.key, envelope.kind is Kind.ALIVE
+        if here and token not in self._tokens:
+            if len(self._tokens) >= MAX_TOKENS:
                 self.dropped += 1
-                return True
-        return False
+                return
+            self._tokens.add(token)
+            self._identities.update(identities(token))
+            self._introduce()
+        elif not here and token in self._tokens:
+            self._tokens.discard(token)
+            self._identities.subtract(identities(token))
+            self._identities += Counter()  # without those that nobody holds any more
+        waiting = self._changes.get(token, 0)
+        if waiting >= CHANGES:
+            mine = [slot for slot in self._known if slot.envelope is not None and _is_change(slot.envelope, token)]
+            for slot in mine[1:3]:
+                slot.envelope = None
+            waiting -= 2
+            self.dropped += 2
+        self._changes[token] = waiting + 1
+        self._known.append(Slot(envelope, token))
+
+    def _put_sample(self, envelope: Envelope) -> None:
+        name = self._source_of(envelope.key)
+        slot, source = Slot(envelope, name), self._sources.setdefault(name, Source())
+        (self._strange if name == STRANGERS else self._known).append(slot)
+        self._file(slot, source, envelope)
+        while source.count > self.quota or source.size > self.quota_bytes:
+            self._drop(source, envelope.key)
+        while self._count > self.most or self._bytes > self.most_bytes:
+            strange = self._sources.get(STRANGERS)
+            greedy = (
+                strange
+                if strange and strange.count
+                else max(self._sources.values(), key=lambda it: (it.size, it.count))
+            )
+            self._drop(greedy, envelope.key)
+        for queue in (self._known, self._strange):
+            if len(queue) > 2 * (self.most + len(self._changes) * CHANGES):  # most of it was dropped
+                kept = [slot for slot in queue if slot.envelope is not None]
+                queue.clear()
+                queue.extend(kept)
+
+    def _source_of(self, key: str) -> str:
+        name = writer(key)
+        if name is None or (name not in self._identities and not READING.match(key)):
+            return STRANGERS
+        return name
+
+    def _introduce(self) -> None:
+        """A token has come: what its holder sent before is no stranger's any more; the order among that is kept."""
+        for slot in self._strange:
+            if slot.envelope is not None and (name := self._source_of(slot.envelope.key)) != STRANGERS:
+                envelope = slot.envelope
+                self._forget(slot, envelope)
+                slot.envelope = None
+                moved = Slot(envelope, name)
+                self._known.append(moved)
+                self._file(moved, self._sources.setdefault(name, Source()), envelope)
+
+    def _file(self, slot: Slot, source: Source, envelope: Envelope) -> None:
+        waiting = source.keys.pop(envelope.key, None) or deque()
+        waiting.append(slot)
+        source.keys[envelope.key] = waiting
+        source.count, source.size = source.count + 1, source.size + len(envelope.payload)
+        self._count, self._bytes = self._count + 1, self._bytes + len(envelope.payload)
+
+    def _forget(self, slot: Slot, envelope: Envelope) -> None:
+        """Count an envelope out that is the oldest of its key and source."""
+        source, size = self._sources[slot.source], len(envelope.payload)
+        waiting = source.keys[envelope.key]
+        waiting.popleft()
+        if not waiting:
+            del source.keys[envelope.key]
+        source.count, source.size = source.count - 1, source.size - size
+        self._count, self._bytes = self._count - 1, self._bytes - size
+        if not source.count:
+            del self._sources[slot.source]
+
+    def _drop(self, source: Source, key: str) -> None:
+        flooded = len(source.keys.get(key, ())) > 1
+        slot = source.keys[key if flooded else next(iter(source.keys))][0]
+        assert slot.envelope is not None, "what waits by its key has not been taken"
+        self._forget(slot, slot.envelope)
+        slot.envelope = None
+        self.dropped += 1
+
+    def _take(self, queue: deque[Slot], most: int) -> list[Envelope]:
+        found: list[Envelope] = []
+        while queue and len(found) < most:
+            slot = queue.popleft()
+            if slot.envelope is None:
+                continue
+            found.append(slot.envelope)
+            if slot.envelope.kind in (Kind.ALIVE, Kind.GONE):
+                self._changes[slot.source] -= 1
+                if not self._changes[slot.source]:
+                    del self._changes[slot.source]
+            else:
+                self._forget(slot, slot.envelope)
+        return found
+
+
+def _is_change(envelope: Envelope, token: str) -> bool:
+    return envelope.key == token and envelope.kind in (Kind.ALIVE, Kind.GONE)

@@ -26,6 +26,7 @@ from blackboard.wire.messages import MAX_BYTES
 log = logging.getLogger(__name__)
 
 ENCODING = "application/msgpack;cop.v1"
+MAX_KEYS = 4096  # keys of which the newest is kept; the one that was not sent for longest is given up
 PAUSE, LOG_AFTER = 0.1, 5.0  # seconds between tries to connect, and until the log says that it is waiting
 
 
@@ -106,17 +107,21 @@ class Link:
         During an outage nothing is sent and nothing raised; the newest is answered afterwards.
         """
         key = envelope.key
-        if key not in self._publishers:
-            self._publishers[key] = self._session.declare_publisher(
-                key, encoding=ENCODING, congestion_control=zenoh.CongestionControl.DROP
-            )
+        publisher = self._publishers.pop(key, None) or self._session.declare_publisher(
+            key, encoding=ENCODING, congestion_control=zenoh.CongestionControl.DROP
+        )
+        self._publishers[key] = publisher
+        if len(self._publishers) > MAX_KEYS:
+            oldest = next(iter(self._publishers))
+            self._newest.pop(oldest, None)
+            self._publishers.pop(oldest).undeclare()
         if envelope.kind is Kind.PUT:
             self._newest[key] = envelope.payload
             self._answer(_space(key))
-            self._publishers[key].put(envelope.payload)
+            publisher.put(envelope.payload)
         elif envelope.kind is Kind.DELETE:
             self._newest.pop(key, None)
-            self._publishers[key].delete()
+            publisher.delete()
         else:
             raise ValueError(f"{key}: liveliness is not sent; hold a token")
         self._sent += 1

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from blackboard.errors import Refused
+from blackboard.process.failures import Failures, quoted
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Status
@@ -40,12 +41,14 @@ class Intake:
     """Opens envelopes for one service, and has the counters that its Status shows.
 
     `counters` counts, besides what the service adds, "heard" (messages that were handled), "early_dropped" (kept and then
-    dropped for want of room), and the link's "sent", "received", "dropped" and "bytes". `refused` counts by reason.
+    dropped for want of room), "failed" (exceptions that it survived), and the link's "sent", "received", "dropped" and "bytes".
+    `refused` counts by reason.
     """
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
+        self.failures = Failures(self.counters)
         self.status_due = 0.0  # Unix seconds
         self._heard_at: dict[str, float] = {}  # source -> Unix seconds, the one that is silent for longest first
         self._warned: set[tuple[str, str]] = set()  # keys and reasons
@@ -76,14 +79,15 @@ class Intake:
         return answers
 
     def _hand_over(self, envelope: Envelope, handle: Handler) -> list[Envelope]:
-        try:
-            _, parts, message = open_envelope(envelope)
-            answers = handle(parts, message)
-        except Refused as refusal:
-            self._refuse(envelope.key, refusal)
-            return []
-        self.counters["heard"] += 1
-        return answers
+        with self.failures.survive(envelope.key, TooEarly):
+            try:
+                _, parts, message = open_envelope(envelope)
+                answers = handle(parts, message)
+                self.counters["heard"] += 1
+                return answers
+            except Refused as refusal:
+                self._refuse(envelope.key, refusal)
+        return []
 
     def record_link_counters(self, counters: dict[str, int]) -> None:
         """Show the link's counters beside the service's own."""
@@ -116,7 +120,7 @@ class Intake:
 
     def _refuse(self, key: str, refusal: Refused) -> None:
         self.refused[refusal.reason] += 1
-        shown = key if len(key) <= 200 else key[:200] + "..."
+        shown = quoted(key)
         if (shown, refusal.reason) not in self._warned and len(self._warned) < MAX_WARNINGS:
             self._warned.add((shown, refusal.reason))
-            log.warning("refused %s (%s); counted, and not logged again for this source", shown, refusal)
+            log.warning("refused %s (%s); counted, and not logged again for this source", shown, quoted(str(refusal)))

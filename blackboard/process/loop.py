@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
 from blackboard.process.clock import UnixClock
+from blackboard.process.failures import Failures
 from blackboard.process.service import Service
 from blackboard.wire.envelope import Envelope
 
 LONGEST_WAIT = 0.5  # seconds, so that a signal is noticed
+AFTER_FAILURE = 0.1  # seconds until a service that could not do what was due is woken again
 
 
 class Connection(Protocol):
@@ -33,8 +36,10 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
     """Serve until the service is done or `stopped`.
 
     Tokens are watched before any topic is subscribed to, so that the roster has the senders of the first messages. Own tokens are
-    declared last: whoever sees one may send to this process at once.
+    declared last: whoever sees one may send to this process at once. An exception of the service ends nothing: it is counted among the
+    link's counters ("failed_in_loop"), and logged.
     """
+    failures, paused_until = Failures(), -math.inf
     for key_expr in service.watches:
         link.watch(key_expr)
     for key_expr in service.listens:
@@ -43,16 +48,30 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
         link.token(key)
     while not (service.done or stopped()):
         now = clock.now()
-        due = service.wake_at(now)
+        due = _due(service, now, paused_until)
         wait = LONGEST_WAIT if due is None else min(LONGEST_WAIT, max(0.0, due - now))
         for envelope in link.receive(wait):
-            _send(link, service.receive(envelope, clock.now()))
+            with failures.survive(envelope.key):
+                _send(link, service.receive(envelope, clock.now()))
         now = clock.now()
-        due = service.wake_at(now)
+        due = _due(service, now, paused_until)
         if due is not None and due <= now:
-            service.record_link_counters(link.counters)
-            _send(link, service.wake(now))
-    service.record_link_counters(link.counters)
+            paused_until = now + AFTER_FAILURE
+            with failures.survive("what was due"):
+                service.record_link_counters(_counters(link, failures))
+                _send(link, service.wake(now))
+                paused_until = -math.inf
+    service.record_link_counters(_counters(link, failures))
+
+
+def _due(service: Service, now: float, paused_until: float) -> float | None:
+    due = service.wake_at(now)
+    return None if due is None else max(due, paused_until)
+
+
+def _counters(link: Connection, failures: Failures) -> dict[str, int]:
+    failed = failures.counters["failed"]
+    return link.counters | ({"failed_in_loop": failed} if failed else {})
 
 
 def _send(link: Connection, envelopes: list[Envelope]) -> None:

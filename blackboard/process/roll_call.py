@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Generic, TypeVar
 
-MAX_SOURCES = 1024
-MAX_SUBJECTS = 1024  # of one source
+MAX_SOURCES = 256
+MAX_SUBJECTS = 512  # of one source
 
 Source = TypeVar("Source")  # a sender: a robot, (sub-team, board), ...
 

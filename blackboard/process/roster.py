@@ -15,6 +15,7 @@ from blackboard.wire.envelope import Envelope, Kind
 GRACE = 0.5  # seconds
 COMEBACK = 5.0  # seconds
 MAX_GONE = 1024  # tokens that are remembered as gone
+MAX_TOKENS = 1024  # that count as there; more are ignored until some of these have gone
 TOKENS = (keys.MEMBER, keys.BOARD, keys.WORLD)
 
 
@@ -29,6 +30,7 @@ class Roster:
         self.robots: dict[str, list[str]] = {}  # sub-team -> its robots that count as there, sorted
         self.boards: dict[str, list[str]] = {}  # sub-team -> its boards that count as there, sorted
         self.world = False  # whether a world counts as there
+        self.worlds = 0  # how often the token of a world has come
         self._grace, self._comeback = grace, comeback
         self._until: dict[str, float] = {}  # token -> until when it counts; infinity while it is held
         self._gone: dict[str, None] = {}  # tokens that counted once and do no longer, the oldest first
@@ -38,6 +40,11 @@ class Roster:
         token, here = envelope.key, envelope.kind is Kind.ALIVE
         if not any(topic.match(token) for topic in TOKENS):
             return False
+        needed = token == self.own or keys.WORLD.match(token) is not None
+        if here and not needed and token not in self._until and len(self._until) >= MAX_TOKENS:
+            return False
+        if here and token not in self.tokens and keys.WORLD.match(token):
+            self.worlds += 1
         (self.tokens.add if here else self.tokens.discard)(token)
         back = here and token in self._until
         if token == self.own:

@@ -57,9 +57,9 @@ def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
     Refused: "fields" (the parts do not fit together), "grid" (another grid than `grid`), "mass" (no probabilities).
     """
     own = _own_grid(packed)
-    cells = _cells(packed)
     if grid is not None and own != grid:
         raise Refused("grid", f"a belief on {own}, the team's is {grid}")
+    cells = _cells(packed)
     weights, total = _weights(packed, cells)
     kept = weights > 0
     left = own.size - int(np.count_nonzero(kept))

@@ -10,10 +10,9 @@ from pydantic import ValidationError
 from blackboard.errors import Refused
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import MAX_BYTES, MODELS, VERSION
-from blackboard.wire.types import Message
+from blackboard.wire.messages import MAX_BYTES, MAX_TOTAL, MODELS, VERSION
+from blackboard.wire.types import MAX_ITEMS, Message
 
-MAX_ITEMS = 1024  # the longest array or map, known or not, before any field is looked at
 MAX_TEXT = 4096  # bytes of the longest text
 
 M = TypeVar("M", bound=Message)
@@ -65,11 +64,21 @@ def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Messa
 
 def _unpack(payload: bytes) -> dict[str, Any]:
     """One msgpack map with text keys, each once, and nothing behind it; bounded before anything is allocated."""
+    left = MAX_TOTAL
+
+    def count(items: list[Any]) -> list[Any]:
+        nonlocal left
+        left -= 1 + len(items)
+        if left < 0:
+            raise ValueError(f"more than {MAX_TOTAL} items in all")
+        return items
+
     try:
         fields = msgpack.unpackb(
             payload,
             strict_map_key=True,
-            object_pairs_hook=_map,
+            object_pairs_hook=lambda pairs: _map(count(pairs)),
+            list_hook=count,
             ext_hook=_no_extension,
             max_str_len=MAX_TEXT,
             max_bin_len=MAX_BYTES,

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.increment import Increment
@@ -18,25 +18,31 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.opinion.grid import Array
-from blackboard.wire.types import MAX_OPINIONS, Finite, Listed, Message, Name, Part, Subject, Tick
+from blackboard.wire.types import (
+    LARGEST,
+    MAX_OPINIONS,
+    Finite,
+    Listed,
+    Message,
+    Name,
+    NonNegative,
+    Part,
+    Subject,
+    Tick,
+)
 
 TRIANGLE = STATES * (STATES + 1) // 2
 MAX_RELATIVES = 64
 MAX_PROFILE = 64
-LARGEST = 1e12  # of any number: sums, variances and their inverses stay finite when they are multiplied
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
 
 
-def _bounded(value: float) -> float:
-    if abs(value) > LARGEST:
-        raise ValueError(f"is larger than {LARGEST:g}")
-    return value
+State = Annotated[tuple[Finite, ...], Field(min_length=STATES, max_length=STATES), Listed]
+Triangle = Annotated[tuple[Finite, ...], Field(min_length=TRIANGLE, max_length=TRIANGLE), Listed]
 
 
-Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_bounded)]
-Variance = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
-State = Annotated[tuple[Number, ...], Field(min_length=STATES, max_length=STATES), Listed]
-Triangle = Annotated[tuple[Number, ...], Field(min_length=TRIANGLE, max_length=TRIANGLE), Listed]
+#: The sigma of a bias that lasts, and for how many seconds.
+LastingBias = Annotated[tuple[NonNegative, Annotated[float, Field(gt=0, le=LARGEST)]], Listed]
 
 
 class PackedState(Part):
@@ -57,37 +63,35 @@ class PackedIncrement(Part):
 class PackedMotion(Part):
     """The odometry since the epoch began, summed up, so that a lost report loses no motion."""
 
-    distance: Number  # unit, as told
-    turn: Number  # radians, as told
-    time: Variance  # seconds
-    moving: Variance  # seconds of them in motion
-    along: Variance  # unit ** 2
-    across: Variance  # unit ** 2
-    heading: Variance  # radians ** 2
+    distance: Finite  # unit, as told
+    turn: Finite  # radians, as told
+    time: NonNegative  # seconds
+    moving: NonNegative  # seconds of them in motion
+    along: NonNegative  # unit ** 2
+    across: NonNegative  # unit ** 2
+    heading: NonNegative  # radians ** 2
 
 
 class PackedNuisance(Part):
     """How the lasting errors of wheels and camera behave (`vehicle.Nuisance`); a memory of 0 s is for ever."""
 
-    forward: Number
-    turn: Number
-    sigmas: Annotated[tuple[Variance, ...], Field(min_length=6, max_length=6), Listed]
-    walks: Annotated[tuple[Variance, ...], Field(min_length=3, max_length=3), Listed]
-    memory: Annotated[tuple[Variance, ...], Field(min_length=3, max_length=3), Listed]
+    forward: Finite
+    turn: Finite
+    sigmas: Annotated[tuple[NonNegative, ...], Field(min_length=6, max_length=6), Listed]
+    walks: Annotated[tuple[NonNegative, ...], Field(min_length=3, max_length=3), Listed]
+    memory: Annotated[tuple[NonNegative, ...], Field(min_length=3, max_length=3), Listed]
 
 
 class PackedRelative(Part):
     """The newest sighting of a mate or an object, relative to the robot that took it; `biases` are (sigma, seconds)."""
 
     subject: Subject
-    range: Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
-    bearing: Number
-    range_variance: Variance
-    bearing_variance: Variance
-    age: Variance = 0.0
-    biases: Annotated[
-        list[Annotated[tuple[Variance, Annotated[float, Field(gt=0, le=LARGEST)]], Listed]], Field(max_length=4)
-    ] = Field(default_factory=list)
+    range: NonNegative
+    bearing: Finite
+    range_variance: NonNegative
+    bearing_variance: NonNegative
+    age: NonNegative = 0.0
+    biases: Annotated[list[LastingBias], Field(max_length=4)] = Field(default_factory=list)
     group: Annotated[str, Field(max_length=80)] = ""
 
 
@@ -100,7 +104,7 @@ class PackedEvidence(Part):
     state: PackedState | None = None
     increment: PackedIncrement | None = None
     relatives: Annotated[list[PackedRelative], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)
-    profile: Annotated[list[Annotated[tuple[Variance, Variance], Listed]], Field(max_length=MAX_PROFILE)] = Field(
+    profile: Annotated[list[Annotated[tuple[NonNegative, NonNegative], Listed]], Field(max_length=MAX_PROFILE)] = Field(
         default_factory=list
     )
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Literal
 
 from blackboard.wire.names import NAME
 
 Role = Literal["world", "robot", "board", "operator"]  # the world's process has the referee; operators only read
 Period = Literal["every tick", "once a second", "while it runs"]
+
+LONGEST = 512  # characters of a key: more than any topic can have
 
 EVERYBODY: tuple[Role, ...] = ("world", "robot", "board", "operator")
 
@@ -112,6 +114,36 @@ def parse(key: str) -> tuple[Topic, dict[str, str]] | None:
         if parts is not None:
             return topic, parts
     return None
+
+
+@lru_cache(1 << 12)
+def writer(key: str) -> str | None:
+    """Whom a key names as its writer, as one of the `identities` of a token; None for a key of no topic.
+
+    Readings have an identity of their own that no token gives, because a robot's drivers write them and hold none.
+    """
+    found = parse(key) if len(key) <= LONGEST else None
+    if found is None:
+        return None
+    topic, parts = found
+    if topic.owner == "":
+        return f"{parts['team']}/world"
+    if topic is READING:
+        return f"{parts['team']}/reading/{parts['robot']}"
+    named = "" if topic.owner == "sub_team" else parts[topic.owner]
+    return f"{parts['team']}/{parts.get('sub_team', '')}/{named}"
+
+
+def identities(token: str) -> tuple[str, ...]:
+    """As whom the holder of a token may write: as itself in its sub-team, and where a key does not name the one or the other."""
+    topic, parts = parse(token) or (None, {}) if len(token) <= LONGEST else (None, {})
+    if topic is WORLD:
+        return (f"{parts['team']}/world",)
+    if topic is MEMBER:
+        return f"{parts['team']}/{parts['sub_team']}/{parts['robot']}", f"{parts['team']}//{parts['robot']}"
+    if topic is BOARD:
+        return f"{parts['team']}/{parts['sub_team']}/{parts['board']}", f"{parts['team']}/{parts['sub_team']}/"
+    return ()
 
 
 def table() -> str:

@@ -15,16 +15,23 @@ from pydantic import Field
 from blackboard.opinion.rules import Outcome
 from blackboard.wire.evidence import Forward, PackedEvidence, PackedState
 from blackboard.wire.types import (
+    MAX_ITEMS,
     MAX_OPINIONS,
     Ancestors,
+    Counts,
     Finite,
     Listed,
     Message,
     Name,
+    Names,
+    NonNegative,
     Part,
     Point,
+    Positive,
+    Settings,
     Subject,
     Subjects,
+    Text,
     Tick,
 )
 
@@ -50,6 +57,7 @@ REASONS = {
 MAX_BYTES = 1 << 20  # a 200 x 200 belief as float32 is 160 kB; anything near this bound is a mistake or an attack
 MAX_JOURNAL_NAME = 512  # characters; no key of a topic is longer
 MAX_CELLS = 1 << 20  # the largest grid that is unpacked
+MAX_TOTAL = 1 << 17  # items of all arrays and maps together
 
 #: Unix seconds; the bound is far in the future, and keeps what is counted in periods of it an integer.
 UnixTime = Annotated[float, Field(ge=0, le=1e11, allow_inf_nan=False)]
@@ -62,7 +70,7 @@ class PackedGrid(Part):
     """The grid a belief lives on; a board takes only its own."""
 
     shape: Annotated[tuple[Annotated[int, Field(ge=1, le=MAX_CELLS)], ...], Field(min_length=1, max_length=3), Listed]
-    cell: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    cell: Positive
     origin: Annotated[tuple[Finite, ...], Field(min_length=1, max_length=3), Listed]
     unit: Annotated[str, Field(max_length=16)] = "cell"
 
@@ -81,8 +89,8 @@ class PackedBelief(Part):
     lo: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1, max_length=3), Listed]
     box: Annotated[tuple[Annotated[int, Field(ge=1, le=MAX_CELLS)], ...], Field(min_length=1, max_length=3), Listed]
     coding: Literal["log8", "f32"] = "log8"
-    step: float = 0.0
-    rest: float = 0.0
+    step: Finite = 0.0
+    rest: Finite = 0.0
     data: Annotated[bytes, Field(max_length=MAX_BYTES)]
 
 
@@ -136,7 +144,7 @@ class Learned(Part):
 
 class LeftOut(Part):
     source: Name
-    reason: str
+    reason: Text
 
 
 class Consensus(Message):
@@ -157,8 +165,8 @@ class Consensus(Message):
     components: Annotated[list[Finite], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     entropy: Finite  # nats
     conflict: bool  # a first-hand opinion is sharper than all together, or an informed one contradicts them
-    rule: str
-    parameters: dict[str, str | float] = Field(default_factory=dict)
+    rule: Text
+    parameters: Settings = Field(default_factory=dict)
     outcome: Outcome = "pooled"  # or the rule that pooled instead, where a veto left `rule` no cell
     state: PackedState | None = None  # of a robot in a joint: where its own filter may linearise; no evidence
     #: of the sources whose independent opinions were used
@@ -174,10 +182,12 @@ class Status(Message):
     time: Finite  # of that tick; of a board that has settled nothing yet, the time of sending
     phase: Literal["reported", "consensus", "agreed", "idle"] = "idle"
     subjects: Subjects = Field(default_factory=list)  # what it reported, or settled, in this tick and phase
-    counters: dict[str, int] = Field(default_factory=dict)
-    refused: dict[str, int] = Field(default_factory=dict)
-    ages: dict[str, float] = Field(default_factory=dict)  # seconds since each source was heard
-    settings: dict[str, str | float] = Field(default_factory=dict)
+    counters: Counts = Field(default_factory=dict)
+    refused: Counts = Field(default_factory=dict)
+    ages: Annotated[dict[Text, Finite], Field(max_length=MAX_OPINIONS)] = Field(
+        default_factory=dict
+    )  # seconds since each source was heard
+    settings: Settings = Field(default_factory=dict)
     learned: Annotated[list[Learned], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)  # of a board
 
 
@@ -217,8 +227,10 @@ class Clock(Message):
     tick: Tick
     time: Finite
     mode: Literal["lockstep", "realtime"]
-    robots: dict[Name, list[Name]] = Field(default_factory=dict)  # sub-team -> robots that take part
-    settled: dict[Name, Subjects] = Field(default_factory=dict)  # sub-team -> subjects agreed in tick - 1
+    #: sub-team -> robots that take part
+    robots: Annotated[dict[Name, Names], Field(max_length=MAX_OPINIONS)] = Field(default_factory=dict)
+    #: sub-team -> subjects agreed in tick - 1
+    settled: Annotated[dict[Name, Subjects], Field(max_length=MAX_OPINIONS)] = Field(default_factory=dict)
     end: bool = False
 
 
@@ -227,26 +239,26 @@ class Odometry(Part):
 
     distance: Finite
     turn: Finite
-    dt: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    dt: Positive
 
 
 class Fix(Part):
     """An absolute position: a known start, or the paper's reset of the odometry; heading None where it is not measured."""
 
     position: Point
-    sigma: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    sigma: Positive
     heading: Finite | None = None
-    heading_sigma: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.05
+    heading_sigma: Positive = 0.05
 
 
 class Sighting(Part):
     """Something seen at a range and a bearing from the robot's heading; a landmark comes with its surveyed position."""
 
     subject: Subject
-    range: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    range: NonNegative
     bearing: Finite
     landmark: Point | None = None
-    age: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0  # seconds before the end of the tick
+    age: NonNegative = 0.0  # seconds before the end of the tick
 
 
 class Readings(Message):
@@ -268,7 +280,7 @@ class Truth(Message):
     run: Annotated[str, Field(max_length=64)]
     tick: Tick
     time: Finite
-    positions: dict[Subject, Point]
+    positions: Annotated[dict[Subject, Point], Field(max_length=MAX_ITEMS)]
 
 
 class Solo(Message):
@@ -277,7 +289,7 @@ class Solo(Message):
     robot: Name
     tick: Tick
     time: Finite
-    beliefs: dict[Subject, PackedBelief]
+    beliefs: Annotated[dict[Subject, PackedBelief], Field(max_length=MAX_OPINIONS)]
 
 
 #: The model of each name that stands in the topic table (`keys.Topic.message`).

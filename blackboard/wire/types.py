@@ -2,23 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Mapping
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from blackboard.wire.names import NAME, SUBJECT_KINDS
 
+MAX_ITEMS = 1024  # the longest array or map, known or not, before any field is looked at
 MAX_OPINIONS = 256  # the longest list in a message: sources of a consensus, sightings of a tick
+
+LARGEST = 1e12  # of any number: sums, squares and their inverses stay finite when they are multiplied
+LEAST = 1e-6  # of a number that must be positive, such as a standard deviation
+MAX_NAME = 200  # characters of a text for people, or of a name of a counter or a setting
 
 Name = Annotated[str, Field(pattern=f"^{NAME}$")]
 Subject = Annotated[str, Field(pattern=f"^({SUBJECT_KINDS})/{NAME}$")]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Field(ge=LEAST, le=LARGEST, allow_inf_nan=False)]
+Text = Annotated[str, Field(max_length=MAX_NAME)]
+Count = Annotated[int, Field(ge=0, lt=1 << 63)]
 Tick = Annotated[int, Field(ge=0, lt=1 << 53)]
 Ancestors = Annotated[dict[Name, Finite], Field(max_length=MAX_OPINIONS)]
+Counts = Annotated[dict[Text, Count], Field(max_length=MAX_OPINIONS)]
+Settings = Annotated[dict[Text, Text | Finite], Field(max_length=MAX_ITEMS)]
+Names = Annotated[list[Name], Field(max_length=MAX_OPINIONS)]
 Subjects = Annotated[list[Subject], Field(max_length=MAX_OPINIONS)]
 #: A tuple may come as a list: msgpack knows no other, and `codec.decode` is strict.
 Listed = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Point = Annotated[tuple[Finite, Finite], Listed]
+
+
+def capped(ancestors: Mapping[str, float], first: Callable[[], Collection[str]]) -> dict[str, float]:
+    """As many ancestors as a message may name: those in `first` before the others, by name; as they are where none is too many."""
+    if len(ancestors) <= MAX_OPINIONS:
+        return dict(ancestors)
+    known = first()
+    kept = sorted(ancestors, key=lambda name: (name not in known, name))[:MAX_OPINIONS]
+    return {name: ancestors[name] for name in sorted(kept)}
 
 
 class Part(BaseModel):

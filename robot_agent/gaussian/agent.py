@@ -23,12 +23,14 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import pack_evidence
 from blackboard.wire.messages import Informed, PackedBelief, Readings, Report, Solo
+from blackboard.wire.types import capped
 from robot_agent.agent import SNAPSHOTS, Agent, Agreed, Feedback
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand, Told
 from robot_agent.gaussian.hand_over import pose_of
 from robot_agent.gaussian.sensors import sensors_of
 from robot_agent.raster import with_outlier
+from robot_agent.sensing import trackable
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,7 @@ class JointAgent:
         The solo message holds the first-hand beliefs on the robot and on objects; it is for a referee.
         """
         place = agreed.get(self.subject)
+        readings = trackable(readings, [block for block in self.own.joint.blocks if isinstance(block, str)])
         told = self.filter.step(readings, self._linear(place))
         self._steps.append(Step(readings.time, told.motion, told.increment))
         self._follow(None if self.feedback == "off" else place)
@@ -163,6 +166,5 @@ class JointAgent:
         if self.team is None:
             return None
         belief: PackedBelief = pack(self._drawn(Moments(self.team.mean[AXES], self.team.covariance[AXES, AXES])))
-        return Informed(
-            belief=belief, ancestors=dict(sorted({**self._team_ancestors, self.robot: readings.time}.items()))
-        )
+        ancestors = capped({**self._team_ancestors, self.robot: readings.time}, lambda: {self.robot})
+        return Informed(belief=belief, ancestors=dict(sorted(ancestors.items())))

@@ -34,6 +34,7 @@ from robot_agent.gaussian.sensors import Sensors
 from robot_agent.sensing import unseen
 
 GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
+MAX_GROUPS = 1024  # of landmarks that stand together
 LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
 FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
@@ -205,7 +206,8 @@ class FirstHand:
         for first, there in self._groups.items():
             if math.dist(place, there) < self.sensors.camera.together:
                 return first
-        self._groups[landmark] = place
+        if len(self._groups) < MAX_GROUPS:
+            self._groups[landmark] = place
         return landmark
 
     def _sight(self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None) -> None:

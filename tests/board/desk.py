@@ -15,6 +15,7 @@ from blackboard.wire.messages import Clock, Consensus, Report, Status
 GRID = Grid((30, 20))
 NOW = 1_000_000.0
 WORLD = Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE)
+ANOTHER_WORLD = Envelope(keys.WORLD.key(team="t"), kind=Kind.GONE), WORLD  # the world was started again
 
 
 def board_of(sub_team: str, kind: Kind = Kind.ALIVE, name: str | None = None) -> Envelope:

@@ -26,7 +26,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.pools import fuse
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.messages import Consensus, Learned
-from tests.board.desk import Desk, clock
+from tests.board.desk import ANOTHER_WORLD, Desk, clock
 from tests.board.desk import report as sent
 from tests.board.reports import GRID, at, board, only, report
 
@@ -312,6 +312,6 @@ def test_the_status_of_a_board_shows_what_it_learned_until_a_new_run_begins() ->
     assert told.settings["independence"] == "learn"
     assert {one.source for one in told.learned} == {"r1", "r2"}
     assert all(isinstance(one, Learned) for one in told.learned)
-    desk.tell(clock(0, mode="realtime", run="two"))
+    desk.tell(*ANOTHER_WORLD, clock(0, mode="realtime", run="two"))
     desk.wait(0.3)
     assert desk.status().learned == []

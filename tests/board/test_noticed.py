@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from blackboard.board.board import MAX_SOURCES, MAX_SUBJECTS, Board
+from blackboard.board.board import Board
+from blackboard.board.entries import MAX_SOURCES, MAX_SUBJECTS
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, blur, gaussian

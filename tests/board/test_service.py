@@ -9,7 +9,20 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, Status
-from tests.board.desk import WORLD, Desk, ball, board_of, clock, exchanging, levels, report, reported, settled, theirs
+from tests.board.desk import (
+    ANOTHER_WORLD,
+    WORLD,
+    Desk,
+    ball,
+    board_of,
+    clock,
+    exchanging,
+    levels,
+    report,
+    reported,
+    settled,
+    theirs,
+)
 
 
 def test_a_tick_is_settled_once_everybody_named_has_spoken() -> None:
@@ -63,6 +76,7 @@ def test_the_exchange_waits_for_the_other_sub_team() -> None:
 def test_a_new_run_forgets_the_old_one() -> None:
     desk = Desk()
     desk.tell(clock(5, "r1"), report("r1", 5), reported("r1", 5, "object/ball"))
+    desk.tell(*ANOTHER_WORLD)
     said = desk.tell(clock(0, "r1", run="two"), reported("r1", 0))
     assert levels(said) == []
     assert decode(Status, said[-1].payload).tick == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 
+import msgpack
 import pytest
 
 from blackboard.errors import Refused
@@ -17,15 +18,15 @@ from blackboard.process.intake import (
     TooEarly,
 )
 from blackboard.wire import keys
-from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Status
 from blackboard.wire.types import Message
 
 
 def status(process: str, size: int = 0) -> Envelope:
-    said = Status(process=process, kind="robot", tick=1, time=0.0, settings={f"{i}": "x" * 4000 for i in range(size)})
-    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=process), encode(said))
+    """A status, with `size` times 4 kB in a field that nobody knows."""
+    said = {"version": 1, "process": process, "kind": "robot", "tick": 1, "time": 0.0, "more": ["x" * 4000] * size}
+    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=process), msgpack.packb(said))
 
 
 def echo(parts: dict[str, str], message: Message) -> list[Envelope]:

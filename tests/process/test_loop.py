@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from blackboard.process.clock import ManualClock
-from blackboard.process.loop import LONGEST_WAIT, run
+from blackboard.process.loop import AFTER_FAILURE, LONGEST_WAIT, run
 from blackboard.wire.envelope import Envelope
 
 
@@ -108,7 +108,29 @@ def test_it_waits_for_letters_alone_until_it_is_stopped() -> None:
     assert set(post.waits) == {LONGEST_WAIT}
 
 
-def test_what_a_service_raises_is_ours() -> None:
+def test_what_a_service_raises_does_not_end_it(caplog: pytest.LogCaptureFixture) -> None:
     clock = ManualClock()
-    with pytest.raises(RuntimeError, match="ours"):
-        run(Echo(1.0, 1), Post(clock, [Envelope("bomb")]), clock)
+    post, echo = Post(clock, [Envelope("bomb"), Envelope("bomb"), Envelope("x")]), Echo(1.0, 1)
+    run(echo, post, clock)
+    assert [e.key for e in post.sent] == ["re/x", "tick"]
+    assert echo.noted == {"sent": 2, "failed_in_loop": 2}
+    assert [record.levelname for record in caplog.records] == ["ERROR"]  # once per source and kind
+    assert "bomb: RuntimeError: ours" in caplog.records[0].getMessage()
+
+
+def test_a_service_that_cannot_do_what_is_due_is_woken_again_after_a_while() -> None:
+    clock = ManualClock()
+    post, echo = Post(clock), Echo(1.0, 2)
+    wake, failing = echo.wake, iter([True, True, False, False])
+    times: list[float] = []
+
+    def fails(now: float) -> list[Envelope]:
+        times.append(now)
+        if next(failing):
+            raise RuntimeError("ours")
+        return wake(now)
+
+    echo.wake = fails  # type: ignore[method-assign]
+    run(echo, post, clock)
+    assert times == pytest.approx([1.0, 1.0 + AFTER_FAILURE, 1.0 + 2 * AFTER_FAILURE, 2.0 + 2 * AFTER_FAILURE])
+    assert echo.noted["failed_in_loop"] == 2

@@ -25,7 +25,10 @@ WORLD = keys.WORLD.key(team="t")
 
 
 def service(*sub_teams: str) -> AgentService:
-    return AgentService(team="t", sub_teams=sub_teams or ("a",), robot="r1", grid=GRID, settings=RobotSection())
+    robot = AgentService(team="t", sub_teams=sub_teams or ("a",), robot="r1", grid=GRID, settings=RobotSection())
+    for board in ("board-a", "one", "two"):
+        robot.receive(Envelope(keys.BOARD.key(team="t", sub_team="a", board=board), kind=Kind.ALIVE), NOW)
+    return robot
 
 
 def readings(tick: int, run: str = "x", time: float | None = None) -> Envelope:
@@ -179,6 +182,8 @@ def test_another_run_begins_anew() -> None:
     for envelope in (world(), readings(0), clock(0), readings(1), clock(1)):
         robot.receive(envelope, NOW)
     assert robot.tick == 1
+    robot.receive(world(Kind.GONE), NOW)
+    robot.receive(world(), NOW)
     assert robot.receive(readings(0, run="y"), NOW) == []  # the clock is still the old run's
     assert "Report" in kinds(robot.receive(clock(0, run="y"), NOW))
     assert (robot.run, robot.tick) == ("y", 0)

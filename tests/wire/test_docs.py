@@ -14,9 +14,9 @@ from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.wire import evidence, keys, messages
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.codec import MAX_ITEMS, MAX_TEXT, decode
-from blackboard.wire.messages import MAX_BYTES, MAX_CELLS, REASONS, VERSION, Report
-from blackboard.wire.types import MAX_OPINIONS, Message, Part
+from blackboard.wire.codec import MAX_TEXT, decode
+from blackboard.wire.messages import MAX_BYTES, MAX_CELLS, MAX_TOTAL, REASONS, VERSION, Report
+from blackboard.wire.types import LARGEST, LEAST, MAX_ITEMS, MAX_NAME, MAX_OPINIONS, Message, Part
 
 PAGE = (Path(__file__).parents[2] / "docs" / "wire.md").read_text(encoding="utf-8")
 MODELS = [
@@ -70,7 +70,8 @@ def test_every_choice_and_bound_of_a_field_stands_there(model: type[BaseModel]) 
         if schema.get("maxItems") != schema.get("minItems"):
             assert f" {schema['maxItems']}" in told[name]
         if schema.get("type") == "number":
-            bound = "> 0" if "exclusiveMinimum" in schema else ">= 0" if "minimum" in schema else ""
+            bound = {LEAST: "> 0", 0: ">= 0", -LARGEST: ""}[schema["minimum"]]
+            assert schema["maximum"] == LARGEST
             assert f"float {bound}".strip() in told[name]
 
 
@@ -80,7 +81,7 @@ def test_the_reasons_are_the_code_s_own_and_in_their_order() -> None:
 
 def test_the_limits_are_the_code_s_own() -> None:
     limits = section("Limits")
-    for limit in (MAX_BYTES, MAX_CELLS, MAX_OPINIONS, MAX_ITEMS, MAX_TEXT):
+    for limit in (MAX_BYTES, MAX_CELLS, MAX_OPINIONS, MAX_ITEMS, MAX_TEXT, MAX_TOTAL, MAX_NAME):
         assert f" {limit}" in limits
     assert f"version {VERSION}" in section("Versions")
 

@@ -10,7 +10,6 @@ import pytest
 from blackboard.errors import Refused
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.evidence import (
-    LARGEST,
     Forward,
     PackedIncrement,
     PackedState,
@@ -21,6 +20,7 @@ from blackboard.wire.evidence import (
     unpack_relatives,
     unpack_state,
 )
+from blackboard.wire.types import LARGEST
 from tests.wire.messages import EVIDENCE, FORWARD, STATE, as_map
 
 

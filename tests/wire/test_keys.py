@@ -76,3 +76,28 @@ def test_the_pattern_of_a_name_is_written_once() -> None:
     files = [path for package in packages for path in (root / package).rglob("*.py")]
     found = [path.name for path in files if "A-Za-z0-9_" in path.read_text(encoding="utf-8")]
     assert found == ["names.py"]
+
+
+@pytest.mark.parametrize(
+    ("key", "token"),
+    [
+        ("cop/t/world/clock", "cop/t/world/alive"),
+        ("cop/t/world/truth", "cop/t/world/alive"),
+        ("cop/t/score/solo/r1", "cop/t/b/member/r1"),
+        ("cop/t/a/report/r1/object/ball", "cop/t/a/member/r1"),
+        ("cop/t/a/status/r1", "cop/t/a/member/r1"),
+        ("cop/t/a/status/x", "cop/t/a/board/x"),
+        ("cop/t/a/forward/x", "cop/t/a/board/x"),
+        ("cop/t/a/consensus/object/ball", "cop/t/a/board/x"),
+        ("cop/t/a/agreed/object/ball", "cop/t/a/board/x"),
+    ],
+)
+def test_a_key_is_written_by_who_holds_the_token(key: str, token: str) -> None:
+    assert keys.writer(key) in keys.identities(token)
+    for other in ("cop/u/a/member/r1", "cop/t/c/board/x", "cop/t/a/member/r2", "cop/u/world/alive"):
+        assert keys.writer(key) not in keys.identities(other)
+
+
+def test_what_is_no_key_is_written_by_nobody() -> None:
+    assert [keys.writer(key) for key in ("a", "cop/t/*/status/r1", "cop/t/a/status/" + "x" * 9999)] == [None] * 3
+    assert keys.identities("cop/t/a/status/r1") == ()

@@ -1,5 +1,7 @@
 """The joint of a board: evidence from the wire in, once each; agreed consensuses with their story out. Pure.
 
+Long, because it is the whole life of a piece of evidence: taken, forwarded, settled, left out, and told as a consensus.
+
 Evidence is numbered by robot, epoch and tick, so that what a robot reports to two boards, or what two boards forward, counts
 once. What has arrived is settled step by step, in each step one tick of every robot: in lockstep that is the tick itself, and
 where ticks are the robots' own it is as many steps as the robot that reports most often needs.
@@ -11,6 +13,7 @@ import logging
 import math
 from collections import Counter, deque
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +39,7 @@ from blackboard.wire.evidence import (
     pack_state,
 )
 from blackboard.wire.messages import Consensus, LeftOut, Used
+from blackboard.wire.types import MAX_NAME
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +47,9 @@ MAX_ROBOTS = 64
 TICKS = 8  # of another board that are remembered as heard; a stale one may arrive after the newest
 MAX_OBJECTS = 64  # in the joint; sightings of others are left to the pooled opinions
 MAX_STATES = 2000  # of the joint, lasting errors included: a step costs their square
+STRIKES = 3  # times that a robot's evidence broke the joint until it is left out
+PENALTY = 60.0  # seconds of team time for which it is then left out; afterwards one more time is enough
+BROKEN = (ArithmeticError, ValueError, LookupError, np.linalg.LinAlgError)  # what evidence may do to the joint
 MAX_WAITING = 64  # ticks of one robot that wait to be settled; the oldest are dropped
 
 #: Makes a consensus of what the joint knows about a subject: its board adds its names, the tick and the time.
@@ -70,6 +77,8 @@ class JointDesk:
         self._heard: dict[tuple[str, str], deque[int]] = {}  # sub-team and board -> the last ticks that it forwarded
         self._forwarders: set[tuple[str, str]] = set()  # the other boards that keep a joint
         self._settled_at: float | None = None  # team time, seconds
+        self._strikes: dict[str, int] = {}  # robot -> how often its evidence broke the joint, as `robot/r1`
+        self._barred: dict[str, float] = {}  # robot -> team time until which it is left out
 
     # --- in -------------------------------------------------------------------------------------------------------------
 
@@ -114,12 +123,19 @@ class JointDesk:
         self.counters["joint_dropped"] += len(evidence.relatives) - len(kept)
         return replace(evidence, relatives=kept)
 
-    def hear(self, forward: Forward) -> None:
-        """Take the evidence that another board passes on; refused as in `take`, after what is sound was taken."""
+    def hear(self, forward: Forward, has_robot: Callable[[str], bool] = lambda robot: True) -> None:
+        """Take the evidence that another board passes on of the robots that its sub-team has.
+
+        Refused: as in `take`, and "unregistered", after what is sound was taken.
+        """
         self._heard.setdefault((forward.sub_team, forward.board), deque(maxlen=TICKS)).append(forward.tick)
         refusals = []
         for one in forward.evidence:
             try:
+                if not has_robot(one.robot):
+                    raise Refused(
+                        "unregistered", f"{one.robot} holds no liveliness token in sub-team {forward.sub_team}"
+                    )
                 self.take(one.robot, one.tick, forward.time, one.evidence, own=False)
             except Refused as refusal:
                 refusals.append(refusal)
@@ -150,23 +166,61 @@ class JointDesk:
         for _ in range(max(1, steps)):
             number = self.team.tick + 1
             batch = [replace(waiting.popleft(), tick=number) for waiting in self._waiting.values() if waiting]
+            batch = [evidence for evidence in batch if self._barred.get(evidence.robot, -math.inf) <= time]
             verdicts += self._settle(number, elapsed / max(1, steps), batch)
         known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
         return [self._consensus(subject, verdicts, time, make) for subject in known]
 
     def _settle(self, number: int, dt: float, batch: list[Evidence]) -> list[Verdict]:
-        """One step of the joint; it begins anew where a robot's numbers break it, and every robot enters again by its state."""
+        """One step of the joint, without the robot whose numbers break it.
+
+        Where no single one does, the joint begins anew, and every robot enters again by its state.
+        """
+        before = deepcopy(self.team)
         try:
-            with np.errstate(over="raise", invalid="raise", divide="raise"):
-                verdicts = list(self.team.settle(number, dt, batch))
-                _check(self.team.joint)
-                return verdicts
-        except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-            self.counters["joint_restarts"] += 1  # evidence came that no arithmetic survives
-            log.warning("the joint begins anew: %s", error)
-            self.team = self._begun()
-            self.team.tick = number
-            return []
+            return self._tried(number, dt, batch)
+        except BROKEN as error:
+            why = error
+        suspects = sorted(batch, key=lambda evidence: evidence.robot)
+        while len(suspects) > 1:
+            half = suspects[: len(suspects) // 2]
+            found = self._without(half, before, number, dt, batch)
+            suspects = suspects[len(half) :] if found is None else half
+        found = self._without(suspects, before, number, dt, batch)
+        if found is not None and suspects:
+            self._strike(suspects[0].robot, why)
+            return found
+        self.counters["joint_restarts"] += 1  # evidence came that no arithmetic survives
+        log.warning("the joint begins anew: %s", why)
+        self.team = self._begun()
+        self.team.tick = number
+        return []
+
+    def _tried(self, number: int, dt: float, batch: list[Evidence]) -> list[Verdict]:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            verdicts = list(self.team.settle(number, dt, batch))
+            _check(self.team.joint)
+            return verdicts
+
+    def _without(
+        self, left: list[Evidence], before: TeamJoint, number: int, dt: float, batch: list[Evidence]
+    ) -> list[Verdict] | None:
+        """The step again, from the joint as it was before, without some evidence; None where that breaks it too."""
+        names = {evidence.robot for evidence in left}
+        self.team = deepcopy(before)
+        try:
+            return self._tried(number, dt, [evidence for evidence in batch if evidence.robot not in names])
+        except BROKEN:
+            return None
+
+    def _strike(self, robot: str, why: Exception) -> None:
+        self.counters["joint_left_out"] += 1
+        self._strikes[robot] = strikes = self._strikes.get(robot, 0) + 1
+        if strikes == 1:
+            log.warning("the evidence of %s breaks the joint and is left out: %s", robot, why)
+        if strikes >= STRIKES and self._settled_at is not None:
+            self._barred[robot] = self._settled_at + PENALTY
+            log.warning("%s is left out of the joint for %g s: its evidence broke it %d times", robot, PENALTY, strikes)
 
     def _age(self, subject: str, time: float) -> float:
         """Seconds since the newest evidence of a robot; 0 for an object, whose random walk is in the joint."""
@@ -179,6 +233,8 @@ class JointDesk:
         spread = np.eye(2) * self.settings.drift**2 * self._age(subject, time)
         belief = draw(self.grid, Moments(marginal.mean, marginal.covariance + spread))
         left_out = {verdict.source: reason(verdict) for verdict in about if not verdict.taken}
+        if time < self._barred.get(subject, -math.inf):
+            left_out[subject] = "its evidence breaks the joint"
         choice = self.team.tally.choices.get(subject)
         if choice is not None and choice.outvoted:
             left_out[PREDICTION] = f"contradicted by {names(choice.members)}"
@@ -197,7 +253,7 @@ class JointDesk:
                 for source in taken
             ],
             left_out=[
-                LeftOut(source=source.removeprefix("robot/"), reason=reason)
+                LeftOut(source=source.removeprefix("robot/"), reason=reason[:MAX_NAME])
                 for source, reason in sorted(left_out.items())
             ],
             components=[] if choice is None else list(choice.components),

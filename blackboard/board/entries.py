@@ -1,0 +1,116 @@
+"""What a board keeps until it is replaced: the newest of each source about each subject, bounded and fair. Pure.
+
+Where there is no room, the source that says most gives way to one that says less. So a source that invents subjects loses
+its own, and what a robot reports of itself, and what a board settled itself, always has room.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from blackboard.board.provenance import Opinion
+from blackboard.errors import Refused
+
+MAX_SUBJECTS = 256  # a board's memory is bounded, whatever is sent to it
+MAX_SOURCES = 64  # on one subject
+MAX_HELD = 256 << 20  # bytes of all beliefs in one of a board's two tables; each entry has up to two
+
+Source = TypeVar("Source", str, tuple[str, str])  # a robot; or a sub-team and one of its boards
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The newest report of one source about one subject, or the newest consensus of one sub-team's board."""
+
+    tick: int
+    time: float
+    opinions: tuple[Opinion, ...]
+
+
+class Entries(Generic[Source]):
+    """Entries by subject and source."""
+
+    def __init__(self, cells: int, own: Source | None = None) -> None:
+        """`cells` of one belief decide how many entries are kept; `own` is the source that always has room, if any."""
+        self._table: dict[str, dict[Source, Entry]] = {}
+        self._most = max(MAX_SUBJECTS, MAX_HELD // (16 * cells))
+        self._count = 0
+        self._own: Source | None = own
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(self._table))
+
+    def sources(self) -> set[Source]:
+        """Everybody of whom something is kept."""
+        return {source for entries in self._table.values() for source in entries}
+
+    def subjects_of(self, source: Source) -> list[str]:
+        """The subjects of which something of this source is kept, sorted."""
+        return [subject for subject in self if source in self._table[subject]]
+
+    def keep(self, subject: str, source: Source, entry: Entry) -> None:
+        """Keep an entry that is not older than what is known. Refused: "too-many", where nobody says more than this source."""
+        known = self._table.get(subject, {}).get(source)
+        if known is None:
+            self._make_room(subject, source)
+            self._count += 1
+        elif entry.time < known.time:
+            return
+        self._table.setdefault(subject, {})[source] = entry
+
+    def withdraw(self, source: Source, tick: int, subjects: Collection[str]) -> None:
+        """Drop what a source said before `tick` on subjects that it no longer lists."""
+        for subject, entries in list(self._table.items()):
+            if subject not in subjects and source in entries and entries[source].tick < tick:
+                self._drop(subject, source)
+
+    def usable(self, subject: str, now: float, max_age: float) -> tuple[dict[Source, Entry], dict[Source, float]]:
+        """The entries on a subject that are young enough; the others are forgotten, and returned once as source -> age (s)."""
+        entries = self._table.get(subject, {})
+        silent = {source: now - entries[source].time for source in sorted(entries)}
+        silent = {source: age for source, age in silent.items() if entries[source].time < now - max_age}
+        young = {source: entry for source, entry in entries.items() if source not in silent}
+        for source in silent:
+            self._drop(subject, source)
+        return young, silent
+
+    # --- room ---------------------------------------------------------------------------------------------------------
+
+    def _drop(self, subject: str, source: Source) -> None:
+        del self._table[subject][source]
+        self._count -= 1
+        if not self._table[subject]:
+            del self._table[subject]
+
+    def _is_safe(self, subject: str, source: Source) -> bool:
+        return source == self._own or subject == f"robot/{source}"
+
+    def _make_room(self, subject: str, source: Source) -> None:
+        here = self._table.get(subject, {})
+        said = Counter(one for entries in self._table.values() for one in entries) if self._is_full(subject) else {}
+        while self._is_full(subject):
+            if len(here) >= MAX_SOURCES:
+                found = [(said[one], subject, [one]) for one in here]
+            elif not here and len(self._table) >= MAX_SUBJECTS:  # of a subject the least that any of its sources says
+                found = [(min(said[one] for one in at), name, list(at)) for name, at in self._table.items()]
+            else:
+                found = [(said[one], name, [one]) for name, at in self._table.items() for one in at]
+            found = [it for it in found if not any(self._is_safe(it[1], one) for one in it[2])]
+            most, loser, sources = max(found, default=(0, "", []))
+            if not found or not (self._is_safe(subject, source) or most > said[source] + 1):
+                raise Refused(
+                    "too-many",
+                    f"{subject} of {source}: there is room for {MAX_SUBJECTS} subjects of {MAX_SOURCES} sources",
+                )
+            for one in sources:
+                self._drop(loser, one)
+                said[one] -= 1
+
+    def _is_full(self, subject: str) -> bool:
+        here = self._table.get(subject)
+        return self._count >= self._most or len(self._table if here is None else here) >= (
+            MAX_SUBJECTS if here is None else MAX_SOURCES
+        )

@@ -1,0 +1,193 @@
+"""Memory and work that one source can cause are bounded, and what it takes is not what others need."""
+
+from __future__ import annotations
+
+import zlib
+from contextlib import suppress
+from typing import Any
+
+import msgpack
+import pytest
+
+from blackboard.board.board import Board
+from blackboard.board.entries import MAX_SOURCES, MAX_SUBJECTS, Entries, Entry
+from blackboard.config import BoardSection
+from blackboard.errors import Refused
+from blackboard.opinion.belief import gaussian
+from blackboard.opinion.grid import Grid
+from blackboard.process import roll_call
+from blackboard.process.roster import MAX_TOKENS, Roster
+from blackboard.wire import arrays, keys
+from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import MAX_BYTES, MAX_TOTAL, Informed, Report, Status
+from blackboard.wire.types import MAX_OPINIONS, capped
+from sim_world.traffic import Traffic
+from tests.board.desk import Desk, clock, report
+from tests.board.reports import at, board, only
+
+TINY = Grid((3,))
+NO_ENTRY = Entry(0, 0.0, ())
+
+
+def test_a_megabyte_of_empty_lists_is_refused_before_all_of_it_is_read() -> None:
+    payload = msgpack.packb({"version": 1, "x": [[[]] * 1023] * 1000})
+    assert 900_000 < len(payload) < MAX_BYTES
+    with pytest.raises(Refused, match=f"not-msgpack: more than {MAX_TOTAL} items"):
+        decode(Status, payload)
+
+
+def test_a_belief_on_a_wrong_grid_is_refused_before_it_is_inflated(monkeypatch: pytest.MonkeyPatch) -> None:
+    packed = pack(gaussian(Grid((1024, 1024)), (3, 3), 1.0))
+    bomb = packed.model_copy(update={"box": (1024, 1024), "lo": (0, 0), "data": zlib.compress(bytes(1 << 20))})
+    monkeypatch.setattr(arrays, "_inflate", lambda data, size: pytest.fail("it was inflated"))
+    with pytest.raises(Refused, match="grid"):
+        unpack(bomb, Grid((30, 20)))
+
+
+@pytest.mark.parametrize("world", [True, False])
+def test_statuses_of_invented_robots_and_boards_leave_nothing_behind(world: bool) -> None:
+    desk = Desk(world=world)
+    desk.register("r1")
+    if world:
+        desk.tell(clock(0, "r1", b=["r4"]))
+    for i in range(1200):
+        kind = ("robot", "board")[i % 2]
+        subjects = [] if i % 3 else [f"object/o{j}" for j in range(20)]
+        phase: Any = "reported" if kind == "robot" else "consensus"
+        said = Status(process=f"x{i}", kind=kind, tick=0, time=0.0, phase=phase, subjects=subjects)  # type: ignore[arg-type]
+        sub_team = "a" if kind == "robot" else f"z{i}"
+        desk.tell(Envelope(keys.STATUS.key(team="t", sub_team=sub_team, process=f"x{i}"), encode(said)))
+    assert desk.it._reports._lists == {}
+    assert desk.it._consensuses._lists == {}
+    assert desk.it._reports._heard == {}
+
+
+def test_a_status_of_nearly_a_megabyte_is_refused() -> None:
+    fields = {"version": 1, "process": "x", "kind": "robot", "tick": 1, "time": 0.0}
+    for more in (
+        {"settings": {f"{i}": "x" * 900 for i in range(1000)}},
+        {"counters": {"x" * 900 + str(i): i for i in range(900)}},
+    ):
+        with pytest.raises(Refused, match="fields"):
+            decode(Status, msgpack.packb({**fields, **more}))
+
+
+def test_the_world_keeps_only_what_it_sums_up() -> None:
+    traffic = Traffic()
+    said = Status(process="r1", kind="robot", tick=1, time=0.0, counters={"sent": 3}, subjects=["object/ball"])
+    traffic.hear("a", said)
+    assert traffic.counters({}) == {"sent": 3}
+    assert list(traffic._statuses.values()) == [({"sent": 3}, {})]
+
+
+def test_a_roll_call_is_bounded() -> None:
+    it: roll_call.RollCall[int] = roll_call.RollCall()
+    for source in range(roll_call.MAX_SOURCES + 50):
+        it.record(source, "object/ball", 1)
+        it.record_list(source, 1, ["object/ball"])
+    assert len(it._heard) == len(it._lists) == roll_call.MAX_SOURCES
+
+
+def test_invented_tokens_are_bounded_and_the_world_s_is_still_seen() -> None:
+    own = keys.BOARD.key(team="t", sub_team="a", board="a")
+    it = Roster(own)
+    for i in range(MAX_TOKENS + 100):
+        it.hear(Envelope(keys.MEMBER.key(team="t", sub_team=f"z{i}", robot="x"), kind=Kind.ALIVE), 0.0)
+    assert len(it.tokens) == len(it._until) == MAX_TOKENS
+    it.hear(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), 0.0)
+    it.hear(Envelope(own, kind=Kind.ALIVE), 0.0)
+    assert it.world
+    assert own in it.tokens
+
+
+# --- room for the sub-team's own ------------------------------------------------------------------------------------------
+
+
+def test_who_invents_subjects_loses_its_own() -> None:
+    it: Entries[str] = Entries(TINY.size)
+    for i in range(MAX_SUBJECTS):
+        it.keep(f"object/x{i:03}", "liar", NO_ENTRY)
+    with pytest.raises(Refused, match="too-many"):
+        it.keep("object/one-more", "liar", NO_ENTRY)
+    for robot in ("r1", "r2"):
+        for subject in (f"robot/{robot}", "object/ball", f"object/{robot}"):
+            it.keep(subject, robot, NO_ENTRY)
+    assert {"robot/r1", "robot/r2", "object/ball", "object/r1", "object/r2"} <= set(it)
+    assert len(list(it)) == MAX_SUBJECTS
+
+
+def test_what_a_robot_says_of_itself_has_room_among_as_many_sources_as_there_may_be() -> None:
+    it: Entries[str] = Entries(TINY.size)
+    for i in range(MAX_SOURCES):
+        it.keep("robot/r1", f"x{i}", NO_ENTRY)
+    it.keep("robot/r1", "r1", NO_ENTRY)
+    assert "r1" in it.usable("robot/r1", 0.0, 1.0)[0]
+    assert len(it.usable("robot/r1", 0.0, 1.0)[0]) == MAX_SOURCES
+
+
+def test_a_board_s_own_has_room_whatever_other_boards_say() -> None:
+    own = ("a", "a")
+    it: Entries[tuple[str, str]] = Entries(TINY.size, own)
+    for i in range(MAX_SUBJECTS):
+        it.keep(f"object/x{i}", ("b", "b"), NO_ENTRY)
+    for i in range(MAX_SUBJECTS):
+        it.keep(f"object/own{i}", own, NO_ENTRY)
+    assert it.subjects_of(own) == list(it)
+    with pytest.raises(Refused):
+        it.keep("object/x", ("b", "b"), NO_ENTRY)
+
+
+def test_all_entries_together_are_bounded_by_the_size_of_a_grid(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("blackboard.board.entries.MAX_HELD", 16 * TINY.size * 300)
+    it: Entries[str] = Entries(TINY.size)
+    for i in range(200):
+        it.keep(f"object/x{i}", "r1", NO_ENTRY)
+    for i in range(200):
+        with suppress(Refused):
+            it.keep(f"object/x{i}", "r2", NO_ENTRY)
+    assert [len(it.subjects_of(robot)) for robot in ("r1", "r2")] == pytest.approx([150, 150], abs=1)
+    assert it._count == 300
+
+
+def test_a_board_takes_no_word_for_whose_information_a_report_is() -> None:
+    """Ancestors that leave out the source, or name everybody, change nothing of what is multiplied."""
+    found = []
+    for belief, informed in (
+        ({}, {"r1": 0.0, "r2": 0.0}),
+        ({"x": 0.0}, {"r2": 0.0}),
+        ({f"x{i}": 0.0 for i in range(256)}, {"r2": 0.0}),
+    ):
+        it = board()
+        for robot, x in (("r1", 10.0), ("r2", 11.0)):
+            said = Report(
+                source=robot, subject="object/ball", tick=0, time=0.0, belief=pack(at(x, 10, 2)), ancestors=belief
+            )
+            more = Informed(belief=pack(at(10, 10, 1)), ancestors=informed)
+            it.hear(said.model_copy(update={"informed": more} if robot == "r1" else {}), 0.0)
+        told = only(it.settle(0, 0.0))
+        found.append((told.belief, told.ancestors))
+    assert found[0] == found[1] == found[2]
+    assert found[0][1].keys() == {"r1", "r2"}
+
+
+def test_too_many_ancestors_are_cut_with_room_for_the_sub_team_s_own() -> None:
+    it = Board("a", "a", TINY, BoardSection())
+    packed = pack(gaussian(TINY, (1,), 1.0))
+    for robot, names in (("z1", [f"a{i}" for i in range(256)]), ("z2", [f"b{i}" for i in range(256)])):
+        informed = Informed(belief=packed, ancestors=dict.fromkeys(names, 0.0))
+        it.hear(Report(source=robot, subject="object/ball", tick=0, time=0.0, belief=packed, informed=informed), 0.0)
+    told = only(it.settle(0, 0.0))
+    assert len(told.ancestors) <= MAX_OPINIONS
+    assert {"z1", "z2"} <= told.ancestors.keys()
+    assert capped({"a": 1.0}, lambda: pytest.fail("it is not asked where there is room")) == {"a": 1.0}
+
+
+def test_a_robot_s_list_counts_only_with_its_token() -> None:
+    desk = Desk()
+    desk.register("r1")
+    desk.tell(clock(0, "r1"), report("r1", 0))
+    said = Status(process="r9", kind="robot", tick=0, time=0.0, phase="reported", subjects=["object/ball"])
+    desk.tell(Envelope(keys.STATUS.key(team="t", sub_team="a", process="r9"), encode(said)))
+    assert desk.status().refused == {"unregistered": 1}

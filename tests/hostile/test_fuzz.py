@@ -1,0 +1,14 @@
+"""A small part of `make fuzz`: changed messages of every type through the services of a team."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.hostile.fuzz import run
+
+
+@pytest.mark.parametrize("joint", [False, True], ids=["opinions", "joint"])
+def test_whatever_arrives_no_service_meets_an_exception_and_the_run_ends(joint: bool) -> None:
+    found = run(1, 150, joint)
+    assert found["sent"] == 150
+    assert found["fields"] > 50

@@ -1,0 +1,87 @@
+"""The joint: who breaks it, or speaks for others, is left out itself, and nobody else is."""
+
+from __future__ import annotations
+
+import pytest
+
+from blackboard.errors import Refused
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.wire import keys
+from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence
+from tests.board.joint.test_desk import MAKE, at, desk, means
+from tests.hostile.attack import JOINT, Attack
+
+ROBOTS = [f"r{i}" for i in range(1, 8)]
+
+
+def broken(epoch: int) -> PackedEvidence:
+    """Evidence that is a message and breaks the joint of whoever takes it."""
+    return at(10, 10).model_copy(update={"epoch": epoch})
+
+
+@pytest.fixture(autouse=True)
+def breaking(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a robot sends in an epoch of 13 s breaks the arithmetic, after others were settled."""
+    settle = TeamJoint.settle
+
+    def breaks(self: TeamJoint, tick: int, dt: float, reports: list) -> list:  # type: ignore[type-arg]
+        found = settle(self, tick, dt, reports)
+        if any(evidence.epoch == 13 for evidence in reports):
+            raise FloatingPointError("overflow")
+        return found
+
+    monkeypatch.setattr(TeamJoint, "settle", breaks)
+
+
+@pytest.mark.parametrize("liar", ["r1", "r4", "r7"])
+def test_a_member_that_breaks_the_joint_every_tick_is_left_out_and_the_others_are_not(
+    liar: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    it = desk()
+    for tick in range(10):
+        for i, robot in enumerate(ROBOTS):
+            it.take(robot, tick, float(tick), broken(13) if robot == liar else at(10 + i, 10), own=True)
+        told = means(it.settle(float(tick), MAKE))
+        assert told.keys() == {f"robot/{robot}" for robot in ROBOTS if robot != liar}
+    assert (it.counters["joint_left_out"], it.counters["joint_restarts"]) == (3, 0)
+    assert f"robot/{liar} is left out of the joint for 60 s" in caplog.text
+
+
+def test_who_was_left_out_may_return_and_is_left_out_at_once_if_it_breaks_the_joint_again() -> None:
+    it = desk()
+    for tick in range(5):
+        it.take("r1", tick, float(tick), broken(13), own=True)
+        it.settle(float(tick), MAKE)
+    it.take("r1", 6, 70.0, at(10, 10).model_copy(update={"epoch": 100}), own=True)
+    assert "robot/r1" in means(it.settle(70.0, MAKE))
+    assert it.counters["joint_left_out"] == 3
+
+
+def test_a_board_may_not_speak_for_a_robot_of_another_sub_team() -> None:
+    it = desk()
+    it.take("r1", 0, 0.0, at(10, 10), own=True)
+    forged = at(40, 40).model_copy(update={"epoch": 900})
+    evidence = [
+        Forwarded(robot="r1", tick=2**53 - 1, evidence=forged),
+        Forwarded(robot="r9", tick=0, evidence=at(20, 20)),
+    ]
+    with pytest.raises(Refused, match="unregistered"):
+        it.hear(Forward(board="b", sub_team="b", tick=0, time=1.0, evidence=evidence), lambda robot: robot == "r9")
+    it.take("r1", 1, 0.2, at(10, 10), own=True)
+    assert means(it.settle(0.2, MAKE)) == {"robot/r1": (10.0, 10.0), "robot/r9": (20.0, 20.0)}
+
+
+def test_a_lying_board_does_not_shut_a_robot_out_of_a_running_team() -> None:
+    attack = Attack(JOINT)
+
+    def change(said: Forward) -> list[tuple[str, Forward]]:
+        forged = [one.model_copy(update={"robot": "r1", "tick": one.tick + 1000}) for one in said.evidence]
+        return [(key, said.model_copy(update={"evidence": [*forged, *said.evidence]}))]
+
+    key = keys.FORWARD.key(team="t", sub_team="b", board="board-b")
+    attack.instead(key, change)
+    attack.goes_on()
+    board = attack.team.boards["a"]
+    assert board.refused["unregistered"] > 0
+    assert board._joint is not None
+    assert board._joint._newest["r1"][1] == attack.team.world.tick

@@ -1,0 +1,67 @@
+"""A lockstep run of real processes while a stranger talks into it: it ends, and not a bit of what the team believes has changed."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from blackboard.config import load
+from blackboard.errors import UserError
+from blackboard.lab.team import Team
+from blackboard.net.link import Link
+from blackboard.net.settings import LinkConfig
+from blackboard.run.launch import free_port
+from blackboard.wire import keys
+from blackboard.wire.codec import encode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Status
+
+ROOT = Path(__file__).parents[2]
+SECONDS = 4.0
+BURST, PAUSE = 20, 0.01  # envelopes, and seconds between them: about 2000 a second
+
+
+def flood() -> list[Envelope]:
+    """What a stranger sends without any token, in the names of invented robots and boards."""
+    scenario = load("demo")
+    team, sub_team = scenario.team.name, next(iter(scenario.team.sub_teams))
+    found = []
+    for i in range(200):
+        status = Status(process=f"x{i}", kind="robot", tick=1, time=0.2, phase="reported", subjects=["object/ball"])
+        found.append(Envelope(keys.STATUS.key(team=team, sub_team=sub_team, process=f"x{i}"), encode(status)))
+        report = keys.REPORT.key(team=team, sub_team=sub_team, source=f"x{i}", subject="object/ball")
+        found.append(Envelope(report, bytes(500)))
+        found.append(Envelope(keys.FORWARD.key(team=team, sub_team=sub_team, board=f"x{i}"), b"\x80"))
+    return found
+
+
+def test_a_stranger_s_flood_changes_not_a_bit() -> None:
+    at = f"tcp/127.0.0.1:{free_port()}"
+    command = [sys.executable, "-m", "blackboard", "demo", "--seconds", f"{SECONDS:g}", "--json", "-l", at]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
+        sent, pause = 0, threading.Event()
+        try:
+            with Link(LinkConfig(connect=(at,)), "stranger", patience=30.0) as link:
+                envelopes = itertools.cycle(flood())
+                while running.poll() is None:
+                    for envelope in itertools.islice(envelopes, BURST):
+                        link.send(envelope)
+                    sent += BURST
+                    pause.wait(PAUSE)
+        except UserError:
+            pytest.fail("no router answered")
+        finally:
+            if running.poll() is None:
+                running.terminate()
+        out, _ = running.communicate(timeout=60)
+    card = json.loads(out)
+    assert card["ticks"] == round(SECONDS / load("demo").time.tick)
+    assert sum(card["messages"]["refused"].values()) > 0
+    assert sent > 1000
+    assert card["hash"] == Team(load("demo").changed("time", seconds=SECONDS)).run()["hash"]
