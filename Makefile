@@ -14,7 +14,7 @@ SEED         ?= 1
 ONLY         ?=
 COUNT        ?= 100000
 
-.PHONY: help demo test check lint format types imports rooms unit system compose-test mutants fuzz figures wheels venv clean
+.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz figures wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -23,7 +23,7 @@ help: ## this list
 demo: $(VENV)/.run ## six robots in two sub-teams localise themselves and two objects: ends with PASS or FAIL
 	@$(BIN)/blackboard demo
 
-test: check unit system ## everything but the containers: checks, unit tests, tests with real processes
+test: check unit team system ## everything but the containers: checks, unit tests, whole teams, real processes
 
 check: lint format types imports rooms ## ruff, mypy --strict, import-linter, who imports what
 
@@ -43,7 +43,10 @@ rooms: $(VENV)/.dev
 	$(PYTEST) tests/test_rooms.py
 
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
-	$(PYTEST) -m "not system and not compose and not hostile" --ignore tests/test_rooms.py -n 2 --durations=5
+	$(PYTEST) -m "not system and not compose and not team" --ignore tests/test_rooms.py -n 2 --durations=5
+
+team: $(VENV)/.dev ## whole teams in one process, the laboratory, tapes and views, in half a minute
+	$(PYTEST) -m "team and not hostile" -n 2 --durations=5
 
 system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1
 	$(PYTEST) -m system --durations=5

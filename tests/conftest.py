@@ -37,12 +37,14 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The folders `system` and `compose` mark their tests: none with real processes runs among the unit tests."""
+    """Folders mark their tests, so that only what takes milliseconds runs among the unit tests (Makefile)."""
     here = Path(__file__).parent
     for item in items:
         room = item.path.relative_to(here).parts[0]
         if room in ("system", "compose"):
             item.add_marker(room)
+        elif room in ("flow", "hostile", "lab", "tape", "view"):
+            item.add_marker("team")
 
 
 @pytest.fixture

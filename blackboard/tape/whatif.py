@@ -138,7 +138,9 @@ class _Boards:
             self._now = max(self._now, due)
             self._send(service, link, service.wake(self._now))
             self._deliver()
-            self._now += LATER
+            self._now = max(
+                self._now + LATER, math.nextafter(self._now, math.inf)
+            )  # far from now, LATER is rounded away
         self._now = max(self._now, until)
 
     def _deliver(self) -> None:

@@ -59,9 +59,6 @@ MAX_JOURNAL_NAME = 512  # characters; no key of a topic is longer
 MAX_CELLS = 1 << 20  # the largest grid that is unpacked
 MAX_TOTAL = 1 << 17  # items of all arrays and maps together
 
-#: Unix seconds; the bound is far in the future, and keeps what is counted in periods of it an integer.
-UnixTime = Annotated[float, Field(ge=0, le=1e11, allow_inf_nan=False)]
-
 
 # --- beliefs -----------------------------------------------------------------------------------------------------------
 
@@ -200,13 +197,13 @@ class Journal(Message):
 
     board: Name
     sub_team: Name
-    began: UnixTime  # of the first event: another value is another life of the board
+    began: NonNegative  # of the first event: another value is another life of the board
     first: Tick  # number of the first event here, counted from 0 at `began`
     events: Annotated[
         list[
             Annotated[
                 tuple[
-                    UnixTime,
+                    NonNegative,
                     Literal["put", "delete", "alive", "gone", "wake"],
                     Annotated[str, Field(max_length=MAX_JOURNAL_NAME)],
                 ],

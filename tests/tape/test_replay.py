@@ -113,10 +113,8 @@ def test_a_board_without_a_world_comes_out_the_same() -> None:
 def test_messages_on_a_tape_may_be_anything(tmp_path: Path) -> None:
     """Truths outside the grid, ticks and times far away, garbage: a replay and a scorecard come out of it."""
     _, tape = recorded_run(tmp_path / "x.mcap")
-    far = Truth(
-        run=tape.runs[0], tick=3, time=1e300, positions={"robot/r1": (1e100, -1e100), "object/ball": (-5.0, 1e9)}
-    )
-    clock = Clock(run=tape.runs[0], tick=2**53 - 1, time=-1e300, mode="realtime")
+    far = Truth(run=tape.runs[0], tick=3, time=1e12, positions={"robot/r1": (1e12, -1e12), "object/ball": (-5.0, 1e9)})
+    clock = Clock(run=tape.runs[0], tick=2**53 - 1, time=-1e12, mode="realtime")
     journal = Journal(
         board="x", sub_team="y", began=1e11, first=2**53 - 1, events=[(1e11, "wake", ""), (0.0, "alive", "z")]
     )
