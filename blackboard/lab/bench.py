@@ -21,6 +21,7 @@ from sim_world.series import Sample
 FUSIONS = ("opinions", "joint")
 TEAM = "team"
 OBJECTS = "objects"
+SOLO = {"opinions": "solo", "joint": "solo (joint)"}  # fusion -> the name of what its robots believe alone
 
 BLOCK = 30.0  # seconds: what happens in different blocks is taken as independent
 FOUND, HOLD = 0.5, 10.0  # metres, seconds: a robot is localised once its error stays below, for so long
@@ -28,8 +29,9 @@ GAP = 2.0  # seconds: the longest time between two judged samples that follow ea
 NO_LANDMARK = 5.0  # seconds without a landmark sighting: after that a robot has no landmark access
 
 DEFINITIONS = (
-    "solo: what a robot believes on its own readings; opinions, joint: what the team agreed on, by [board] fusion. All three on"
-    " the same samples: each robot at each whole second.",
+    "solo: what a robot believes on its own readings, on grids where boards pool opinions; solo (joint): by its Gaussian filter,"
+    " where boards keep a joint; opinions, joint: what the team agreed on, by [board] fusion. All on the same samples: each robot at"
+    " each whole second.",
     "50/90/95 %: share of samples whose highest-density region of that mass holds the truth, with a 95 % Wilson interval. It"
     f" assumes that blocks of {BLOCK:g} s of the whole team are independent of each other, and nothing about samples within a block:"
     " it counts as many independent samples as would make a share spread like the blocks' shares, and one for each block where"
@@ -136,10 +138,10 @@ def measure(samples: Sequence[Sample]) -> dict[str, Any]:
 
 
 def own_places(run: Run) -> Iterator[tuple[str, Sample]]:
-    """The samples of a run that are about the robots' own places, with the way that they come from: "solo", or the run's fusion."""
+    """The samples of a run that are about the robots' own places, with the way that they come from (DEFINITIONS)."""
     for sample in run.samples:
         if sample.subject == f"robot/{sample.robot}" and sample.level != "consensus":
-            yield ("solo" if sample.level == "solo" else run.fusion), sample
+            yield (SOLO[run.fusion] if sample.level == "solo" else run.fusion), sample
 
 
 def objects(run: Run) -> Iterator[tuple[str, Sample]]:
@@ -150,7 +152,7 @@ def objects(run: Run) -> Iterator[tuple[str, Sample]]:
             continue
         name = (run.protocol, sample.tick, sample.subject, sample.sub_team)
         if sample.level == "solo":
-            yield "solo", sample
+            yield SOLO[run.fusion], sample
         elif name not in once:
             once.add(name)
             yield run.fusion, sample
@@ -171,12 +173,11 @@ def together(name: str, runs: Sequence[Run]) -> Run:
 
 
 def ways(runs: Sequence[Run], about: Callable[[Run], Iterator[tuple[str, Sample]]]) -> dict[str, list[Sample]]:
-    """Of the runs of one protocol: "solo" (the first run's) and each fusion, with their samples."""
+    """Of the runs of one protocol: each way, with its samples."""
     found: dict[str, list[Sample]] = {}
-    for number, run in enumerate(runs):
+    for run in runs:
         for way, sample in about(run):
-            if way != "solo" or not number:
-                found.setdefault(way, []).append(sample)
+            found.setdefault(way, []).append(sample)
     return found
 
 

@@ -15,7 +15,12 @@ from sim_world.series import Sample
 __all__ = ["protocol", "save"]
 
 GREY = "#999999"
-LINES = {"solo": (GREY, ":"), "opinions": (BLUE, "--"), "joint": (VERMILION, "-")}  # way -> colour, line style
+LINES = {  # way -> colour, line style
+    "solo": (GREY, ":"),
+    "opinions": (BLUE, "--"),
+    "solo (joint)": (GREY, "-."),
+    "joint": (VERMILION, "-"),
+}
 Axis = Any  # of matplotlib, which has no types
 
 
@@ -55,7 +60,7 @@ def _trajectory(axis: Axis, by_way: dict[str, list[Sample]]) -> None:
     one = next(iter(by_way.values()))
     axis.plot([s.truth_x for s in one], [s.truth_y for s in one], color=BLACK, lw=1.5, label="truth")
     for way, samples in by_way.items():
-        if way != "solo":
+        if not way.startswith("solo"):
             colour, style = LINES[way]
             axis.plot([s.mean_x for s in samples], [s.mean_y for s in samples], color=colour, ls=style, lw=1, label=way)
     axis.set_aspect("equal")

@@ -57,7 +57,7 @@ CLOCK = Topic(
 )  # fmt: skip
 READING = Topic(
     "reading", "cop/{team}/world/reading/{robot}", "Readings",
-    ("world", "robot"), "robot", ("robot",), "every tick", "sensor data of one tick; of a real robot by its own drivers",
+    ("world", "robot"), "robot", ("robot", "operator"), "every tick", "sensor data of one tick; of a real robot by its own drivers",
 )  # fmt: skip
 TRUTH = Topic(
     "truth", "cop/{team}/world/truth", "Truth",
@@ -69,11 +69,11 @@ WORLD = Topic(
 )  # fmt: skip
 SOLO = Topic(
     "solo", "cop/{team}/score/solo/{robot}", "Solo",
-    ("robot",), "robot", ("world",), "every tick", "its beliefs without the team",
+    ("robot",), "robot", ("world", "operator"), "every tick", "its beliefs without the team",
 )  # fmt: skip
 REPORT = Topic(
     "report", "cop/{team}/{sub_team}/report/{source}/{subject}", "Report",
-    ("robot",), "source", ("board",), "every tick", "a belief",
+    ("robot",), "source", ("board", "operator"), "every tick", "a belief",
 )  # fmt: skip
 CONSENSUS = Topic(
     "consensus", "cop/{team}/{sub_team}/consensus/{subject}", "Consensus",

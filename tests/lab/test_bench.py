@@ -160,8 +160,8 @@ def test_numbers_of_robots_and_team_by_hand() -> None:
     found = bench.report([run("A_all", "opinions", 1.0), run("A_all", "joint", 0.1)])
     scores = found["protocols"]["A_all"]["scores"]
     assert list(scores) == ["team", "r1", "r2", "objects"]
-    assert list(scores["team"]) == ["solo", "opinions", "joint"]
-    assert scores["team"]["solo"]["n"] == 4  # of one of the runs
+    assert list(scores["team"]) == ["solo", "opinions", "solo (joint)", "joint"]
+    assert scores["team"]["solo"]["n"] == 4
     team = scores["team"]["opinions"]
     assert team["rmse"] == pytest.approx(math.sqrt(5))
     assert (team["mean"], team["max"]) == (2.0, 3.0)
@@ -216,7 +216,10 @@ def test_what_a_sub_team_agreed_on_about_an_object_counts_once() -> None:
     alone = [replace(mate, level="solo", mean_x=2.0) for mate in mates]
     one = replace(run("O2_mate3", "joint", 0.1), samples=[*mates, *alone])
     found = bench.report([one])["protocols"]["O2_mate3"]["scores"]
-    assert {way: (s["n"], s["rmse"]) for way, s in found["objects"].items()} == {"solo": (2, 2.0), "joint": (1, 0.5)}
+    assert {way: (s["n"], s["rmse"]) for way, s in found["objects"].items()} == {
+        "solo (joint)": (2, 2.0),
+        "joint": (1, 0.5),
+    }
 
 
 def test_the_runs_of_a_family_are_judged_together() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from blackboard.config import load
+from blackboard.lab.bench import SOLO
 from blackboard.lab.team import Team
 from tests.processes import children, is_running, wait_until
 
@@ -135,7 +136,7 @@ def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
     for fusion in ("opinions", "joint"):
         card = json.loads((tmp_path / f"C_blind12-{fusion}.json").read_text())["card"]
         assert card["fusion"] == fusion
-        for level, way in (("solo", "solo"), ("agreed", fusion)):
+        for level, way in (("solo", SOLO[fusion]), ("agreed", fusion)):
             told, found = card["scores"]["robots"][level], scores["team"][way]
             for name in ("n", "rmse", "mean", "p95", "max", "log_score"):
                 assert found[name] == pytest.approx(told[name])
