@@ -6,7 +6,7 @@ mean is the callers' (`vehicle`, `relation`). Units are the callers' too.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,6 +106,18 @@ class Joint:
         """A measurement's residual with its covariance; `jacobians` are the derivatives of what is expected, by block."""
         row = self._row(jacobians, len(residual))
         return Innovation(residual, row @ self.covariance @ row.T + noise)
+
+    def innovation_of(self, measurements: Sequence[tuple[Array, Mapping[Block, Array], Array]]) -> tuple[float, int]:
+        """The squared Mahalanobis distance of several measurements together, and its degrees of freedom."""
+        row = np.concatenate([self._row(jacobians, len(residual)) for residual, jacobians, _ in measurements])
+        covariance = row @ self.covariance @ row.T
+        first = 0
+        for residual, _, noise in measurements:
+            place = slice(first, first + len(residual))
+            covariance[place, place] += noise
+            first = place.stop
+        residual = np.concatenate([residual for residual, _, _ in measurements])
+        return Innovation(residual, covariance).squared, len(residual)
 
     def update(self, residual: Array, jacobians: Mapping[Block, Array], noise: Array) -> None:
         """Kalman's update (Joseph's form, so that the covariance stays positive)."""

@@ -9,6 +9,7 @@ Long, because it is the whole of a tick: who moved, who is believed, what is mul
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -21,11 +22,11 @@ from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Tally, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.innovations import Innovations
-from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.joint import Block, Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive
-from blackboard.opinion.grid import Grid
+from blackboard.opinion.grid import Array, Grid
 
 #: The 99.9 % quantiles of chi-squared, by degrees of freedom from 1 on.
 GATES = (10.83, 13.82, 16.27, 18.47, 20.52, 22.46, 24.32, 26.12, 27.88)
@@ -160,7 +161,12 @@ class TeamJoint:
             opinions = {source: place for source, place in said.items() if place is not None}
             if len(opinions) > 1:
                 predicted = self.marginal(robot)
-                found[robot] = choose({PREDICTION: predicted, **opinions}, self.rule)
+                choice = choose({PREDICTION: predicted, **opinions}, self.rule)
+                if choice.outvoted and not self._is_refuted(
+                    robot, [pieces[n] for n in sorted(choice.members)], motions
+                ):
+                    continue  # the members' errors have something in common
+                found[robot] = choice
                 if found[robot].outvoted:
                     away = [opinions[name].mean - predicted.mean for name in found[robot].members]
                     self._widen(robot, float(np.hypot(*np.mean(away, axis=0))))
@@ -192,6 +198,20 @@ class TeamJoint:
             return expect(self.joint, piece, motions).innovation(self.joint).squared > DOUBTS[1]
         it = likelihood(self.joint, robot, piece)
         return it is not None and it.innovation(self.joint).squared > DOUBTS[len(it.residual) - 1]
+
+    def _is_refuted(self, robot: str, pieces: list[Increment | Relative], motions: Mapping[str, Motion]) -> bool:
+        """Whether some evidence together is beyond the 99.9 % quantile, all that its errors share in the joint considered."""
+        parts: list[tuple[Array, dict[Block, Array], Array]] = []
+        for piece in pieces:
+            if isinstance(piece, Relative):
+                seen = expect(self.joint, piece, motions)
+                parts.append((seen.residual, seen.jacobians, seen.noise))
+            elif (it := likelihood(self.joint, robot, piece)) is not None:
+                parts.append((it.residual, {robot: it.rows}, it.noise))
+        squared, freedom = self.joint.innovation_of(parts)
+        return (
+            squared > freedom * (1 - 2 / (9 * freedom) + 3.09 * math.sqrt(2 / (9 * freedom))) ** 3
+        )  # Wilson, Hilferty 1931
 
     def _outvoted(self, robot: str, source: str) -> tuple[str, ...]:
         """The members of the coalition that is believed about a robot's place, where a source is not among them."""

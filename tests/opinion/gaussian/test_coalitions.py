@@ -124,6 +124,26 @@ def test_two_mates_that_agree_win_over_the_prediction_and_a_third_that_does_not_
     assert len(choice.components) == 4
 
 
+def test_mates_that_err_together_are_one_voice() -> None:
+    """What two mates say of a robot is no coalition against it where both may be off in the same way."""
+    counts = {}
+    for shared in (0.0, 9.0):
+        it = team()
+        axes = [it.joint.blocks[robot].start + axis for robot in ("robot/r2", "robot/r3") for axis in (0, 1)]
+        it.joint.covariance[np.ix_(axes, axes)] += 9.0 * np.eye(4)
+        for one, other in ((0, 2), (1, 3)):
+            it.joint.covariance[axes[one], axes[other]] += shared
+            it.joint.covariance[axes[other], axes[one]] += shared
+        away = (0.0, 9.7)
+        it.settle(
+            1,
+            1.0,
+            [told(r, 1, *([sees(r, "robot/r1", away)] if r in ("robot/r2", "robot/r3") else [])) for r in PLACES],
+        )
+        counts[shared] = it.tally.outvoted
+    assert counts == {0.0: 1, 9.0: 0}
+
+
 def test_a_robot_that_lies_of_its_own_place_is_outvoted_by_those_who_see_it() -> None:
     true = PLACES["robot/r1"]
     it = carried(sees("robot/r2", "robot/r1", true), sees("robot/r3", "robot/r1", true), own=np.array([6.0, -6.0]))
