@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from blackboard.board.board import Board
 from blackboard.config import BoardSection, Scenario
 from blackboard.lab.team import Team
@@ -35,6 +37,7 @@ def test_what_another_board_lists_no_longer_is_not_agreed_any_more() -> None:
     assert [c.subject for c in it.exchange(3, 0.6)] == ["object/ball"]
 
 
+@pytest.mark.team
 def test_a_sighting_of_another_sub_teams_robot_is_agreed_on_only_while_it_is_in_view() -> None:
     """Three robots: what the board of `b` believes about r1, by the sightings of r3, is gone once r3 sees it no longer."""
     scenario = Scenario(

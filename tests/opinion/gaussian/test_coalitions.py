@@ -207,6 +207,7 @@ def others_error(seed: int, lie: float) -> float:
     return math.sqrt(np.mean(squared))
 
 
+@pytest.mark.team
 def test_a_liar_of_five_raises_the_error_of_the_others_by_a_fifth_at_most() -> None:
     honest, lying = (np.mean([others_error(seed, lie) for seed in range(3)]) for lie in (0.0, 8.0))
     assert lying <= 1.2 * honest

@@ -64,6 +64,7 @@ def squared_distances(seed: int, claims: float) -> tuple[list[float], float]:
     return found, it.innovations.variance(("robot/r1", "relative"))
 
 
+@pytest.mark.team
 def test_a_camera_that_claims_a_quarter_of_its_noise_is_found_out() -> None:
     honest, learned = squared_distances(5, 1.0)
     assert learned < 1.7

@@ -149,7 +149,7 @@ def test_neither_the_order_of_arrival_nor_repetition_changes_anything(seed: int,
 
 
 @given(st.integers(0, 1000), st.lists(st.tuples(st.integers(1, 5), st.integers(0, 2)), max_size=8))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_what_is_lost_is_lost_and_never_adds(seed: int, lost: list[tuple[int, int]]) -> None:
     reports = story(seed)
     whole = settled(reports)
