@@ -45,7 +45,7 @@ rooms: $(VENV)/.dev
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
 	$(PYTEST) -m "not system and not compose and not team" --ignore tests/test_rooms.py -n 2 --durations=5
 
-team: $(VENV)/.dev ## whole teams in one process, the laboratory, tapes and views, in half a minute
+team: $(VENV)/.dev ## whole teams in one process, links, the laboratory, tapes and views, in half a minute
 	$(PYTEST) -m "team and not hostile" -n 2 --durations=5
 
 system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1
