@@ -220,7 +220,8 @@ def first_fault(error: ValidationError, where: str) -> str:
         return f"{field}.{cause.key}: {cause.cure}" + ("" if cause.value is None else f" (got {cause.value})")
     if fault["type"] == "extra_forbidden":
         return f"{field}: no such key; remove it or mend its spelling"
-    return f"{field}: {fault['msg']} (got {fault['input']!r:.80})"
+    message = fault["msg"].removeprefix("Value error, ")  # pydantic's prefix of what our own validators say
+    return f"{field}: {message} (got {fault['input']!r:.80})"
 
 
 def load(name: str | Path) -> Scenario:

@@ -52,7 +52,10 @@ class Entries(Generic[Source]):
         return [subject for subject in self if source in self._table[subject]]
 
     def keep(self, subject: str, source: Source, entry: Entry) -> None:
-        """Keep an entry that is not older than what is known. Refused: "too-many", where nobody says more than this source."""
+        """Keep an entry unless a newer one of the same source is kept.
+
+        Refused: "too-many", where the table is full and no other source holds more entries than this one.
+        """
         known = self._table.get(subject, {}).get(source)
         if known is None:
             self._make_room(subject, source)

@@ -32,7 +32,9 @@ from sim_world.sources import SensorSource, open_sensor_source
 GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # for the mean over a normal distribution
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
-DISTANCES = np.linspace(NEAR + 0.01, FAR - 0.01, 121)  # at which the world's (VI-.1) is told to the filter
+DISTANCES = np.linspace(
+    NEAR + 0.01, FAR - 0.01, 121
+)  # unit: where the filter samples the world's sigma of a sighting (VI-.1)
 
 #: A subject at a time (seconds, rounded to milliseconds): what beliefs are asked for and found by.
 Asked = tuple[float, str]
@@ -177,7 +179,7 @@ class Ideal:
 
 
 def ideal(scenario: Scenario) -> Ideal:
-    """The filter that a scenario allows: told the world's noise where that is simulated, else as the robots are configured.
+    """The centralised filter for a scenario: with the world's own noise if it is simulated, else with the robots' sensor models.
 
     UserError: a section that is wrong.
     """
@@ -189,7 +191,7 @@ def ideal(scenario: Scenario) -> Ideal:
         (float(d), (vision_sigma(float(d), world.vision.scale, world.vision.floor) or 0.0) ** 2) for d in DISTANCES
     ]
     told = simulated(0.0, world.odometry.turn, world.odometry.compass, tuple(variances))
-    # Every step of the world is speed * dt long, so the variance of its error is known exactly, and not by what was told.
+    # Each true step is speed * dt long, so its error's variance follows from that and not from the measured distance.
     wheels = replace(told.wheels, along=world.odometry.along * math.sqrt(world.speed), standing=1.0)
     drifts = {f"object/{name}": thing.drift for name, thing in world.objects.items()}
     return Ideal(replace(told, wheels=wheels), drifts)

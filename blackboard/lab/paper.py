@@ -72,7 +72,7 @@ def world(paper: Scenario, cells: int, robots: int, seconds: float) -> Scenario:
     chosen = chosen.changed("team", sub_teams={"a": [f"r{i + 1}" for i in range(robots)]})
     chosen = chosen.changed(
         "board", objects_drift=0.0
-    )  # the object stands, which the robots are told too ([robot.objects])
+    )  # the object stands still; [robot.objects] of the scenario says so too
     return chosen.changed("time", seconds=seconds)
 
 

@@ -113,7 +113,7 @@ UNSEEN: dict[str, Stream] = {
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """One fusion of a stream: the case, and the belief of whoever knows the sources."""
+    """One fusion of a stream: the case, and the belief of an oracle that knows every source's errors; None without one."""
 
     case: Case
     oracle: Belief | None

@@ -143,7 +143,10 @@ class JointAgent:
         return place.state.mean if place and place.state and until is not None and until == self._time else None
 
     def _follow(self, place: Agreed | None) -> None:
-        """Take the team's newest word on this robot, and move it on by what was measured since; what is older is left out."""
+        """Take the newest state of this robot in the team's joint, and predict it to now with the measurements since.
+
+        A state that is older than the kept measurements is ignored.
+        """
         newest, until = list(self._steps)[-1:], self._until(place)
         if place is not None and until is not None and self._team_until < until and self._steps[0].time <= until:
             self.team, self._team_until, self._team_ancestors = place.state, until, place.ancestors
