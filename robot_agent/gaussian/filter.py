@@ -38,6 +38,10 @@ MAX_GROUPS = 1024  # of landmarks that stand together
 LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
 FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
+NEAR, ABSURD = (
+    30.0,
+    1e4,
+)  # squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there
 STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
 
 
@@ -87,7 +91,11 @@ class FirstHand:
             self.restart(readings.time)
         motion = self._move(readings)
         prediction = self.belief
-        linear = None if at is None or not self.known else self._ahead(at, motion)
+        team = None if at is None or not self.known else self._ahead(at, motion)
+        apart = math.inf if team is None else self._squared(team)
+        linear = (
+            team if apart <= NEAR else None
+        )  # a place far from the own belief would make any sighting contradict it
         newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age)}
         if not self.known:
             self._start(readings)
@@ -110,8 +118,8 @@ class FirstHand:
         seen = tuple(r for name, r in relatives.items() if name not in places)
         if self.lost():
             increment = None
-            if linear is not None:
-                self._reopen(linear)
+            if team is not None and apart <= ABSURD:
+                self._reopen(team)
             else:
                 self.restart(readings.time)
                 self._start(readings)
@@ -166,6 +174,13 @@ class FirstHand:
             drive(self.joint, self.robot, motion, self.sensors.wheels.nuisance)
             forget_biases(self.joint, motion.dt)
         return motion
+
+    def _squared(self, at: Array) -> float:
+        """The squared Mahalanobis distance of a pose from the own belief, whose variances count as at least 1."""
+        belief = self.joint.moments(self.robot)
+        apart = at[POSE] - belief.mean[POSE]
+        apart[HEADING] = wrap(float(apart[HEADING]))
+        return float(apart @ np.linalg.solve(belief.covariance[POSE, POSE] + np.eye(3), apart))
 
     def _ahead(self, at: Array, motion: Motion) -> Array:
         """Where the team's belief of a tick ago has come to."""

@@ -1,4 +1,7 @@
-"""The robot's first-hand Gaussian filter: starts, evidence, loss, and the hand-over from a grid."""
+"""The robot's first-hand Gaussian filter: starts, evidence and loss.
+
+Long, because every test steps the same small robot among the same landmarks.
+"""
 
 from __future__ import annotations
 
@@ -243,3 +246,15 @@ def test_the_simulated_sensors_have_fresh_errors_only() -> None:
     assert relative.biases == ()
     assert relative.profile == sensors.camera.profile
     assert isinstance(sensors, Sensors)
+
+
+def test_a_lie_about_where_it_is_does_not_make_a_robot_lose_itself() -> None:
+    """The place to linearise at comes from a board; one that is absurd is not used."""
+    robot = started()
+    at = np.zeros(9)
+    at[:5] = 1e9, -1e9, 1.0, 0.9, 0.95
+    for tick in range(1, 4 + LOST):
+        told = robot.step(standing(tick, (0.0, 0.0, 0.0)), at)
+    assert told.epoch == 0
+    assert told.belief is not None
+    assert told.belief.mean[AXES] == pytest.approx((0.0, 0.0), abs=0.1)
