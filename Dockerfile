@@ -17,7 +17,7 @@ COPY LICENSE wheels* wheels/
 RUN if ls wheels/*.whl; then printf '[install]\nno-index = 1\nfind-links = /src/wheels\n' > /opt/venv/pip.conf; fi
 # Without its packages the project is an empty wheel with all its dependencies: a layer that outlives a change of the code.
 COPY pyproject.toml README.md LICENSE ./
-RUN /opt/venv/bin/pip install --no-cache-dir --no-compile .
+RUN /opt/venv/bin/pip install --no-cache-dir --no-compile '.[web]'
 COPY blackboard blackboard
 COPY robot_agent robot_agent
 COPY sim_world sim_world

@@ -13,8 +13,9 @@ MUTANTS      ?= 120
 SEED         ?= 1
 ONLY         ?=
 COUNT        ?= 100000
+MINUTES      ?= 10
 
-.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz figures wheels venv clean
+.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz soak figures bridges screenshots wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -61,12 +62,23 @@ fuzz: $(VENV)/.dev ## every attack, and changed messages of every type, on a tea
 	$(PYTEST) tests/hostile -m hostile
 	$(BIN)/python -m tests.hostile.fuzz --count $(COUNT) --seed $(SEED)
 
+soak: $(VENV)/.run ## a team in real time that is killed, frozen, restarted and cut off, and must stay as it is: MINUTES=10 SEED=1
+	@$(BIN)/python -m blackboard.chaos soak --minutes $(MINUTES) --seed $(SEED)
+
 figures: $(VENV)/.plot ## the paper's figures, into figures/
 	$(BIN)/blackboard figures --out figures
 
+bridges: $(VENV)/.dev ## tests of Rerun and Parquet in an environment of their own, $(VENV)-bridges: 850 MB
+	@test -x $(VENV)-bridges/bin/pip || $(PYTHON) -m venv $(VENV)-bridges
+	@$(VENV)-bridges/bin/python -m pip --disable-pip-version-check install --quiet --editable '.[rerun,table,dev]'
+	$(VENV)-bridges/bin/python -m pytest tests/bridges tests/tape/test_door.py
+
+screenshots: $(VENV)/.dev ## docs/view.png, the picture of the page in the README; needs a Chromium
+	$(BIN)/python -m tests.view.screenshots docs/view.png
+
 wheels: | $(VENV)/bin/pip ## wheels/, from which the image is built offline: IMAGE_PYTHON=3.13 as in the base image
 	$(PIP) download --quiet --dest $(WHEELS) --only-binary :all: --python-version $(IMAGE_PYTHON) \
-	  --platform manylinux_2_28_$(MACHINE) --platform manylinux2014_$(MACHINE) hatchling .
+	  --platform manylinux_2_28_$(MACHINE) --platform manylinux2014_$(MACHINE) hatchling '.[web]'
 
 venv: $(VENV)/.dev ## the virtual environment for developers
 
@@ -97,4 +109,4 @@ $(VENV)/bin/pip:
 	@$(PYTHON) -m venv $(VENV)
 
 clean: ## remove what make has made
-	rm -rf $(VENV) .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist figures wheels
+	rm -rf $(VENV) $(VENV)-bridges .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist figures wheels

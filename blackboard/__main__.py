@@ -28,20 +28,31 @@ for command, about in {
     app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
 for command, about in {
     "record": "Record every message of a running team onto a tape.",
-    "replay": "Replay a tape into boards, or into a live network, and ask what another rule would have made of it.",
+    "replay": "Replay a tape into boards, or into a live network, and ask what other boards would have made of it.\n\n"
+    "Each board gets what its journal says, at the same times, as fast as the machine can: its consensuses are the recorded ones "
+    "to the bit, and the exit status is 1 where they are not. With a change (--without, --rule, --fusion, --set, --lie, --loss) "
+    "the boards are run anew on what the robots sent, and scorecards are shown side by side, with intervals of the differences. "
+    "With --speed nothing is judged: the tape goes into a live network.",
 }.items():
     app.command(f"blackboard.tape.__main__:{command}", name=command, help=about)
 app.command(
-    "blackboard.tape.__main__:tape", name="tape", help="Look at a tape, mend it, cut it, or make a table of it."
+    "blackboard.tape.__main__:tape",
+    name="tape",
+    help="Look at a tape, mend it, cut it, make a table of it, or export it.",
 )
 app.command("blackboard.lab.score:score", name="score", help="Score a recorded team: its robots, protocols, fusions.")
 
+app.command("blackboard.chaos.__main__:chaos", name="chaos", help="Run a team under network trouble, case by case.")
+
+app.command("blackboard.run.keys:app", name="keys", help="Make and revoke the certificates that shut a team's door.")
+
 for command, about in {
-    "why": "Say why a running team believes what it believes about a subject.",
+    "why": "Say why a team that runs or is on a tape believes what it believes about a subject.",
     "status": "Show teams, processes and beliefs, once or again and again.",
     "echo": "Print every message on a key expression, decoded.",
     "hz": "Print how often messages come on each key.",
-    "view": "Serve a live page of a running team (extra `web`).",
+    "top": "Show a running team in this terminal: who is there, heat maps, reasons (extra `tui`).",
+    "view": "Serve a live page of a running team, or a page of a tape (extra `web`).",
 }.items():
     app.command(f"blackboard.view.__main__:{command}", name=command, help=about)
 
@@ -133,7 +144,7 @@ def serve(
 
 @app.command
 def router(*, flags: door.ZenohFlags = door.ZenohFlags()) -> int:
-    """Run a Zenoh router until it is stopped; listens on tcp/127.0.0.1:7447 unless -l gives other endpoints."""
+    """Run a Zenoh router until it is stopped; listens on tcp/127.0.0.1:7447 (with --keys tls/) unless -l gives other endpoints."""
     door.route(flags)
     return 0
 
@@ -143,7 +154,8 @@ def health(
     kind: Literal["router", "world", "board", "robot"],
     *,
     process: Annotated[str | None, Parameter(name="--id")] = None,
-    team: str = "demo",
+    team: str | None = None,
+    scenario: str | None = None,
     max_age: float = 5.0,
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
@@ -156,18 +168,24 @@ def health(
     process
         Its name [default: the name of this host].
     team
-        Its team.
+        Its team [default: the scenario's].
+    scenario
+        The team's scenario, a file or the name of one that comes with the package [default: demo].
     max_age
         Seconds of team time after which a belief or a status is no longer fresh.
     """
     from blackboard.net.link import Link
     from blackboard.process.clock import UnixClock
-    from blackboard.run.health import diagnose
+    from blackboard.run.health import diagnose, part
 
-    name = process or socket.gethostname()
-    with Link(flags.link(), f"health-{name}", patience=3.0) as link:
-        fault = diagnose(link, kind, name, UnixClock().now(), team=team, max_age=max_age)
-    sys.stdout.write(f"{fault or 'healthy'}\n")
+    name, of = process or socket.gethostname(), team or load(scenario or "demo").team.name
+    door.check_name("--team", of)
+    # with keys it is asked as the process itself, so that it is also found out whether the router lets this certificate in
+    who = {"router": "health", "world": "world"}.get(kind, f"{kind}/{name}")
+    with Link(flags.link(who=who), f"health-{name}", patience=3.0) as link:
+        fault = link.denials() or diagnose(link, kind, name, UnixClock().now(), team=of, max_age=max_age)
+        found = fault or "healthy" + part(link, kind, name, team=of)
+    sys.stdout.write(f"{found}\n")
     return 1 if fault else 0
 
 
@@ -195,12 +213,14 @@ def _run(
 
 def _check(scenario: Scenario) -> None:
     """Validate every section of a scenario before anything starts, also those that only robots and the world read."""
+    from blackboard.faults import faults_of
     from robot_agent.config import RobotSection
     from sim_world.scenario import WorldSection
 
     _ = scenario.team, scenario.grid, scenario.time, scenario.board
     scenario.section("robot", RobotSection)
     scenario.section("world", WorldSection)
+    faults_of(scenario)
 
 
 def main() -> None:

@@ -1,13 +1,17 @@
 """A scenario file, and the sections of it that more than one process reads.
 
 A scenario is one TOML file (or the same as JSON, which the launcher writes). Every process reads it whole and validates
-the sections it uses: [team] [grid] [time] [board] here, [robot] in `robot_agent.config`, [world] in `sim_world.scenario`.
+the sections it uses: [team] [grid] [time] [board] here, [robot] in `robot_agent.config`, [world] in `sim_world.scenario`,
+[[fault]] in `blackboard.faults`.
+
+Long, because all shared sections stand together, as in a file.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
+import math
 import tomllib
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,11 +22,11 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from blackboard.errors import RuleError, UnknownKeyError, UserError
-from blackboard.opinion.grid import Grid
+from blackboard.opinion.grid import Anchor, Grid
 from blackboard.opinion.rules import Rule, find, merged, read_rule
-from blackboard.wire.names import NAME, SUBJECT_KINDS
+from blackboard.wire.names import MAX_FRAME, NAME, SUBJECT_KINDS
 
-SECTIONS = ("name", "team", "grid", "time", "board", "robot", "world")
+SECTIONS = ("name", "team", "grid", "time", "board", "robot", "world", "fault")
 Name = Annotated[str, Field(pattern=f"^{NAME}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 #: A subject, or several: each of the two chunks may be `*`, as in a key expression.
@@ -38,6 +42,11 @@ class Section(BaseModel):
 class TeamSection(Section):
     name: Name = "demo"
     sub_teams: dict[Name, list[Name]] = Field(default_factory=lambda: {"a": ["r1", "r2", "r3"]}, min_length=1)
+    boards: Annotated[int, Field(ge=1, le=9)] = 1  # of each sub-team: one leads, the others take over when it dies
+
+    def boards_of(self, sub_team: str) -> list[str]:
+        """The names of a sub-team's boards, as `board-a`, `board-a2`; the first one leads from the beginning of a run."""
+        return [f"board-{sub_team}" + (str(n) if n > 1 else "") for n in range(1, self.boards + 1)]
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -50,20 +59,39 @@ class TeamSection(Section):
         return named or [list(self.sub_teams)[zlib.crc32(robot.encode()) % len(self.sub_teams)]]
 
 
+class AnchorSection(Section):
+    latitude: Annotated[float, Field(ge=-90, le=90)]  # degrees (WGS 84) of the point (0, 0)
+    longitude: Annotated[float, Field(ge=-180, le=180)]
+    bearing: Annotated[float, Field(ge=-360, le=360)] = 90.0  # of the x axis: degrees clockwise from north
+
+
 class GridSection(Section):
     shape: tuple[Annotated[int, Field(ge=2, le=1000)], Annotated[int, Field(ge=2, le=1000)]] = (50, 50)
     cell: Positive = 1.0
     origin: tuple[float, float] = (0.0, 0.0)
     unit: Literal["cell", "m"] = "cell"
+    frame: Annotated[str, Field(max_length=MAX_FRAME)] = (
+        ""  # of the coordinates, as in ROS; beliefs in another are refused
+    )
+    anchor: AnchorSection | None = None  # where the frame is on Earth
 
     def grid(self) -> Grid:
-        return Grid(self.shape, self.cell, self.origin, self.unit)
+        at = self.anchor
+        anchor = None if at is None else Anchor(at.latitude, at.longitude, at.bearing)
+        return Grid(self.shape, self.cell, self.origin, self.unit, self.frame, anchor)
 
 
 class TimeSection(Section):
     tick: Positive = 0.2  # seconds of team time
-    seconds: Positive = 60.0
+    seconds: Annotated[float, Field(gt=0)] = 60.0  # inf: until the world is stopped, and then judged
     mode: Literal["lockstep", "realtime"] = "lockstep"
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks follow the first one, tick 0. UserError: the run has no end."""
+        if math.isinf(self.seconds):
+            raise UserError("time.seconds is inf: only a world process (sim-world) runs until it is stopped")
+        return max(1, round(self.seconds / self.tick))
 
 
 class BoardSection(Section):
@@ -83,6 +111,9 @@ class BoardSection(Section):
     max_age: Positive = 10.0  # seconds of team time after which a source that fell silent is left out
     drift: Annotated[float, Field(ge=0)] = 1.0  # unit per square root of a second: how an old report spreads
     future: Positive = 1.0  # seconds that a stamp may be ahead of team time
+    skew: Annotated[float, Field(ge=0)] = (
+        30.0  # seconds that a clock may be off and is corrected, where there is no world
+    )
     patience: Positive = 2.0  # wall seconds to wait for a registered robot or another board in one tick
     period: Positive = 0.2  # seconds between settlements where no world gives the clock
 

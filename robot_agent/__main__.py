@@ -9,8 +9,7 @@ from cyclopts import App, Parameter
 
 from blackboard.config import Scenario, load
 from blackboard.run import door
-from robot_agent.config import RobotSection
-from robot_agent.service import AgentService
+from robot_agent.team import robot_of
 
 app = App(
     name="robot-agent",
@@ -46,16 +45,7 @@ def robot_agent(
     sub_teams = sub_team or chosen.team.of(name)
     for what, value in (("--team", team or chosen.team.name), ("--id", name), *(("--sub-team", s) for s in sub_teams)):
         door.check_name(what, value)
-    service = AgentService(
-        team=team or chosen.team.name,
-        sub_teams=sub_teams,
-        robot=name,
-        grid=chosen.grid,
-        settings=chosen.section("robot", RobotSection),
-        feedback=chosen.board.feedback,
-        joint=chosen.board.fusion == "joint",
-    )
-    door.serve(service, name, flags)
+    door.serve(robot_of(chosen, name, team=team, sub_teams=sub_teams), name, flags)
     return 0
 
 

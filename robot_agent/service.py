@@ -8,11 +8,14 @@ Long, because it is the whole protocol of a robot's process: whom it believes, w
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Sequence
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake, TooEarly
+from blackboard.process.offsets import Echoes
+from blackboard.process.refusals import told
 from blackboard.process.roll_call import RollCall
 from blackboard.process.roster import Roster
 from blackboard.process.rounds import ROBOT, Rounds
@@ -20,7 +23,7 @@ from blackboard.process.team_clock import News, Pace, TeamClock
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Readings, Report, Solo, Status
+from blackboard.wire.messages import Clock, Consensus, Readings, Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
 from robot_agent.agent import Agent, Agreed, Feedback
 from robot_agent.config import RobotSection
@@ -30,6 +33,8 @@ log = logging.getLogger(__name__)
 
 MAX_AGREED = 512  # agreed beliefs that are kept between two ticks, over all boards
 JUMP = 100  # ticks: readings that are further ahead, or behind, are believed with the second ones in succession
+FASTEST = 1e6  # unit per second that is told at most
+LATELY = 50  # ticks of which the speed is told
 FAILURES = 3  # ticks in a row that the agent could not do until it begins anew
 
 
@@ -54,6 +59,9 @@ class AgentService:
         self.counters, self.refused = self.intake.counters, self.intake.refused
         self.roster = Roster(self.tokens[0])
         self.clock = TeamClock(self.roster)
+        self._echoes = Echoes()  # of the boards' stamps, where each process goes by its own clock
+        self._ahead: dict[str, float] = {}  # sub-team -> seconds that this robot's clock is ahead of its board's
+        self._told_refused: set[tuple[str, str]] = set()  # boards and reasons that are remembered as logged
         self.rounds = Rounds(ROBOT, {"patience": settings.patience}, "readings")
         self._begin("")
 
@@ -64,6 +72,7 @@ class AgentService:
         self.tick, self.time = -1, 0.0  # of the newest tick that was done
         self.rounds.enter("readings", 0.0)
         self._readings: Readings | None = None  # of the tick that is to be done next
+        self._speeds: deque[float] = deque(maxlen=LATELY)  # unit per second, by the odometry
         self._doubted: Readings | None = None  # the newest that did not go on with those before
         self._failed = 0  # ticks in a row that the agent could not do
         self._agreed: dict[tuple[str, str, str], Agreed] = {}  # by sub-team, board and subject, since the last tick
@@ -84,7 +93,8 @@ class AgentService:
     @property
     def listens(self) -> tuple[str, ...]:
         agreed = [keys.AGREED.key(team=self.team, sub_team=s, subject="**") for s in self.sub_teams]
-        return (keys.CLOCK.key(team=self.team), keys.READING.key(team=self.team, robot=self.robot), *agreed)
+        refused = [keys.REFUSED.key(team=self.team, sub_team=s, robot=self.robot) for s in self.sub_teams]
+        return (keys.CLOCK.key(team=self.team), keys.READING.key(team=self.team, robot=self.robot), *agreed, *refused)
 
     @property
     def watches(self) -> tuple[str, ...]:
@@ -125,8 +135,20 @@ class AgentService:
         if isinstance(message, Readings):
             return self._hear_readings(message, now)
         if isinstance(message, Consensus):
-            self._keep(message)
+            self._keep(message, now)
+        if isinstance(message, Refusal):
+            self._hear_refusal(message)
         return []
+
+    def _hear_refusal(self, refusal: Refusal) -> None:
+        """A board of this robot's refused what it said: counted, and logged once for each board and reason."""
+        if refusal.board not in self.roster.boards.get(refusal.sub_team, []):
+            raise Refused("unregistered", f"board {refusal.board} holds no liveliness token")
+        self.counters["told_refused"] += 1
+        seen = refusal.board, refusal.reason
+        if seen not in self._told_refused and len(self._told_refused) < MAX_AGREED:
+            self._told_refused.add(seen)
+            log.warning("%s; not logged again for this board and reason", told(refusal))
 
     def _hear_readings(self, readings: Readings, now: float) -> list[Envelope]:
         """Take readings that go on with those before; others once the world's Clock, or those that come next, say so too."""
@@ -185,7 +207,7 @@ class AgentService:
         for (sub_team, _, subject), agreed in self._agreed.items():
             self._arrived.record(sub_team, subject, agreed.tick)
 
-    def _keep(self, consensus: Consensus) -> None:
+    def _keep(self, consensus: Consensus, now: float) -> None:
         """Keep the newest agreed belief of each board about each subject until the next tick."""
         newest = max(self.clock.tick, self.tick + 1)  # whoever joins a run late has done none of its ticks
         if self.clock.followed is not None and consensus.tick > newest:
@@ -193,6 +215,8 @@ class AgentService:
         if consensus.board not in self.roster.boards.get(consensus.sub_team, []):
             who = f"board {consensus.board} holds no liveliness token in sub-team {consensus.sub_team}"
             raise TooEarly(Refused("unregistered", who))  # the token may be on its way
+        if self.clock.pace is Pace.FREE:
+            consensus = self._on_time(consensus, now)
         key = consensus.sub_team, consensus.board, consensus.subject
         before = self._agreed.get(key)
         if before is None and len(self._agreed) >= MAX_AGREED:
@@ -200,6 +224,14 @@ class AgentService:
         if before is None or (before.tick, before.time) < (consensus.tick, consensus.time):
             self._agreed[key] = Agreed.unpacked(consensus, self.grid)
             self._arrived.record(consensus.sub_team, consensus.subject, consensus.tick)
+
+    def _on_time(self, consensus: Consensus, now: float) -> Consensus:
+        """A consensus with its stamp by this robot's clock: the board tells with the robot's own place how far the two are apart."""
+        self._echoes.hear(f"{consensus.sub_team}/{consensus.board}", consensus.time, now)
+        if consensus.subject == f"robot/{self.robot}":
+            self._ahead[consensus.sub_team] = consensus.ahead
+        ahead = self._ahead.get(consensus.sub_team, 0.0)
+        return consensus.model_copy(update={"time": consensus.time + ahead}) if ahead else consensus
 
     # --- when to act --------------------------------------------------------------------------------------------------
 
@@ -239,6 +271,8 @@ class AgentService:
                 newest[subject] = agreed
         self._agreed = {}
         self.tick, self.time = readings.tick, readings.time
+        if readings.odometry is not None:
+            self._speeds.append(abs(readings.odometry.distance) / readings.odometry.dt)
         self._reports, self._solo = [], Solo(robot=self.robot, tick=self.tick, time=self.time, beliefs={})
         self._failed += 1
         with self.intake.failures.survive("the robot's tick"):
@@ -277,7 +311,10 @@ class AgentService:
                 "feedback": self.feedback,
                 "pace": self.clock.pace.value,
             },
+            speed=min(max(self._speeds), FASTEST) if self._speeds else None,
         )
+        if self.clock.pace is Pace.FREE:
+            status = status.model_copy(update={"sent": now, "echo": self._echoes.held(now)})
         payload = encode(self.intake.counted(status, now))
         keys_of = (keys.STATUS.key(team=self.team, sub_team=s, process=self.robot) for s in self.sub_teams)
         return [Envelope(key, payload) for key in keys_of]

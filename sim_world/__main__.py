@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cyclopts import App
 
+from blackboard.faults import faulty_robots
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags
 from sim_world.referee import Referee
@@ -40,7 +41,7 @@ def sim_world(
     settings = chosen.section("world", WorldSection)
     with series_file(run.series) as record:
         sensors = open_sensor_source(chosen)
-        referee = Referee(chosen.grid, settings.check, sensors.robots, record)
+        referee = Referee(chosen.grid, settings.check, sensors.robots, record, faulty=faulty_robots(chosen))
         service = WorldService(chosen, sensors, referee)
         door.serve(service, "world", flags)
     card = scorecard(service.result())

@@ -31,6 +31,7 @@ class Instant:
     #: by sub-team, level, subject and board: the payload and the message in it
     consensuses: dict[tuple[str, str, str, str], tuple[bytes, Consensus]] = field(default_factory=dict)
     boards: dict[str, set[str]] = field(default_factory=dict)  # sub-team -> its boards that sent something
+    following: set[tuple[str, str]] = field(default_factory=set)  # sub-team and board that publishes its status alone
     roll: RollCall[tuple[str, str, str]] = field(default_factory=RollCall)  # sub-team, board and phase
     landmark_seen: frozenset[str] = frozenset()  # the robots that saw a landmark in this tick
 
@@ -46,6 +47,7 @@ class Instant:
         board = message.process if isinstance(message, Status) else message.board
         self.boards.setdefault(sub_team, set()).add(board)
         if isinstance(message, Status):
+            (self.following.add if message.follows else self.following.discard)((sub_team, board))
             return self.roll.record_list((sub_team, board, message.phase), message.tick, message.subjects)
         name = (sub_team, message.level, message.subject, board)
         if name in self.consensuses or len(self.consensuses) < MAX_CONSENSUSES:
@@ -56,14 +58,22 @@ class Instant:
         """Whether a board is done with this tick, and every consensus that its statuses list has arrived."""
         return all(self.roll.complete((sub_team, board, phase), self.truth.tick) for phase in PHASES)
 
+    def is_led(self, sub_team: str) -> bool:
+        """Whether some board of a sub-team that follows no other is done with this tick."""
+        return bool(self._leading(sub_team))
+
+    def _leading(self, sub_team: str) -> list[str]:
+        boards = sorted(self.boards.get(sub_team, ()))
+        return [b for b in boards if (sub_team, b) not in self.following and self.settled(sub_team, b)]
+
     def agreed_subjects(self) -> dict[str, list[str]]:
-        """Sub-team -> the subjects that its board lists as agreed in this tick, for those that are done with it."""
+        """Sub-team -> the subjects that are that its board lists as agreed in this tick, for those that are done with it."""
         found = {}
         for sub_team in self.teams:
-            done = [board for board in sorted(self.boards.get(sub_team, ())) if self.settled(sub_team, board)]
-            listed = self.roll.list_of((sub_team, done[0], "agreed")) if done else None
-            if listed is not None:
-                found[sub_team] = sorted(listed[1])
+            lists = [self.roll.list_of((sub_team, board, "agreed")) for board in self._leading(sub_team)]
+            subjects = [sorted(listed[1]) for listed in lists if listed is not None]
+            if subjects:  # who took over when another board had agreed on this tick lists nothing
+                found[sub_team] = next((some for some in subjects if some), [])
         return found
 
     def belief(self, level: str, robot: str, sub_team: str, subject: str) -> PackedBelief | None:

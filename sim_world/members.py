@@ -76,7 +76,7 @@ class Members:
             f"board/{sub_team}/{board}"
             for sub_team in teams
             for board in self._boards(sub_team)
-            if not instant.settled(sub_team, board)
+            if not (instant.settled(sub_team, board) and instant.is_led(sub_team))
         }
         waited_for = {robot for sub_team, robots in teams.items() for robot in robots if robot in alive[sub_team]}
         return boards | {f"robot/{robot}" for robot in waited_for - set(instant.solos)}

@@ -3,6 +3,9 @@
 A sample is one robot, one subject (its own place, or an object), one instant and one of the robot's sub-teams, for
 which all three beliefs exist: what the robot believed alone (`solo`), its sub-team's `consensus`, and what was `agreed`
 after the exchange. So the three are judged on the same samples; where one is missing it is counted under its level.
+Robots that a [[fault]] is about are the group `faulty`, and what they believe about objects is not judged.
+
+Long, because a sample, its scores and the verdict on them are one computation.
 """
 
 from __future__ import annotations
@@ -10,9 +13,8 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any
 
 from blackboard.errors import Refused
@@ -21,15 +23,19 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import Score, region_area
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import PackedBelief
+from sim_world.attendance import Attendance
+from sim_world.calibration import Calibration, claimed_error
 from sim_world.instant import Instant
 from sim_world.scenario import CheckSection
 from sim_world.series import AREA_OF, Sample
+from sim_world.tally import Tally
 
 LEVELS = ("solo", "consensus", "agreed")
 GROUPS = {"robots": "robot/", "objects": "object/"}
+FAULTY = "faulty"  # the group of the robots that a [[fault]] is about, where there are any
 
-#: What was found in a tick about (subject, belief): its score of one entry, or None if it could not be unpacked.
-Known = dict[tuple[str, PackedBelief], tuple[Score, Belief] | None]
+#: What was found in a tick about (subject, belief): its score of one entry, the belief, the error it claims; None: not unpacked.
+Known = dict[tuple[str, PackedBelief], tuple[Score, Belief, float] | None]
 
 
 @dataclass(frozen=True)
@@ -54,13 +60,20 @@ class Referee:
         check: CheckSection,
         robots: Sequence[str],
         record: Callable[[Sample], None] | None = None,
+        *,
+        faulty: Collection[str] = (),
     ) -> None:
-        """`robots` are those of the scenario: each must have been heard for a PASS. `record` is given every sample that counts."""
+        """`robots` are those of the scenario: each must have been heard for a PASS, but for those that are `faulty`.
+
+        `record` is given every sample that counts.
+        """
         self.grid, self.check, self.robots, self._record = grid, check, tuple(robots), record
+        self.faulty = frozenset(faulty)
         self.refused: Counter[str] = Counter()
         self._hash = hashlib.sha256()
-        self._scores: dict[str, dict[str, Score]] = {}  # subject -> level -> score
-        self._missing: dict[str, Counter[str]] = {}  # subject -> level -> samples
+        self._scores: dict[str, dict[str, Tally]] = {}  # subject -> level -> scores
+        self._attendance = Attendance()
+        self._calibrations: dict[tuple[str, str], Calibration] = {}  # subject and level, "solo" or "agreed"
         self._landmark_at: dict[str, float] = {}  # robot -> team time of the newest tick in which it saw a landmark
 
     @property
@@ -80,10 +93,10 @@ class Referee:
         objects = [subject for subject in instant.truth.positions if subject.startswith("object/")]
         present = {robot for robots in instant.teams.values() for robot in robots}
         for robot in sorted(set(self.robots) - present):
-            self._miss(f"robot/{robot}", "solo")
+            self._attendance.take(f"robot/{robot}", instant.truth.time, ["solo"])
         for sub_team, robots in instant.teams.items():
             for robot in robots:
-                for subject in (f"robot/{robot}", *objects):
+                for subject in (f"robot/{robot}", *([] if robot in self.faulty else objects)):
                     if subject in instant.truth.positions:
                         self._sample(instant, robot, sub_team, subject, known)
 
@@ -103,17 +116,18 @@ class Referee:
                 if (subject, packed) not in known:
                     known[subject, packed] = self._score(packed, instant.truth.positions[subject])
                 found = known[subject, packed]
-            if found is None:
-                self._miss(subject, level)
-            else:
+            if found is not None:
                 scored[level] = found
+        self._attendance.take(subject, instant.truth.time, [level for level in LEVELS if level not in scored])
         if len(scored) == len(LEVELS):
-            for level, (score, belief) in scored.items():
-                _extend(self._scores.setdefault(subject, {}).setdefault(level, Score()), score)
+            for level, (score, belief, claimed) in scored.items():
+                self._scores.setdefault(subject, {}).setdefault(level, Tally()).add(score)
+                calibration = self._calibrations.setdefault((subject, level), Calibration())
+                calibration.add(instant.truth.time, score, claimed)
                 if self._record is not None:
                     self._record(self._describe(instant, robot, sub_team, subject, level, score, belief))
 
-    def _score(self, packed: PackedBelief, truth: Sequence[float]) -> tuple[Score, Belief] | None:
+    def _score(self, packed: PackedBelief, truth: Sequence[float]) -> tuple[Score, Belief, float] | None:
         score = Score()
         try:
             belief = unpack(packed, self.grid)
@@ -121,7 +135,7 @@ class Referee:
             self.refused[refusal.reason] += 1
             return None
         score.add(belief, truth)
-        return score, belief
+        return score, belief, claimed_error(belief)
 
     def _describe(
         self, instant: Instant, robot: str, sub_team: str, subject: str, level: str, score: Score, belief: Belief
@@ -141,12 +155,10 @@ class Referee:
             mean_y=mean_y,
             log_score=score.log_scores[0],
             region=score.levels[0],
+            border=score.borders[0],
             area=region_area(belief, AREA_OF),
             landmark_age=instant.truth.time - self._landmark_at.get(robot, -math.inf),
         )
-
-    def _miss(self, subject: str, level: str) -> None:
-        self._missing.setdefault(subject, Counter())[level] += 1
 
     # --- the judgement ------------------------------------------------------------------------------------------------
 
@@ -159,27 +171,37 @@ class Referee:
         )
 
     def scores(self) -> dict[str, Any]:
-        """The scorecard's block "scores": for robots and objects, each level, together and by name."""
+        """The scorecard's block "scores": for robots and objects, each level, together and by name; `faulty` where there are any."""
         found = {}
-        for group, prefix in GROUPS.items():
-            named = {s.removeprefix(prefix): by for s, by in sorted(self._scores.items()) if s.startswith(prefix)}
-            together = {level: reduce(Score.merge, (by[level] for by in named.values()), Score()) for level in LEVELS}
+        for group in (*GROUPS, *([FAULTY] if self.faulty else [])):
+            named = {s.split("/", 1)[1]: self._scores[s] for s in self._subjects(group, self._scores)}
+            together = {level: Tally.merged(by[level] for by in named.values()) for level in LEVELS}
             found[group] = {
                 **{level: score.summary() for level, score in together.items()},
                 "by_name": {name: {level: by[level].summary() for level in LEVELS} for name, by in named.items()},
             }
         return found
 
+    def _subjects(self, group: str, among: Iterable[str]) -> list[str]:
+        """Those of a group among some subjects, sorted."""
+        mine = [subject for subject in among if subject.startswith(GROUPS.get(group, "robot/"))]
+        if group == "objects":
+            return sorted(mine)
+        return sorted(s for s in mine if (s.removeprefix("robot/") in self.faulty) == (group == FAULTY))
+
     def missing(self) -> dict[str, dict[str, int]]:
         """Samples that were not judged because a belief was missing: subject -> level -> how many."""
-        return {subject: dict(sorted(counts.items())) for subject, counts in sorted(self._missing.items())}
+        return {subject: dict(sorted(counts.items())) for subject, counts in sorted(self._attendance.missing.items())}
 
     def verdict(self, scores: dict[str, Any]) -> tuple[bool, list[str]]:
         """Whether `scores` PASS, and every check that failed, or all of them where none did."""
-        checks = [(f"robot/{robot}" in self._scores, f"{robot} was never judged") for robot in self.robots]
-        objects = [subject for subject in {**self._scores, **self._missing} if subject.startswith("object/")]
+        checks = [(f"robot/{r}" in self._scores, f"{r} was never judged") for r in self.robots if r not in self.faulty]
+        objects = [subject for subject in {**self._scores, **self._attendance.missing} if subject.startswith("object/")]
         checks.append((not objects or scores["objects"]["solo"]["n"] > 0, "no object was ever judged"))
         failed = [text for passed, text in checks if not passed]
+        lacking = self._attendance.lacking
+        owing = [*self._subjects("robots", lacking), *self._subjects("objects", lacking)]
+        failed += self._attendance.reasons(owing, self.check.missing)
         compared = [check for group in GROUPS for check in self._checks(group, scores[group])]
         failed += [text for passed, text in compared if not passed]
         return not failed, failed or [text for _, text in compared]
@@ -196,11 +218,29 @@ class Referee:
             found.append((agreed[name] <= most * solo[name], text))
         share = agreed["coverage"]["95"]
         text = f"{group}: agreed 95 % regions hold the truth in {100 * share:.1f} %, asked {100 * check.coverage:g} %"
-        return [*found, (share >= check.coverage, text)]
+        return [*found, (share >= check.coverage, text), *self._honesty(group)]
 
-
-def _extend(score: Score, one: Score) -> None:
-    score.errors += one.errors
-    score.entropies += one.entropies
-    score.log_scores += one.log_scores
-    score.levels += one.levels
+    def _honesty(self, group: str) -> list[tuple[bool, str]]:
+        """Whether a group's beliefs are as good as they claim: the errors of robots alone, and the regions of what was agreed."""
+        found, check, unit = list[tuple[bool, str]](), self.check, self.grid.unit
+        subjects = self._subjects(group, self._scores)
+        if group == "robots":
+            whole = Calibration.merged(self._calibrations[subject, "solo"] for subject in subjects)
+            named = {"robots": whole, **{subject: self._calibrations[subject, "solo"] for subject in subjects}}
+            for name, it in named.items():
+                error, claimed = it.rmse()
+                far = it.is_far_above_its_claim(check.claim)
+                text = f"{name}: solo rmse {error:.3f} {unit}, its beliefs claim {claimed:.3f}, asked {check.claim:g} of it"
+                if far or name == "robots":
+                    found.append((not far, text))
+            if check.solo is not None:
+                error, _ = whole.rmse()
+                found.append((error <= check.solo, f"robots: solo rmse {error:.3f} {unit}, at most {check.solo:g}"))
+        agreed = Calibration.merged(self._calibrations[subject, "agreed"] for subject in subjects)
+        for at in agreed.coverage():
+            text = (
+                f"{group}: agreed {at.level} % regions hold the truth in {100 * at.share:.1f} % ({100 * at.low:.0f} to "
+                f"{100 * at.high:.0f}), asked within {100 * check.calibration:g} of {at.level}"
+            )
+            found.append((not at.is_off(check.calibration), text))
+        return found

@@ -57,6 +57,11 @@ class CheckSection(Section):
     objects: Positive = 0.9  # the same of the objects
     entropy: Positive = 1.0  # agreed entropy, at most this share of solo
     coverage: Annotated[float, Field(ge=0, le=1)] = 0.8  # of the agreed 95 % regions, at least
+    #: how far the share of agreed regions that hold the truth may be, beyond doubt, from 50, 90 and 95 %, to both sides
+    calibration: Annotated[float, Field(ge=0, le=1)] = 0.2
+    missing: Annotated[float, Field(ge=0, le=1)] = 0.2  # share of the samples of a robot or object that may be missing
+    claim: Positive = 2.0  # solo RMSE of the robots, and of each one, at most so many times what its beliefs claim
+    solo: Positive | None = None  # solo RMSE of the robots, at most (unit); None: anything
 
 
 class WorldSection(Section):
@@ -84,9 +89,12 @@ class WorldSection(Section):
 
     check: CheckSection = Field(default_factory=CheckSection)
 
+    linger: Positive = 1.0  # wall seconds that a tick may still be answered in real time
     # wall seconds that the world waits in lockstep
     gather: Positive = 60.0  # for everybody to come, at the start or after everybody went
-    patience: Positive = 2.0  # until a tick is sent again
+    patience: Positive = (
+        0.5  # until a tick is sent again: before boards and robots lose theirs, so that one lost message costs no bit
+    )
     give_up: Positive = 20.0  # until a process that is alive but sends nothing is no longer waited for
     grace: Positive = 0.5  # until a token that vanished means a death, and not that the router went
     comeback: Positive = 5.0  # for the others to return when the router is back

@@ -59,7 +59,7 @@ def text(card: dict[str, Any]) -> str:
     """The scorecard as text: a table of levels, then the verdict and its reasons."""
     names = (f"RMSE {card['unit']}", "p95", "entropy", "log score", "50 %", "90 %", "95 %")
     lines = [f"{'':<18}{'n':>7}" + "".join(f"{name:>10}" for name in names)]
-    for group in ("robots", "objects"):
+    for group in card["scores"]:
         for level in LEVELS:
             s = card["scores"][group][level]
             if s["n"]:

@@ -35,6 +35,7 @@ class Sample:
     region: (
         float  # mass of the smallest highest-density region that reaches the truth: inside the 95 % one iff below 0.95
     )
+    border: float  # mass of the cells as dense as the true one, which lie on the border of regions from there on (`scores.held`)
     area: float  # of the 95 % highest-density region, unit^2
     landmark_age: (
         float  # seconds since the end of the tick in which the robot was last given a landmark sighting; inf: never

@@ -1,11 +1,13 @@
 """The world process: it sends the readings and the Clock of each tick, waits for the answers, and gives the tick to the referee.
 
 docs/design.md, "A tick in lockstep", is the protocol, and `blackboard.process.rounds.WORLD` the table of its phases.
+Long, because what ends a tick, what begins the next one and what is judged are one machine.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from collections import Counter
 
 from blackboard.config import Scenario
@@ -28,7 +30,7 @@ from sim_world.traffic import Traffic
 
 log = logging.getLogger(__name__)
 
-LINGER = 1.0  # seconds that a tick may still be answered in real time
+SHOWN_TICKS = 3000  # a run without end logs its progress ten times in so many ticks
 
 
 class WorldService:
@@ -39,12 +41,14 @@ class WorldService:
         self.settings = settings = scenario.section("world", WorldSection)
         self.pace = Pace.LOCKSTEP if self.time.mode == "lockstep" else Pace.REALTIME
         self.sensors, self.referee = sensors, referee
-        self.ticks = max(1, round(self.time.seconds / self.time.tick))  # after tick 0, the start
+        self.ticks = (
+            None if math.isinf(self.time.seconds) else self.time.ticks
+        )  # after tick 0; None: until it is stopped
         self.intake = Intake()
         self.counters, self.refused = self.intake.counters, self.intake.refused
         self.roster = Roster(*self.tokens, grace=settings.grace, comeback=settings.comeback)
         self.members = Members(self.team, sensors, self.roster)
-        waits = {"gather": settings.gather, "give_up": settings.give_up, "tick": self.time.tick, "linger": LINGER}
+        waits = {name: getattr(settings, name) for name in ("gather", "give_up", "linger")} | {"tick": self.time.tick}
         self.traffic, self.rounds = Traffic(), Rounds(WORLD, waits, "start")
         self.run, self.tick = "", -1
         self._open: dict[int, Instant] = {}  # ticks that are not over
@@ -107,7 +111,14 @@ class WorldService:
     @property
     def why(self) -> str:
         """Why not all ticks were done; empty if they were."""
-        return f"stopped in tick {self.tick} of {self.ticks}" if self._end is None else self._end
+        if self._end is not None:
+            return self._end
+        without_end = self.ticks is None and self.tick >= 0
+        return "" if without_end else f"stopped in tick {self._progress}"
+
+    @property
+    def _progress(self) -> str:
+        return f"{self.tick}" if self.ticks is None else f"{self.tick} of {self.ticks}"
 
     def result(self) -> RunResult:
         """The run until now; traffic is the world's own, and what the newest status of every other process counts."""
@@ -163,7 +174,7 @@ class WorldService:
             self._elapsed = now - self.rounds.began
             self.rounds.enter("gather", now)
         if self.pace is Pace.REALTIME:
-            self._close(*[tick for tick, instant in self._open.items() if now - instant.began >= LINGER])
+            self._close(*[tick for tick, instant in self._open.items() if now - instant.began >= self.settings.linger])
         out: list[Envelope] = []
         began = self.rounds.began
         while self._end is None and (ended := self.rounds.turn(self.pace, now, self._holds)) is not None:
@@ -190,7 +201,7 @@ class WorldService:
         absent = ", ".join(self.members.absent()) if self.tick < 0 else ""
         if not self.members.enough():
             who = "no router" if self.roster.away else f"nobody ({absent or 'all went'})"
-            return self._stop(f"{who} there for {self.settings.gather:g} s, in tick {self.tick} of {self.ticks}")
+            return self._stop(f"{who} there for {self.settings.gather:g} s, in tick {self._progress}")
         if self.tick >= 0:
             self.rounds.enter("tick", now - self._elapsed)  # the time without them does not count towards `give_up`
             return []
@@ -224,8 +235,8 @@ class WorldService:
     def _begin_tick(self, now: float, due: float, settled: dict[str, list[str]]) -> list[Envelope]:
         """Begin the next tick, which was `due` at a time: readings, the truth, and the Clock last."""
         self.tick += 1
-        if self.tick % max(1, self.ticks // 10) == 0:
-            log.info("tick %d of %d", self.tick, self.ticks)
+        if self.tick % max(1, (self.ticks or SHOWN_TICKS) // 10) == 0:
+            log.info("tick %s", self._progress)
         truth, readings = self.sensors.advance(self.run, self.tick)
         teams = self.members.teams()
         self._open[self.tick] = Instant(truth, teams, began=now, landmark_seen=who_saw_landmarks(readings))

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.faults import faults_of, is_of_sensors
 from blackboard.wire.messages import Readings, Truth
 from sim_world.mrclam.files import read_recording
 from sim_world.mrclam.replay import Replay
@@ -41,6 +42,15 @@ def open_sensor_source(scenario: Scenario, streams: Streams | None = None) -> Se
 
     UserError: a section or a recording that is wrong, or robots and times that do not fit it.
     """
+    source, faults = _sound_source(scenario, streams), [fault for fault in faults_of(scenario) if is_of_sensors(fault)]
+    if not faults:
+        return source
+    from sim_world.faults import Faulted
+
+    return Faulted(source, faults)
+
+
+def _sound_source(scenario: Scenario, streams: Streams | None) -> SensorSource:
     settings = scenario.section("world", WorldSection)
     robots, time = scenario.team.robots, scenario.time
     if settings.kind == "mrclam":

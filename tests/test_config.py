@@ -28,7 +28,7 @@ def board(**table: Any) -> BoardSection:
         (
             {"patiance": 3},
             "board.patiance: rule 'coalition' has no such key; it has gamma, gate, independence, k, reference_cell; "
-            "a board has drift, feedback, fusion, future, max_age, objects_drift, patience, period, rule, subjects",
+            "a board has drift, feedback, fusion, future, max_age, objects_drift, patience, period, rule, skew, subjects",
         ),
         ({"inner": "linear"}, "board.inner: rule 'coalition' has no such key"),
         ({"rule": "best"}, "board.rule: 'best' is none of calibrated, channel-filter"),
@@ -113,3 +113,12 @@ def test_every_rule_can_be_asked_of_every_scenario_that_comes_with_the_package()
     for name in ("demo", "paper", "mrclam"):
         for rule in POOLS:
             assert load(name).with_rule(rule).board.rule == rule
+
+
+def test_a_run_without_an_end_has_no_number_of_ticks() -> None:
+    """Only a world process runs until it is stopped; whoever must know the length before says so in one line."""
+    assert Scenario({"time": {"seconds": 0.01}}).time.ticks == 1
+    with pytest.raises(UserError, match=r"time.seconds is inf"):
+        _ = Scenario({"time": {"seconds": float("inf")}}).time.ticks
+    with pytest.raises(UserError, match=r"time.seconds"):
+        _ = Scenario({"time": {"seconds": float("nan")}}).time

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from importlib import resources
 from importlib.metadata import version
 
@@ -20,6 +21,16 @@ def test_the_version_is_the_one_of_the_metadata() -> None:
 def test_reading_the_metadata_waits_until_it_is_asked_for() -> None:
     """`import blackboard` loads neither the metadata nor the entry points of plug-ins, which `importlib.metadata` reads."""
     assert "importlib.metadata" not in loaded_by("blackboard")
+
+
+def test_beliefs_and_the_client_wait_until_they_are_asked_for() -> None:
+    code = "import sys, blackboard; before = set(sys.modules); blackboard.Belief; print(*before); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    before, after = (set(line.split()) for line in done.stdout.splitlines())
+    late = {"blackboard.client", "blackboard.opinion.given", "blackboard.opinion.region", "zenoh", "pydantic"}
+    assert not late & before
+    assert "blackboard.opinion.belief" in after
+    assert not late & after
 
 
 def test_other_names_are_missing_as_usual() -> None:

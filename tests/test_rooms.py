@@ -23,9 +23,20 @@ ERRORS, PLUGINS, CONFIG = "blackboard.errors", "blackboard.plugins", "blackboard
 OPINION, WIRE, PROCESS = "blackboard.opinion", "blackboard.wire", "blackboard.process"
 CLOCK, LOOP = "blackboard.process.clock", "blackboard.process.loop"
 BOARD, NET, RUN, LAB = "blackboard.board", "blackboard.net", "blackboard.run", "blackboard.lab"
-VIEW, WEB = "blackboard.view", "blackboard.view.web"
-TAPE = "blackboard.tape"
-SHARED = {ERRORS, PLUGINS, CONFIG, OPINION, WIRE, PROCESS}  # for machines and services; neither a clock nor a network
+VIEW, WEB, TUI = "blackboard.view", "blackboard.view.web", "blackboard.view.tui"
+TAPE, BRIDGES = "blackboard.tape", "blackboard.bridges"
+ACCESS = "blackboard.access"
+FAULTS, CHAOS = "blackboard.faults", "blackboard.chaos"
+CLIENT = "blackboard.client"
+SHARED = {
+    ERRORS,
+    PLUGINS,
+    CONFIG,
+    FAULTS,
+    OPINION,
+    WIRE,
+    PROCESS,
+}  # for machines and services; neither a clock nor a network
 
 #: Room -> the rooms that it may import besides itself. A door is a room of its own; so are the clock and the loop that reads it.
 ALLOWED: dict[str, set[str]] = {
@@ -34,22 +45,30 @@ ALLOWED: dict[str, set[str]] = {
     OPINION: {ERRORS, PLUGINS},
     WIRE: {ERRORS, OPINION},
     CONFIG: {ERRORS, OPINION, WIRE},
+    FAULTS: {ERRORS, CONFIG},
     PROCESS: {ERRORS, WIRE},
     CLOCK: set(),
     LOOP: {PROCESS, CLOCK, WIRE},
     BOARD: SHARED,
-    NET: {ERRORS, WIRE, CLOCK},
-    RUN: {*SHARED, NET, CLOCK, LOOP, "blackboard"},
+    ACCESS: {ERRORS, WIRE, CONFIG, CLOCK},
+    NET: {ERRORS, WIRE, CLOCK, ACCESS},
+    RUN: {*SHARED, ACCESS, NET, CLOCK, LOOP, "blackboard"},
     TAPE: {*SHARED, BOARD, NET, "sim_world"},
     LAB: {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
+    CLIENT: {*SHARED, BOARD, NET, CLOCK, LOOP},
     VIEW: {*SHARED, BOARD},
     WEB: {*SHARED, VIEW},
+    TUI: {*SHARED, VIEW},
+    BRIDGES: {*SHARED, VIEW},
+    CHAOS: {*SHARED, NET, RUN, "sim_world"},
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
     "sim_world": SHARED,
     "blackboard.__main__": {*SHARED, BOARD, TAPE, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN},
-    "blackboard.view.__main__": {*SHARED, VIEW, WEB, NET, RUN, CLOCK},
+    "blackboard.view.__main__": {*SHARED, VIEW, WEB, TUI, TAPE, NET, RUN, CLOCK},
+    "blackboard.bridges.__main__": {*SHARED, BRIDGES, VIEW, TAPE, NET, RUN, CLOCK},
+    "blackboard.chaos.__main__": {*SHARED, CHAOS, RUN},
     "blackboard.tape.__main__": {*SHARED, TAPE, NET, RUN, CLOCK, "sim_world"},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
     "sim_world.__main__": {*SHARED, RUN, "sim_world"},
@@ -61,12 +80,16 @@ LIBRARIES = {
     "msgpack": set(ALLOWED) - {ERRORS, PLUGINS, OPINION, CONFIG, CLOCK, "blackboard"},
     "zenoh": {
         NET,
+        CLIENT,
         RUN,
         LAB,
         "blackboard.__main__",
         "blackboard.lab.__main__",
         "blackboard.view.__main__",
         "blackboard.tape.__main__",
+        "blackboard.bridges.__main__",
+        CHAOS,
+        "blackboard.chaos.__main__",
         "robot_agent.__main__",
         "sim_world.__main__",
     },
@@ -74,7 +97,12 @@ LIBRARIES = {
     "starlette": {WEB},
     "uvicorn": {WEB},
     "websockets": {WEB},
+    "textual": {TUI},
+    "foxglove": set[str](),
+    "rerun": set[str](),
+    "pyarrow": set[str](),
     "mcap": {TAPE, "blackboard.tape.__main__"},
+    "cryptography": {ACCESS},
     "scipy": set[str](),
 }
 
@@ -209,6 +237,8 @@ DOORS = {
     "blackboard/lab/__main__.py",
     "blackboard/view/__main__.py",
     "blackboard/tape/__main__.py",
+    "blackboard/bridges/__main__.py",
+    "blackboard/chaos/__main__.py",
 }
 
 
@@ -218,10 +248,14 @@ DOORS = {
         (("zenoh",), {"blackboard/net/link.py", "blackboard/net/settings.py"}),
         (("msgpack",), {"blackboard/wire/codec.py"}),
         (("mcap", "zstandard"), {"blackboard/tape/file.py"}),
+        (("cryptography",), {"blackboard/access/authority.py"}),
         (CHANCE, DOORS | {"sim_world/sources.py"}),
-        (("blackboard.net.link",), DOORS | {"blackboard/run/door.py", "blackboard/run/launch.py"}),
+        (
+            ("blackboard.net.link",),
+            DOORS | {f"blackboard/{n}.py" for n in ("client/team", "run/door", "run/gate", "run/launch", "chaos/team")},
+        ),
     ],
-    ids=["zenoh", "msgpack", "mcap", "chance", "Link"],
+    ids=["zenoh", "msgpack", "mcap", "cryptography", "chance", "Link"],
 )
 def test_it_is_named_in_one_place(banned: tuple[str, ...], only: set[str]) -> None:
     found = users(banned, *PACKAGES)

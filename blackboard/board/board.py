@@ -12,6 +12,8 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 from blackboard.board import learning
+from blackboard.board.ageing import Ageing
+from blackboard.board.dissent import Dissent
 from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
 from blackboard.board.learning import Learner
@@ -21,6 +23,7 @@ from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, blur
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
+from blackboard.wire import messages as wire
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.messages import Consensus, Informed, Learned, LeftOut, Report, Used
 from blackboard.wire.types import capped
@@ -45,10 +48,12 @@ class Board:
         self.name = board
         self.grid = grid
         self.settings = settings
+        self.ageing = Ageing(settings.drift, grid.cell * max(grid.shape))
         self._survive = survive
         self._entries: Entries[str] = Entries(grid.size)  # of robots: their newest reports
         self._consensuses = Entries(grid.size, (sub_team, board))  # of boards, by sub-team and name
         self._learners = {"consensus": Learner(), "agreed": Learner()}  # of robots, and of sub-teams
+        self._dissents = {level: Dissent(level) for level in ("consensus", "agreed")}  # the same
 
     # --- the sub-team's reports ---------------------------------------------------------------------------------------
 
@@ -70,15 +75,18 @@ class Board:
         """Drop a source's reports from before `tick` on subjects that it no longer lists."""
         self._entries.withdraw(source, tick, subjects)
 
-    def settle(self, tick: int, now: float) -> list[Consensus]:
-        """The consensus on every subject that somebody reported, sorted by subject."""
+    def settle(self, tick: int, now: float, counts: Callable[[str], bool] = lambda robot: True) -> list[Consensus]:
+        """The consensus on every subject that somebody reported, sorted by subject.
+
+        A robot in several sub-teams `counts` in the exchange through one of them: elsewhere it is left out of the first-hand part.
+        """
         found = []
         for subject in self._entries:
             with self._survive(subject):
                 entries, silent = self._entries.usable(subject, now, self.settings.max_age)
-                opinions = [o for source in sorted(entries) for o in self._admitted(entries[source], now)]
+                opinions = [o for source in sorted(entries) for o in self._admitted(entries[source], subject, now)]
                 if opinions:
-                    fusion = self._fuse("consensus", opinions, subject, now)
+                    fusion = self._fuse("consensus", opinions, subject, now, counts)
                     found.append(self._consensus("consensus", subject, tick, now, fusion, _left_out(silent)))
         return found
 
@@ -89,15 +97,18 @@ class Board:
         self.check_time(consensus.time, now)
         part = consensus.firsthand  # which the whole contains, so that the two are never multiplied
         ancestors = consensus.ancestors if part is None else {**part.ancestors, **consensus.ancestors}
-        opinions = [Opinion(consensus.sub_team, unpack(consensus.belief, self.grid), ancestors)]
-        if part is not None:
+        belief = unpack(consensus.belief, self.grid)
+        opinions = [Opinion(consensus.sub_team, belief, ancestors, whole=part is not None)]
+        if part is not None and part.ancestors:
             opinions.insert(0, Opinion(consensus.sub_team, unpack(part.belief, self.grid), part.ancestors))
         entry = Entry(consensus.tick, consensus.time, tuple(opinions))
         self._consensuses.keep(consensus.subject, (consensus.sub_team, consensus.board), entry)
 
-    def withdraw_consensuses(self, sub_team: str, board: str, tick: int, subjects: Collection[str]) -> None:
-        """Drop a board's consensuses from before `tick` on subjects that it no longer lists: its sub-team lost sight of them."""
-        self._consensuses.withdraw((sub_team, board), tick, subjects)
+    def withdraw_consensuses(self, sub_team: str, tick: int, subjects: Collection[str]) -> None:
+        """Drop a sub-team's consensuses from before `tick`, of all its boards, on subjects that it no longer lists."""
+        for source in self._consensuses.sources():
+            if source[0] == sub_team:
+                self._consensuses.withdraw(source, tick, subjects)
 
     def exchange(self, tick: int, now: float) -> list[Consensus]:
         """The agreed belief on every subject that any sub-team has a consensus on, sorted by subject.
@@ -114,7 +125,7 @@ class Board:
                     sub_team: usable[sub_team, board] for sub_team, board in newest
                 }  # the first of each comes last
                 left_out = _left_out({name: age for (name, _), age in silent.items() if name not in entries})
-                opinions = [o for sub_team in sorted(entries) for o in self._aged(entries[sub_team], now)]
+                opinions = [o for sub_team in sorted(entries) for o in self._aged(entries[sub_team], subject, now)]
                 if len(entries) == 1:  # one sub-team: its consensus is the agreed belief
                     opinions = opinions[-1:]
                 if opinions:
@@ -126,6 +137,10 @@ class Board:
         """What was learned of every source with independence "learn": of robots, then of sub-teams."""
         return [_told(level, it) for level, learner in self._learners.items() for it in learner.learned()]
 
+    def dissent(self) -> list[wire.Dissent]:
+        """Who keeps disagreeing with the others: robots, then sub-teams."""
+        return [one for level in self._dissents.values() for one in level.told()]
+
     # --- shared ---------------------------------------------------------------------------------------------------------
 
     def check_time(self, time: float, now: float) -> None:
@@ -135,21 +150,29 @@ class Board:
         if time < now - self.settings.max_age:
             raise Refused("past", f"stamped {now - time:.1f} s ago, older than {self.settings.max_age:g} s")
 
-    def _admitted(self, entry: Entry, now: float) -> list[Opinion]:
+    def _admitted(self, entry: Entry, subject: str, now: float) -> list[Opinion]:
         """Which opinions of a report count, by `feedback`: both, the informed one alone, or the first-hand one alone."""
-        opinions = self._aged(entry, now)
+        opinions = self._aged(entry, subject, now)
         if self.settings.feedback == "paper":
             return opinions[-1:]
         return opinions[:1] if self.settings.feedback == "off" else opinions
 
-    def _aged(self, entry: Entry, now: float) -> list[Opinion]:
-        """The opinions as they stand now: an old one has spread by `drift` per square root of a second."""
+    def _aged(self, entry: Entry, subject: str, now: float) -> list[Opinion]:
+        """The opinions as they stand now: an old one has spread as its subject moves."""
         age = max(0.0, now - entry.time)
-        sigma = self.settings.drift * math.sqrt(age) / self.grid.cell
+        sigma = math.sqrt(self.ageing.variance(subject, age)) / self.grid.cell
         return [replace(o, belief=Belief(self.grid, blur(o.belief.p, sigma)), age=age) for o in entry.opinions]
 
-    def _fuse(self, level: str, opinions: list[Opinion], subject: str, now: float) -> Fusion:
-        return fuse_opinions(opinions, self.grid, self.settings, subject, self._learners[level], now)
+    def _fuse(
+        self,
+        level: str,
+        opinions: list[Opinion],
+        subject: str,
+        now: float,
+        counts: Callable[[str], bool] = lambda robot: True,
+    ) -> Fusion:
+        learner, dissent = self._learners[level], self._dissents[level]
+        return fuse_opinions(opinions, self.grid, self.settings, subject, learner, now, dissent, counts)
 
     def _capped(self, ancestors: dict[str, float]) -> dict[str, float]:
         """As many ancestors as a message holds: the robots that report to this board, then the others by name."""
@@ -159,7 +182,9 @@ class Board:
         self, level: str, subject: str, tick: int, now: float, fusion: Fusion, left_out: list[LeftOut]
     ) -> Consensus:
         parameters = fusion.rule.in_force()
-        whole = all(share.how == "independent" for share in fusion.shares)
+        dissent = self._dissents[level]
+        weights = {share.opinion.source: share.weight for share in fusion.shares if share.how == "independent"}
+        camps = dissent.told_camps(subject, weights)
         return Consensus(
             board=self.name,
             sub_team=self.sub_team,
@@ -170,7 +195,7 @@ class Board:
             belief=pack(fusion.belief),
             ancestors=self._capped(fusion.ancestors),
             firsthand=None
-            if whole
+            if fusion.is_firsthand
             else Informed(belief=pack(fusion.firsthand), ancestors=self._capped(fusion.firsthand_ancestors)),
             used=[
                 Used(
@@ -185,11 +210,13 @@ class Board:
             left_out=left_out,
             components=fusion.components,
             entropy=entropy(fusion.belief.p),
-            conflict=fusion.conflict,
+            conflict=fusion.conflict or bool(camps),
             rule=str(parameters.pop("rule")),
             parameters=parameters,
             outcome=fusion.outcome,
             learned=[_told(level, it) for it in fusion.learned],
+            dissent=dissent.told({share.opinion.source for share in fusion.shares}),
+            camps=camps,
         )
 
 

@@ -6,16 +6,17 @@ overlapping opinions ───────────────────�
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from blackboard.board.dissent import Dissent
 from blackboard.board.learning import Advice, Learned, Learner, width
 from blackboard.board.provenance import Opinion, split, union
 from blackboard.config import BoardSection
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
-from blackboard.opinion.belief import Belief
+from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.chernoff import chernoff
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Array, Grid
@@ -49,7 +50,8 @@ class Fusion:
     belief: Belief
     ancestors: dict[str, float]
     firsthand: Belief
-    firsthand_ancestors: dict[str, float]
+    firsthand_ancestors: dict[str, float]  # empty: nobody counts here, and the part is flat
+    is_firsthand: bool  # whether the fused belief is that part itself
     shares: list[Share]
     components: list[float]
     conflict: bool
@@ -65,11 +67,16 @@ def fuse_opinions(
     subject: str,
     learner: Learner | None = None,
     now: float = 0.0,
+    dissent: Dissent | None = None,
+    counts: Callable[[str], bool] = lambda source: True,
 ) -> Fusion:
     """Pool opinions about one subject, at least one, all on `grid`; the order does not matter.
 
     Where the subject's rule is a coalition with independence "learn", the learner hears the independent opinions at the team time
     `now`, in seconds, and says how far each is to be believed; without a learner the rule is as cautious as before any evidence.
+    `counts` says of a robot whether its evidence belongs to the first-hand part, or to the fused belief alone.
+    With `dissent`, who keeps disagreeing with the others counts for less, where the learner does not see to that, and where
+    `feedback` is not "paper".
     """
     opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
     if settings.feedback == "paper":  # Table I to the letter: everything is multiplied
@@ -77,9 +84,15 @@ def fuse_opinions(
     else:
         independent, overlapping = split(opinions)
     rule = settings.of(subject)
-    stack = np.stack([opinion.belief.p for opinion in independent])
     learned = list[Learned]()
-    if learner is not None and isinstance(rule, Coalition) and rule.independence == "learn":
+    learns = learner is not None and isinstance(rule, Coalition) and rule.independence == "learn"
+    if dissent is not None and settings.feedback != "paper":
+        dissent.hear(subject, now, independent, lambda others: _pooled(rule, others, grid))
+        if not learns:
+            independent = _faded(independent, dissent)
+            overlapping = _faded(overlapping, dissent)
+    stack = np.stack([opinion.belief.p for opinion in independent])
+    if learner is not None and isinstance(rule, Coalition) and learns:
         sources = [opinion.source for opinion in independent]
         learner.hear(subject, now, independent)
         advice = learner.advice(sources, [width(opinion.belief) for opinion in independent])
@@ -89,14 +102,20 @@ def fuse_opinions(
         pooled = replace(pooled, weights=pooled.weights * advice.powers)
     else:
         pooled = fuse(rule, stack, grid)
+    here = [all(counts(name) for name in opinion.ancestors) for opinion in independent]
+    counted = [opinion for opinion, is_here in zip(independent, here, strict=True) if is_here]
+    firsthand = uniform(grid)
+    if counted:
+        firsthand = Belief(grid, pooled.p if all(here) else fuse(rule, stack[np.array(here)], grid).p)
     fused, more, contradicted = _pool_overlapping(pooled.p, overlapping)
     kept = 1.0 - sum(share.weight for share in more)  # the share of `pooled` in `fused`
     shares = [Share(o, float(w) * kept, "independent") for o, w in zip(independent, pooled.weights, strict=True)]
     return Fusion(
         belief=Belief(grid, fused),
         ancestors=union([*(independent if kept > 0 else []), *(share.opinion for share in more if share.weight > 0)]),
-        firsthand=Belief(grid, pooled.p),
-        firsthand_ancestors=union(independent),
+        firsthand=firsthand,
+        firsthand_ancestors=union(counted),
+        is_firsthand=all(here) and not more,
         shares=shares + more,
         components=[float(c) for c in pooled.components],
         conflict=contradicted or conflict(stack, pooled.claim()),
@@ -104,6 +123,22 @@ def fuse_opinions(
         outcome=pooled.outcome,
         learned=learned,
     )
+
+
+def _pooled(rule: Rule, opinions: Sequence[Opinion], grid: Grid) -> Belief:
+    return Belief(grid, fuse(rule, np.stack([opinion.belief.p for opinion in opinions]), grid).p)
+
+
+def _faded(opinions: Sequence[Opinion], dissent: Dissent) -> list[Opinion]:
+    """The opinions, each to the power that its source has left."""
+    return [_tempered(opinion, dissent.weight(opinion.source)) for opinion in opinions]
+
+
+def _tempered(opinion: Opinion, power: float) -> Opinion:
+    if power >= 1.0:
+        return opinion
+    p = tempered(opinion.belief.p[np.newaxis], np.array([power]))[0]
+    return replace(opinion, belief=Belief(opinion.belief.grid, p))
 
 
 def as_advised(rule: Coalition, opinions: Array, advice: Advice) -> tuple[Coalition, Array]:

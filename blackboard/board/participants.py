@@ -12,6 +12,8 @@ from blackboard.process.roster import Roster
 from blackboard.process.team_clock import Pace, TeamClock
 from blackboard.wire import keys
 
+MAX_ROBOTS = 1024  # whose sub-teams are remembered
+
 
 class Participants:
     """In lockstep the world's Clock names the robots, and those that have gone are not waited for; else all with a token do."""
@@ -19,6 +21,8 @@ class Participants:
     def __init__(self, roster: Roster, clock: TeamClock, team: str, sub_team: str) -> None:
         self.roster, self.clock = roster, clock
         self.team, self.sub_team = team, sub_team
+        self._members: dict[str, tuple[str, ...]] = {}  # robot -> its sub-teams, as they were known last
+        self._following: set[tuple[str, str]] = set()  # boards of other sub-teams that publish their status alone
 
     def has_robot(self, robot: str, sub_team: str) -> bool:
         """Whether a robot holds a token in a sub-team, or the world names it there."""
@@ -40,6 +44,28 @@ class Participants:
             raise TooEarly
         raise TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
 
+    def hear_role(self, sub_team: str, board: str, *, follows: bool) -> None:
+        """Whether a board of another sub-team follows another one there, as its status says."""
+        (self._following.add if follows else self._following.discard)((sub_team, board))
+        self._following = {(s, b) for s, b in self._following if b in self.roster.boards.get(s, [])}
+
+    def counts(self, robot: str) -> bool:
+        """Whether a robot's evidence counts in the exchange through this sub-team.
+
+        It does through the first, by name, of its sub-teams that have a board. One that is no longer there counts where it did.
+        """
+        lockstep = self.clock.pace is Pace.LOCKSTEP
+        named = self._named() if lockstep else self.roster.robots
+        found = tuple(sub_team for sub_team, robots in named.items() if robot in robots)
+        members = found or self._members.pop(robot, ())
+        if members:
+            self._members[robot] = members
+            if len(self._members) > MAX_ROBOTS:
+                del self._members[next(iter(self._members))]
+        boards = named if lockstep else self.roster.boards
+        homes = [sub_team for sub_team in members if sub_team in boards]
+        return self.sub_team == min(homes, default=self.sub_team)
+
     def robots(self) -> list[str]:
         """The robots of the sub-team that are waited for."""
         if self.clock.pace is not Pace.LOCKSTEP:
@@ -51,12 +77,19 @@ class Participants:
         return [robot for robot, token in tokens.items() if not self.roster.has_gone(token)]
 
     def boards(self) -> list[tuple[str, str]] | None:
-        """The boards of the other sub-teams that are waited for, as (sub-team, board); None while a token is still to come."""
+        """The boards of the other sub-teams that are waited for, as (sub-team, board); None while a token is still to come.
+
+        Boards that follow are waited for only where no other one is left: one of them will lead.
+        """
         named = self._named() if self.clock.pace is Pace.LOCKSTEP else self.roster.boards
         others = [sub_team for sub_team in named if sub_team != self.sub_team]
         if any(self._is_expected(sub_team) for sub_team in others):
             return None
-        return [(sub_team, board) for sub_team in others for board in self.roster.boards.get(sub_team, [])]
+        return [(sub_team, board) for sub_team in others for board in self._speaking(sub_team)]
+
+    def _speaking(self, sub_team: str) -> list[str]:
+        boards = self.roster.boards.get(sub_team, [])
+        return [board for board in boards if (sub_team, board) not in self._following] or boards
 
     def _named(self) -> dict[str, list[str]]:
         """Sub-team -> robots, as the world's Clock names them; empty outside lockstep."""

@@ -16,23 +16,28 @@ Ancestors = Mapping[str, float]  # robot -> until which team time (seconds) its 
 
 @dataclass(frozen=True, eq=False)
 class Opinion:
-    """A belief, who reported it, and whose information it contains; `age` in seconds of team time."""
+    """A belief, who reported it, and whose information it contains; `age` in seconds of team time.
+
+    `whole`: a sub-team's belief beside which the part stands that is to be multiplied.
+    """
 
     source: str
     belief: Belief
     ancestors: Ancestors
     age: float = 0.0
+    whole: bool = False
 
 
 def split(opinions: Iterable[Opinion]) -> tuple[list[Opinion], list[Opinion]]:
     """The independent opinions, and the rest, which overlap with them.
 
-    Fewest ancestors first (first-hand opinions), then by name: the choice does not depend on the order of arrival.
+    First what is no whole, fewest ancestors first (first-hand opinions), then by name: the choice does not depend on the order of
+    arrival.
     """
     independent: list[Opinion] = []
     overlapping: list[Opinion] = []
     taken: set[str] = set()
-    for opinion in sorted(opinions, key=lambda o: (len(o.ancestors), o.source, sorted(o.ancestors))):
+    for opinion in sorted(opinions, key=lambda o: (o.whole, len(o.ancestors), o.source, sorted(o.ancestors))):
         if taken.isdisjoint(opinion.ancestors):
             independent.append(opinion)
             taken |= opinion.ancestors.keys()

@@ -8,10 +8,14 @@ The table `blackboard.process.rounds.BOARD` says when a phase is over (docs/desi
 from __future__ import annotations
 
 import logging
+from dataclasses import asdict
 from functools import partial
+from typing import TypeVar
 
 from blackboard.board.board import Board
+from blackboard.board.clocks import Clocks
 from blackboard.board.joint.desk import JointDesk
+from blackboard.board.lead import Lead, Said
 from blackboard.board.participants import Participants
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
@@ -22,13 +26,18 @@ from blackboard.process.roster import Roster
 from blackboard.process.rounds import BOARD, Rounds
 from blackboard.process.team_clock import WORLD_SILENT, News, Pace, TeamClock
 from blackboard.wire import keys
+from blackboard.wire.arrays import packed_grid
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.evidence import Forward
-from blackboard.wire.messages import Clock, Consensus, Report, Status
+from blackboard.wire.messages import Clock, Consensus, PackedAnchor, Refusal, Report, Status
 from blackboard.wire.types import MAX_OPINIONS, Message
 
 log = logging.getLogger(__name__)
+
+M = TypeVar("M", Report, Consensus, Forward)
+
+SILENT = 1.0  # seconds beyond its patience with both phases of a tick after which a leader that publishes nothing is given up
 
 
 class BoardService:
@@ -43,7 +52,12 @@ class BoardService:
         self.clock = TeamClock(self.roster, settings.period)
         self.participants = Participants(self.roster, self.clock, team, sub_team)
         self.rounds = Rounds(BOARD, {"patience": settings.patience, "half a period": settings.period / 2}, "settled")
+        self.lead = Lead(self.roster, sub_team, board, silent=2 * settings.patience + SILENT)
+        self.clocks = Clocks(f"{sub_team}/{board}", settings.skew)
         self._settings = settings_in_force(settings)
+        self._packed_grid = packed_grid(grid)
+        self._anchor = None if grid.anchor is None else PackedAnchor(**asdict(grid.anchor))
+        self._led: int | None = None  # the term in which it was logged that this board leads
         self._pace = self.clock.pace  # the pace at which early messages were retried last
         self._begin()
 
@@ -53,8 +67,13 @@ class BoardService:
         self.rounds.enter("settled", 0.0)
         self._reports: RollCall[str] = RollCall()  # of the sub-team's robots
         self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
+        self._said: list[Said] = []  # in this tick, or kept, where another board leads
         self._sent: list[Envelope] = []  # in this tick; sent again when the world repeats its Clock
-        self._joint = None if self.settings.fusion == "opinions" else JointDesk(self.grid, self.settings, self.counters)
+        self._joint = (
+            None
+            if self.settings.fusion == "opinions"
+            else JointDesk(self.grid, self.settings, self.counters, self.board.ageing)
+        )
         self._settled: Status | None = None  # the status after the newest settlement
 
     # --- what the loop needs ----------------------------------------------------------------------------------------------
@@ -90,21 +109,23 @@ class BoardService:
         self.intake.record_link_counters(counters)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        out = self._look(now)
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             self._hold(now)
             self.roster.hear(envelope, now)
-            out = self._retry(now) if envelope.kind is Kind.ALIVE else []
+            out += self._retry(now) if envelope.kind is Kind.ALIVE else []
         else:
-            out = self.intake.take(envelope, lambda parts, message: self._hear(parts, message, now))
-        return out + self._advance(now)
+            out += self.intake.take(envelope, lambda parts, message: self._hear(parts, message, now))
+        return out + self._advance(now) + self._refusals(now)
 
     def wake(self, now: float) -> list[Envelope]:
-        out = self._advance(now)
+        out = self._advance(now) + self._refusals(now)
         return [*out, self._status(now)] if now >= self.intake.status_due else out
 
     def wake_at(self, now: float) -> float | None:
         rounds_end = self.rounds.ends_at(self.clock.pace)
-        return min(self.intake.status_due, rounds_end, self.clock.changes_at(), self.roster.changes_at())
+        changes_at = min(self.clock.changes_at(), self.roster.changes_at(), self.lead.changes_at())
+        return min(self.intake.status_due, rounds_end, changes_at)
 
     # --- receiving --------------------------------------------------------------------------------------------------------
 
@@ -116,22 +137,26 @@ class BoardService:
         time = self.clock.time(now)
         if isinstance(message, Report):
             self.participants.check_robot(message.source)
-            self._hear_report(message, time)
+            message = self._hear_report(message, now, time)
             self._reports.record(message.source, message.subject, message.tick)
             self.intake.record_age(message.source, now)
             about_itself = message.subject == f"robot/{message.source}"
             if self._joint is not None and message.evidence is not None and about_itself:
-                self._joint.take(message.source, message.tick, message.time, message.evidence, own=True)
+                skew = self._skew
+                self._joint.take(message.source, message.tick, message.time, message.evidence, own=True, skew=skew)
         elif isinstance(message, Consensus) and message.sub_team != self.sub_team:
             self.participants.check_board(message.sub_team, message.board)
-            self.board.hear_consensus(message, time)
+            self.clocks.echoes.hear(f"{message.sub_team}/{message.board}", message.time, now)
+            self.board.hear_consensus(self._on_time(message, now), time)
             self._consensuses.record((message.sub_team, message.board), message.subject, message.tick)
         elif isinstance(message, Forward) and message.sub_team != self.sub_team and self._joint is not None:
             self.participants.check_board(message.sub_team, message.board)
+            message = self._on_time(message, now)
             self.board.check_time(message.time, time)
-            self._joint.hear(message, lambda robot: self.participants.has_robot(robot, message.sub_team))
+            sub_team = message.sub_team
+            self._joint.hear(message, lambda robot: self.participants.has_robot(robot, sub_team), self._skew)
         elif isinstance(message, Status):
-            self._hear_status(parts["sub_team"], message)
+            return self._hear_status(parts["sub_team"], message, now)
         return []
 
     def _hear_clock(self, clock: Clock, now: float) -> News:
@@ -143,27 +168,75 @@ class BoardService:
                 )
         return self.clock.hear(clock, now)
 
-    def _hear_report(self, report: Report, time: float) -> None:
+    @property
+    def _skew(self) -> float:
+        """Seconds that a robot's clock may be off: none where all go by a world's."""
+        return self.settings.skew if self.clock.pace is Pace.FREE else 0.0
+
+    def _on_time(self, message: M, now: float) -> M:
+        """A message with its stamp by this board's clock, where each process goes by its own."""
+        if self.clock.pace is not Pace.FREE:
+            return message
+        source = message.source if isinstance(message, Report) else f"{message.sub_team}/{message.board}"
+        time = self.clocks.corrected(source, message.time, now)
+        return message if time == message.time else message.model_copy(update={"time": time})
+
+    def _hear_report(self, report: Report, now: float, time: float) -> Report:
         try:
+            report = self._on_time(report, now)
             self.board.hear(report, time)
+            return report
         except Refused as refusal:
             if self.clock.pace is Pace.FREE and refusal.reason in ("past", "future"):
                 raise TooEarly(refusal) from None  # it may be stamped by a world whose Clock has not come yet
             raise
 
-    def _hear_status(self, sub_team: str, status: Status) -> None:
+    def _hear_status(self, sub_team: str, status: Status, now: float) -> list[Envelope]:
         if status.kind == "robot" and sub_team == self.sub_team and status.phase == "reported":
             self.participants.check_robot(status.process)
+            self._learn_of(status.process, status, now)
             self._reports.record_list(status.process, status.tick, status.subjects)
             self.board.withdraw(status.process, status.tick, status.subjects)
-        elif status.kind == "board" and sub_team != self.sub_team and status.phase == "consensus":
+        elif status.kind == "board" and sub_team == self.sub_team:
+            return self._hear_twin(status, now)
+        elif status.kind == "board":
+            self._hear_board(sub_team, status, now)
+        elif status.kind == "robot" and self.participants.has_robot(status.process, sub_team):
+            self._learn_of(status.process, status, now)
+        return []
+
+    def _learn_of(self, source: str, status: Status, now: float) -> None:
+        """How fast a robot is, and where each process goes by its own clock, how far that is off."""
+        if status.speed is not None and status.kind == "robot":
+            self.board.ageing.hear(source, status.speed)
+        if self.clock.pace is Pace.FREE:
+            self.clocks.hear(source, status, now)
+
+    def _hear_twin(self, status: Status, now: float) -> list[Envelope]:
+        """Another board of this sub-team says whether it leads, and what it has published."""
+        if status.process == self.name:
+            return []
+        if status.process not in self.roster.boards.get(self.sub_team, []):
+            raise TooEarly  # its token may be on its way
+        newest = self.clock.time(now) + self.settings.future
+        if self.clock.pace is Pace.FREE and not status.follows:
+            self.clocks.offsets.told(status.clocks)
+        answers = self.lead.hear(status, now, newest, any_tick=self.clock.pace is Pace.FREE)
+        return [self._status(now)] if answers else []
+
+    def _hear_board(self, sub_team: str, status: Status, now: float) -> None:
+        """A board of another sub-team lists what it settled."""
+        if status.process in self.roster.boards.get(sub_team, []):
+            self._learn_of(f"{sub_team}/{status.process}", status, now)
+            self.participants.hear_role(sub_team, status.process, follows=status.follows)
+        if status.phase == "consensus" and not status.follows:
             # Outside lockstep an empty list changes nothing, and a board that has just started may send it before its token arrives.
             if status.subjects or self.clock.pace is Pace.LOCKSTEP:
                 self.participants.check_board(sub_team, status.process)
             elif status.process not in self.roster.boards.get(sub_team, []):
                 return
             self._consensuses.record_list((sub_team, status.process), status.tick, status.subjects)
-            self.board.withdraw_consensuses(sub_team, status.process, status.tick, status.subjects)
+            self.board.withdraw_consensuses(sub_team, status.tick, status.subjects)
             if self._joint is not None and status.process in self.roster.boards.get(sub_team, []):
                 self._joint.expect((sub_team, status.process), status.settings.get("fusion") == "joint")
 
@@ -178,16 +251,19 @@ class BoardService:
             return []
         if news is News.REPEATED:
             self.counters["repeated"] += 1
-            return list(self._sent)
+            return list(self._sent) if self.lead.leads else [self._followed(said, now) for said in self._said]
         if news is not News.TICK:
             self._begin()
+            self.lead.begin(None if news is News.FREE else self.clock.time(now))
         if news is News.FREE:
             log.warning(
                 "the world is gone, its last Clock is %g s old: going by Unix time, starting afresh", WORLD_SILENT
             )
             return []
+        if self.lead.since is None:
+            self.lead.since = self.clock.time(now)
         self.rounds.enter("reports", now)
-        self._sent = []
+        self._said, self._sent = [], []
         return []
 
     def _advance(self, now: float) -> list[Envelope]:
@@ -200,6 +276,7 @@ class BoardService:
         if self.clock.pace is not self._pace:
             self._pace = self.clock.pace
             out += self._retry(now)
+        out += self._look(now)
         while (ended := self.rounds.turn(self.clock.pace, now, self._holds)) is not None:
             phase, late = ended
             if late:
@@ -236,20 +313,55 @@ class BoardService:
             with survive("what is forwarded"):
                 out += self._forward(self._joint, tick, time)
         self.counters["settled"] += len(found)
-        self._settled = self._plain_status(tick, time).model_copy(
-            update={"phase": level, "subjects": [c.subject for c in found], "learned": self.board.learned()}
+        status = self._plain_status(tick, time).model_copy(
+            update={
+                "phase": level,
+                "subjects": [c.subject for c in found],
+                "learned": self.board.learned(),
+                "dissent": self.board.dissent() + (self._joint.dissent.told() if self._joint is not None else []),
+            }
         )
-        out.append(self._status(now))
-        self._sent += out
-        return out
+        said = Said(tick, level, time, tuple(out), status)
+        self._said.append(said)
+        if self.lead.may_say(time):
+            sent = self._say(said, now)
+            self._sent += sent
+            return sent
+        self.lead.keep(said, now)
+        return [self._followed(said, now)]
+
+    def _say(self, said: Said, now: float) -> list[Envelope]:
+        self._settled = said.status
+        if said.envelopes and self._led != (term := self.lead.term):
+            self._led = term
+            log.info("%s speaks for sub-team %s from tick %d on (term %d)", self.name, self.sub_team, said.tick, term)
+        return [*said.envelopes, self._status(now)]
+
+    def _followed(self, said: Said, now: float) -> Envelope:
+        """The status of a board that follows: the phase is over here, too."""
+        self._settled = said.status.model_copy(update={"subjects": []})
+        return self._status(now)
+
+    def _look(self, now: float) -> list[Envelope]:
+        """Where this board's part changes, tell the others; where it leads now, say all that the one before did not."""
+        if not self.lead.look(now):
+            return []
+        if not self.lead.leads:
+            return [self._status(now)]
+        settled = self._settled
+        self._sent = [
+            envelope for said in self._said for envelope in self._say(said, now)
+        ]  # to a Clock that is repeated
+        self._settled = settled
+        return [envelope for said in self.lead.release() for envelope in self._say(said, now)] or [self._status(now)]
 
     def _consensuses_of(self, tick: int, time: float) -> list[Consensus]:
         """What the sub-team believes, which this board also hears itself."""
-        found = self.board.settle(tick, time)
+        found = self.board.settle(tick, time, self.participants.counts)
         for consensus in found:
             with self.intake.failures.survive(consensus.subject):
                 self.board.hear_consensus(consensus, time)
-        self.board.withdraw_consensuses(self.sub_team, self.name, tick, [c.subject for c in found])
+        self.board.withdraw_consensuses(self.sub_team, tick, [c.subject for c in found])
         return found
 
     def _forward(self, joint: JointDesk, tick: int, time: float) -> list[Envelope]:
@@ -272,14 +384,47 @@ class BoardService:
                 pooled |= known
                 first |= known.keys()
         kept = sorted(pooled, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
-        return [pooled[subject] for subject in sorted(kept)]
+        return [self._told_to(pooled[subject]) for subject in sorted(kept)]
+
+    def _told_to(self, agreed: Consensus) -> Consensus:
+        """What is agreed about a robot tells it how far its clock is ahead, where each goes by its own."""
+        ahead = self.clocks.offsets.ahead(agreed.subject.removeprefix("robot/"))
+        off = self.clock.pace is Pace.FREE and agreed.subject.startswith("robot/") and ahead
+        return agreed.model_copy(update={"ahead": ahead}) if off else agreed
 
     def _plain_status(self, tick: int, time: float) -> Status:
-        return Status(process=self.name, kind="board", tick=max(0, tick), time=time, settings=self._settings)
+        return Status(
+            process=self.name,
+            kind="board",
+            tick=max(0, tick),
+            time=time,
+            settings=self._settings,
+            grid=self._packed_grid,
+            anchor=self._anchor,
+        )
+
+    def _refusals(self, now: float) -> list[Envelope]:
+        """Tell robots of the sub-team what was refused under their names, unless this board follows one that does."""
+        told = self.intake.refusals.due(now)
+        if not told or self.lead.leads is False:
+            return []
+        parts, time = {"team": self.team, "sub_team": self.sub_team}, self.clock.time(now)
+        return [
+            Envelope(
+                keys.REFUSED.key(**parts, robot=it.robot),
+                encode(Refusal(board=self.name, sub_team=self.sub_team, time=time, **asdict(it))),
+            )
+            for sub_team, it in told
+            if sub_team == self.sub_team
+        ]
 
     def _status(self, now: float) -> Envelope:
         """What was settled last, at the time of that tick, with the counters as they stand; "idle" before the first tick."""
         status = self._settled or self._plain_status(self.clock.tick, self.clock.time(now))
+        part = {"follows": not self.lead.leads, "term": self.lead.term, "since": self.lead.since}
+        status = status.model_copy(update=part)
+        if self.clock.pace is Pace.FREE:
+            status = self.clocks.shown(status, now)
         key = keys.STATUS.key(team=self.team, sub_team=self.sub_team, process=self.name)
         return Envelope(key, encode(self.intake.counted(status, now)))
 

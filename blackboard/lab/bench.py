@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from blackboard.lab.estimates import Estimate, Z
-from blackboard.opinion.scores import LEVELS, errors
+from blackboard.lab.estimates import Estimate
+from blackboard.opinion import intervals
+from blackboard.opinion.grid import Array
+from blackboard.opinion.scores import LEVELS, errors, held
 from sim_world.series import Sample
 
 FUSIONS = ("opinions", "joint")
@@ -32,7 +34,8 @@ DEFINITIONS = (
     "solo: what a robot believes on its own readings, on grids where boards pool opinions; solo (joint): by its Gaussian filter,"
     " where boards keep a joint; opinions, joint: what the team agreed on, by [board] fusion. All on the same samples: each robot at"
     " each whole second.",
-    "50/90/95 %: share of samples whose highest-density region of that mass holds the truth, with a 95 % Wilson interval. It"
+    "50/90/95 %: share of samples whose highest-density region of that mass holds the truth (the cells on its border count in part,"
+    " as far as the mass needs them), with a 95 % Wilson interval. It"
     f" assumes that blocks of {BLOCK:g} s of the whole team are independent of each other, and nothing about samples within a block:"
     " it counts as many independent samples as would make a share spread like the blocks' shares, and one for each block where"
     " these are all 0 or all 1.",
@@ -61,35 +64,18 @@ class Run:
         return bool(self.card["ticks"] == self.asked_ticks)
 
 
-def wilson(share: float, n: float) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share among n independent samples, n > 0 and not necessarily whole (JASA 22, 1927)."""
-    middle, spread = share + Z**2 / (2 * n), Z * math.sqrt(share * (1 - share) / n + Z**2 / (4 * n**2))
-    return max(0.0, (middle - spread) / (1 + Z**2 / n)), min(1.0, (middle + spread) / (1 + Z**2 / n))
-
-
-def effective_samples(hits: Sequence[bool], blocks: Sequence[int]) -> float:
-    """How many independent samples would give the share of hits the variance that it has over blocks; `blocks` numbers them.
-
-    With h_b hits among n_b samples of B blocks and p the share of all, the variance of p is the ratio estimator's,
-    B / (B - 1) sum_b (h_b - p n_b)^2 / n^2 (Cochran, Sampling Techniques, ch. 2.11, without the finite correction), and the answer
-    p (1 - p) over it. At most the number of samples, so that luck in the blocks makes no interval narrower than independence does; at
-    least B - 1 where blocks are equal. B where p is 0 or 1, and 1 where there is one block: no spread can be seen.
-    """
-    hit, (_, block) = np.asarray(hits, dtype=float), np.unique(blocks, return_inverse=True)
-    count = int(block.max()) + 1
-    share = float(hit.mean())
-    if count == 1 or share in (0.0, 1.0):
-        return float(count)
-    away = np.bincount(block, weights=hit - share)  # h_b - p n_b
-    variance = count / (count - 1) * float(away @ away) / len(hit) ** 2
-    return min(float(len(hit)), share * (1 - share) / variance) if variance > 0 else float(len(hit))
+def effective_samples(hits: Sequence[float] | Array, blocks: Sequence[int]) -> float:
+    """`intervals.effective_samples` of some samples; `blocks` numbers the block of each."""
+    _, block = np.unique(blocks, return_inverse=True)
+    return intervals.effective_samples(np.bincount(block, weights=np.asarray(hits, dtype=float)), np.bincount(block))
 
 
 def coverage(samples: Sequence[Sample], level: int) -> Estimate:
     """The share of samples whose `level` % region holds the truth, with its interval (DEFINITIONS)."""
-    hits = [sample.region < level / 100 for sample in samples]
-    share = sum(hits) / len(hits)
-    return Estimate(share, *wilson(share, effective_samples(hits, [block_of(sample.time) for sample in samples])))
+    hits = held([sample.region for sample in samples], [sample.border for sample in samples], level / 100)
+    share = float(hits.mean())
+    count = effective_samples(hits, [block_of(sample.time) for sample in samples])
+    return Estimate(share, *intervals.wilson(share, count))
 
 
 def block_of(time: float) -> int:

@@ -15,10 +15,11 @@ import numpy as np
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
+from blackboard.opinion.intervals import student
+from blackboard.opinion.intervals import wilson as score_interval
 from blackboard.opinion.scores import LEVELS, Score
 
 RESAMPLES = 400  # of the bootstrap
-Z = 1.959964  # of a normal distribution, two-sided 95 %
 FEWEST, MANY = (
     4,
     40,
@@ -74,7 +75,7 @@ COLUMNS: dict[str, Column] = {
     "median": (lambda t: np.array(t.score.errors), "median"),
     "log_score": (lambda t: np.array(t.score.log_scores), "mean"),
     **{
-        f"coverage_{level}": (lambda t, level=level: np.less(t.score.levels, level / 100).astype(float), "share")  # type: ignore[misc]
+        f"coverage_{level}": (lambda t, level=level: t.score.held(level), "share")  # type: ignore[misc]
         for level in LEVELS
     },
     "entropy": (lambda t: np.array(t.score.entropies), "mean"),
@@ -148,21 +149,9 @@ def resamples(runs: int, rng: np.random.Generator) -> Array:
     return np.asarray(rng.multinomial(runs, np.full(runs, 1 / runs), RESAMPLES).astype(float))
 
 
-def student(freedom: int) -> float:
-    """Student's t, two-sided 95 %, within 1 % from 3 degrees of freedom on (Abramowitz and Stegun 1964, 26.7.5)."""
-    terms = (
-        (Z**3 + Z) / 4,
-        (5 * Z**5 + 16 * Z**3 + 3 * Z) / 96,
-        (3 * Z**7 + 19 * Z**5 + 17 * Z**3 - 15 * Z) / 384,
-    )
-    return Z + sum(term / float(freedom) ** n for n, term in enumerate(terms, start=1))
-
-
 def wilson(share: float, n: int) -> Estimate:
     """Wilson's score interval of a share of n independent cases."""
-    centre = (share + Z**2 / (2 * n)) / (1 + Z**2 / n)
-    half = Z * math.sqrt(share * (1 - share) / n + Z**2 / (4 * n**2)) / (1 + Z**2 / n)
-    return Estimate(share, max(0.0, centre - half), min(1.0, centre + half))
+    return Estimate(share, *score_interval(share, n))
 
 
 def _pooled(x: Array, counts: Array, how: str) -> Array:

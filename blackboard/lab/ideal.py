@@ -209,7 +209,7 @@ def ideal_beliefs(
     for asked in wanted:
         at.setdefault(asked[0], []).append(asked)
     found = {}
-    for tick in range(round(time.seconds / time.tick) + 1):
+    for tick in range(time.ticks + 1):
         truth, readings = world.advance("lab", tick)
         it.step(time.tick if tick else 0.0, readings)
         for asked in at.get(round(truth.time, 3), ()):

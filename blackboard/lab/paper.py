@@ -22,6 +22,7 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.cooperative import cooperative_pool
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.rules import Rule
+from blackboard.opinion.scores import held
 from blackboard.opinion.weights import entropy, entropy_weights
 
 Sensors = Sequence[tuple[float, float]]  # mean and sigma, units
@@ -256,8 +257,8 @@ def _metrics(scores: TeamSizeScores) -> dict[str, Array]:
     return {
         "entropy": np.array(scores.entropies),
         "log_score": np.array(scores.log_scores),
-        "coverage_50": np.less(scores.levels, 0.5).astype(float),
-        "coverage_95": np.less(scores.levels, 0.95).astype(float),
+        "coverage_50": held(scores.levels, scores.borders, 0.5),
+        "coverage_95": held(scores.levels, scores.borders, 0.95),
     }
 
 

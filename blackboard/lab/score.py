@@ -87,16 +87,16 @@ def new_runs(recording: RecordingFlags, seconds: float | None, keep: Path | None
     todo = scenarios(recording, seconds)
     found = []
     with progress("score") as show, _folder(keep) as folder:
-        done, total = 0, sum(_ticks(one) for _, _, one in todo)
+        done, total = 0, sum(one.time.ticks for _, _, one in todo)
         for number, (protocol, fusion, one) in enumerate(todo, 1):
             log.info("run %d of %d: %s, %s", number, len(todo), protocol, fusion)
             series = folder / f"{protocol}-{fusion}.csv"
             series.with_suffix(".json").unlink(missing_ok=True)  # a run counts once this is there
             _, card = run_scenario(one, _moving(show, done, total), series=series)
             world = one.section("world", WorldSection)
-            kept = {"recording": world.dir, "start": world.start, "asked_ticks": _ticks(one), "card": card}
+            kept = {"recording": world.dir, "start": world.start, "asked_ticks": one.time.ticks, "card": card}
             _write(series.with_suffix(".json"), json.dumps(kept) + "\n")
-            done += _ticks(one)
+            done += one.time.ticks
             found.append(_read_run(series))
     return found
 
@@ -135,10 +135,6 @@ def families(runs: list[bench.Run]) -> list[bench.Run]:
             mine = [run for run in runs if run.protocol in family and run.fusion == fusion]
             found += [bench.together(name, mine)] if len(mine) > 1 else []
     return found
-
-
-def _ticks(scenario: Scenario) -> int:
-    return round(scenario.time.seconds / scenario.time.tick)
 
 
 def _moving(show: Callable[[int, int], None] | None, before: int, total: int) -> Callable[[int, int], None] | None:

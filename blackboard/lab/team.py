@@ -15,11 +15,12 @@ import numpy as np
 from blackboard.board.service import BoardService
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed
+from blackboard.faults import faulty_robots
 from blackboard.net.bus import Bus, BusLink
 from blackboard.process.service import Service
 from blackboard.wire.envelope import Envelope
-from robot_agent.config import RobotSection
 from robot_agent.service import AgentService
+from robot_agent.team import robot_of
 from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
 from sim_world.scorecard import scorecard
@@ -46,7 +47,11 @@ class Team:
         self.scenario, self.bus, self.now = scenario, Bus(), BEGIN
         self._shuffle = shuffle
         self._links: dict[Service, BusLink] = {}
-        self.boards = {sub_team: board(scenario, sub_team) for sub_team in scenario.team.sub_teams}
+        self.boards = {  # by sub-team, as `a`, and where it has several as `a2`
+            name.removeprefix("board-"): board(scenario, sub_team, name)
+            for sub_team in scenario.team.sub_teams
+            for name in scenario.team.boards_of(sub_team)
+        }
         self.robots = {name: robot(scenario, name) for name in scenario.team.robots}
         self.world = world(scenario)
         services: list[Service] = [*self.boards.values(), *self.robots.values(), self.world]
@@ -114,15 +119,17 @@ def world(scenario: Scenario) -> WorldService:
     """The world of a scenario, with its referee."""
     settings = scenario.section("world", WorldSection)
     sensors = open_sensor_source(scenario)
-    return WorldService(scenario, sensors, Referee(scenario.grid, settings.check, sensors.robots))
+    return WorldService(
+        scenario, sensors, Referee(scenario.grid, settings.check, sensors.robots, faulty=faulty_robots(scenario))
+    )
 
 
-def board(scenario: Scenario, sub_team: str) -> BoardService:
-    """The board of a sub-team, under the name that `blackboard up` gives it."""
+def board(scenario: Scenario, sub_team: str, name: str | None = None) -> BoardService:
+    """A board of a sub-team, under the name that `blackboard up` gives to its first one."""
     return BoardService(
         team=scenario.team.name,
         sub_team=sub_team,
-        board=f"board-{sub_team}",
+        board=name or f"board-{sub_team}",
         grid=scenario.grid,
         settings=scenario.board,
     )
@@ -130,12 +137,4 @@ def board(scenario: Scenario, sub_team: str) -> BoardService:
 
 def robot(scenario: Scenario, name: str) -> AgentService:
     """A robot of a scenario, in the sub-teams that the scenario puts it into."""
-    return AgentService(
-        team=scenario.team.name,
-        sub_teams=scenario.team.of(name),
-        robot=name,
-        grid=scenario.grid,
-        settings=scenario.section("robot", RobotSection),
-        feedback=scenario.board.feedback,
-        joint=scenario.board.fusion == "joint",
-    )
+    return robot_of(scenario, name)

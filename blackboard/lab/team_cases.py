@@ -39,7 +39,7 @@ def first_hand_cases(scenario: Scenario, every: float = 1.0) -> Run:
     estimators = {robot: Estimator.begin(settings, grid, robot) for robot in scenario.team.robots}
     stride = max(1, round(every / time.tick))
     cases: Run = []
-    for tick in range(round(time.seconds / time.tick) + 1):
+    for tick in range(time.ticks + 1):
         truth, readings = world.advance("lab", tick)
         for reading in readings:
             estimators[reading.robot] = estimators[reading.robot].advance(reading)

@@ -36,7 +36,7 @@ def joint_sizes(
     sizes = {size for _, some in parts for size in some}
     joints = {team(robot, robots, size): TeamJoint(objects) for robot in robots for size in sizes}
     found = tuple(TeamSizeScores() for _ in parts)
-    for tick in range(round(time.seconds / time.tick) + 1):
+    for tick in range(time.ticks + 1):
         truth, readings = world.advance("lab", tick)
         evidence = {one.robot: _evidence(filters[one.robot], one) for one in readings}
         for members, joint in joints.items():

@@ -26,6 +26,7 @@ class TeamSizeScores:
     entropies: list[list[float]] = field(default_factory=list)  # nats
     log_scores: list[list[float]] = field(default_factory=list)
     levels: list[list[float]] = field(default_factory=list)  # mass of the cells denser than the true one
+    borders: list[list[float]] = field(default_factory=list)  # and of those as dense as it
 
     def merge(self, other: TeamSizeScores) -> TeamSizeScores:
         return TeamSizeScores(*(getattr(self, name) + getattr(other, name) for name in self.__dataclass_fields__))
@@ -82,6 +83,7 @@ def add_case(
         scores.entropies.append(by_size.entropies)
         scores.log_scores.append(by_size.log_scores)
         scores.levels.append(by_size.levels)
+        scores.borders.append(by_size.borders)
 
 
 def concerned(case: Case) -> tuple[str, ...]:

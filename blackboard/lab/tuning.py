@@ -23,7 +23,7 @@ from blackboard.opinion.cooperative import Calibrated, Coalition
 from blackboard.opinion.grid import Array
 from blackboard.opinion.pools import POOLS, fuse
 from blackboard.opinion.rules import Rule, find, read_rule
-from blackboard.opinion.scores import LEAST_PROBABILITY
+from blackboard.opinion.scores import LEAST_PROBABILITY, held
 from blackboard.opinion.weights import entropy_weights
 
 K = (0.0, 1.0, 2.0)
@@ -87,7 +87,7 @@ def try_all(rule: str, runs: Sequence[Run]) -> CandidateScores:
     for run in runs:
         found = np.array([_scores(rule, case) for case in run])  # (cases, candidates, 2)
         log_scores.append(found[..., 0].sum(axis=0))
-        covered.append((found[..., 1] < 0.95).sum(axis=0))
+        covered.append(found[..., 1].sum(axis=0))
     return CandidateScores(rule, np.array(log_scores), np.array(covered), np.array([float(len(run)) for run in runs]))
 
 
@@ -161,16 +161,17 @@ def _chosen(scores: CandidateScores, counts: Array, coverage: float) -> Array:
 
 
 def _scores(rule: str, case: Case) -> Array:
-    """The log score and the level of the truth for each candidate, shape (candidates, 2)."""
+    """The log score, and how far the 95 % region holds the truth, for each candidate, shape (candidates, 2)."""
     index = case.grid.index(case.truth)
     found = []
     for beliefs in _beliefs(rule, case):  # (some candidates, cells), each with sum 1
         if index is None:
-            found += [(np.log(LEAST_PROBABILITY), 1.0)] * len(beliefs)
+            found += [(np.log(LEAST_PROBABILITY), 0.0)] * len(beliefs)
             continue
         true = beliefs[:, np.ravel_multi_index(index, case.grid.shape)]
         levels = np.where(beliefs > true[:, None], beliefs, 0.0).sum(axis=1)
-        found += list(zip(np.log(np.maximum(true, LEAST_PROBABILITY)), levels, strict=True))
+        borders = np.where(beliefs == true[:, None], beliefs, 0.0).sum(axis=1)
+        found += list(zip(np.log(np.maximum(true, LEAST_PROBABILITY)), held(levels, borders, 0.95), strict=True))
     return np.array(found)
 
 

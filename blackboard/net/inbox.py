@@ -20,7 +20,10 @@ TOO_LARGE = bytes(MAX_BYTES + 1)
 STRANGERS = ""  # the source of everything whose writer holds no token
 MAX_TOKENS = 4096  # that are known; changes of more are dropped
 CHANGES = 4  # of one token that wait; more are dropped in pairs, so that the newest state stays, and that it changed
-STRANGERS_BATCH = 32  # envelopes of strangers that are handed out at once
+STRANGERS_BATCH = 32  # envelopes of strangers that are handed out at once; where more wait, they are a flood
+STRANGERS_PAUSE = (
+    0.01  # seconds for which others are waited for first, while strangers flood: to refuse them costs time
+)
 
 
 @dataclass(slots=True)
@@ -50,8 +53,10 @@ class Inbox:
         batch: int = 256,
         quota: int = 2048,
         quota_bytes: int = 16 << 20,
+        pause: float = STRANGERS_PAUSE,
     ) -> None:
-        """`most` and `most_bytes` bound all that waits, `quota` and `quota_bytes` that of one source."""
+        """`most` and `most_bytes` bound all that waits, `quota` and `quota_bytes` that of one source; `pause` is in seconds."""
+        self.pause = pause
         self.most, self.most_bytes, self.batch = most, most_bytes, batch
         self.quota, self.quota_bytes = quota, quota_bytes
         self.received = self.dropped = self.bytes_received = 0
@@ -63,6 +68,7 @@ class Inbox:
         self._changes: dict[str, int] = {}  # token -> its changes that wait
         self._count = self._bytes = 0
         self._arrived = threading.Condition()
+        self._poked = False
 
     def put(self, envelope: Envelope, size: int) -> None:
         """Add an envelope that had `size` bytes of payload on the network."""
@@ -73,19 +79,41 @@ class Inbox:
                 self._put_change(envelope)
             else:
                 self._put_sample(envelope)
+            if self._waits() or self._strangers() <= STRANGERS_BATCH:  # a flood wakes nobody
+                self._arrived.notify()
+
+    def poke(self) -> None:
+        """Let a `drain` that waits, or the next one, return at once."""
+        with self._arrived:
+            self._poked = True
             self._arrived.notify()
 
     def drain(self, timeout: float) -> list[Envelope]:
         """The oldest envelopes, those of strangers last, at most a batch, so that the caller can look at the time between two batches.
 
-        Waits up to `timeout` seconds for the first; empty if nothing came.
+        Waits up to `timeout` seconds for the first; empty if nothing came. While strangers flood they get what time is left: a
+        batch in each pause, and beside others no more than of these.
         """
         with self._arrived:
-            self._arrived.wait_for(lambda: self._count or self._changes, timeout)
+            self._arrived.wait_for(lambda: self._count or self._changes or self._poked, timeout)
+            poked, self._poked = self._poked, False
+            flood = self._strangers() > STRANGERS_BATCH
+            if flood and not poked:
+                self._arrived.wait_for(self._waits, min(timeout, self.pause))
             found = self._take(self._known, self.batch)
-            return found + self._take(self._strange, min(STRANGERS_BATCH, self.batch - len(found)))
+            most = len(found) if flood and found else STRANGERS_BATCH
+            return found + self._take(self._strange, min(most, STRANGERS_BATCH, self.batch - len(found)))
 
     # --- inside, all under the lock -----------------------------------------------------------------------------------
+
+    def _strangers(self) -> int:
+        """How many envelopes of strangers wait."""
+        strange = self._sources.get(STRANGERS)
+        return strange.count if strange is not None else 0
+
+    def _waits(self) -> bool:
+        """Whether something waits that is no stranger's."""
+        return bool(self._changes) or self._count > self._strangers()
 
     def _put_change(self, envelope: Envelope) -> None:
         token, here = envelope.key, envelope.kind is Kind.ALIVE

@@ -15,9 +15,12 @@ from typing import Any
 
 import zenoh
 
+from blackboard.access.identity import Identity
+from blackboard.access.probe import fault
 from blackboard.errors import UserError
 from blackboard.net.inbox import TOO_LARGE, Inbox
-from blackboard.net.settings import LinkConfig, endpoints, plain
+from blackboard.net.knock import LARGEST, Knock
+from blackboard.net.settings import LinkConfig, endpoints, plain, priority
 from blackboard.process.clock import UnixClock
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
@@ -47,8 +50,10 @@ class Link:
         clock: UnixClock | None = None,
     ) -> None:
         """Connect within `patience` seconds. Raises UserError where no router answers, Stopped where `stopped()` becomes true."""
-        self._session = _open(config, name, patience, stopped, clock or UnixClock())
+        clock, identity = clock or UnixClock(), config.identity()
+        self._session = _open(config, name, patience, stopped, clock, identity)
         self._inbox = Inbox()
+        self.poke = self._inbox.poke  # lets a `receive` that waits, or the next one, return at once; for any thread
         self._newest: dict[str, bytes] = {}
         self._publishers: dict[str, Any] = {}
         self._answered: set[str] = set()
@@ -56,6 +61,14 @@ class Link:
         # called last; an open session with callbacks keeps a process from ending
         self._kept.callback(self._session.close)
         self._sent = 0
+        self._knock = None if identity is None else Knock(name, identity, clock)
+        if self._knock is not None and config.who != "router":
+            try:
+                self._listen_at_door(self._knock)
+                self._knock.ask(self.get)
+            except BaseException:
+                self.close()
+                raise
 
     def __enter__(self) -> Link:
         return self
@@ -69,13 +82,17 @@ class Link:
 
     @property
     def counters(self) -> dict[str, int]:
-        """Envelopes sent, received and dropped here, and bytes of payload received."""
+        """Envelopes sent, received and dropped here, and bytes of payload received; with keys, what the router has denied so far."""
         inbox = self._inbox
+        knock = self._knock
+        if knock is not None:
+            knock.check_time()
         return {
             "sent": self._sent,
             "received": inbox.received,
             "dropped": inbox.dropped,
             "bytes": inbox.bytes_received,
+            **({"denied": knock.denied} if knock is not None and knock.denied else {}),
         }
 
     def subscribe(self, key_expr: str) -> None:
@@ -108,7 +125,7 @@ class Link:
         """
         key = envelope.key
         publisher = self._publishers.pop(key, None) or self._session.declare_publisher(
-            key, encoding=ENCODING, congestion_control=zenoh.CongestionControl.DROP
+            key, encoding=ENCODING, congestion_control=zenoh.CongestionControl.DROP, priority=priority(key)
         )
         self._publishers[key] = publisher
         if len(self._publishers) > MAX_KEYS:
@@ -132,10 +149,23 @@ class Link:
         found = [_envelope(reply.ok, Kind.PUT) for reply in replies if reply.ok is not None]
         return sorted(found, key=lambda envelope: envelope.key)
 
+    def denials(self) -> str | None:
+        """With keys: what the router has denied this process of late, in one line; None where nothing was."""
+        return None if self._knock is None else self._knock.denials(self.get)
+
     # --- what is declared, and its callbacks: they run in other threads, so they only enqueue or look up ----------------------
 
     def _keep(self, declared: Any) -> None:
         self._kept.callback(declared.undeclare)
+
+    def _listen_at_door(self, knock: Knock) -> None:
+        def hear(sample: Any) -> None:
+            if len(sample.payload) <= LARGEST:
+                knock.hear(sample.payload.to_bytes())
+
+        # called in Zenoh's thread, without one of its own
+        direct: Any = zenoh.handlers.Callback(hear, indirect=False)
+        self._keep(self._session.declare_subscriber(knock.key, direct))
 
     def _answer(self, space: str) -> None:
         """Declare a queryable for a key expression; not as `complete`, because other processes may have keys in it."""
@@ -181,9 +211,19 @@ def start_zenoh_log() -> None:
 
 
 def _open(
-    config: LinkConfig, name: str, patience: float, stopped: Callable[[], bool], clock: UnixClock
+    config: LinkConfig,
+    name: str,
+    patience: float,
+    stopped: Callable[[], bool],
+    clock: UnixClock,
+    identity: Identity | None,
 ) -> zenoh.Session:
-    """Open a session, trying again until a router answers; each try is short, because it cannot be interrupted."""
+    """Open a session, trying again until a router answers; each try is short, because it cannot be interrupted.
+
+    With keys a refused certificate ends it at once, because it is refused again.
+    """
+    if identity is not None and (warning := identity.check_time(clock.now())):
+        log.warning("%s", warning)
     built = config.build(name)
     where = ", ".join(endpoints(built))
     start, pause, logged = clock.now(), threading.Event(), False
@@ -194,7 +234,11 @@ def _open(
             if not str(error).startswith("Unable to connect"):
                 raise UserError(f"{name}: {plain(error)}; name other endpoints with -e or -l") from error
             waited = clock.now() - start
-            if waited >= patience:
+            last = waited >= patience
+            wrong = fault(endpoints(built), identity, last=last) if identity is not None or last else None
+            if wrong:
+                raise UserError(f"{name}: {wrong}") from error
+            if last:
                 raise UserError(
                     f"{name}: no Zenoh router answers at {where}; start `blackboard router` there, or name another endpoint "
                     "with -e (RUST_LOG=zenoh=debug tells more)"

@@ -10,9 +10,13 @@ from typing import Any
 
 import zenoh
 
+from blackboard.access.identity import Identity, find
 from blackboard.errors import UserError
+from blackboard.wire.keys import parse
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+SECURE_ENDPOINT = "tls/127.0.0.1:7447"  # with keys
+SECURE = ("tls/", "quic/")  # the protocols of endpoints that carry certificates
 
 #: Our defaults, by Zenoh's configuration key.
 OURS: dict[str, Any] = {
@@ -24,6 +28,8 @@ OURS: dict[str, Any] = {
     "transport/link/tx/lease": 2000,  # ms until a frozen process is noticed
     # Messages may be dropped, but only after 100 ms in a full queue: a busy machine loses none, a frozen receiver delays 100 ms
     "transport/link/tx/queue/size/data": 16,
+    "transport/link/tx/queue/size/interactive_high": 16,  # the queues of the other priorities of the topic table
+    "transport/link/tx/queue/size/data_low": 16,
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100_000,  # microseconds
     "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 1.5},
 }
@@ -31,7 +37,7 @@ OURS: dict[str, Any] = {
 OURS_BY_MODE: dict[str, dict[str, Any]] = {
     "client": {"connect/timeout_ms": 1000},  # of one try: `zenoh.open` cannot be interrupted
     "peer": {"listen/endpoints": []},  # Zenoh's own default is every interface
-    "router": {"listen/endpoints": [DEFAULT_ENDPOINT], "adminspace/enabled": True},  # which is read-only
+    "router": {"adminspace/enabled": True},  # which is read-only; it listens where a client looks for it
 }
 
 
@@ -39,7 +45,8 @@ OURS_BY_MODE: dict[str, dict[str, Any]] = {
 class LinkConfig:
     """Zenoh's usual settings, applied in the order of its own examples: `file`, then these, then `cfg` ("config/path:JSON5").
 
-    Where none of them sets a key, `OURS` does. The mode is client unless set otherwise.
+    Where none of them sets a key, `OURS` does. The mode is client unless set otherwise. With `keys`, a directory made by
+    `blackboard keys`, the certificate of `who` in it is used, and every endpoint must be one that carries certificates.
     """
 
     mode: str | None = None
@@ -48,6 +55,14 @@ class LinkConfig:
     file: str | None = None
     multicast: bool | None = None
     cfg: Sequence[str] = ()
+    keys: str | None = None
+    who: str = (
+        "viewer"  # "robot/r1", "board/board-a", or a kind of which a team has one; commands that look on are viewers
+    )
+
+    def identity(self) -> Identity | None:
+        """The certificate of this process, or None without keys. UserError: the directory has none that can be used."""
+        return None if self.keys is None else find(self.keys, self.who)
 
     def build(self, name: str) -> zenoh.Config:
         """The configuration of a session called `name`. UserError: Zenoh does not accept a setting; the text names it."""
@@ -57,6 +72,10 @@ class LinkConfig:
             raise UserError(
                 f"--config {self.file}: {plain(error)}; give a Zenoh configuration (JSON5 or YAML)"
             ) from error
+        identity = self.identity()
+        if identity is not None:
+            for key, value in identity.settings().items():
+                _insert(config, key, json.dumps(value), f"{identity.folder}: {key}")
         flags = {
             "mode": self.mode,
             "connect/endpoints": list(self.connect) or None,
@@ -71,7 +90,9 @@ class LinkConfig:
             if not colon:
                 raise UserError(f"--cfg {pair}: write KEY:VALUE, the value in JSON5")
             _insert(config, key, value, f"--cfg {pair}")
-        _apply_defaults(config, name)
+        _apply_defaults(config, name, SECURE_ENDPOINT if self.keys else DEFAULT_ENDPOINT)
+        if self.keys:
+            _check_shut(config, is_router=self.who == "router")
         return config
 
 
@@ -79,6 +100,14 @@ def endpoints(config: zenoh.Config) -> list[str]:
     """The endpoints that a session of this configuration connects to."""
     found: list[str] = json.loads(config.get_json("connect/endpoints"))
     return found
+
+
+def priority(key: str) -> zenoh.Priority:
+    """Zenoh's priority of what is put on a key, by the topic table; for a key of no topic Zenoh's own default."""
+    found = parse(key)
+    name = "data" if found is None else found[0].priority
+    chosen: zenoh.Priority = getattr(zenoh.Priority, name.upper().replace("-", "_"))
+    return chosen
 
 
 def plain(error: Exception) -> str:
@@ -95,7 +124,27 @@ def _insert(config: zenoh.Config, key: str, value: str, where: str) -> None:
         raise UserError(f"{where}: Zenoh does not take it ({plain(error)})") from error
 
 
-def _apply_defaults(config: zenoh.Config, name: str) -> None:
+def _check_shut(config: zenoh.Config, *, is_router: bool) -> None:
+    """UserError: with keys, an endpoint without certificates, or one who listens beside the router and its access control."""
+    listening = json.loads(config.get_json("listen/endpoints"))
+    if isinstance(listening, dict):  # Zenoh's own default, which a client does not use
+        listening = []
+    for endpoint in (*endpoints(config), *listening):
+        if not endpoint.startswith(SECURE):
+            raise UserError(
+                f"{endpoint}: with --keys write tls/{endpoint.partition('/')[2]}, which carries certificates"
+            )
+    if is_router and endpoints(config):
+        raise UserError(
+            "--connect: with --keys a router is linked to no other router; its certificate is for listening alone"
+        )
+    if not is_router and (json.loads(config.get_json("mode")) != "client" or listening):
+        raise UserError(
+            "--mode, --listen: with --keys only `blackboard router` listens, because it decides who may do what"
+        )
+
+
+def _apply_defaults(config: zenoh.Config, name: str, endpoint: str) -> None:
     """Apply our defaults where neither file nor flag set a key, that is, where it still has Zenoh's own default."""
     stock = zenoh.Config()
 
@@ -106,7 +155,9 @@ def _apply_defaults(config: zenoh.Config, name: str) -> None:
     default("mode", "client")
     default("metadata", {"name": name})
     mode = json.loads(config.get_json("mode"))
-    for key, value in (OURS | OURS_BY_MODE[mode]).items():
+    for key, value in (
+        OURS | OURS_BY_MODE[mode] | ({"listen/endpoints": [endpoint]} if mode == "router" else {})
+    ).items():
         default(key, value)
     if mode == "client" and config.get_json("scouting/multicast/enabled") != "true":
-        default("connect/endpoints", [DEFAULT_ENDPOINT])
+        default("connect/endpoints", [endpoint])

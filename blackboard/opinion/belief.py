@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from blackboard.opinion.grid import Array, Grid
 
@@ -36,6 +37,115 @@ class Belief:
         """Covariance of the position between cells in unit**2, shape (ndim, ndim); add cell**2 / 12 for the width of a cell."""
         away = [x - m for x, m in zip(self.grid.mesh(), self.mean(), strict=True)]
         return np.array([[float((self.p * a * b).sum()) for b in away] for a in away])
+
+    # --- from what people have, and back: `given` and `region` say all, and are loaded when they are asked for ----------------
+
+    @classmethod
+    def from_gaussian(cls, grid: Grid, mean: npt.ArrayLike, covariance: npt.ArrayLike) -> Belief:
+        """A Gaussian with any covariance (`given.from_gaussian`)."""
+        from blackboard.opinion import given
+
+        return given.from_gaussian(grid, mean, covariance)
+
+    @classmethod
+    def from_mixture(
+        cls,
+        grid: Grid,
+        means: Sequence[npt.ArrayLike],
+        covariances: Sequence[npt.ArrayLike],
+        weights: npt.ArrayLike | None = None,
+    ) -> Belief:
+        """A mixture of Gaussians (`given.from_mixture`)."""
+        from blackboard.opinion import given
+
+        return given.from_mixture(grid, means, covariances, weights)
+
+    @classmethod
+    def from_particles(
+        cls,
+        grid: Grid,
+        xy: npt.ArrayLike,
+        weights: npt.ArrayLike | None = None,
+        bandwidth: float | Sequence[float] | None = None,
+    ) -> Belief:
+        """Weighted particles, each spread by a bandwidth in the grid's unit (`given.from_particles`)."""
+        from blackboard.opinion import given
+
+        return given.from_particles(grid, xy, weights, bandwidth)
+
+    @classmethod
+    def from_range_bearing(
+        cls,
+        grid: Grid,
+        position: npt.ArrayLike,
+        heading: float,
+        *,
+        distance: float | None = None,
+        bearing: float | None = None,
+        distance_sigma: float = 0.0,
+        bearing_sigma: float = 0.0,
+        heading_sigma: float = 0.0,
+        position_sigma: float = 0.0,
+    ) -> Belief:
+        """Where something is that is seen at a distance, a bearing, or both (`given.from_range_bearing`)."""
+        from blackboard.opinion import given
+
+        return given.from_range_bearing(
+            grid,
+            position,
+            heading,
+            distance=distance,
+            bearing=bearing,
+            distance_sigma=distance_sigma,
+            bearing_sigma=bearing_sigma,
+            heading_sigma=heading_sigma,
+            position_sigma=position_sigma,
+        )
+
+    @classmethod
+    def from_occupancy(
+        cls,
+        grid: Grid,
+        values: npt.ArrayLike,
+        *,
+        source: Grid | None = None,
+        unknown: float = 50.0,
+        free: bool = False,
+    ) -> Belief:
+        """Mass by occupancy, 0 to 100 and -1, or by freedom (`given.from_occupancy`)."""
+        from blackboard.opinion import given
+
+        return given.from_occupancy(grid, values, source=source, unknown=unknown, free=free)
+
+    def resampled(self, grid: Grid, lost: float = 0.01) -> Belief:
+        """The same on another grid (`given.resampled`)."""
+        from blackboard.opinion import given
+
+        return given.resampled(self, grid, lost)
+
+    def mode(self) -> Array:
+        """The centre of the likeliest cell in the grid's unit, shape (ndim,)."""
+        from blackboard.opinion import region
+
+        return region.mode(self)
+
+    def region(self, share: float = 0.95) -> npt.NDArray[np.bool_]:
+        """The cells of the highest-density region of `share` of the mass (`region.region`)."""
+        from blackboard.opinion import region
+
+        return region.region(self, share)
+
+    def polygons(self, share: float = 0.95) -> list[Array]:
+        """The borders of that region as closed rings in the grid's unit (`region.polygons`)."""
+        from blackboard.opinion import region
+
+        return region.polygons(self, share)
+
+    def samples(self, n: int, rng: np.random.Generator) -> Array:
+        """Points drawn from it, shape (n, ndim), in the grid's unit (`region.samples`)."""
+        from blackboard.opinion import region
+
+        return region.samples(self, n, rng)
 
 
 def uniform(grid: Grid) -> Belief:

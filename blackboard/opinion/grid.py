@@ -18,13 +18,30 @@ Array = npt.NDArray[Any]  # of float64, unless said otherwise
 
 
 @dataclass(frozen=True)
+class Anchor:
+    """Where a frame is on Earth: the place (degrees, WGS 84) of its point (0, 0), and the bearing of its x axis.
+
+    The bearing is in degrees clockwise from true north: 0 where x points north, 90 where it points east.
+    """
+
+    latitude: float
+    longitude: float
+    bearing: float
+
+
+@dataclass(frozen=True)
 class Grid:
-    """A regular grid: `shape` in cells, edge length `cell` and lower corner `origin` in `unit` ("cell" or "m")."""
+    """A regular grid: `shape` in cells, edge length `cell` and lower corner `origin` in `unit` ("cell" or "m").
+
+    `frame` names the frame of its coordinates, as in ROS ("map"); empty: nobody named it. `anchor` says where that frame is on Earth.
+    """
 
     shape: tuple[int, ...]
     cell: float = 1.0
     origin: tuple[float, ...] = field(default=())
     unit: str = "cell"
+    frame: str = ""
+    anchor: Anchor | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         shape = tuple(int(n) for n in self.shape)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from datetime import UTC, datetime
 
 
 class UnixClock:
@@ -31,3 +32,8 @@ class ManualClock(UnixClock):
         if seconds < 0:
             raise ValueError(f"a clock does not run backwards, by {seconds} s")
         self._now += seconds
+
+
+def utc(seconds: float) -> datetime:
+    """Unix time in seconds as a date, in whole seconds; reads no clock."""
+    return datetime.fromtimestamp(int(seconds), UTC)

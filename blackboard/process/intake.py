@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from blackboard.errors import Refused
 from blackboard.process.failures import Failures, quoted
+from blackboard.process.refusals import Refusals
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Status
@@ -48,6 +49,7 @@ class Intake:
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
+        self.refusals = Refusals()  # by source, for a board to tell
         self.failures = Failures(self.counters)
         self.status_due = 0.0  # Unix seconds
         self._heard_at: dict[str, float] = {}  # source -> Unix seconds, the one that is silent for longest first
@@ -64,7 +66,7 @@ class Intake:
         except TooEarly as early:
             self._keep(envelope)
             if early.refusal is not None:
-                self._refuse(envelope.key, early.refusal)
+                self._refuse(envelope.key, early.refusal, early=True)
             return []
 
     def retry(self, handle: Handler) -> list[Envelope]:
@@ -84,6 +86,7 @@ class Intake:
                 _, parts, message = open_envelope(envelope)
                 answers = handle(parts, message)
                 self.counters["heard"] += 1
+                self.refusals.handled(envelope.key)
                 return answers
             except Refused as refusal:
                 self._refuse(envelope.key, refusal)
@@ -118,8 +121,9 @@ class Intake:
             self._early_bytes -= len(dropped.payload)
             self.counters["early_dropped"] += 1
 
-    def _refuse(self, key: str, refusal: Refused) -> None:
+    def _refuse(self, key: str, refusal: Refused, *, early: bool = False) -> None:
         self.refused[refusal.reason] += 1
+        self.refusals.record(key, refusal, early=early)
         shown = quoted(key)
         if (shown, refusal.reason) not in self._warned and len(self._warned) < MAX_WARNINGS:
             self._warned.add((shown, refusal.reason))

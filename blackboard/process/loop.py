@@ -50,7 +50,10 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
         now = clock.now()
         due = _due(service, now, paused_until)
         wait = LONGEST_WAIT if due is None else min(LONGEST_WAIT, max(0.0, due - now))
-        for envelope in link.receive(wait):
+        arrived = link.receive(wait)
+        if arrived:  # a service that is never due, because it answers what comes, tells them in its statuses too
+            service.record_link_counters(_counters(link, failures))
+        for envelope in arrived:
             with failures.survive(envelope.key):
                 _send(link, service.receive(envelope, clock.now()))
         now = clock.now()

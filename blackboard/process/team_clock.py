@@ -6,6 +6,9 @@ for `WORLD_SILENT` seconds. So somebody who publishes a Clock and leaves delays 
 gone and the Clock that is followed is older than `WORLD_SILENT`, the process goes by Unix time again. A token without any Clock is
 waited for `CLOCKLESS` seconds at most, and one whose Clock has stopped `STOPPED` seconds.
 
+A world holds its token before it sends a Clock. So a run whose Clocks came for more than `EARLY` seconds before that token is somebody
+else's: for `WORLD_SILENT` seconds after the token, the first Clock of any other run is followed instead.
+
 Who has sent a Clock cannot be known without keys. So the Clock that is followed goes on by its next tick (in real time by up to
 `LOST` ticks), and another one is a **rival** until it is confirmed: heard again, not earlier than `CONFIRMED` seconds later and
 without the followed one in between. A rival of another run must also wait until the followed run was silent for `WORLD_SILENT`
@@ -22,6 +25,7 @@ from blackboard.process.roster import Roster
 from blackboard.wire.messages import Clock
 
 WORLD_SILENT = 5.0  # seconds after its last Clock until a world without a token is no longer waited for
+EARLY = 2.0  # seconds by which a Clock may come before the token of its world
 CLOCKLESS = 10.0  # seconds that a world's token without a Clock is waited for
 STOPPED = 60.0  # seconds after its last Clock until a world is given up though its token is there
 CONFIRMED = 0.5  # seconds between the first and the second Clock that are heard of a rival
@@ -59,6 +63,8 @@ class TeamClock:
         self.heard_at = 0.0  # Unix seconds, when the Clock of this tick arrived first
         self._spoke_at = 0.0  # Unix seconds, when a Clock of the followed run arrived last
         self._unannounced: Clock | None = None  # the newest Clock that came without a world's token
+        self._unannounced_since = 0.0  # Unix seconds, when the first Clock of its run came
+        self._stranger, self._stranger_until = "", 0.0  # a run that is not the world's, and until when that is believed
         self._token_due: float | None = None  # until when that token is waited for
         self._clock_due: float | None = None  # until when the Clock of a world that has a token is waited for
         self._has_waited = False  # whether that was in vain, so that a token alone is not waited for again
@@ -79,11 +85,14 @@ class TeamClock:
         if not self.roster.world:
             if self.followed is None and self._unannounced is None:
                 self._token_due = now + WORLD_SILENT
+            if self._unannounced is None or self._unannounced.run != clock.run:
+                self._unannounced_since = now
             self._unannounced = clock
             return News.NOTHING
         self._unannounced = self._token_due = None
         if self.followed is None:
-            return self._follow(clock, now, News.RUN)
+            strange = clock.run == self._stranger and now < self._stranger_until
+            return News.NOTHING if strange else self._follow(clock, now, News.RUN)
         if self._goes_on(self.followed, clock):
             return self._follow(clock, now, News.TICK)
         if (clock.run, clock.tick, clock.time) == (self.followed.run, self.tick, self.followed.time):
@@ -94,6 +103,8 @@ class TeamClock:
     def look(self, now: float) -> News:
         """What has changed with the roster and the time; call it again until it is NOTHING."""
         if self._unannounced is not None and self.roster.world:
+            if self.followed is None and now - self._unannounced_since > EARLY:
+                self._stranger, self._stranger_until = self._unannounced.run, now + WORLD_SILENT
             return self.hear(self._unannounced, now)
         if self._token_due is not None and now >= self._token_due:
             self._token_due = None

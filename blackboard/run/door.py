@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Literal, NoReturn
 
 import structlog
@@ -21,11 +22,13 @@ from cyclopts import App, CycloptsError, Parameter
 import blackboard
 from blackboard.errors import RunFailed, UserError
 from blackboard.net.link import Link, Stopped, start_zenoh_log
-from blackboard.net.settings import DEFAULT_ENDPOINT, LinkConfig
+from blackboard.net.settings import DEFAULT_ENDPOINT, SECURE_ENDPOINT, LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.process.loop import run
 from blackboard.process.service import Service
+from blackboard.run.gate import keep_door
 from blackboard.run.lifeline import follow
+from blackboard.wire.keys import WORLD, parse
 from blackboard.wire.names import NAME
 
 log = structlog.get_logger()
@@ -55,6 +58,8 @@ class ZenohFlags:
     "Look for others by multicast; off unless asked for."
     cfg: Annotated[list[str], Parameter(name="--cfg", negative="", show_default=False)] = field(default_factory=list)
     "A Zenoh setting KEY:VALUE, VALUE in JSON5; may be given again."
+    keys: str | None = None
+    "A directory of certificates (`blackboard keys init`); every connection then shows one."
 
     def link(self, **changes: object) -> LinkConfig:
         """The link's configuration, with some settings changed."""
@@ -65,6 +70,7 @@ class ZenohFlags:
             "file": self.config,
             "multicast": self.multicast_scouting,
             "cfg": tuple(self.cfg),
+            "keys": self.keys,
         }
         return LinkConfig(**(settings | changes))  # type: ignore[arg-type]
 
@@ -90,7 +96,11 @@ def serve(service: Service, name: str, flags: ZenohFlags, *, patience: float = 3
     What is on its way then is still handed to the service, until nothing came for 0.1 s, for at most `linger` seconds.
     """
     stop, clock = Stop(), UnixClock()
-    with Link(flags.link(), name, patience=patience, stopped=stop, clock=clock) as link:
+    config = flags.link(who=_who(service.tokens, name))
+    identity = config.identity()
+    if identity is not None:
+        identity.check_tokens(service.tokens)
+    with Link(config, name, patience=patience, stopped=stop, clock=clock) as link:
         log.info("ready", process=name, tokens=list(service.tokens))
         run(service, link, clock, stop)
         end = clock.now() + linger
@@ -102,11 +112,25 @@ def serve(service: Service, name: str, flags: ZenohFlags, *, patience: float = 3
 
 def route(flags: ZenohFlags) -> None:
     """Run a Zenoh router until a signal comes. It is ready as soon as a session can be opened through it."""
-    stop = Stop()
-    with Link(flags.link(mode="router"), "router", stopped=stop):
-        log.info("ready", process="router", listen=flags.listen or flags.config or DEFAULT_ENDPOINT)
+    stop, config = Stop(), flags.link(mode="router", who="router")
+    listen = flags.listen or flags.config or (SECURE_ENDPOINT if flags.keys else DEFAULT_ENDPOINT)
+    ready = partial(log.info, "ready", process="router", listen=listen)
+    if config.keys:
+        keep_door(config, stop, ready)
+        return
+    with Link(config, "router", stopped=stop):
+        ready()
         while not stop.wait(3600.0):
             pass
+
+
+def _who(tokens: tuple[str, ...], name: str) -> str:
+    """As which member of a team a process looks for its certificate: by the token that it holds, else by its name."""
+    for token in tokens:
+        topic, parts = parse(token) or (None, {})
+        if topic is not None:
+            return "world" if topic is WORLD else f"{topic.owner}/{parts[topic.owner]}"
+    return name
 
 
 def check_name(what: str, value: str) -> None:

@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
 from blackboard.errors import UserError
+from blackboard.faults import without_faults
 
 
 @Parameter(name="*")
@@ -66,8 +67,12 @@ class RunFlags(LengthFlags):
     series: Path | None = None
     "Also write every sample that the referee judges into this file, as CSV (docs/real-robots.md)."
 
+    no_faults: Annotated[bool, Parameter(negative="", show_default=False)] = False
+    "Let nothing be wrong with the robots under a [[fault]], and score them apart all the same, to compare with."
+
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario with these flags instead of what it says itself."""
+        scenario = without_faults(scenario) if self.no_faults else scenario
         mode = "realtime" if self.realtime else None
         return scenario.changed("world", seed=self.seed).changed("time", seconds=self.seconds, mode=mode)
 
@@ -88,6 +93,8 @@ class TeamFlags:
 
     robots: int | None = None
     "Another number of robots, spread over the sub-teams."
+    boards_per_sub_team: int | None = None
+    "Boards of each sub-team: one leads, the others take over when it dies [default: the scenario's]."
     rule: str | None = None
     "Another rule than the scenario's for pooling first-hand beliefs; implies --fusion opinions."
     fusion: Literal["opinions", "joint"] | None = None
@@ -97,6 +104,7 @@ class TeamFlags:
         """The scenario with these flags instead of what it says itself. UserError: fewer robots than sub-teams."""
         if self.robots is not None:
             scenario = scenario.changed("team", sub_teams=_spread(list(scenario.team.sub_teams), self.robots))
+        scenario = scenario.changed("team", boards=self.boards_per_sub_team)
         fusion = self.fusion or ("opinions" if self.rule is not None else None)  # a rule is for opinions
         return scenario.with_rule(self.rule).changed("board", fusion=fusion)
 

@@ -7,6 +7,7 @@ the time of the tick that was settled, so that a board which repeats its status 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Literal, Protocol
 
 from blackboard.errors import Refused
@@ -14,6 +15,7 @@ from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Clock, Report, Status
+from blackboard.wire.types import Message
 
 ProcessKind = Literal["router", "world", "board", "robot"]
 
@@ -48,14 +50,25 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
     return f"{what} is {age:.1f} s old"
 
 
+def part(link: Querier, kind: ProcessKind, name: str, *, team: str) -> str:
+    """What is told of a process after "healthy": of a world its tick; of a board that it follows another one of its sub-team."""
+    if kind == "world":
+        clocks = _opened(link, keys.CLOCK.key(team=team))
+        return f", tick {max(clock.tick for clock in clocks if isinstance(clock, Clock))}" if clocks else ""
+    if kind != "board":
+        return ""
+    messages = _opened(link, keys.STATUS.key(team=team, sub_team="*", process=name))
+    return ", follows" if any(isinstance(message, Status) and message.follows for message in messages) else ""
+
+
 def _times(link: Querier, key_expr: str) -> list[float]:
     """The stamps of all readable answers, team time in seconds."""
+    return [message.time for message in _opened(link, key_expr) if isinstance(message, Clock | Report | Status)]
+
+
+def _opened(link: Querier, key_expr: str) -> list[Message]:
     found = []
     for envelope in link.get(key_expr):
-        try:
-            _, _, message = open_envelope(envelope)
-        except Refused:  # another process sent it; the one that is asked about may be well
-            continue
-        if isinstance(message, Clock | Report | Status):
-            found.append(message.time)
+        with suppress(Refused):  # another process sent it; the one that is asked about may be well
+            found.append(open_envelope(envelope)[2])
     return found

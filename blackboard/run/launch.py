@@ -71,10 +71,10 @@ def process_table(
     common = ("--scenario", file, *_flags(config))
     members = []
     for sub_team in team.sub_teams:
-        board = f"board-{sub_team}"
-        arguments = ("serve", "--team", team.name, "--sub-team", sub_team, "--id", board)
-        token = keys.BOARD.key(team=team.name, sub_team=sub_team, board=board)
-        members.append(Process(board, (*python, "blackboard", *arguments, *common), frozenset({token})))
+        for board in team.boards_of(sub_team):
+            arguments = ("serve", "--team", team.name, "--sub-team", sub_team, "--id", board)
+            token = keys.BOARD.key(team=team.name, sub_team=sub_team, board=board)
+            members.append(Process(board, (*python, "blackboard", *arguments, *common), frozenset({token})))
     for robot in team.robots:
         sub_teams = [sub_team for sub_team, robots in team.sub_teams.items() if robot in robots]
         arguments = ("--team", team.name, "--id", robot, *(part for s in sub_teams for part in ("--sub-team", s)))
@@ -91,7 +91,7 @@ def process_table(
 
 def _flags(config: LinkConfig) -> tuple[str, ...]:
     """The command-line flags from which a door makes this configuration again."""
-    pairs = [("--mode", config.mode), ("--config", config.file)]
+    pairs = [("--mode", config.mode), ("--config", config.file), ("--keys", config.keys)]
     pairs += [("--connect", endpoint) for endpoint in config.connect]
     pairs += [("--listen", endpoint) for endpoint in config.listen]
     pairs += [("--cfg", setting) for setting in config.cfg]
@@ -127,13 +127,15 @@ def run_scenario(
     every case all processes are stopped.
     """
     config = config or LinkConfig()
-    own_endpoint = None if config.connect or config.file else f"tcp/127.0.0.1:{free_port()}"
+    own_endpoint = (
+        None if config.connect or config.file else f"{'tls' if config.keys else 'tcp'}/127.0.0.1:{free_port()}"
+    )
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
         file = Path(folder) / "scenario.json"
         file.write_text(scenario.to_json(), encoding="utf-8")
         processes = process_table(scenario, str(file), config, own_endpoint, series, record, view)
         if own_endpoint is not None:
-            config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg)
+            config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg, keys=config.keys)
         try:
             return asyncio.run(_run(processes, scenario, config, progress, record))
         except asyncio.CancelledError:
@@ -175,7 +177,7 @@ class Observer:
         self, link: Link, scenario: Scenario, on_world_alive: Callable[[], None], progress: Progress | None
     ) -> None:
         self._link, self._on_world_alive, self._progress = link, on_world_alive, progress
-        self._ticks = round(scenario.time.seconds / scenario.time.tick)
+        self._ticks = scenario.time.ticks
         self._roster = Roster()
         self._changed = asyncio.Event()
         team = scenario.team.name

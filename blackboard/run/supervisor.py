@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
 import os
 import signal
 import sys
@@ -21,6 +20,7 @@ from blackboard.run.door import PARENT, USER_ERROR
 
 STOP_SECONDS = 4.0  # from SIGTERM to SIGKILL
 BACK_OFF = (0.2, 0.5, 1.0, 2.0, 5.0)  # seconds before each restart, the last one for all that follow
+LIVED = 10.0  # seconds after which a process is taken to have been well, so that the pauses begin anew
 CHUNK = 1 << 16  # bytes; a longer line is broken
 
 
@@ -51,6 +51,7 @@ class Supervisor:
         self._held: list[tuple[str, str]] | None = []
         self._group = asyncio.TaskGroup()
         self._restarting: list[asyncio.Task[None]] = []
+        self.pids: dict[str, int] = {}  # of those that run, by name
 
     async def __aenter__(self) -> Supervisor:
         await self._group.__aenter__()
@@ -72,7 +73,7 @@ class Supervisor:
             self.release()
 
     def keep_running(self, process: Process) -> None:
-        """Start a process, and start it again whenever it dies, after a pause that grows (`BACK_OFF`)."""
+        """Start a process, and start it again whenever it dies, after a pause that grows while it dies soon (`BACK_OFF`)."""
         self._restarting.append(self._group.create_task(self._restart_forever(process)))
 
     async def run(self, process: Process) -> tuple[int, str]:
@@ -94,9 +95,13 @@ class Supervisor:
             self._held.append((name, line))
 
     async def _restart_forever(self, process: Process) -> None:
-        for pause in itertools.chain(BACK_OFF, itertools.repeat(BACK_OFF[-1])):
+        now, deaths = asyncio.get_running_loop().time, 0
+        while True:
+            began = now()
             status = await self._run_once(process, lambda line: self._show_or_hold(process.name, line))
             self.release()
+            deaths = 0 if now() - began >= LIVED else deaths
+            pause, deaths = BACK_OFF[min(deaths, len(BACK_OFF) - 1)], deaths + 1
             self._show_or_hold(process.name, f"ended with status {status}; starting it again in {pause:g} s")
             await asyncio.sleep(pause)
 
@@ -113,6 +118,7 @@ class Supervisor:
             start_new_session=True,
             env=_environment(),
         )
+        self.pids[process.name] = running.pid
         last = ""
 
         async def copy_output() -> None:
@@ -129,6 +135,7 @@ class Supervisor:
             status = await running.wait()
         finally:
             await self._stop(running)
+            self.pids.pop(process.name, None)
         if status == USER_ERROR:
             raise UserError(
                 last.removeprefix("error: ") or f"{process.name} ended with status {USER_ERROR} and printed nothing"

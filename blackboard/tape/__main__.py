@@ -5,14 +5,11 @@ Long, because it is the door of six commands, each with its flags.
 
 from __future__ import annotations
 
-import csv
-import json
 import logging
-import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, astuple, dataclass, field, fields
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -31,13 +28,18 @@ from blackboard.tape.content import Tape, load_tape, summary
 from blackboard.tape.content import cut as cut_out
 from blackboard.tape.file import TapeWriter, copy, create
 from blackboard.tape.judge import Course, course, judge, match, recorded
+from blackboard.tape.lies import lying, parse_lies
+from blackboard.tape.paired import paired
+from blackboard.tape.paired import text as paired_text
 from blackboard.tape.player import Part, Player
 from blackboard.tape.recorder import Recorder
 from blackboard.tape.replay import replay as replay_tape
-from blackboard.tape.table import COLUMNS, rows
+from blackboard.tape.table import rows
+from blackboard.tape.table_file import write_table
 from blackboard.tape.whatif import what_if
 from blackboard.wire.messages import VERSION
 from sim_world.scorecard import scorecard, text
+from sim_world.series import Sample
 
 LIBRARIES = ("numpy", "eclipse-zenoh", "mcap", "msgpack", "pydantic")  # whose versions a tape keeps
 NOTE = (
@@ -45,7 +47,10 @@ NOTE = (
     "what they report as informed is that of the recorded run."
 )
 
-tape = App(name="tape", help="Look at a tape, mend it, cut it, or make a table of it.")
+tape = App(name="tape", help="Look at a tape, mend it, cut it, make a table of it, or export it.")
+tape.command(
+    "blackboard.bridges.__main__:export", name="export", help="Write a tape for other people's viewers: Foxglove."
+)  # loaded when it is asked for
 
 
 def record(
@@ -95,6 +100,8 @@ class Changes:
     "Pool opinions, or keep a joint belief of the team."
     set: Annotated[list[str], Parameter(negative="", show_default=False)] = field(default_factory=list)
     "Another setting of the boards, as board.gate=8; may be given again."
+    lie: Annotated[list[str], Parameter(negative="", show_default=False)] = field(default_factory=list)
+    "A robot that reports everything so far along x from where it believes it, as r2=6 (grid's unit); may be given again."
     loss: float = 0.0
     "Share of the messages to boards that is lost, Clocks and tokens aside."
     seed: int = 1
@@ -114,6 +121,7 @@ class Changes:
         unknown = sorted(set(self.without) - set(scenario.team.robots))
         if unknown:
             raise UserError(f"--without {unknown[0]}: no such robot; on the tape are {', '.join(scenario.team.robots)}")
+        parse_lies(self.lie, scenario.team.robots)
         if not 0.0 <= self.loss <= 1.0:
             raise UserError(f"--loss {self.loss:g}: give a share from 0 to 1")
         scenario = TeamFlags(rule=self.rule, fusion=self.fusion).apply(scenario)
@@ -135,11 +143,7 @@ def replay(
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
-    """Replay a tape into boards, as fast as the machine can, and print the scorecard of what they believe.
-
-    Each board gets what its journal says, at the same times: its consensuses are the recorded ones to the bit, and the exit
-    status is 1 where they are not. With a change (--without, --rule, --fusion, --set, --loss) the boards are run anew on what the
-    robots sent, and both scorecards are shown. With --speed nothing is judged: the tape goes into a live network.
+    """Replay a tape into boards, or into a live network (`blackboard.__main__` says more).
 
     Parameters
     ----------
@@ -184,7 +188,7 @@ def _again(found: Tape, story: Course, output: OutputFlags) -> int:
     clock = UnixClock()
     began = clock.now()
     again = replay_tape(found)
-    matched = match(story.run, recorded(found), again.output)
+    matched = match(story.run, recorded(found), again.output, story.ended)
     lines = told(again, matched)
     card = scorecard(judge(found.scenario, story, again.output, clock.now() - began))
     output.show(card, lambda card: "\n".join([text(card), "", *lines]))
@@ -196,15 +200,22 @@ def _again(found: Tape, story: Course, output: OutputFlags) -> int:
 def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags) -> int:
     scenario, rng, clock = changes.apply(found), np.random.default_rng(changes.seed), UnixClock()
     began = clock.now()
-    changed = what_if(found, scenario, changes.without, lambda _: bool(changes.loss) and rng.random() < changes.loss)
+    lies = lying(parse_lies(changes.lie, scenario.team.robots))
+    lose = lambda _: bool(changes.loss) and rng.random() < changes.loss  # noqa: E731
+    changed = what_if(found, scenario, changes.without, lose, lies)
     wall, without = clock.now() - began, changes.without
+    ones, others = list[Sample](), list[Sample]()
+    unchanged = what_if(found, found.scenario)
     cards = {
         "recorded": scorecard(judge(found.scenario, story, recorded(found), 0.0, without)),
-        "unchanged": scorecard(judge(found.scenario, story, what_if(found, found.scenario), 0.0, without)),
-        "what if": scorecard(judge(scenario, story, changed, wall, without)),
+        "unchanged": scorecard(judge(found.scenario, story, unchanged, 0.0, without, ones.append)),
+        "what if": scorecard(judge(scenario, story, changed, wall, without, others.append)),
     }
-    result = {"changes": changes.given, **{name.replace(" ", "_"): card for name, card in cards.items()}, "note": NOTE}
-    output.show(result, lambda _: f"{side_by_side(cards)}\n\n{NOTE}")
+    differences = paired(ones, others)
+    result: dict[str, object] = {"changes": changes.given, "paired": differences, "note": NOTE}
+    result |= {name.replace(" ", "_"): card for name, card in cards.items()}
+    told_all = f"{side_by_side(cards)}\n\n{paired_text(differences, cards['what if']['unit'])}\n\n{NOTE}"
+    output.show(result, lambda _: told_all)
     return 0
 
 
@@ -249,25 +260,11 @@ def table(file: Path, *, out: Path | None = None, scenario: str | None = None) -
     Parameters
     ----------
     out
-        A file that ends in .csv or .jsonl [default: CSV on standard output].
+        A file that ends in .csv, .jsonl or .parquet (extra `table`) [default: CSV on standard output].
     scenario
         The team's scenario, instead of the one on the tape.
     """
-    if out is not None and out.suffix not in (".csv", ".jsonl"):
-        raise UserError(f"--out {out}: tables are written as .csv or .jsonl; choose one of these endings")
-    found = rows(load_tape(file, scenario))
-    try:
-        with nullcontext(sys.stdout) if out is None else out.open("w", encoding="utf-8", newline="") as stream:
-            if out is not None and out.suffix == ".jsonl":
-                stream.writelines(json.dumps(asdict(row)) + "\n" for row in found)
-            else:
-                writer = csv.writer(stream, lineterminator="\n")
-                writer.writerow(COLUMNS)
-                writer.writerows(astuple(row) for row in found)
-    except BrokenPipeError:  # whoever reads it has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except OSError as error:
-        raise UserError(f"--out {out}: cannot be written ({error.strerror}); choose another place") from error
+    write_table(rows(load_tape(file, scenario)), out)
     return 0
 
 

@@ -39,6 +39,8 @@ def told(found: Replay, matched: Match) -> list[str]:
         ]
         if matched.exact_from is not None:
             lines.append(f"from tick {matched.exact_from} on all are the same")
+    if matched.cut_off:
+        lines.append(f"the tape breaks off before the last {matched.cut_off} consensuses of its boards")
     if found.missing:
         lines.append(f"{found.missing} messages that boards were given are not on the tape")
     if found.gaps:

@@ -7,11 +7,12 @@ that boards made in a replay. So the scorecards of both have one shape, and the 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from blackboard.config import Scenario
 from blackboard.errors import Refused
+from blackboard.faults import faulty_robots
 from blackboard.process.roster import Roster
 from blackboard.tape.content import Tape, messages
 from blackboard.tape.replay import Output, is_consensus
@@ -23,6 +24,7 @@ from sim_world.instant import Instant, who_saw_landmarks
 from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
 from sim_world.scorecard import RunResult
+from sim_world.series import Sample
 from sim_world.traffic import Traffic
 
 JUDGED_EVERY = 1.0  # seconds: how often the referee judges a recorded team (sim_world.mrclam.replay)
@@ -97,11 +99,20 @@ def recorded(tape: Tape) -> Output:
 
 
 def judge(
-    scenario: Scenario, story: Course, output: Output, wall: float = 0.0, without: Collection[str] = ()
+    scenario: Scenario,
+    story: Course,
+    output: Output,
+    wall: float = 0.0,
+    without: Collection[str] = (),
+    record: Callable[[Sample], None] | None = None,
 ) -> RunResult:
-    """What the referee says of consensuses, as a scorecard needs it; `wall` seconds were spent. Robots `without` are not judged."""
+    """What the referee says of consensuses, as a scorecard needs it; `wall` seconds were spent.
+
+    Robots `without` are not judged. `record` is given every sample that counts.
+    """
     settings = scenario.section("world", WorldSection)
-    referee = Referee(scenario.grid, settings.check, [r for r in scenario.team.robots if r not in without])
+    robots = [robot for robot in scenario.team.robots if robot not in without]
+    referee = Referee(scenario.grid, settings.check, robots, record, faulty=faulty_robots(scenario))
     every = round(JUDGED_EVERY / scenario.time.tick) if settings.kind == "mrclam" else 1
     instants = _instants(story, output, without)
     for tick in sorted(instants):
@@ -125,6 +136,9 @@ def judge(
     )
 
 
+Name = tuple[int, str, str, str, str]  # of a consensus: tick, sub-team, level, subject, board
+
+
 @dataclass(frozen=True)
 class Match:
     """How the consensuses of a replay compare with the recorded ones, each named by tick, sub-team, level, subject and board."""
@@ -135,22 +149,40 @@ class Match:
     only_replayed: int
     first: str  # the first that is not the same; empty if all are
     exact_from: int | None  # the tick from which all are the same; None if there is none
+    cut_off: int = (
+        0  # of a run without an end: what boards said after the last that is on the tape; it counts for nothing
+    )
 
     @property
     def exact(self) -> bool:
         return self.same > 0 and not (self.different or self.only_recorded or self.only_replayed)
 
 
-def match(run: str, taped: Output, replayed: Output) -> Match:
-    """Compare the consensuses of a run, byte by byte."""
+def match(run: str, taped: Output, replayed: Output, ended: bool = True) -> Match:
+    """Compare the consensuses of a run, byte by byte.
+
+    A board's journal is written ahead of what it says, so a tape that breaks off before the run has `ended` may lack the last
+    consensuses of each board.
+    """
     one, other = _by_name(run, taped), _by_name(run, replayed)
+    cut_off = set() if ended else _behind_the_last(one, other)
+    other = {name: payload for name, payload in other.items() if name not in cut_off}
     odd = sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
     both = one.keys() & other.keys()
     different = sum(one[name] != other[name] for name in both)
     first = "tick {}, {}, {} of {} by {}".format(*odd[0]) if odd else ""
     behind = odd[-1][0] + 1 if odd else min((name[0] for name in both), default=None)
     exact_from = behind if behind is not None and any(name[0] >= behind for name in both) else None
-    return Match(len(both) - different, different, len(one.keys() - both), len(other.keys() - both), first, exact_from)
+    only = len(one.keys() - both), len(other.keys() - both)
+    return Match(len(both) - different, different, *only, first, exact_from, len(cut_off))
+
+
+def _behind_the_last(taped: Collection[Name], replayed: Iterable[Name]) -> set[Name]:
+    """What each board says in the replay after the last of its consensuses that is on the tape."""
+    behind: dict[str, list[Name]] = {}
+    for name in replayed:
+        behind[name[-1]] = [] if name in taped else [*behind.get(name[-1], []), name]
+    return {name for names in behind.values() for name in names}
 
 
 def _instants(story: Course, output: Output, without: Collection[str]) -> dict[int, Instant]:
@@ -173,7 +205,7 @@ def _instants(story: Course, output: Output, without: Collection[str]) -> dict[i
     return instants
 
 
-def _by_name(run: str, output: Output) -> Mapping[tuple[int, str, str, str, str], bytes]:
+def _by_name(run: str, output: Output) -> Mapping[Name, bytes]:
     return {(c.tick, c.sub_team, c.level, c.subject, c.board): payload for c, payload in _of(run, output)}
 
 

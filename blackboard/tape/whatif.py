@@ -23,25 +23,36 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Journal
 
-OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.JOURNAL)
+OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.JOURNAL, keys.REFUSED)
 LONGEST = 600.0  # seconds
 LATER = 1e-6  # seconds that pass after a board was woken, so that time moves even if it is due again at once
 
 
 def what_if(
-    tape: Tape, scenario: Scenario, without: Collection[str] = (), lose: Callable[[Envelope], bool] = lambda _: False
+    tape: Tape,
+    scenario: Scenario,
+    without: Collection[str] = (),
+    lose: Callable[[Envelope], bool] = lambda _: False,
+    change: Callable[[Envelope], Envelope] = lambda envelope: envelope,
 ) -> Output:
     """Run the boards of a tape under a scenario, without some robots; a message that `lose` says is lost reaches no board.
 
-    Clocks and tokens are never lost.
+    Clocks and tokens are never lost. What robots send is what `change` makes of it.
     """
-    return _Boards(scenario, frozenset(without), lose).play(tape)
+    return _Boards(scenario, frozenset(without), lose, change).play(tape)
 
 
 class _Boards:
     """The boards, on a bus on which the rest of the team is played."""
 
-    def __init__(self, scenario: Scenario, without: frozenset[str], lose: Callable[[Envelope], bool]) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        without: frozenset[str],
+        lose: Callable[[Envelope], bool],
+        change: Callable[[Envelope], Envelope],
+    ) -> None:
+        self._change = change
         self.scenario, self.without, self.output = scenario, without, Output()
         self._bus = Bus()
         self._bus.lose = lambda envelope: keys.CLOCK.match(envelope.key) is None and lose(envelope)
@@ -80,7 +91,7 @@ class _Boards:
         elif topic is keys.CLOCK:
             self._rest.send(self._clock(envelope))
         elif topic not in OF_BOARDS and board not in self._boards:
-            self._rest.send(envelope)
+            self._rest.send(self._change(envelope))
 
     def _stop(self, board: tuple[str, str]) -> None:
         if board in self._boards:

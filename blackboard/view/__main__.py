@@ -1,12 +1,19 @@
-"""The doors for people: `blackboard why | status | echo | hz | view`. They look on, and send nothing."""
+"""The doors for people: `blackboard why | status | echo | hz | view | top`. They look on, and send nothing.
+
+Long, because it is the door of six commands, each with its flags.
+"""
 
 from __future__ import annotations
 
+import logging
+import os
 import sys
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from blackboard.config import load
 from blackboard.errors import RunFailed, UserError
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
@@ -17,11 +24,15 @@ from blackboard.view.feed import Feed
 from blackboard.view.fold import TeamFold
 from blackboard.view.moments import Moment
 from blackboard.view.summary import summary, text
+from blackboard.view.taped import Taped
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
 
 PATIENCE = 3.0  # seconds to wait for a router, and for a team to settle something
+TEAM = "demo"  # the scenario where no other is named
+NICE = 10  # lower priority of what looks on: where processors are short, boards and robots come first
 CLEAR = "\x1b[H\x1b[2J"  # of a terminal
+NO_TUI = "the terminal needs the extra `tui`: pip install 'cop-blackboard[tui]'"
 NO_WEB = "the live page needs the extra `web`: pip install 'cop-blackboard[web]'"
 
 app = App(name="blackboard-view", version=door.version)
@@ -31,34 +42,47 @@ Seconds = Annotated[float, Parameter(name="--seconds")]
 @app.command
 def why(
     subject: str,
+    file: Path | None = None,
     *,
     at: int | None = None,
-    team: str = "demo",
-    drift: float = 1.0,
+    team: str | None = None,
+    scenario: str | None = None,
+    drift: float | None = None,
     seconds: Seconds = PATIENCE,
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
-    """Say why a running team believes what it believes about a subject.
+    """Say why a running team, or one on a tape, believes what it believes about a subject.
 
     Parameters
     ----------
     subject
         As robot/r1 or object/ball.
+    file
+        A tape (MCAP) to look at instead of a running team; of several runs on it, the last one.
     at
-        The tick to explain: the newest, or one that is still to come [default: the newest].
+        The tick to explain: of a running team the newest, or one that is still to come [default: the newest].
     team
-        Its team.
+        Its team [default: the scenario's, or the one on the tape].
+    scenario
+        The team's scenario, a file or the name of one that comes with the package [default: demo].
     drift
-        The boards' [board] drift, by which old reports spread.
+        The boards' [board] drift, by which old reports spread [default: the scenario's, or the tape's].
     seconds
-        How long to wait for the tick.
+        How long to wait for the tick of a running team.
     """
-    door.check_name("--team", team)
-    with Link(flags.link(), "why", patience=PATIENCE) as link:
-        feed = Feed(link, UnixClock().now, team)
-        moment = _wait_for(feed, team, at, seconds)
-    found = explain(feed.fold.teams[team], moment, subject, drift)
+    if file is not None:
+        taped = open_tape(file, team, flags)
+        moment = taped.moment(at)
+        found = explain(taped.fold, moment, subject, taped.drift if drift is None else drift)
+    else:
+        chosen = load(scenario or TEAM)
+        name = team or chosen.team.name
+        door.check_name("--team", name)
+        with Link(flags.link(), "why", patience=PATIENCE) as link:
+            feed = Feed(link, UnixClock().now, name)
+            moment = _wait_for(feed, name, at, seconds)
+        found = explain(feed.fold.teams[name], moment, subject, chosen.board.drift if drift is None else drift)
     output.show(found, lambda it: "\n".join(sentences(it)))
     return door.DONE
 
@@ -92,6 +116,7 @@ def _newest(feed: Feed, name: str) -> Moment | None:
 
 @app.command
 def status(
+    file: Path | None = None,
     *,
     team: str | None = None,
     watch: Annotated[bool, Parameter(negative="", show_default=False)] = False,
@@ -104,6 +129,8 @@ def status(
 
     Parameters
     ----------
+    file
+        A tape (MCAP), to show how it ends, instead of running teams.
     team
         One team only [default: all].
     watch
@@ -115,6 +142,13 @@ def status(
     """
     if watch and once:
         raise UserError("--watch --once: give one of them")
+    if file is not None:
+        if watch:
+            raise UserError("--watch: a tape does not change; leave it out")
+        taped = open_tape(file, team, flags)
+        taped.read_on()
+        output.show(summary(taped.feed.fold, taped.feed.now), text)
+        return door.DONE if taped.feed.fold.teams else door.FAILED
     if team is not None:
         door.check_name("--team", team)
     clock, stop = UnixClock(), door.Stop()
@@ -182,35 +216,101 @@ def hz(key: str = "cop/**", *, seconds: Seconds = 5.0, flags: door.ZenohFlags = 
 
 @app.command
 def view(
+    file: Path | None = None,
     *,
-    team: str = "demo",
+    team: str | None = None,
+    scenario: str | None = None,
     port: int = 8642,
     host: str = "127.0.0.1",
+    name: Annotated[list[str] | None, Parameter(negative="", show_default=False)] = None,
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
-    """Serve a live page of a running team until it is stopped (extra `web`).
+    """Serve a live page of a running team, or a page of a tape, until it is stopped (extra `web`).
 
     Parameters
     ----------
+    file
+        A tape (MCAP) to show instead of a running team; of several runs on it, the last one.
     team
-        Its team.
+        Its team [default: the scenario's, or the one on the tape].
+    scenario
+        The team's scenario, a file or the name of one that comes with the package [default: demo].
     port
         Where the page is served; 0 takes a free one.
     host
         The address to listen on. Others than 127.0.0.1 show the page to everybody who reaches it.
+    name
+        A name by which browsers may call the page; may be given again [default: any, and on 127.0.0.1 that and localhost].
     """
-    door.check_name("--team", team)
     if not 0 <= port < 65536:
         raise UserError(f"--port {port}: give 0 to 65535")
     try:
-        from blackboard.view.web.server import serve
+        from blackboard.view.web.server import Address, serve
     except ImportError:
         raise UserError(NO_WEB) from None
-    stop, clock = door.Stop(), UnixClock()
+    clock = UnixClock()
+    if file is not None:
+        taped = open_tape(file, team, flags)
+        stop = door.Stop()
+        serve(taped.feed, taped.team, clock.now, Address(host, port, name), stop, _ready, taped.drift)
+        return door.DONE
+    chosen = load(scenario or TEAM)
+    of = team or chosen.team.name
+    door.check_name("--team", of)
+    os.nice(NICE)
+    stop = door.Stop()
     with Link(flags.link(), "view", patience=30.0, stopped=stop) as link:
-        feed = Feed(link, clock.now, team)
-        serve(feed, team, clock.now, host, port, stop, _ready)
+        feed = Feed(link, clock.now, of)
+        serve(feed, of, clock.now, Address(host, port, name), stop, _ready, chosen.board.drift)
     return door.DONE
+
+
+@app.command
+def top(
+    file: Path | None = None,
+    *,
+    team: str | None = None,
+    scenario: str | None = None,
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
+    """Show a running team, or how one on a tape ends, in this terminal until q is pressed (extra `tui`).
+
+    Parameters
+    ----------
+    file
+        A tape (MCAP) to show instead of a running team.
+    team
+        Its team [default: the scenario's, or the one on the tape].
+    scenario
+        The team's scenario, a file or the name of one that comes with the package [default: demo].
+    """
+    try:
+        from blackboard.view.tui.top import Top
+    except ImportError:
+        raise UserError(NO_TUI) from None
+    if file is not None:
+        taped = open_tape(file, team, flags)
+        Top(taped.feed, taped.team, taped.drift).run()
+        return door.DONE
+    chosen = load(scenario or TEAM)
+    of = team or chosen.team.name
+    door.check_name("--team", of)
+    os.nice(NICE)
+    with Link(flags.link(), "top", patience=PATIENCE) as link:
+        feed = Feed(link, UnixClock().now, of)
+        logging.disable()  # the terminal is drawn on standard error, where logs go
+        Top(feed, of, chosen.board.drift).run()
+    return door.DONE
+
+
+def open_tape(file: Path, team: str | None, flags: door.ZenohFlags) -> Taped:
+    """A tape to look at. UserError: it is none, is empty, or the flags are for a network."""
+    if flags != door.ZenohFlags():
+        raise UserError(f"{file}: a tape is looked at without a network; leave out where the network is")
+    from blackboard.tape.file import About, look_through  # extra `record`
+
+    about = About()
+    return Taped(file, look_through(file, about), lambda: about.metadata, team)
 
 
 def _ready(url: str) -> None:

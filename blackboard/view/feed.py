@@ -1,15 +1,20 @@
-"""A fold that follows a running team over a link: what `why`, `status` and the page look through."""
+"""A fold that follows a running team over a link, or a tape: what `why`, `status`, `top` and the page look through."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from typing import Protocol
 
 from blackboard.view.echo import in_order
 from blackboard.view.fold import Fold
-from blackboard.wire.envelope import Envelope
+from blackboard.wire.envelope import Envelope, Kind
 
 WAIT = 0.1  # seconds that a look waits for the next envelope
+PLENTY = 1000  # envelopes in one look beyond which only the newest of each key are taken
+TAPE_BYTES = 512 << 20  # of the packed moments of a tape
+CHUNK = 20  # envelopes of a tape in one look: less than a tick of a small team
 
 
 class Connection(Protocol):
@@ -24,27 +29,94 @@ class Connection(Protocol):
     def get(self, key_expr: str) -> list[Envelope]: ...
 
 
+class Source(Protocol):
+    """What comes in, of a link or of a tape. `receive` may be called in another thread than the rest."""
+
+    fold: Fold
+    done: bool | None  # whether a tape is read to its end; None of a running team
+    skipped: int  # envelopes that were left out because more came than could be taken in
+
+    @property
+    def now(self) -> float:
+        """Unix seconds; of a tape those at which it was recorded."""
+
+    def receive(self) -> Sequence[tuple[float, Envelope]]: ...
+
+    def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None: ...
+
+
 class Feed:
     """Subscribes to everything of a team (`*`: of all teams) in one subscription, which keeps each sender's order; sends nothing."""
 
+    done: bool | None = None
+
     def __init__(self, link: Connection, now: Callable[[], float], team: str = "*") -> None:
         self.fold = Fold()
-        self._link, self._now = link, now
+        self.skipped = 0
+        self._link, self._clock = link, now
         key_expr = f"cop/{team}/**"
         link.watch(key_expr)
         link.subscribe(key_expr)
-        self.take(in_order(link.get(key_expr)))  # what was settled before this process came
+        at = now()
+        self.take([(at, envelope) for envelope in in_order(link.get(key_expr))])  # what was settled before this came
 
-    def receive(self) -> list[Envelope]:
-        """What has arrived, waiting a moment for the first; the fold has not taken it yet."""
-        return self._link.receive(WAIT)
+    @property
+    def now(self) -> float:
+        """The time of the clock."""
+        return self._clock()
 
-    def take(self, envelopes: list[Envelope]) -> None:
-        for envelope in envelopes:
-            self.fold.take(envelope, self._now())
+    def receive(self) -> Sequence[tuple[float, Envelope]]:
+        """What has arrived, waiting a moment for the first; the fold has not taken it yet. Of plenty, the newest of each key."""
+        found = self._link.receive(WAIT)
+        at = self._clock()
+        kept = newest(found) if len(found) > PLENTY else found
+        self.skipped += len(found) - len(kept)
+        return [(at, envelope) for envelope in kept]
+
+    def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
+        for at, envelope in envelopes:
+            self.fold.take(envelope, at)
 
     def follow(self, seconds: float, enough: Callable[[], bool] = lambda: False) -> None:
         """Take in what arrives for so many seconds, or until it is enough."""
-        end = self._now() + seconds
-        while not enough() and self._now() < end:
+        end = self.now + seconds
+        while not enough() and self.now < end:
             self.take(self.receive())
+
+
+class TapeFeed:
+    """A tape (`blackboard.tape.file.read`), a few envelopes at a time, at the times at which they were recorded."""
+
+    def __init__(self, envelopes: Iterator[tuple[float, Envelope]]) -> None:
+        self.fold = Fold(most_bytes=TAPE_BYTES)
+        self.now = 0.0
+        self.skipped = 0
+        self.done: bool | None = False
+        self._envelopes = envelopes
+
+    def receive(self) -> Sequence[tuple[float, Envelope]]:
+        """The next few; none at the end. UserError: as in `blackboard.tape.file.read`."""
+        return list(islice(self._envelopes, CHUNK))
+
+    def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
+        self.done = not envelopes
+        for at, envelope in envelopes:
+            self.now = at
+            self.fold.take(envelope, at)
+
+
+def newest(envelopes: Sequence[Envelope]) -> list[Envelope]:
+    """The newest two PUTs of each key, four of statuses, and every change of liveliness, in their order.
+
+    Two, because the newest may be of a tick that is not settled yet; a board has two statuses in each tick.
+    """
+    counts: Counter[str] = Counter()
+    kept = []
+    for envelope in reversed(envelopes):
+        if envelope.kind is Kind.PUT:
+            counts[envelope.key] += 1
+            if counts[envelope.key] > (4 if "/status/" in envelope.key else 2):
+                continue
+        kept.append(envelope)
+    kept.reverse()
+    return kept

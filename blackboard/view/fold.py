@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from blackboard.errors import Refused
-from blackboard.opinion.grid import Grid
-from blackboard.view.moments import About, Moment, Moments, Point, Scored, scored
+from blackboard.opinion.grid import Anchor, Grid
+from blackboard.view.moments import MAX_BYTES, About, Moment, Moments, Point
 from blackboard.view.processes import MAX_PROCESSES, Process
 from blackboard.view.told import M, Told
 from blackboard.wire import keys
+from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Readings, Report, Status, Truth
@@ -29,7 +30,7 @@ MAX_SUBJECTS = 256  # of a team
 MAX_SOURCES = 64  # of a subject; sub-teams count as such
 MAX_TRUTHS = 64  # ticks whose truth is kept until they are settled
 MAX_SIGHTINGS = 1024
-MAX_EVENTS = 200
+MAX_EVENTS = 1000
 RECENT = 4  # of what one source told about a subject, because some of it is newer than the moment
 FORGET = 60.0  # seconds of team time after which an old belief is not shown any more
 
@@ -58,7 +59,9 @@ class Event:
 class Fold:
     """All teams that are heard of. `take` never raises for what arrives: it counts what it refuses."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_bytes: int = MAX_BYTES) -> None:
+        """`most_bytes` are those of the moments of each team (`blackboard.view.moments`)."""
+        self._most_bytes = most_bytes
         self.teams: dict[str, TeamFold] = {}
         self.refused: Counter[str] = Counter()  # by reason, as `blackboard.wire.messages.REASONS`
 
@@ -80,18 +83,18 @@ class Fold:
     def _team(self, name: str) -> TeamFold:
         if name not in self.teams and len(self.teams) >= MAX_TEAMS:
             raise Refused("too-many", f"{name} would be one more than {MAX_TEAMS} teams")
-        return self.teams.setdefault(name, TeamFold(name))
+        return self.teams.setdefault(name, TeamFold(name, self._most_bytes))
 
 
 class TeamFold:
     """The state of one team."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, most_bytes: int = MAX_BYTES) -> None:
         self.name = name
         self.processes: dict[tuple[str, str], Process] = {}  # kind and name
         self.clock: Clock | None = None
-        self.grid: Grid | None = None  # of its consensuses
-        self.moments = Moments()
+        self.grid: Grid | None = None  # of its boards, with the anchor of their statuses
+        self.moments = Moments(most_bytes=most_bytes)
         self.events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self.changes = 0  # grows with each moment and each change of liveliness
         self._truths: dict[
@@ -127,7 +130,12 @@ class TeamFold:
         if process.alive != alive:
             process.gone_at = None if process.alive else now
             self.changes += 1
-            self._note("here" if process.alive else "gone", process.name, f"{kind} {process.name}", now)
+            self._note(
+                "here" if process.alive else "gone",
+                process.name,
+                kind if kind == process.name else f"{kind} {process.name}",
+                now,
+            )
 
     def _process(self, kind: str, name: str, sub_team: str | None = None) -> Process:
         known = self.processes.get((kind, name))
@@ -198,8 +206,8 @@ class TeamFold:
     def _hear_consensus(self, consensus: Consensus, size: int, now: float) -> None:
         store = self._consensus if consensus.level == "consensus" else self._agreed
         _keep(store, consensus.subject, consensus.sub_team, Told(consensus, now, size))
-        grid = consensus.belief.grid
-        self.grid = Grid(grid.shape, grid.cell, grid.origin, grid.unit)
+        if (grid := unpacked_grid(consensus.belief.grid)) != self.grid:  # that of a status has an anchor
+            self.grid = grid
 
     def _hear_status(self, process: Process, sub_team: str, status: Status, now: float) -> None:
         for reason, count in status.refused.items():
@@ -207,9 +215,15 @@ class TeamFold:
             if more > 0 and process.status is not None:
                 self._note("refused", process.name, f"{process.name} refused {more} more: {reason}", now)
         process.status, process.status_at = status, now
+        if status.kind == "board" and status.grid is not None:
+            at = status.anchor
+            anchor = None if at is None else Anchor(at.latitude, at.longitude, at.bearing)
+            self.grid = replace(unpacked_grid(status.grid), anchor=anchor)
         if status.kind == "robot" and status.phase == "reported":
             process.finished(status.tick, status.time, now)
             _withdraw(self._reports, status.process, status)
+        elif status.kind == "board" and status.follows:
+            process.finished(status.tick, status.time, now)  # what its sub-team has settled, another board says
         elif status.kind == "board" and status.phase in ("consensus", "agreed"):
             _withdraw(self._consensus if status.phase == "consensus" else self._agreed, sub_team, status)
             if status.phase == "agreed":
@@ -227,7 +241,7 @@ class TeamFold:
         if self._open is None or status.tick == self._open[0]:
             before = -math.inf if self._open is None else self._open[1]
             self._open = (status.tick, max(before, status.time))
-        boards = [process for process in self.processes.values() if process.kind == "board" and process.alive]
+        boards = [process for process in self.processes.values() if process.kind == "board" and process.speaks]
         if all(board.tick >= status.tick for board in boards):
             self._complete(now)
 
@@ -253,7 +267,7 @@ class TeamFold:
                 truth=truths.get(subject),
             )
             if about.best is not None or about.reports or about.truth is not None:
-                subjects[subject] = replace(about, scores=_scores(about))
+                subjects[subject] = about
         self._drop_old(time - FORGET)
         seen = [(f"robot/{observer}", subject) for observer, all_ in self._sightings.items() for subject in all_]
         moment = Moment(run, tick, time, now, subjects, tuple(seen[:MAX_SIGHTINGS]))
@@ -276,6 +290,10 @@ class TeamFold:
                 continue
             if best.message.conflict:
                 found[subject, ""] = f"conflict about {subject}"
+            for one in best.message.dissent:
+                found[subject, one.source] = (
+                    f"{one.source} keeps disagreeing about {subject}, by {one.sigmas:.1f} sigmas"
+                )
             for it in best.message.left_out:
                 found[subject, it.source] = f"{it.source} left out about {subject}: {it.reason}"
         for (subject, source), text in found.items():
@@ -333,13 +351,3 @@ def _until(told: dict[str, deque[Told[M]]], time: float) -> dict[str, Told[M]]:
     """The newest of each source, by name, that is not later than a team time, and at most FORGET seconds older."""
     fits = {name: [it for it in recent if time - FORGET <= it.message.time <= time] for name, recent in told.items()}
     return {name: fits[name][-1] for name in sorted(fits) if fits[name]}
-
-
-def _scores(about: About) -> dict[str, Scored]:
-    if about.truth is None:
-        return {}
-    told = {f"consensus/{name}": it for name, it in about.consensus.items()}
-    if about.agreed and about.best is not None:
-        told["agreed"] = about.best
-    judged = {name: scored(it.message.belief, about.truth) for name, it in told.items()}
-    return {name: score for name, score in judged.items() if score is not None}

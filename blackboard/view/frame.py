@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import Any
 
-from blackboard.view.fold import TeamFold
+from blackboard.view.fold import Event, TeamFold
 from blackboard.view.moments import About, Moment
 from blackboard.view.summary import processes
 from blackboard.view.told import REGION, STEP, Drawn, Told
@@ -26,56 +28,117 @@ DIGITS = 5  # significant ones; a screen has fewer
 Table = dict[str, Any]
 
 
-def frame(team: TeamFold, moment: Moment | None, number: int, now: float) -> bytes:
-    """A moment, or only the processes where nothing was settled yet; `number` counts the frames, `now` is Unix time in seconds."""
+def frame(
+    team: TeamFold,
+    moment: Moment | None,
+    number: int,
+    now: float,
+    chosen: str | None = None,
+    shown: Sequence[Table] | None = None,
+    mode: str | None = None,
+) -> bytes:
+    """A moment, or only the processes where nothing was settled yet; `number` counts the frames, `now` is Unix time in seconds.
+
+    With `chosen` only that subject has all its beliefs, and every other one the belief that stands for it. `shown` are the
+    processes and `mode` the pace of a moment that is over [default: as they are now].
+    """
     cells: list[bytes] = []
     grid = team.grid
-    subjects = (
-        {} if moment is None else {name: _subject(about, moment, cells) for name, about in moment.subjects.items()}
-    )
+    subjects = {}
+    if moment is not None:
+        for name, about in moment.subjects.items():
+            subjects[name] = _subject(about, moment, cells, chosen in (None, name))
     header = {
         "frame": number,
         "team": team.name,
         "run": "" if moment is None else moment.run,
-        "mode": team.mode,
+        "mode": mode or team.mode,
         "tick": None if moment is None else moment.tick,
         "time": None if moment is None else _short(moment.time),
         "at": round(now, 3),
         "grid": None
         if grid is None
-        else {"shape": grid.shape, "cell": grid.cell, "origin": grid.origin, "unit": grid.unit},
+        else {
+            "shape": grid.shape,
+            "cell": grid.cell,
+            "origin": grid.origin,
+            "unit": grid.unit,
+            **({"frame": grid.frame} if grid.frame else {}),
+            **({"anchor": asdict(grid.anchor)} if grid.anchor else {}),
+        },
         "step": STEP,
+        "chosen": chosen,
         "subjects": subjects,
         "sightings": () if moment is None else moment.sightings,
-        "processes": [_slim(it) for it in processes(team, now)],
+        "processes": slim(team, now) if shown is None else shown,
         "events": [
             {"at": round(it.at, 3), "tick": it.tick, "what": it.what, "who": it.who, "text": it.text}
-            for it in list(team.events)[-MAX_EVENTS:]
+            for it in _last(team.events, now)
         ],
     }
     head = json.dumps(header, separators=(",", ":")).encode()
     return b"".join([len(head).to_bytes(4, "little"), head, *cells])
 
 
-def _subject(about: About, moment: Moment, cells: list[bytes]) -> Table:
+def line(moment: Moment) -> Table:
+    """What charts and trails need of a moment: of each subject where it is, its truth, entropies and scores."""
+    subjects = {}
+    for name, about in moment.subjects.items():
+        drawn = None if about.best is None else about.best.drawn
+        mean = None if drawn is None else [_short(x) for x in drawn.mean]
+        subjects[name] = {"mean": mean, **_numbers(about)}
+    return {"run": moment.run, "tick": moment.tick, "time": _short(moment.time), "subjects": subjects}
+
+
+def slim(team: TeamFold, now: float) -> list[Table]:
+    """What the page shows of each process at `now`, Unix time in seconds."""
+    names = ("name", "kind", "sub_teams", "state", "tick", "refused", "dropped", "late")
+    return [
+        {**{name: it[name] for name in names}, "age": _short(it["age"] or 0.0), "rate": _short(it["rate"])}
+        for it in processes(team, now)
+    ]
+
+
+def _last(events: Iterable[Event], now: float) -> list[Event]:
+    """The last events that have happened at `now`."""
+    return [it for it in events if it.at <= now][-MAX_EVENTS:]
+
+
+def _numbers(about: About) -> Table:
+    """The truth, the published entropy of each level, and the scores."""
+    entropies = {f"consensus/{name}": _short(told.message.entropy) for name, told in about.consensus.items()}
+    if about.agreed and about.best is not None:
+        entropies["agreed"] = _short(about.best.message.entropy)
+    return {
+        "truth": None if about.truth is None else [_short(x) for x in about.truth],
+        "entropy": entropies,
+        "scores": {
+            name: {"error": _short(it.error), "inside": it.denser < REGION, "held": _short(it.held)}
+            for name, it in sorted(about.scores.items())
+        },
+    }
+
+
+def _subject(about: About, moment: Moment, cells: list[bytes], whole: bool) -> Table:
+    """A subject with all its beliefs where it is to be `whole`, else with the one that stands for it."""
     best = about.best
     beliefs: list[Table] = []
     if about.agreed and best is not None:
         beliefs.append(_belief("agreed", "", best, best.drawn, moment, cells))
     for name, told in about.consensus.items():
-        beliefs.append(_belief("consensus", name, told, told.drawn, moment, cells))
-    for name, report in about.reports.items():
+        if whole or (told is best and not about.agreed):
+            beliefs.append(_belief("consensus", name, told, told.drawn, moment, cells))
+    for name, report in about.reports.items() if whole else ():
         beliefs.append(_belief("firsthand", name, report, report.drawn, moment, cells))
         if report.message.informed is not None:
             beliefs.append(_belief("informed", name, report, report.informed, moment, cells))
     return {
-        "truth": None if about.truth is None else [_short(x) for x in about.truth],
+        **_numbers(about),
         "conflict": best is not None and best.message.conflict,
         "rule": None if best is None else best.message.rule,
         "left_out": [] if best is None else [[it.source, it.reason] for it in best.message.left_out],
-        "scores": {
-            name: {"error": _short(it.error), "inside": it.denser < REGION} for name, it in sorted(about.scores.items())
-        },
+        "dissent": [] if best is None else [[it.source, it.sigmas, it.weight] for it in best.message.dissent],
+        "camps": [] if best is None else [list(it.sources) for it in best.message.camps],
         "beliefs": [it for it in beliefs if it],
     }
 
@@ -105,12 +168,6 @@ def _belief(
         "lo": drawn.lo,
         "box": drawn.box,
     }
-
-
-def _slim(it: Table) -> Table:
-    """What the page shows of a process."""
-    names = ("name", "kind", "sub_teams", "state", "tick", "refused", "dropped", "late")
-    return {**{name: it[name] for name in names}, "age": _short(it["age"] or 0.0), "rate": _short(it["rate"])}
 
 
 def _short(value: float) -> float:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import pickle
+import zlib
 from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
-from blackboard.opinion.scores import LEAST_PROBABILITY, hdr_level, log_score
-from blackboard.view.told import Told, read
+from blackboard.opinion.scores import LEAST_PROBABILITY, border_mass, hdr_level, held, log_score
+from blackboard.view.told import REGION, Told, read
 from blackboard.wire.messages import Consensus, PackedBelief, Report
 
-MAX_MOMENTS = 3000
-MAX_BYTES = 64 << 20  # of all messages that the moments hold
-OVERHEAD = 4096  # bytes that a message takes in memory beyond those on the wire
+MAX_MOMENTS = 20_000
+MAX_BYTES = 64 << 20  # of the moments that are packed
+FRESH = 4  # moments that are kept as they are, because they are looked at most; older ones are packed
 
 Point = tuple[float, float]
 
@@ -22,12 +25,14 @@ Point = tuple[float, float]
 class Scored:
     """A belief against the truth: distance of its mean (unit), log score (nats), and the mass denser than the true cell.
 
-    The truth is in the region of a share of the mass where `denser` is below that share.
+    The truth is in the region of a share of the mass where `denser` is below that share. `held` is how far the 95 % region holds it,
+    which is in part where it is on the border (`blackboard.opinion.scores.held`): its mean is the coverage.
     """
 
     error: float
     log_score: float
     denser: float
+    held: float
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,17 @@ class About:
     consensus: Mapping[str, Told[Consensus]] = field(default_factory=dict)
     reports: Mapping[str, Told[Report]] = field(default_factory=dict)
     truth: Point | None = None
-    scores: Mapping[str, Scored] = field(default_factory=dict)  # "agreed", and sub-teams by "consensus/{sub_team}"
+
+    @cached_property
+    def scores(self) -> Mapping[str, Scored]:
+        """Beliefs against the truth, where it is told: "agreed", and sub-teams by "consensus/{sub_team}"."""
+        if self.truth is None:
+            return {}
+        told = {f"consensus/{name}": it for name, it in self.consensus.items()}
+        if self.agreed and self.best is not None:
+            told["agreed"] = self.best
+        judged = {name: scored(it.message.belief, self.truth) for name, it in told.items()}
+        return {name: score for name, score in judged.items() if score is not None}
 
     @property
     def best(self) -> Told[Consensus] | None:
@@ -67,41 +82,62 @@ class Moment:
 
 
 class Moments:
-    """The newest moments, at most MAX_MOMENTS and about MAX_BYTES; a message that several moments share counts once."""
+    """The newest moments, at most `most` and about `most_bytes`. All but the newest FRESH are packed, to a tenth of their memory."""
 
     def __init__(self, most: int = MAX_MOMENTS, most_bytes: int = MAX_BYTES) -> None:
         self.most, self.most_bytes = most, most_bytes
-        self.bytes = 0
-        self._kept: deque[tuple[Moment, int]] = deque()
-        self._held: set[int] = set()  # identities of the messages of the newest moment
+        self.bytes = 0  # of the packed ones
+        self._fresh: deque[Moment] = deque()
+        self._packed: deque[tuple[int, bytes]] = deque()  # tick and moment
 
     def __len__(self) -> int:
-        return len(self._kept)
+        return len(self._packed) + len(self._fresh)
 
     def __iter__(self) -> Iterator[Moment]:
-        return (moment for moment, _ in self._kept)
+        yield from (_unpacked(packed) for _, packed in self._packed)
+        yield from self._fresh
 
     @property
     def newest(self) -> Moment | None:
-        return self._kept[-1][0] if self._kept else None
+        return self._fresh[-1] if self._fresh else None
+
+    @property
+    def ticks(self) -> list[int]:
+        """The ticks of all that are kept, the oldest first."""
+        return [tick for tick, _ in self._packed] + [moment.tick for moment in self._fresh]
+
+    def since(self, tick: int) -> list[Moment]:
+        """The moments after a tick, the oldest first."""
+        packed = [_unpacked(packed) for at, packed in self._packed if at > tick]
+        return packed + [moment for moment in self._fresh if moment.tick > tick]
 
     def at(self, tick: int) -> Moment | None:
         """The moment of a tick, if it is still kept."""
-        return next((moment for moment in reversed([*self]) if moment.tick == tick), None)
+        fresh = next((moment for moment in self._fresh if moment.tick == tick), None)
+        if fresh is not None:
+            return fresh
+        packed = next((packed for at, packed in self._packed if at == tick), None)
+        return None if packed is None else _unpacked(packed)
 
     def add(self, moment: Moment) -> None:
-        told = [one for about in moment.subjects.values() for one in about.all()]
-        size = OVERHEAD + sum(one.size + OVERHEAD for one in told if id(one) not in self._held)
-        self._held = {id(one) for one in told}
-        self._kept.append((moment, size))
-        self.bytes += size
-        while len(self._kept) > self.most or (self.bytes > self.most_bytes and len(self._kept) > 1):
-            self.bytes -= self._kept.popleft()[1]
+        self._fresh.append(moment)
+        if len(self._fresh) > FRESH:
+            old = self._fresh.popleft()
+            packed = zlib.compress(pickle.dumps(old, protocol=5), 1)
+            self._packed.append((old.tick, packed))
+            self.bytes += len(packed)
+        while self._packed and (len(self) > self.most or self.bytes > self.most_bytes):
+            self.bytes -= len(self._packed.popleft()[1])
 
     def clear(self) -> None:
-        self._kept.clear()
-        self._held.clear()
+        self._fresh.clear()
+        self._packed.clear()
         self.bytes = 0
+
+
+def _unpacked(packed: bytes) -> Moment:
+    moment: Moment = pickle.loads(zlib.decompress(packed))  # only what `add` packed in this process
+    return moment
 
 
 def scored(packed: PackedBelief, truth: Point) -> Scored | None:
@@ -110,8 +146,10 @@ def scored(packed: PackedBelief, truth: Point) -> Scored | None:
     if belief is None:
         return None
     index = belief.grid.index(truth)
+    denser, border = (1.0, 0.0) if index is None else (hdr_level(belief.p, index), border_mass(belief.p, index))
     return Scored(
         error=math.dist(belief.mean(), truth),
         log_score=math.log(LEAST_PROBABILITY) if index is None else log_score(belief.p, index),
-        denser=1.0 if index is None else hdr_level(belief.p, index),
+        denser=denser,
+        held=float(held(denser, border, REGION)),
     )

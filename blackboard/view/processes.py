@@ -34,6 +34,11 @@ class Process:
         """Whether it holds a liveliness token."""
         return bool(self.tokens)
 
+    @property
+    def speaks(self) -> bool:
+        """Whether it is alive, and no board that follows another one of its sub-team."""
+        return self.alive and not (self.status is not None and self.status.follows)
+
     def heard(self, now: float, size: int) -> None:
         self.heard_at = now
         self.messages += 1

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from blackboard.view.fold import Fold, TeamFold
-from blackboard.view.moments import About
+from blackboard.view.moments import About, Moment
 from blackboard.view.processes import Process
 from blackboard.view.told import REGION
 
@@ -19,9 +19,9 @@ def summary(fold: Fold, now: float) -> Table:
     return {"teams": [team_summary(team, now) for _, team in sorted(fold.teams.items())], "refused": dict(fold.refused)}
 
 
-def team_summary(team: TeamFold, now: float) -> Table:
-    """One team: its clock, its processes, and what it believes by its newest settled tick."""
-    newest = team.moments.newest
+def team_summary(team: TeamFold, now: float, moment: Moment | None = None) -> Table:
+    """One team: its clock, its processes, and what it believes at a moment [default: its newest settled tick]."""
+    newest = moment or team.moments.newest
     boards = [process.rate(now) for process in team.processes.values() if process.kind == "board"]
     return {
         "team": team.name,
@@ -51,6 +51,7 @@ def _process(it: Process, now: float) -> Table:
         "kind": it.kind,
         "sub_teams": sorted(it.sub_teams),
         "state": ("silent" if silent else "alive") if it.alive else "gone",
+        "part": _part(it),
         "tick": None if it.tick < 0 else it.tick,
         "time": None if it.tick < 0 else it.time,
         "age": now - it.heard_at if it.heard_at else None,
@@ -60,8 +61,16 @@ def _process(it: Process, now: float) -> Table:
         "late": counters.get("late", 0),
         "counters": dict(sorted(counters.items())),
         "ages": {} if it.status is None else dict(it.status.ages),  # source -> seconds since that process heard it
+        "clocks": {} if it.status is None else dict(it.status.clocks),  # source -> seconds that its clock is ahead
         "settings": {} if it.status is None else dict(it.status.settings),
     }
+
+
+def _part(it: Process) -> str | None:
+    """Which part a board takes in its sub-team: it "leads" or "follows"; None for others, and before its first status."""
+    if it.kind != "board" or it.status is None:
+        return None
+    return "follows" if it.status.follows else "leads"
 
 
 def subject(about: About) -> Table:
@@ -82,6 +91,8 @@ def subject(about: About) -> Table:
         "left_out": []
         if best is None
         else [{"source": it.source, "reason": it.reason} for it in best.message.left_out],
+        "dissent": [] if best is None else [it.source for it in best.message.dissent],
+        "camps": [] if best is None else [list(it.sources) for it in best.message.camps],
         "sources": sorted(about.reports),
     }
 
@@ -97,10 +108,20 @@ def text(table: Table) -> str:
 
 
 def _team_text(it: Table) -> str:
+    lines = [team_line(it), "", *process_lines(it)]
+    return "\n".join([*lines, "", *subject_lines(it)] if it["subjects"] else lines)
+
+
+def team_line(it: Table) -> str:
+    """A team in one line."""
     tick = (
         "nothing settled yet" if it["tick"] is None else f"tick {it['tick']}, {it['time']:.1f} s, {it['age']:.1f} s ago"
     )
-    lines = [f"team {it['team']}: {it['mode']}, {tick}, {it['settlements']:.1f} settled/s", ""]
+    return f"team {it['team']}: {it['mode']}, {tick}, {it['settlements']:.1f} settled/s"
+
+
+def process_lines(it: Table) -> list[str]:
+    """The processes of a team, a line for each behind the names of the columns."""
     rows: list[tuple[str, ...]] = [
         ("process", "kind", "sub-team", "state", "tick", "ticks/s", "heard", "dropped", "late", "refused")
     ]
@@ -110,7 +131,7 @@ def _team_text(it: Table) -> str:
                 one["name"],
                 one["kind"],
                 ",".join(one["sub_teams"]) or "-",
-                one["state"],
+                one["state"] + (", follows" if one["part"] == "follows" else ""),
                 _number(one["tick"], "d"),
                 f"{one['rate']:.1f}",
                 _number(one["age"], ".1f"),
@@ -119,29 +140,33 @@ def _team_text(it: Table) -> str:
                 ", ".join(f"{reason} {count}" for reason, count in one["refused"].items()) or "-",
             )
         )
-    lines += _aligned(rows)
-    if it["subjects"]:
-        rows = [("subject", "believed at", "entropy", "95 % area", "error", "rule", "sources", "")]
-        for name, one in it["subjects"].items():
-            rows.append(
-                (
-                    name,
-                    "-" if one["mean"] is None else ", ".join(f"{x:.2f}" for x in one["mean"]),
-                    _number(one["entropy"], ".2f"),
-                    _number(one["area"], ".3g"),
-                    _number(one["error"], ".2f") + ("" if one["inside"] in (None, True) else " outside"),
-                    one["rule"] or "-",
-                    ",".join(one["sources"]) or "-",
-                    _trouble(one),
-                )
+    return _aligned(rows)
+
+
+def subject_lines(it: Table) -> list[str]:
+    """What a team believes, a line for each subject behind the names of the columns."""
+    rows: list[tuple[str, ...]] = [("subject", "believed at", "entropy", "95 % area", "error", "rule", "sources", "")]
+    for name, one in it["subjects"].items():
+        rows.append(
+            (
+                name,
+                "-" if one["mean"] is None else ", ".join(f"{x:.2f}" for x in one["mean"]),
+                _number(one["entropy"], ".2f"),
+                _number(one["area"], ".3g"),
+                _number(one["error"], ".2f") + ("" if one["inside"] in (None, True) else " outside"),
+                one["rule"] or "-",
+                ",".join(one["sources"]) or "-",
+                _trouble(one),
             )
-        lines += ["", *_aligned(rows)]
-    return "\n".join(lines)
+        )
+    return _aligned(rows)
 
 
 def _trouble(one: Table) -> str:
     left_out = [f"{out['source']} left out: {out['reason']}" for out in one["left_out"]]
-    return "; ".join((["conflict"] if one["conflict"] else []) + left_out)
+    dissent = [f"{source} keeps disagreeing" for source in one["dissent"]]
+    camps = " against ".join(",".join(camp) for camp in one["camps"])
+    return "; ".join([f"conflict {camps}".rstrip()] * one["conflict"] + left_out + dissent)
 
 
 def _number(value: float | None, form: str) -> str:

@@ -50,6 +50,10 @@ class Told(Generic[M]):
     at: float
     size: int  # bytes on the wire
 
+    def __getstate__(self) -> dict[str, object]:
+        """What is packed of it (`blackboard.view.moments`): without what can be drawn again."""
+        return {"message": self.message, "at": self.at, "size": self.size}
+
     @cached_property
     def drawn(self) -> Drawn | None:
         """Its belief for the eye; None for bytes that are no belief on two axes."""

@@ -23,6 +23,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.view.fold import TeamFold
 from blackboard.view.moments import About, Moment, scored
 from blackboard.view.told import REGION, Told, read
+from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.messages import Consensus, PackedBelief, Used
 
 JOINT = "joint"
@@ -86,6 +87,8 @@ def _level(told: Told[Consensus], about: About, agreed: bool, feedback: dict[str
         "sources": [_source(used, about, agreed) for used in it.used],
         "left_out": [{"source": out.source, "reason": out.reason} for out in it.left_out],
         "learned": [one.model_dump(exclude={"level"}) for one in it.learned],
+        "dissent": [{**one.model_dump(exclude={"level"}), "for": max(0.0, it.time - one.since)} for one in it.dissent],
+        "camps": [{"sources": list(camp.sources), "weight": camp.weight} for camp in it.camps],
         "truth": None
         if score is None
         else {
@@ -150,13 +153,16 @@ def _opinions(
 ) -> list[Opinion]:
     """The opinions of a source as its board had them (`Board.hear`, `hear_consensus`, `_admitted`); none where they were not seen."""
     packed: list[tuple[PackedBelief, dict[str, float]]] = []
+    whole = False
     if agreed:
         consensus = about.consensus.get(name)
         if consensus is not None:
             message = consensus.message
             packed = [(message.belief, message.ancestors)]
-            if message.firsthand is not None and len({used.source for used in it.used}) > 1:
-                packed.insert(0, (message.firsthand.belief, message.firsthand.ancestors))
+            part = message.firsthand
+            whole = part is not None  # as in `Board.hear_consensus`
+            if part is not None and part.ancestors and len({used.source for used in it.used}) > 1:
+                packed.insert(0, (part.belief, part.ancestors))
     elif name in about.reports:
         report = about.reports[name].message
         packed = [(report.belief, report.ancestors or {name: report.time})]
@@ -164,11 +170,11 @@ def _opinions(
             packed.append((report.informed.belief, report.informed.ancestors))
         packed = {"paper": packed[-1:], "off": packed[:1]}.get(feedback, packed)
     grid = it.belief.grid
-    beliefs = [(read(one, Grid(grid.shape, grid.cell, grid.origin, grid.unit)), ancestors) for one, ancestors in packed]
+    beliefs = [(read(one, unpacked_grid(grid)), ancestors) for one, ancestors in packed]
     sigma = drift * math.sqrt(max(0.0, age)) / grid.cell
     return [
-        Opinion(name, Belief(belief.grid, blur(belief.p, sigma)), ancestors, age)
-        for belief, ancestors in beliefs
+        Opinion(name, Belief(belief.grid, blur(belief.p, sigma)), ancestors, age, whole and number == len(beliefs) - 1)
+        for number, (belief, ancestors) in enumerate(beliefs)
         if belief is not None
     ]
 

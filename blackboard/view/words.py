@@ -20,6 +20,7 @@ def sentences(it: Table) -> list[str]:
         found += ["", *_belief(level, it, unit)]
         found += _joint(level) if level["rule"] == JOINT else _pooled(level, unit)
         found += [f"{out['source']} was left out: {out['reason']}." for out in level["left_out"]]
+        found += [_dissent(one) for one in level["dissent"]] + _camps(level["camps"])
         found += _ages(level) + [_learned(one) for one in level["learned"] if one["samples"] > 0]
     return found
 
@@ -126,6 +127,20 @@ def _learned(one: Table) -> str:
         f"Learned of {one['source']}: its errors have {one['variance']:.2f} times the variance that it claims, "
         f"correlation {one['correlation']:.2f}{echo} (from {one['samples']:.0f} comparisons)."
     )
+
+
+def _dissent(one: Table) -> str:
+    return (
+        f"{one['source']} keeps disagreeing with the others, for {one['for']:.0f} s now, by {one['sigmas']:.1f} sigmas: "
+        f"it counts by {100 * one['weight']:.0f} %."
+    )
+
+
+def _camps(camps: Sequence[Table]) -> list[str]:
+    if not camps:
+        return []
+    each = "; ".join(f"{_and(camp['sources'])} with {100 * camp['weight']:.0f} % of the weight" for camp in camps)
+    return [f"Camps of one size contradict each other, and nobody can tell which is right: {each}."]
 
 
 def _and(names: Sequence[str]) -> str:

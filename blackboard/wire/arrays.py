@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ def pack(belief: Belief) -> PackedBelief:
     cropped = levels[_slices(lo, box)].ravel()
     grid = belief.grid
     return PackedBelief(
-        grid=PackedGrid(shape=grid.shape, cell=grid.cell, origin=grid.origin, unit=grid.unit),
+        grid=packed_grid(grid),
         lo=lo,
         box=box,
         step=STEP,
@@ -51,14 +52,31 @@ def pack(belief: Belief) -> PackedBelief:
     )
 
 
+def packed_grid(grid: Grid) -> PackedGrid:
+    """A grid as a message names it, without its anchor."""
+    return PackedGrid(shape=grid.shape, cell=grid.cell, origin=grid.origin, unit=grid.unit, frame=grid.frame)
+
+
+def unpacked_grid(packed: PackedGrid) -> Grid:
+    """The grid that a message names; Refused "fields": it is none, or too large."""
+    if len(packed.shape) != len(packed.origin) or math.prod(packed.shape) > MAX_CELLS:
+        raise Refused("fields", f"a grid of {packed.shape} from {packed.origin}; at most {MAX_CELLS} cells are taken")
+    return Grid(packed.shape, packed.cell, packed.origin, packed.unit, packed.frame)
+
+
 def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
     """The belief of a message in either coding, normalised; on `grid` if one is given.
 
-    Refused: "fields" (the parts do not fit together), "grid" (another grid than `grid`), "mass" (no probabilities).
+    Refused: "fields" (the parts do not fit together), "grid" (another grid than `grid`), "frame" (both name one, and another),
+    "mass" (no probabilities).
     """
     own = _own_grid(packed)
-    if grid is not None and own != grid:
-        raise Refused("grid", f"a belief on {own}, the team's is {grid}")
+    if grid is not None:
+        if replace(own, frame=grid.frame) != grid:
+            raise Refused("grid", f"a belief on {_told(own)}, the team's is {_told(grid)}")
+        if own.frame and grid.frame and own.frame != grid.frame:
+            raise Refused("frame", f"a belief in frame {own.frame!r}, the team's is {grid.frame!r}")
+        own = grid
     cells = _cells(packed)
     weights, total = _weights(packed, cells)
     kept = weights > 0
@@ -121,7 +139,11 @@ def _own_grid(packed: PackedBelief) -> Grid:
         raise Refused("fields", f"a grid of {shape} has more than {MAX_CELLS} cells")
     if not all(a >= 0 and n >= 1 and a + n <= size for a, n, size in zip(lo, box, shape, strict=True)):
         raise Refused("fields", f"a box of {box} from {lo} is not inside a grid of {shape}")
-    return Grid(shape, packed.grid.cell, packed.grid.origin, packed.grid.unit)
+    return unpacked_grid(packed.grid)
+
+
+def _told(grid: Grid) -> str:
+    return f"{grid.shape} cells of {grid.cell:g} {grid.unit} from {grid.origin}"
 
 
 def _cells(packed: PackedBelief) -> npt.NDArray[Any]:

@@ -7,6 +7,7 @@ bias, slip, range scale). A symmetric matrix of n rows is sent as its upper tria
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import astuple
 from typing import Annotated
 
 import numpy as np
@@ -61,7 +62,7 @@ class PackedIncrement(Part):
 
 
 class PackedMotion(Part):
-    """The odometry since the epoch began, summed up, so that a lost report loses no motion."""
+    """The odometry since the epoch began, summed up, so that a lost report loses no motion: the fields of a `Motion` in its order."""
 
     distance: Finite  # unit, as told
     turn: Finite  # radians, as told
@@ -139,17 +140,10 @@ def pack_evidence(
     relatives: Sequence[Relative],
 ) -> PackedEvidence:
     """The evidence of one tick for a Report; the relatives' common profile is sent once."""
+    sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(travelled))), strict=True))
     return PackedEvidence(
         epoch=epoch,
-        travelled=PackedMotion(
-            distance=travelled.distance,
-            turn=travelled.turn,
-            time=travelled.dt,
-            moving=travelled.moving,
-            along=travelled.along,
-            across=travelled.across,
-            heading=travelled.heading,
-        ),
+        travelled=PackedMotion.model_validate(sums),
         nuisance=PackedNuisance(
             forward=nuisance.forward,
             turn=nuisance.turn,
@@ -231,11 +225,12 @@ def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, .
 
 
 def _row(values: Array) -> tuple[float, ...]:
-    return tuple(float(v) for v in values)
+    """The numbers, at most as large as a message can hold: a robot whose readings are absurd says so, and is refused."""
+    return tuple(float(v) for v in np.clip(values, -LARGEST, LARGEST))
 
 
 def _upper(matrix: Array) -> tuple[float, ...]:
-    return tuple(float(v) for v in matrix[np.triu_indices(STATES)])
+    return _row(matrix[np.triu_indices(STATES)])
 
 
 def _symmetric(upper: Sequence[float], field: str) -> Array:

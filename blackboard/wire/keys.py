@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Literal
 
-from blackboard.wire.names import NAME
+from blackboard.wire.names import NAME, SUBJECT_KINDS
 
 Role = Literal["world", "robot", "board", "operator"]  # the world's process has the referee; operators only read
 Period = Literal["every tick", "once a second", "while it runs"]
+Priority = Literal["interactive-high", "data", "data-low"]  # Zenoh's names, the most urgent first
 
 LONGEST = 512  # characters of a key: more than any topic can have
 
@@ -29,6 +30,7 @@ class Topic:
     readers: tuple[Role, ...]
     period: Period  # how often it is sent at least
     content: str  # what it is, in a few words
+    priority: Priority = "data"  # where a network is too slow for all: which message goes first
 
     def key(self, **parts: str) -> str:
         """The key (or, with `*` or `**` among the parts, the key expression) of this topic."""
@@ -44,16 +46,16 @@ class Topic:
 def _regex(pattern: str) -> re.Pattern[str]:
     parts = re.split(r"\{(\w+)\}", pattern)
     text = "".join(
-        re.escape(part) if i % 2 == 0 else f"(?P<{part}>{NAME + '/' + NAME if part == 'subject' else NAME})"
+        re.escape(part) if i % 2 == 0 else f"(?P<{part}>{f'(?:{SUBJECT_KINDS})/{NAME}' if part == 'subject' else NAME})"
         for i, part in enumerate(parts)
     )
     return re.compile(text)
 
 
-#                     key, message, writers, owner, readers, period, what
+#                     key, message, writers, owner, readers, period, what, priority
 CLOCK = Topic(
     "clock", "cop/{team}/world/clock", "Clock",
-    ("world",), "", EVERYBODY, "every tick", "the tick and the simulated time",
+    ("world",), "", EVERYBODY, "every tick", "the tick and the simulated time", "interactive-high",
 )  # fmt: skip
 READING = Topic(
     "reading", "cop/{team}/world/reading/{robot}", "Readings",
@@ -61,7 +63,7 @@ READING = Topic(
 )  # fmt: skip
 TRUTH = Topic(
     "truth", "cop/{team}/world/truth", "Truth",
-    ("world",), "", ("world", "operator"), "every tick", "ground truth, never for robots",
+    ("world",), "", ("world", "operator"), "every tick", "ground truth, never for robots", "data-low",
 )  # fmt: skip
 WORLD = Topic(
     "world", "cop/{team}/world/alive", "token",
@@ -69,7 +71,7 @@ WORLD = Topic(
 )  # fmt: skip
 SOLO = Topic(
     "solo", "cop/{team}/score/solo/{robot}", "Solo",
-    ("robot",), "robot", ("world", "operator"), "every tick", "its beliefs without the team",
+    ("robot",), "robot", ("world", "operator"), "every tick", "its beliefs without the team", "data-low",
 )  # fmt: skip
 REPORT = Topic(
     "report", "cop/{team}/{sub_team}/report/{source}/{subject}", "Report",
@@ -99,12 +101,31 @@ BOARD = Topic(
     "board", "cop/{team}/{sub_team}/board/{board}", "token",
     ("board",), "board", EVERYBODY, "while it runs", "liveliness token of a board",
 )  # fmt: skip
+REFUSED = Topic(
+    "refused", "cop/{team}/{sub_team}/refused/{robot}", "Refusal",
+    ("board",), "sub_team", ("robot", "operator"), "once a second", "what a board refused of a robot, while it does",
+)  # fmt: skip
 STATUS = Topic(
     "status", "cop/{team}/{sub_team}/status/{process}", "Status",
-    ("robot", "board"), "process", EVERYBODY, "once a second", "counters, the tick done, ages",
+    ("robot", "board"), "process", EVERYBODY, "once a second", "counters, the tick done, ages", "interactive-high",
 )  # fmt: skip
 
-TOPICS = (CLOCK, READING, TRUTH, WORLD, SOLO, REPORT, CONSENSUS, AGREED, FORWARD, JOURNAL, MEMBER, BOARD, STATUS)
+TOPICS = (
+    CLOCK,
+    READING,
+    TRUTH,
+    WORLD,
+    SOLO,
+    REPORT,
+    CONSENSUS,
+    AGREED,
+    FORWARD,
+    JOURNAL,
+    MEMBER,
+    BOARD,
+    REFUSED,
+    STATUS,
+)
 
 
 def parse(key: str) -> tuple[Topic, dict[str, str]] | None:
@@ -148,10 +169,21 @@ def identities(token: str) -> tuple[str, ...]:
 
 def table() -> str:
     """The table as Markdown."""
-    rows = ["| key | message | who writes | named by | who reads | how often | what |", "|---|---|---|---|---|---|---|"]
+    rows = ["| key | message | who writes | named by | who reads | how often | priority | what |"]
+    rows.append("|---" * 8 + "|")
     for t in TOPICS:
         owner = f"`{{{t.owner}}}`" if t.owner else "-"
-        cells = (f"`{t.pattern}`", t.message, _roles(t.writers), owner, _roles(t.readers), t.period, t.content)
+        priority = "-" if t.message == "token" else t.priority
+        cells = (
+            f"`{t.pattern}`",
+            t.message,
+            _roles(t.writers),
+            owner,
+            _roles(t.readers),
+            t.period,
+            priority,
+            t.content,
+        )
         rows.append(f"| {' | '.join(cells)} |")
     return "\n".join(rows)
 

@@ -14,10 +14,12 @@ from pydantic import Field
 
 from blackboard.opinion.rules import Outcome
 from blackboard.wire.evidence import Forward, PackedEvidence, PackedState
+from blackboard.wire.names import MAX_FRAME
 from blackboard.wire.types import (
     MAX_ITEMS,
     MAX_OPINIONS,
     Ancestors,
+    Count,
     Counts,
     Finite,
     Listed,
@@ -46,6 +48,7 @@ REASONS = {
     "fields": "a field is missing, of the wrong type or out of its bounds",
     "impostor": "says another source, subject or sub-team than its key",
     "grid": "a belief on another grid than the team's",
+    "frame": "a belief in another frame than the team's",
     "mass": "NaN, infinite, negative or no probability mass",
     "future": "stamped in the future",
     "past": "stamped too long ago",
@@ -70,6 +73,15 @@ class PackedGrid(Part):
     cell: Positive
     origin: Annotated[tuple[Finite, ...], Field(min_length=1, max_length=3), Listed]
     unit: Annotated[str, Field(max_length=16)] = "cell"
+    frame: Annotated[str, Field(max_length=MAX_FRAME)] = ""  # of the coordinates; empty: it is not named
+
+
+class PackedAnchor(Part):
+    """Where the frame of a team's grid is on Earth, in degrees (WGS 84); the bearing of x is clockwise from north."""
+
+    latitude: Finite
+    longitude: Finite
+    bearing: Finite
 
 
 class PackedBelief(Part):
@@ -139,6 +151,23 @@ class Learned(Part):
     since: Finite | None = None  # team time since which it has been held over-confident or an echo, seconds
 
 
+class Dissent(Part):
+    """Somebody who keeps disagreeing with what the others believe, each judged by the consensus without it."""
+
+    level: Literal["consensus", "agreed"]  # of robots in a sub-team; of the team: robots in a joint, else sub-teams
+    source: Name
+    since: Finite  # team time, seconds
+    sigmas: Finite  # how far from the others, in the sigmas that both claim, in the mean of the last seconds
+    weight: NonNegative  # 0 to 1: the power to which its opinions are taken; in a joint the share of its evidence that was taken
+
+
+class Camp(Part):
+    """One of several equally large groups that agree among themselves and contradict each other."""
+
+    sources: Names
+    weight: NonNegative  # its share of the weights that the sources of all camps have in the consensus
+
+
 class LeftOut(Part):
     source: Name
     reason: Text
@@ -165,9 +194,13 @@ class Consensus(Message):
     rule: Text
     parameters: Settings = Field(default_factory=dict)
     outcome: Outcome = "pooled"  # or the rule that pooled instead, where a veto left `rule` no cell
+    ahead: Finite = 0.0  # of a robot, where there is no world: seconds that its clock is ahead of the board's
     state: PackedState | None = None  # of a robot in a joint: where its own filter may linearise; no evidence
     #: of the sources whose independent opinions were used
     learned: Annotated[list[Learned], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
+    #: of the sources of this consensus those that keep disagreeing; the opposed camps, where there are any (then `conflict`)
+    dissent: Annotated[list[Dissent], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
+    camps: Annotated[list[Camp], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
 
 
 class Status(Message):
@@ -186,6 +219,35 @@ class Status(Message):
     )  # seconds since each source was heard
     settings: Settings = Field(default_factory=dict)
     learned: Annotated[list[Learned], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)  # of a board
+    follows: bool = (
+        False  # of a board: another one of its sub-team leads, or it does not know yet; it publishes this alone
+    )
+    term: Tick = 0  # of a board: how often the lead of its sub-team was taken over
+    since: Finite | None = None  # of a board: team time since which it settles, seconds
+    speed: NonNegative | None = None  # of a robot: how fast it moved lately at most, unit per second
+    #: where there is no world: Unix time of sending; the newest stamp of each board (as `a/board-a`), and the seconds it was held
+    sent: Finite | None = None
+    echo: Annotated[dict[Text, Annotated[tuple[Finite, NonNegative], Listed]], Field(max_length=MAX_OPINIONS)] = Field(
+        default_factory=dict
+    )
+    #: of a board: seconds by which the clocks of sources are ahead, of those that are off
+    clocks: Annotated[dict[Text, Finite], Field(max_length=MAX_OPINIONS)] = Field(default_factory=dict)
+    dissent: Annotated[list[Dissent], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)  # of a board
+    grid: PackedGrid | None = None  # of a board: the team's
+    anchor: PackedAnchor | None = None  # of a board: where the grid's frame is on Earth
+
+
+class Refusal(Message):
+    """A board tells a robot that it refused what came under its name: the newest of it, and how many in all."""
+
+    board: Name
+    sub_team: Name
+    robot: Name
+    time: Finite  # team time of the board, seconds
+    subject: Subject | None = None  # of the report; None: it was a status
+    reason: Text  # of REASONS
+    text: Text = ""  # what was wrong, for people
+    count: Count  # messages under this name that the board refused since it started
 
 
 class Journal(Message):
@@ -291,5 +353,6 @@ class Solo(Message):
 
 #: The model of each name that stands in the topic table (`keys.Topic.message`).
 MODELS: dict[str, type[Message]] = {
-    model.__name__: model for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status, Journal)
+    model.__name__: model
+    for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status, Refusal, Journal)
 }

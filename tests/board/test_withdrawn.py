@@ -29,11 +29,11 @@ def test_what_another_board_lists_no_longer_is_not_agreed_any_more() -> None:
     it = Board("a", "board-a", GRID, BoardSection())
     for subject in ("robot/r1", "object/ball"):
         it.hear_consensus(consensus("board-b", "b", subject, 1), 0.2)
-    it.withdraw_consensuses("b", "board-b", 2, ["object/ball"])
+    it.withdraw_consensuses("b", 2, ["object/ball"])
     assert [c.subject for c in it.exchange(2, 0.4)] == ["object/ball"]
-    it.withdraw_consensuses("b", "another", 3, [])
+    it.withdraw_consensuses("c", 3, [])
     assert [c.subject for c in it.exchange(3, 0.6)] == ["object/ball"]
-    it.withdraw_consensuses("b", "board-b", 1, [])  # an old list takes nothing back that is newer
+    it.withdraw_consensuses("b", 1, [])  # an old list takes nothing back that is newer
     assert [c.subject for c in it.exchange(3, 0.6)] == ["object/ball"]
 
 

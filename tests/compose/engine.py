@@ -130,7 +130,15 @@ def copy_sources(folder: Path) -> None:
     """What a fresh clone has of what the image is built from, and the compose file."""
     for name in ("blackboard", "robot_agent", "sim_world"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("Dockerfile", ".dockerignore", "docker-compose.yml", "pyproject.toml", "README.md", "LICENSE"):
+    for name in (
+        "Dockerfile",
+        ".dockerignore",
+        "docker-compose.yml",
+        "secure.yml",
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+    ):
         shutil.copy2(ROOT / name, folder)
 
 
@@ -222,9 +230,6 @@ class Project:
         health = "{{.Name}} {{.State.Status}}" + tries
         checks = call("docker", "inspect", "--format", health, *containers) if containers else ""
         return checks + self.run("logs", "--no-color", "--tail", "30").stdout
-
-    def wait_exit(self, service: str, seconds: float) -> int:
-        return int(call("docker", "wait", self.container(service), seconds=seconds))
 
     def left_behind(self) -> list[str]:
         """Containers, networks, volumes and images of this project that are still there."""

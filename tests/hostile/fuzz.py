@@ -22,7 +22,8 @@ from blackboard.process.roll_call import MAX_SOURCES
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from tests.hostile.attack import JOINT, SCENARIO
-from tests.wire.messages import EXAMPLES, TOPICS, as_map
+from tests.hostile.examples import RICH
+from tests.wire.messages import TOPICS, as_map
 
 PER_RUN = 500
 SECONDS = 600.0  # of bus time until a run must have ended
@@ -114,8 +115,7 @@ def message(rng: np.random.Generator, newest: dict[str, bytes]) -> Envelope:
         key = sorted(newest)[int(rng.integers(len(newest)))]
         fields = msgpack.unpackb(newest[key])
     else:
-        name = sorted(EXAMPLES)[int(rng.integers(len(EXAMPLES)))]
-        parts, example = EXAMPLES[name]
+        name, parts, example = RICH[int(rng.integers(len(RICH)))]
         key, fields = TOPICS[name].key(**parts), as_map(example)
     for _ in range(int(rng.integers(4))):
         where = places(fields)

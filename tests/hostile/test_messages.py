@@ -8,12 +8,11 @@ from typing import Any
 
 import pytest
 
-from blackboard.process.team_clock import CLOCKLESS
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Informed, Report, Status
-from tests.board.desk import NOW, WORLD, Desk, clock, levels, report, reported
+from tests.board.desk import NOW, Desk, clock, report, reported
 from tests.hostile.attack import JOINT, SCENARIO, Attack, calm, report_key, status_key
 from tests.robot_agent.test_service import kinds, readings, service
 from tests.wire.messages import as_map
@@ -171,21 +170,27 @@ def test_nobody_ends_and_the_run_goes_on(fusion: str, name: str) -> None:
         assert attack.hash == undisturbed(fusion)
 
 
+@pytest.mark.parametrize(
+    "key",
+    [report_key("r2", "robot/r2"), status_key("r2"), keys.CONSENSUS.key(team="t", sub_team="b", subject="robot/r3")],
+)
+def test_a_message_that_is_lost_once_is_asked_for_again_and_changes_not_a_bit(key: str) -> None:
+    attack, left = Attack(), 1
+
+    def lose(envelope: Envelope) -> bool:
+        nonlocal left
+        left -= envelope.key == key
+        return envelope.key == key and left == 0
+
+    attack.team.bus.lose = lose
+    attack.goes_on()
+    assert left <= 0
+    assert attack.hash == undisturbed("opinions")
+
+
 @cache
 def undisturbed(fusion: str) -> str:
     return calm(SCENARIOS[fusion])
-
-
-def test_where_no_world_runs_a_stranger_s_clock_or_token_delays_for_seconds_only() -> None:
-    desk = Desk(world=False, period=0.5)
-    desk.register("r1")
-    desk.tell(WORLD)  # a token without a Clock
-    desk.tell(report("r1", 7, time=NOW))
-    assert desk.wait(1.0) == [] or levels(desk.said) == []
-    desk.wait(CLOCKLESS)
-    desk.tell(report("r1", 8, time=desk.now))
-    desk.wait(0.6)
-    assert "agreed" in levels(desk.said)
 
 
 def test_readings_of_another_run_or_far_ahead_are_believed_with_the_second_ones() -> None:
@@ -231,12 +236,12 @@ def test_a_subject_that_cannot_be_fused_does_not_stop_the_others() -> None:
     desk.tell(clock(0, "r1"))
     fuse = desk.it.board._fuse
 
-    def fails(level: str, opinions: Any, subject: str, now: float) -> Any:
+    def fails(level: str, opinions: Any, subject: str, now: float, *counts: Any) -> Any:
         if subject == "object/ball":
             raise FloatingPointError("overflow")
-        return fuse(level, opinions, subject, now)
+        return fuse(level, opinions, subject, now, *counts)
 
-    desk.it.board._fuse = fails  # type: ignore[method-assign]
+    desk.it.board._fuse = fails  # type: ignore[method-assign, assignment]
     own = decode(Report, report("r1", 0).payload).model_copy(update={"subject": "robot/r1"})
     desk.tell(report("r1", 0), Envelope(report_key("r1", "robot/r1"), encode(own)))
     said = desk.tell(reported("r1", 0, "object/ball", "robot/r1"))

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.lab import bench
-from blackboard.lab.estimates import Z
+from blackboard.opinion.intervals import Z, wilson
 from sim_world.series import Sample
 
-HERE = Sample(1, 1.0, "r1", "a", "robot/r1", "agreed", 0.0, 0.0, 0.0, 0.0, -1.0, 0.25, 2.0, 0.0)
+HERE = Sample(1, 1.0, "r1", "a", "robot/r1", "agreed", 0.0, 0.0, 0.0, 0.0, -1.0, 0.25, 0.01, 2.0, 0.0)
 
 
 def at(time: float, error: float = 0.0, **more: object) -> Sample:
@@ -28,7 +28,7 @@ def at(time: float, error: float = 0.0, **more: object) -> Sample:
 @given(st.integers(0, 40), st.integers(1, 40))
 def test_wilsons_interval_ends_where_the_share_is_z_deviations_away(hits: int, n: int) -> None:
     share = min(hits, n) / n
-    low, high = bench.wilson(share, n)
+    low, high = wilson(share, n)
     assert 0 <= low <= share + 1e-12
     assert share - 1e-12 <= high <= 1
     for end in (low, high):
@@ -38,7 +38,7 @@ def test_wilsons_interval_ends_where_the_share_is_z_deviations_away(hits: int, n
 
 def test_wilsons_interval_by_the_book() -> None:
     """10 of 20: Newcombe, Statistics in Medicine 17 (1998), method 3, gives 0.299 to 0.701."""
-    assert bench.wilson(0.5, 20) == pytest.approx((0.2993, 0.7007), abs=1e-4)
+    assert wilson(0.5, 20) == pytest.approx((0.2993, 0.7007), abs=1e-4)
 
 
 def slow_effective_samples(hits: Sequence[bool], blocks: Sequence[int]) -> float:
@@ -85,7 +85,7 @@ def test_a_robot_that_errs_for_half_a_minute_on_end_misses_once() -> None:
     samples = [at(float(t), region=0.99 if t > 570 else 0.5) for t in range(1, 601)]
     found = bench.coverage(samples, 95)
     assert found.value == 0.95
-    assert (found.low, found.high) == pytest.approx(bench.wilson(0.95, 19))  # as of 20 blocks, and not of 600 samples
+    assert (found.low, found.high) == pytest.approx(wilson(0.95, 19))  # as of 20 blocks, and not of 600 samples
 
 
 # --- the time to localise --------------------------------------------------------------------------------------------

@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from blackboard.lab.estimates import COLUMNS, Estimate, RuleScores, difference, estimates, means, student, wilson
+from blackboard.lab.estimates import COLUMNS, Estimate, RuleScores, difference, estimates, means, wilson
 from blackboard.opinion.grid import Array
+from blackboard.opinion.intervals import student
 from blackboard.opinion.scores import Score
 
 
@@ -25,7 +26,9 @@ def test_students_t_is_that_of_the_tables() -> None:
 
 def scored(errors: Array, runs: list[int]) -> RuleScores:
     n = len(errors)
-    score = Score(errors.tolist(), [1.0] * n, (-errors).tolist(), [0.97 if i % 4 == 0 else 0.3 for i in range(n)])
+    score = Score(
+        errors.tolist(), [1.0] * n, (-errors).tolist(), [0.97 if i % 4 == 0 else 0.3 for i in range(n)], [0.01] * n
+    )
     return RuleScores(score, runs, [0.001] * n)
 
 

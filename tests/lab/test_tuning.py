@@ -15,7 +15,7 @@ from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.pools import fuse
 from blackboard.opinion.rules import Rule
-from blackboard.opinion.scores import Score, hdr_level, log_score
+from blackboard.opinion.scores import Score, border_mass, hdr_level, held, log_score
 from tests.opinion.stacks import make
 
 GRID = Grid((6, 5), 0.5)
@@ -38,10 +38,10 @@ def test_every_candidate_scores_as_the_pool_itself(rule: str) -> None:
     for i in range(0, len(settings), 7):
         fused = [fuse(settings[i], c.opinions, GRID).p for c in run[:2]]
         scores = [log_score(p, index) for p in fused]
-        covered = [hdr_level(p, index) < 0.95 for p in fused]
+        covered = [float(held(hdr_level(p, index), border_mass(p, index), 0.95)) for p in fused]
         assert found.log_scores[0, i] == pytest.approx(sum(scores) + np.log(1e-12), abs=1e-8), settings[i]
         assert found.log_scores[1, i] == pytest.approx(scores[0], abs=1e-8)
-        assert found.covered[:, i].tolist() == [sum(covered), covered[0]], settings[i]
+        assert found.covered[:, i] == pytest.approx([sum(covered), covered[0]], abs=1e-6), settings[i]
 
 
 def told(log_scores: list[float], shares: list[float], runs: int = 6, cases: int = 10) -> CandidateScores:
@@ -114,7 +114,7 @@ def test_the_report_recommends_by_the_held_out_runs_alone(better: float, which: 
     choice = {"setting": setting, "parameters": {}, "log_score": -2.0, "coverage_95": 0.95, "honest": True}
 
     def scores(run: int, log: float, rule: Rule) -> RuleScores:
-        return RuleScores(Score([1.0], [1.0], [log], [0.5]), [run], [0.001], in_force=rule.in_force())
+        return RuleScores(Score([1.0], [1.0], [log], [0.5], [0.01]), [run], [0.001], in_force=rule.in_force())
 
     sizes = TeamSizeScores([0], [1.0], ["robot/r1"], [3.0], [[3.0, 2.0]], [[-3.0, -2.0]], [[0.5, 0.5]])
     checks = []

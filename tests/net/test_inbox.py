@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard.net.inbox import CHANGES, Inbox
+from blackboard.net.inbox import CHANGES, STRANGERS_BATCH, Inbox
 from blackboard.wire.envelope import Envelope, Kind
 
 KINDS = st.sampled_from(Kind)
@@ -66,6 +66,19 @@ def test_a_stranger_displaces_nobody_and_is_read_last() -> None:
         for j in range(100):
             inbox.put(said(f"x{j}", i), 1)
     assert drain(inbox)[:41] == [member("r1"), *(said("r1", i) for i in range(40))]
+
+
+def test_while_strangers_flood_others_are_waited_for_first() -> None:
+    inbox = Inbox(pause=30.0)
+    inbox.put(member("r1"), 0)
+    assert inbox.drain(0.0) == [member("r1")]
+    for i in range(10 * STRANGERS_BATCH):
+        inbox.put(said("x", i), 1)
+    later = threading.Timer(0.02, inbox.put, (said("r1", 1), 1))
+    later.start()
+    assert inbox.drain(30.0) == [said("r1", 1), said("x", 0)]
+    later.join()
+    assert len(inbox.drain(0.0)) == STRANGERS_BATCH
 
 
 def test_a_member_that_floods_loses_its_own_and_the_oldest_of_the_key_that_it_floods() -> None:
@@ -158,3 +171,12 @@ def test_it_waits_for_the_first_and_says_when_nothing_came() -> None:
     later.start()
     assert inbox.drain(30.0) == [Envelope("a")]
     later.join()
+
+
+def test_who_is_poked_does_not_wait_and_waits_again() -> None:
+    inbox = Inbox()
+    inbox.poke()
+    assert inbox.drain(1e6) == []  # it would wait for days
+    assert inbox.drain(0.0) == []
+    inbox.poke()
+    assert inbox.drain(1e6) == []

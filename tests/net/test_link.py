@@ -40,6 +40,28 @@ def test_a_sample_carries_its_encoding_and_a_stamp(endpoint: str, connect: Conne
     assert seen[0].timestamp is not None
 
 
+def test_what_is_urgent_is_sent_with_a_priority_of_its_own(endpoint: str, connect: Connect) -> None:
+    """By the topic table; the queue of each priority that is used holds as much."""
+    config = LinkConfig(connect=(endpoint,)).build("plain")
+    seen: dict[str, zenoh.Priority] = {}
+    with (
+        zenoh.open(config) as session,
+        session.declare_subscriber("cop/**", lambda sample: seen.update({str(sample.key_expr): sample.priority})),
+    ):
+        a = connect("a")
+        asked = {
+            "cop/t/world/clock": zenoh.Priority.INTERACTIVE_HIGH,
+            "cop/t/s/status/r1": zenoh.Priority.INTERACTIVE_HIGH,
+            "cop/t/s/report/r1/robot/r1": zenoh.Priority.DATA,
+            "cop/t/world/truth": zenoh.Priority.DATA_LOW,
+            "cop/of/no/topic": zenoh.Priority.DATA,
+        }
+        wait_until(lambda: [a.send(Envelope(key, b"1")) for key in asked] and set(seen) == set(asked), "all arrive")
+    assert seen == asked
+    for name in ("interactive_high", "data", "data_low"):
+        assert config.get_json(f"transport/link/tx/queue/size/{name}") == "16", name
+
+
 # --- queries -------------------------------------------------------------------------------------------------------------
 
 

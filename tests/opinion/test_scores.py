@@ -13,7 +13,18 @@ from hypothesis import strategies as st
 from blackboard import Grid, entropy
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.grid import Array
-from blackboard.opinion.scores import LEAST_PROBABILITY, LEVELS, Score, errors, hdr_level, log_score, nees, region_area
+from blackboard.opinion.scores import (
+    LEAST_PROBABILITY,
+    LEVELS,
+    Score,
+    border_mass,
+    errors,
+    hdr_level,
+    held,
+    log_score,
+    nees,
+    region_area,
+)
 from tests import oracles
 from tests.opinion.stacks import stacks
 
@@ -35,6 +46,20 @@ def test_a_cell_is_in_a_region_when_its_level_is_below(opinions: Array, level: i
     for cell in range(p.size):
         index = tuple(int(i) for i in np.unravel_index(cell, p.shape))
         assert (hdr_level(p, index) < level / 100) == (cell in inside)
+
+
+@given(stacks(("random", "sparse"), most=1), st.floats(0.0, 1.0))
+def test_a_region_holds_a_truth_drawn_from_the_belief_as_often_as_it_claims(opinions: Array, share: float) -> None:
+    p = opinions[0]
+    cells = [tuple(int(i) for i in np.unravel_index(cell, p.shape)) for cell in range(p.size)]
+    parts = held([hdr_level(p, c) for c in cells], [border_mass(p, c) for c in cells], share)
+    assert ((parts >= 0) & (parts <= 1)).all()
+    assert float(parts @ p.ravel()) == pytest.approx(share, abs=1e-9)
+
+
+def test_a_belief_of_one_cell_claims_half_of_it_in_its_50_percent_region() -> None:
+    assert held([0.0], [1.0], 0.5).tolist() == [0.5]
+    assert held([1.0, 0.4], [0.0, 0.0], 0.5).tolist() == [0.0, 1.0]  # a cell that was ruled out has no mass to divide
 
 
 def test_the_area_of_a_region_by_hand() -> None:
@@ -74,7 +99,7 @@ def test_the_summary_is_the_scorecards_block() -> None:
         **errors(distances),
         "entropy": pytest.approx(entropy(P)),
         "log_score": pytest.approx(np.mean(logs)),
-        "coverage": {"50": 0.5, "90": 0.75, "95": 0.75},
+        "coverage": {"50": 0.5, "90": pytest.approx(7 / 12), "95": pytest.approx(8 / 12)},  # 0.05 and 0.1 of 0.15
     }
     json.dumps(summary, allow_nan=False)
 

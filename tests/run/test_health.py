@@ -9,7 +9,7 @@ from blackboard.config import BoardSection
 from blackboard.net.bus import intersects
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Grid
-from blackboard.run.health import ProcessKind, diagnose
+from blackboard.run.health import ProcessKind, diagnose, part
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import encode
@@ -105,3 +105,18 @@ def test_a_world_is_healthy_while_it_tells_the_time(envelopes: tuple[Envelope, .
 
 def test_who_asks_has_come_through_the_router() -> None:
     assert ask("router", "router") is None
+
+
+@pytest.mark.parametrize(("follows", "told"), [(True, ", follows"), (False, "")])
+def test_a_board_that_follows_another_one_is_told_from_one_that_leads(follows: bool, told: str) -> None:
+    said = Status(process="board-a2", kind="board", tick=1, time=3.0, follows=follows)
+    network = Answers(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a2"), encode(said)))
+    assert part(network, "board", "board-a2", team="t") == told
+    assert part(network, "robot", "board-a2", team="t") == ""
+
+
+def test_a_healthy_world_says_its_tick() -> None:
+    said = Clock(run="1", tick=12, time=2.4, mode="lockstep")
+    network = Answers(Envelope(keys.CLOCK.key(team="t"), encode(said)))
+    assert part(network, "world", "world", team="t") == ", tick 12"
+    assert part(Answers(), "world", "world", team="t") == ""

@@ -35,7 +35,7 @@ RECORDED: dict[str, Any] = {"start": 1001.0, "protocol": "G_wake", "odometry_lag
 
 #: What is tested elsewhere: which source (test_sources), the referee's limits (test_referee), seconds of waiting (test_world_service).
 ELSEWHERE = {
-    *("kind", "dir", "gather", "patience", "give_up", "grace", "comeback"),
+    *("kind", "dir", "gather", "patience", "give_up", "grace", "comeback", "linger"),
     *(f"check.{name}" for name in CheckSection.model_fields),
 }
 

@@ -32,11 +32,15 @@ def test_errors_entropies_log_scores_and_coverage_are_exact() -> None:
     assert robots["solo"]["max"] == pytest.approx(5)
     assert robots["consensus"]["rmse"] == pytest.approx(math.sqrt((1.5**2 + 3**2) / 2))
     assert robots["agreed"]["rmse"] == pytest.approx(0)
-    assert robots["agreed"]["coverage"] == {"50": 1.0, "90": 1.0, "95": 1.0}
+    assert robots["agreed"]["coverage"] == {"50": 0.5, "90": 0.9, "95": 0.95}  # what one cell claims of its one cell
     mine = robots["by_name"]["r1"]["consensus"]
     assert mine["entropy"] == pytest.approx(-0.25 * math.log(0.25) - 0.75 * math.log(0.75))
     assert mine["log_score"] == pytest.approx(math.log(0.25))
-    assert mine["coverage"] == {"50": 0.0, "90": 1.0, "95": 1.0}  # 0.75 is denser
+    assert mine["coverage"] == {
+        "50": 0.0,
+        "90": pytest.approx(0.6),
+        "95": pytest.approx(0.8),
+    }  # 0.15 and 0.2 of the 0.25
     assert judge.scores()["objects"]["solo"]["n"] == 0
 
 

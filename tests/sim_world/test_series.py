@@ -19,7 +19,7 @@ from sim_world.scenario import CheckSection
 from sim_world.series import COLUMNS, Sample, read_series, series_file
 from tests.sim_world.instants import GRID, at, both, cells, consensus, instant, solo
 
-SAMPLE = Sample(3, 0.6, "r1", "a", "robot/r1", "agreed", 1.0, 2.0, 1.5, 2.5, -1.0, 0.25, 4.0, math.inf)
+SAMPLE = Sample(3, 0.6, "r1", "a", "robot/r1", "agreed", 1.0, 2.0, 1.5, 2.5, -1.0, 0.25, 0.01, 4.0, math.inf)
 FINITE = st.floats(allow_nan=False)
 
 
@@ -44,7 +44,21 @@ def test_a_sample_says_how_each_level_did() -> None:
     assert [sample.level for sample in samples] == list(LEVELS)
     alone, together, agreed = samples
     assert alone == Sample(
-        1, 0.2, "r1", "a", "robot/r1", "solo", 2.5, 2.5, 2.5, 4.0, pytest.approx(math.log(0.25)), 0.75, 2.0, math.inf
+        1,
+        0.2,
+        "r1",
+        "a",
+        "robot/r1",
+        "solo",
+        2.5,
+        2.5,
+        2.5,
+        4.0,
+        pytest.approx(math.log(0.25)),
+        0.75,
+        0.25,
+        2.0,
+        math.inf,
     )
     assert (together.mean_x, together.mean_y, together.region, together.area) == (5.5, 6.5, 1.0, 1.0)
     assert (agreed.mean_x, agreed.mean_y, agreed.log_score, agreed.region) == (2.5, 2.5, 0.0, 0.0)

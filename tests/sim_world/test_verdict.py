@@ -21,7 +21,9 @@ def verdict(solo_: PackedBelief, agreed: PackedBelief, **check: object) -> tuple
     return judge.verdict(judge.scores())
 
 
-WIDE = cells({(2, 2): 0.2, (2, 4): 0.8})  # 1.6 cells off, 0.5 nats
+WIDE = cells(
+    {(2, 2): 0.2, (2, 4): 0.8}
+)  # 1.6 cells off, 0.5 nats; the 95 % region holds three quarters of the true cell
 NEAR = cells({(2, 2): 0.9, (2, 3): 0.1})  # 0.1 cells off, 0.33 nats
 
 
@@ -32,15 +34,16 @@ def test_better_and_honest_is_a_pass() -> None:
         "robots: agreed rmse 0.100 cell, solo 1.600, asked 0.9 of it",
         "robots: agreed entropy 0.325 nats, solo 0.500, asked 1 of it",
         "robots: agreed 95 % regions hold the truth in 100.0 %, asked 80 %",
+        "robots: solo rmse 1.600 cell, its beliefs claim 0.781, asked 2 of it",  # of one sample nothing is concluded
     ]
 
 
 @pytest.mark.parametrize(
     ("solo_", "agreed", "check", "reason"),
     [
-        (NEAR, WIDE, {"entropy": 9}, "robots: agreed rmse 1.600 cell, solo 0.100"),
+        (NEAR, WIDE, {"entropy": 9, "coverage": 0.7}, "robots: agreed rmse 1.600 cell, solo 0.100"),
         (WIDE, NEAR, {"robots": 0.05}, "robots: agreed rmse 0.100 cell, solo 1.600, asked 0.05 of it"),
-        (NEAR, WIDE, {"robots": 99}, "robots: agreed entropy 0.500 nats, solo 0.325"),
+        (NEAR, WIDE, {"robots": 99, "coverage": 0.7}, "robots: agreed entropy 0.500 nats, solo 0.325"),
         (WIDE, at(2, 3), {}, "robots: agreed 95 % regions hold the truth in 0.0 %, asked 80 %"),
     ],
 )
@@ -87,9 +90,9 @@ def test_objects_have_a_limit_of_their_own() -> None:
 
 def test_every_limit_is_still_a_pass() -> None:
     """Agreed as good as alone, asked for as good as alone."""
-    passed, reasons = verdict(WIDE, WIDE, robots=1.0, entropy=1.0, coverage=1.0)
+    passed, reasons = verdict(WIDE, WIDE, robots=1.0, entropy=1.0, coverage=0.7499, solo=1.6 + 1e-9)
     assert passed
-    assert len(reasons) == 3
+    assert len(reasons) == 5
 
 
 def test_without_objects_nothing_is_asked_of_them() -> None:

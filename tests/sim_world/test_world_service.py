@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from blackboard.opinion.belief import gaussian
@@ -12,7 +14,6 @@ from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Readings, Solo, Status
 from sim_world.scorecard import text
-from sim_world.service import LINGER
 from tests.sim_world.desk import NOW, Desk
 
 
@@ -146,6 +147,15 @@ def test_a_run_that_is_stopped_fails_and_says_so() -> None:
     assert desk.card["reasons"][0] == "stopped in tick 0 of 4"
 
 
+def test_a_run_without_an_end_is_judged_as_it_is_when_it_is_stopped() -> None:
+    desk = Desk(time={"mode": "realtime", "seconds": math.inf})
+    assert desk.card["reasons"][0] == "stopped in tick -1"  # before it began
+    desk.tokens(Kind.ALIVE)
+    desk.wait(20.0)
+    assert (desk.card["verdict"], desk.card["ticks"]) == ("PASS", 40)
+    assert not any("stopped" in reason for reason in desk.card["reasons"])
+
+
 # --- real time -------------------------------------------------------------------------------------------------------
 
 
@@ -162,21 +172,22 @@ def test_in_real_time_the_world_paces_and_waits_for_nobody() -> None:
     assert [round(t - when[0], 1) for t in when] == [0.0, 0.5, 1.0, 1.5, 2.0]
     assert all(clock.robots == clock.settled == {} for clock in desk.clocks)
     assert not desk.world.done  # the last tick may still be answered
-    desk.wait(LINGER + 0.1)
+    desk.wait(desk.world.settings.linger + 0.1)
     assert desk.world.done
     assert desk.card["missing"] == {"robot/r2": {"solo": 4}}
 
 
-def test_in_real_time_a_late_answer_counts_for_a_while() -> None:
-    desk = Desk(time={"mode": "realtime"})
+@pytest.mark.parametrize(("linger", "late"), [(1.0, 1), (3.0, 0)])
+def test_in_real_time_a_late_answer_counts_for_a_while(linger: float, late: int) -> None:
+    desk = Desk(time={"mode": "realtime"}, linger=linger)
     desk.silent = {"r1"}
     desk.tokens(Kind.ALIVE)
     desk.wait(1.2)
     assert desk.ticks == [0, 1, 2]
     desk.tell(desk.solo("r1", 1), desk.solo("r1", 0))  # 0.7 s late; 1.2 s late
     desk.wait(5.0)
-    assert desk.card["missing"]["robot/r1"] == {"solo": 3}
-    assert desk.card["counters"]["late"] == 1
+    assert desk.card["missing"]["robot/r1"] == {"solo": 3}  # tick 0 is not judged
+    assert desk.card["counters"].get("late", 0) == late
 
 
 def test_in_real_time_a_world_that_fell_behind_does_not_catch_up() -> None:

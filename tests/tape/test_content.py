@@ -12,7 +12,7 @@ from blackboard.tape.compare import changed_board, side_by_side, told
 from blackboard.tape.content import Tape, cut, load_tape, messages, summary
 from blackboard.tape.judge import Match, course, judge, match, recorded
 from blackboard.tape.player import Part, Player
-from blackboard.tape.replay import Replay, replay
+from blackboard.tape.replay import Replay, is_consensus, replay
 from blackboard.tape.table import rows
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.keys import CLOCK
@@ -177,3 +177,23 @@ def test_a_player_needs_a_speed_and_something_to_send(run: tuple[dict[str, Any],
             Player(run[1], speed, ("world",))
     with pytest.raises(UserError, match="nothing on the tape is from boards"):
         Player(Tape(run[1].scenario, run[1].envelopes[:3], run[1].about), 1.0, ("boards",))
+
+
+def test_a_tape_that_breaks_off_between_a_journal_and_what_it_explains_is_as_recorded_up_to_there(
+    run: tuple[dict[str, Any], Tape, Path],
+) -> None:
+    """A recorder that was killed has the journal of a board's last step, and not all of the consensuses behind it."""
+    tape = run[1]
+    journals = [i for i, (_, e) in enumerate(tape.envelopes) if "/journal/board-a" in e.key]
+    consensuses = [i for i, (_, e) in enumerate(tape.envelopes) if is_consensus(e)]
+    at = next(i for i in reversed(journals) if any(i < c < journals[-1] for c in consensuses))
+    broken = Tape(tape.scenario, tape.envelopes[: at + 1], tape.about)
+    again = replay(broken)
+    found = match(broken.runs[0], recorded(broken), again.output, ended=False)
+    assert found.exact
+    assert found.cut_off > 0
+    assert f"breaks off before the last {found.cut_off} consensuses" in told(Replay(), found)[1]
+    assert not match(broken.runs[0], recorded(broken), again.output).exact
+    lost = next(c for c in consensuses if "agreed/robot" in tape.envelopes[c][1].key)
+    holey = Tape(tape.scenario, [e for i, e in enumerate(broken.envelopes) if i != lost], tape.about)
+    assert not match(holey.runs[0], recorded(holey), replay(holey).output, ended=False).exact, "one from the middle"

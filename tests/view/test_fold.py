@@ -14,7 +14,6 @@ from blackboard.errors import Refused
 from blackboard.opinion.scores import Score
 from blackboard.view import fold as room
 from blackboard.view.fold import Fold, TeamFold
-from blackboard.view.moments import About, Moment, Moments
 from blackboard.view.processes import MAX_PROCESSES
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
@@ -51,10 +50,11 @@ def test_the_truth_and_the_scores_are_those_of_the_tick() -> None:
                 score = Score()
                 score.add(unpack(about.best.message.belief), about.truth)
                 found = about.scores["agreed"]
-                assert [found.error, found.log_score, found.denser] == [
+                assert [found.error, found.log_score, found.denser, found.held] == [
                     score.errors[0],
                     score.log_scores[0],
                     score.levels[0],
+                    score.held(95)[0],
                 ]
 
 
@@ -214,20 +214,6 @@ def test_subjects_sources_and_truths_are_bounded() -> None:
     for n in range(1000):
         team.hear({}, Truth(run="r", tick=n, time=0.0, positions={"robot/r1": (0.0, 0.0)}), 1, 0.0)
     assert len(team._truths) == room.MAX_TRUTHS
-
-
-def test_moments_keep_to_their_bytes_and_their_number() -> None:
-    about = next(about for moment in team_of().moments for about in moment.subjects.values() if about.reports)
-    kept = Moments(most=10, most_bytes=200_000)
-    for tick in range(30):
-        kept.add(Moment("r", tick, 0.0, 0.0, {"object/x": about}))
-    assert [moment.tick for moment in kept] == list(range(20, 30))
-    assert kept.at(25) is not None
-    assert kept.at(5) is None
-    tight = Moments(most_bytes=1)
-    for tick in range(3):
-        tight.add(Moment("r", tick, 0.0, 0.0, {"object/x": About()}))
-    assert [moment.tick for moment in tight] == [2]
 
 
 def test_refusals_and_conflicts_are_events() -> None:

@@ -12,30 +12,37 @@ from typing import Any
 import numpy as np
 import pytest
 
-from blackboard.view.frame import frame
-from blackboard.view.told import REGION
+from blackboard.view.frame import frame, line
 from blackboard.wire.arrays import unpack
 from tests.view.recorded import team_of
 
 NODE = shutil.which("node")
 SCRIPT = """
 import { readFileSync } from "node:fs";
-import { History, best, coverage, decode, split } from "./frames.mjs";
+import { Cache, History, best, coverage, decode, lineOf } from "./frames.mjs";
 import { contour, peak } from "./draw.mjs";
-const past = readFileSync("past.bin");
-const frames = split(past.buffer.slice(past.byteOffset, past.byteOffset + past.length));
-const history = new History(), short = new History(frames[0].byteLength);
-for (const one of frames) { history.add(one); short.add(one); history.add(one); }
-const found = frames.map((one) => {
-  const header = decode(one), subjects = {};
+const read = (name) => { const it = readFileSync(name); return it.buffer.slice(it.byteOffset, it.byteOffset + it.length); };
+const past = JSON.parse(readFileSync("past.json"));
+const headers = past.lines.map((_, n) => decode(read(`${n}.bin`)));
+const found = headers.map((header) => {
+  const subjects = {};
   for (const [name, it] of Object.entries(header.subjects)) {
     const belief = best(it);
     subjects[name] = { peak: peak(belief), contour: contour(belief), level: belief.levels[0] };
   }
   return { tick: header.tick, subjects };
 });
-console.log(JSON.stringify({ found, ticks: history.moments.map((it) => it.tick), kept: short.moments.map((it) => it.tick),
-  index: history.index(2), coverage: coverage(history.moments, "robot/r1") }));
+const history = new History(), late = new History(), cache = new Cache(10);
+history.extend(past);
+for (const n of [2, 0, 2, 1]) late.add(lineOf(headers[n]));
+for (const n of [1, 2, 3]) cache.put(n, new ArrayBuffer(4));
+const ticks = history.moments.map((it) => it.tick), shares = coverage(history.moments, "robot/r1");
+const places = [history.index(2), history.before(0.9), history.index(-5)];
+history.drop(1);
+const rest = history.moments.map((it) => it.tick);
+history.add({ run: "another", tick: 0, time: 0, subjects: {} });
+console.log(JSON.stringify({ found, ticks, places, rest, anew: history.moments.length, asked: history.asked, coverage: shares,
+  late: late.moments, lines: past.lines.slice(0, 3), kept: [...cache.kept.keys()] }));
 """
 
 
@@ -49,8 +56,10 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         text = resources.files("blackboard.view.web").joinpath("page", f"{name}.js").read_text(encoding="utf-8")
         (folder / f"{name}.mjs").write_text(text, encoding="utf-8")
     team = team_of()
-    frames = [frame(team, moment, n, 0.0) for n, moment in enumerate(team.moments)]
-    (folder / "past.bin").write_bytes(b"".join(len(one).to_bytes(4, "little") + one for one in frames))
+    for n, moment in enumerate(team.moments):
+        (folder / f"{n}.bin").write_bytes(frame(team, moment, n, 0.0))
+    lines = [line(moment) for moment in team.moments]
+    (folder / "past.json").write_text(json.dumps({"first": 0, "made": len(lines), "lines": lines}))
     (folder / "run.mjs").write_text(SCRIPT, encoding="utf-8")
     done = subprocess.run([NODE, "run.mjs"], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -58,11 +67,20 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return found
 
 
-def test_the_history_has_each_moment_once_and_keeps_to_its_bytes(page: dict[str, Any]) -> None:
+def test_the_history_has_each_moment_once_in_order(page: dict[str, Any]) -> None:
     ticks = [moment.tick for moment in team_of().moments]
     assert page["ticks"] == ticks
-    assert page["kept"] == ticks[-1:]
-    assert ticks[page["index"]] == 2
+    assert page["places"] == [ticks.index(2), 1, 0]  # of tick 2, of 0.9 s (a tick has 0.5 s), and of none
+    assert page["rest"] == [tick for tick in ticks if tick > 1]
+    assert (page["anew"], page["asked"]) == (1, 0)
+
+
+def test_the_line_of_a_frame_is_the_server_s(page: dict[str, Any]) -> None:
+    assert page["late"] == page["lines"]
+
+
+def test_the_cache_keeps_to_its_bytes(page: dict[str, Any]) -> None:
+    assert page["kept"] == [2, 3]
 
 
 def test_the_peak_is_the_peak_of_what_was_agreed(page: dict[str, Any]) -> None:
@@ -98,5 +116,5 @@ def within(pieces: np.ndarray, x: float, y: float) -> bool:
 
 
 def test_coverage_is_the_running_share(page: dict[str, Any]) -> None:
-    inside = [moment.subjects["robot/r1"].scores["agreed"].denser < REGION for moment in team_of().moments]
-    assert page["coverage"] == pytest.approx([np.mean(inside[: n + 1]) for n in range(len(inside))])
+    held = [moment.subjects["robot/r1"].scores["agreed"].held for moment in team_of().moments]
+    assert page["coverage"] == pytest.approx([np.mean(held[: n + 1]) for n in range(len(held))], rel=1e-4)

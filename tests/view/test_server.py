@@ -17,7 +17,8 @@ from websockets.typing import Origin
 
 from blackboard.errors import UserError
 from blackboard.view.feed import Feed
-from blackboard.view.web.server import FILES, serve
+from blackboard.view.web.application import FILES
+from blackboard.view.web.server import Address, serve
 from blackboard.wire.envelope import Envelope
 from tests.view.recorded import recorded, team_of
 from tests.view.test_told import read
@@ -60,7 +61,7 @@ def url() -> Iterator[str]:
     stop, ready = threading.Event(), queue.Queue[str]()
     now = Clock()
     feed = Feed(Recording(), now, "t")
-    thread = threading.Thread(target=serve, args=(feed, "t", now, "127.0.0.1", 0, stop.is_set, ready.put))
+    thread = threading.Thread(target=serve, args=(feed, "t", now, Address(), stop.is_set, ready.put))
     thread.start()
     try:
         yield ready.get(timeout=30)
@@ -101,12 +102,32 @@ def test_the_newest_frame_comes_and_then_newer_ones(url: str) -> None:
     assert frames[-1]["subjects"].keys() == newest.subjects.keys()
 
 
+def test_a_browser_that_chooses_a_subject_gets_all_its_beliefs(url: str) -> None:
+    with connect(socket_of(url)) as socket:
+        socket.recv(timeout=30)
+        socket.send("robot/r2")
+        header = {"chosen": ""}
+        while header["chosen"] != "robot/r2":
+            header = read(bytes(socket.recv(timeout=30)))[0]
+    kinds = {name: {it["kind"] for it in found["beliefs"]} for name, found in header["subjects"].items()}  # type: ignore[attr-defined]
+    assert "firsthand" in kinds["robot/r2"]
+    assert kinds["robot/r1"] == {"agreed"}
+
+
 def test_the_past_is_there_for_who_comes_late(url: str) -> None:
     with connect(socket_of(url)) as socket:
         socket.recv(timeout=30)
-    past = get(url + "past").read()
-    length = int.from_bytes(past[:4], "little")
-    assert read(past[4 : 4 + length])[0]["team"] == "t"
+    found = json.load(get(url + "past"))
+    assert found["source"] == {"tape": False, "done": False, "skipped": 0}
+    ticks = [moment.tick for moment in team_of().moments]
+    assert [it["tick"] for it in found["past"]["lines"]] == ticks
+    assert json.load(get(f"{url}past?from={len(ticks) - 1}"))["past"]["first"] == len(ticks) - 1
+    run = found["past"]["lines"][0]["run"]
+    header, _ = read(get(f"{url}frame?run={run}&tick={ticks[1]}&subject=robot/r1").read())
+    assert (header["tick"], header["chosen"]) == (ticks[1], "robot/r1")
+    for query in (f"run={run}&tick=99999", f"run=x&tick={ticks[1]}", "tick=-1", ""):
+        with pytest.raises(HTTPError, match="404"):
+            get(f"{url}frame?{query}")
 
 
 def test_reasons_are_given_for_a_moment(url: str) -> None:
@@ -129,4 +150,10 @@ def test_pages_of_other_sites_and_other_names_are_turned_away(url: str) -> None:
 def test_a_port_that_is_taken_is_a_person_s_mistake(url: str) -> None:
     port = int(url.rstrip("/").rsplit(":", 1)[1])
     with pytest.raises(UserError, match="choose another port"):
-        serve(Feed(Recording(), Clock(), "t"), "t", Clock(), "127.0.0.1", port, lambda: True, print)
+        serve(Feed(Recording(), Clock(), "t"), "t", Clock(), Address(port=port), lambda: True, print)
+
+
+def test_who_listens_for_others_says_by_which_names() -> None:
+    assert Address().hosts == ["127.0.0.1", "localhost", "127.0.0.1"]
+    assert Address("0.0.0.0").hosts == ["*"]
+    assert Address("0.0.0.0", names=["127.0.0.1"]).hosts == ["127.0.0.1"]

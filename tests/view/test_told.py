@@ -17,8 +17,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import hdr_level, region_area
 from blackboard.view.frame import frame
 from blackboard.view.told import DEPTH, STEP, draw
-from blackboard.view.web.frames import BEAT, LEAST_GAP, Frames
-from tests.view.recorded import folded, team_of
+from tests.view.recorded import team_of
 
 GRID = Grid((7, 5), 0.5, (1.0, -2.0))
 BELIEFS = arrays(np.float64, GRID.shape, elements=st.floats(0, 1) | st.floats(0, 1e-6)).filter(lambda p: p.sum() > 1e-3)
@@ -82,37 +81,3 @@ def test_a_frame_carries_every_belief_of_the_moment() -> None:
         assert agreed["mean"] == pytest.approx(about.best.drawn.mean, rel=1e-4)
     assert begin == len(cells)
     assert [it["name"] for it in header["processes"]] == ["world", "board-a", "board-b", "r1", "r2", "r3"]
-
-
-def test_frames_come_with_news_not_faster_than_can_be_seen_and_at_least_every_beat() -> None:
-    fold = folded()
-    frames = Frames(fold, "t")
-    assert frames.look(100.0)
-    assert not frames.look(100.0 + BEAT / 2)  # nothing new
-    assert frames.look(100.0 + BEAT)
-    fold.teams["t"].changes += 1
-    assert not frames.look(100.0 + BEAT + LEAST_GAP / 2)  # too soon
-    assert frames.look(100.0 + BEAT + LEAST_GAP + 1e-6)
-    assert frames.number == 3
-    assert len(frames.past()) == 4 + len(frame(fold.teams["t"], fold.teams["t"].moments.newest, 1, 100.0))
-
-
-def test_the_past_is_bounded_and_keeps_the_newest() -> None:
-    fold = folded()
-    team = fold.teams["t"]
-    moments = list(team.moments)
-    frames = Frames(fold, "t", most_bytes=1)
-    team.moments.clear()
-    for n, moment in enumerate(moments):
-        team.moments.add(moment)
-        team.changes += 1
-        frames.look(100.0 + n)
-    past = frames.past()
-    assert past[4:] == frames.newest
-
-
-def test_a_team_that_nobody_heard_of_has_a_frame_too() -> None:
-    frames = Frames(folded(), "another")
-    assert frames.look(1.0)
-    header, cells = read(frames.newest)
-    assert (header["tick"], header["processes"], cells) == (None, [], b"")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -11,11 +12,16 @@ from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import UserError
 from blackboard.opinion.agreement import kullback_leibler
+from blackboard.view.fold import Fold
+from blackboard.view.summary import summary, text
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
 from blackboard.wire.arrays import unpack
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Kind
+from blackboard.wire.messages import Camp, Consensus, Dissent
 from tests.flow.test_team import SCENARIO
-from tests.view.recorded import team_of
+from tests.view.recorded import recorded, team_of
 
 #: What quantised logarithms on the wire cost: reports are read back before they are fused, the consensus is read back once more.
 QUANTISED = 2e-3  # nats
@@ -96,3 +102,29 @@ def test_an_unknown_subject_is_a_person_s_mistake() -> None:
     assert moment is not None
     with pytest.raises(UserError, match="known are object/ball"):
         explain(team, moment, "object/nothing")
+
+
+def test_who_keeps_disagreeing_and_opposed_camps_are_told() -> None:
+    """As a board tells them: the messages of a run, re-sent with what its consensuses would say."""
+    off = Dissent(level="agreed", source="r3", since=1.0, sigmas=4.2, weight=0.1)
+    camps = [Camp(sources=["r1", "r2"], weight=0.6), Camp(sources=["r3", "r4"], weight=0.4)]
+    fold = Fold()
+    for envelope, now in recorded():
+        if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
+            told = decode(Consensus, envelope.payload)
+            told = told.model_copy(update={"dissent": [off], "camps": camps, "conflict": True})
+            fold.take(replace(envelope, payload=encode(told)), now)
+        else:
+            fold.take(envelope, now)
+    team = fold.teams["t"]
+    moment = team.moments.newest
+    assert moment is not None
+    said = "\n".join(sentences(explain(team, moment, "robot/r1")))
+    assert (
+        f"r3 keeps disagreeing with the others, for {moment.time - 1.0:.0f} s now, by 4.2 sigmas: it counts by 10 %."
+        in said
+    )
+    assert "r1 and r2 with 60 % of the weight; r3 and r4 with 40 % of the weight." in said
+    shown = text(summary(fold, 1_000_001.0))
+    assert "conflict r1,r2 against r3,r4; r3 keeps disagreeing" in shown
+    assert any("r3 keeps disagreeing about robot/r1, by 4.2 sigmas" in event.text for event in team.events)

@@ -25,6 +25,7 @@ from blackboard.wire.messages import (
     LeftOut,
     Odometry,
     Readings,
+    Refusal,
     Report,
     Sighting,
     Solo,
@@ -110,6 +111,9 @@ STATUS = Status(
     ages={"r2": 0.1},
     settings={"rule": "cooperative", "k": 2.0},
 )
+REFUSAL = Refusal(
+    board="a1", sub_team="a", robot="r1", time=0.6, subject="object/ball", reason="grid", text="another", count=3
+)
 JOURNAL = Journal(
     board="a1",
     sub_team="a",
@@ -129,6 +133,7 @@ EXAMPLES: dict[str, tuple[dict[str, str], Message]] = {
     "agreed": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, AGREED),
     "forward": ({"team": "t", "sub_team": "a", "board": "a1"}, FORWARD),
     "journal": ({"team": "t", "sub_team": "a", "board": "a1"}, JOURNAL),
+    "refused": ({"team": "t", "sub_team": "a", "robot": "r1"}, REFUSAL),
     "status": ({"team": "t", "sub_team": "a", "process": "r1"}, STATUS),
 }
 TOPICS = {topic.name: topic for topic in keys.TOPICS}

@@ -18,6 +18,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from blackboard.board.ageing import Ageing
+from blackboard.board.dissent import SPACING, Dissent
 from blackboard.board.joint.evidence import learned, names, reason, shrank, unpack
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
@@ -37,9 +39,10 @@ from blackboard.wire.evidence import (
     PackedEvidence,
     PackedState,
     pack_state,
+    unpack_state,
 )
 from blackboard.wire.messages import Consensus, LeftOut, Used
-from blackboard.wire.types import MAX_NAME
+from blackboard.wire.types import LARGEST, MAX_NAME
 
 log = logging.getLogger(__name__)
 
@@ -60,12 +63,16 @@ class JointDesk:
     """Takes evidence, settles it, and publishes what the joint knows.
 
     A robot that falls silent stays in the joint, because the sum of its motions restores what was lost once it is heard again;
-    its marginal spreads by `[board] drift` meanwhile, and is not published after `max_age`.
+    its marginal spreads as it moves meanwhile, and is not published after `max_age`.
     """
 
-    def __init__(self, grid: Grid, settings: BoardSection, counters: Counter[str]) -> None:
+    def __init__(
+        self, grid: Grid, settings: BoardSection, counters: Counter[str], ageing: Ageing | None = None
+    ) -> None:
         self.grid, self.settings = grid, settings
+        self._ageing = ageing or Ageing(settings.drift, grid.cell * max(grid.shape))
         self.team = self._begun()
+        self.dissent = Dissent("agreed", joint=True)
         self.counters = (
             counters  # counted here, and kept where the joint begins anew: `joint_restarts`, `joint_dropped`
         )
@@ -88,8 +95,10 @@ class JointDesk:
             Objects(drift=self.settings.objects_drift), rule=rule if isinstance(rule, Coalition) else Coalition()
         )
 
-    def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool) -> None:
+    def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool, skew: float = 0.0) -> None:
         """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.
+
+        `skew` is how many seconds the robot's clock, by which it numbers its epochs, may be ahead.
 
         Refused: "mass", "too-many", "future" (an epoch that has not begun), "backwards" (sums that shrink within an epoch, as
         of a robot that was started again and did not begin a greater one).
@@ -97,7 +106,7 @@ class JointDesk:
         before = self._newest.get(robot)
         if before is not None and (packed.epoch, tick) <= (before[0].epoch, before[1]):
             return
-        if packed.epoch > 1000 * (time + self.settings.future):
+        if packed.epoch > 1000 * (time + self.settings.future + skew):
             raise Refused("future", f"epoch {packed.epoch} of {robot} is later than {1000 * time:.0f} ms of team time")
         if before is not None and shrank(before[0], packed):
             raise Refused("backwards", f"the sums of {robot} shrank within epoch {packed.epoch}; begin a greater epoch")
@@ -123,7 +132,7 @@ class JointDesk:
         self.counters["joint_dropped"] += len(evidence.relatives) - len(kept)
         return replace(evidence, relatives=kept)
 
-    def hear(self, forward: Forward, has_robot: Callable[[str], bool] = lambda robot: True) -> None:
+    def hear(self, forward: Forward, has_robot: Callable[[str], bool] = lambda robot: True, skew: float = 0.0) -> None:
         """Take the evidence that another board passes on of the robots that its sub-team has.
 
         Refused: as in `take`, and "unregistered", after what is sound was taken.
@@ -136,7 +145,7 @@ class JointDesk:
                     raise Refused(
                         "unregistered", f"{one.robot} holds no liveliness token in sub-team {forward.sub_team}"
                     )
-                self.take(one.robot, one.tick, forward.time, one.evidence, own=False)
+                self.take(one.robot, one.tick, forward.time, one.evidence, own=False, skew=skew)
             except Refused as refusal:
                 refusals.append(refusal)
         if refusals:
@@ -168,6 +177,7 @@ class JointDesk:
             batch = [replace(waiting.popleft(), tick=number) for waiting in self._waiting.values() if waiting]
             batch = [evidence for evidence in batch if self._barred.get(evidence.robot, -math.inf) <= time]
             verdicts += self._settle(number, elapsed / max(1, steps), batch)
+        self._judge(time, verdicts)
         known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
         return [self._consensus(subject, verdicts, time, make) for subject in known]
 
@@ -182,6 +192,9 @@ class JointDesk:
         except BROKEN as error:
             why = error
         suspects = sorted(batch, key=lambda evidence: evidence.robot)
+        spoke = [evidence for evidence in suspects if evidence.robot == self.team.speaks]
+        if spoke and self._without(spoke, before, number, dt, batch) is not None:
+            suspects = spoke
         while len(suspects) > 1:
             half = suspects[: len(suspects) // 2]
             found = self._without(half, before, number, dt, batch)
@@ -195,6 +208,16 @@ class JointDesk:
         self.team = self._begun()
         self.team.tick = number
         return []
+
+    def _judge(self, time: float, verdicts: list[Verdict]) -> None:
+        """Compare where each robot says that it is with where the joint has it."""
+        told, believed = {}, {}
+        for robot, (packed, _) in self._newest.items():
+            if packed.state is not None and self.team.knows(f"robot/{robot}") and self._until[robot] >= time - SPACING:
+                state, marginal = unpack_state(packed.state), self.team.marginal(f"robot/{robot}")
+                told[robot] = state.mean[AXES], state.covariance[AXES, AXES]
+                believed[robot] = marginal.mean, marginal.covariance
+        self.dissent.hear_joint(time, told, believed, verdicts, self.team.trust)
 
     def _tried(self, number: int, dt: float, batch: list[Evidence]) -> list[Verdict]:
         with np.errstate(over="raise", invalid="raise", divide="raise"):
@@ -230,12 +253,13 @@ class JointDesk:
         about = [verdict for verdict in verdicts if verdict.subject == subject]
         taken = sorted({verdict.source for verdict in about if verdict.taken})
         marginal = self.team.marginal(subject)
-        spread = np.eye(2) * self.settings.drift**2 * self._age(subject, time)
+        spread = np.eye(2) * self._ageing.variance(subject, self._age(subject, time))
         belief = draw(self.grid, Moments(marginal.mean, marginal.covariance + spread))
         left_out = {verdict.source: reason(verdict) for verdict in about if not verdict.taken}
         if time < self._barred.get(subject, -math.inf):
             left_out[subject] = "its evidence breaks the joint"
         choice = self.team.tally.choices.get(subject)
+        camps = self.dissent.camps_about(subject, taken)
         if choice is not None and choice.outvoted:
             left_out[PREDICTION] = f"contradicted by {names(choice.members)}"
         return make(
@@ -258,11 +282,15 @@ class JointDesk:
             ],
             components=[] if choice is None else list(choice.components),
             entropy=entropy(belief.p),
-            conflict=bool(left_out),
+            conflict=bool(left_out or camps),
             rule="joint",
             learned=learned(self.team.innovations, taken),
             parameters={"gate": GATES[1]},
             state=self._state(subject),
+            dissent=self.dissent.told(
+                {it.source.removeprefix("robot/") for it in about} | {subject.removeprefix("robot/")}
+            ),
+            camps=camps,
         )
 
     def _state(self, subject: str) -> PackedState | None:
@@ -294,5 +322,7 @@ def _check(joint: Joint) -> None:
         raise ValueError(f"{len(joint.mean)} states; at most {MAX_STATES} are kept")
     if not (np.isfinite(joint.mean).all() and np.isfinite(joint.covariance).all()):
         raise ValueError("a mean or a covariance is not finite")
+    if max(np.abs(joint.mean).max(initial=0.0), np.abs(joint.covariance).max(initial=0.0)) > LARGEST:
+        raise ValueError(f"a number is beyond {LARGEST:g}, so that no message can hold it")
     if (np.diag(joint.covariance) < 0).any():
         raise ValueError("a variance is negative")

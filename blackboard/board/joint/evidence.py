@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from blackboard.errors import Refused
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.relation import Relative
@@ -18,11 +19,17 @@ from blackboard.wire.evidence import (
 )
 from blackboard.wire.messages import Learned
 
+MOST = 1e7  # of places and their variances: ten times what stands for a place of which nothing is known
+MOST_ERROR = 1e3  # of angles (rad), of scales, and of their errors and walks
 GROWING = ("time", "moving", "along", "across", "heading")  # sums of an epoch that never shrink
 
 
 def unpack(robot: str, tick: int, packed: PackedEvidence) -> Evidence:
-    """The evidence of a robot's tick, under the name of its subject. Refused: "mass", a matrix that is no covariance."""
+    """The evidence of a robot's tick, under the name of its subject.
+
+    Refused: "mass", a matrix that is no covariance; "fields", a number that no robot has (`MOST`, `MOST_ERROR`).
+    """
+    check(packed)
     subject = f"robot/{robot}"
     relatives: tuple[Relative, ...] = unpack_relatives(packed, subject)
     return Evidence(
@@ -35,6 +42,22 @@ def unpack(robot: str, tick: int, packed: PackedEvidence) -> Evidence:
         increment=None if packed.increment is None else unpack_increment(packed.increment),
         relatives=tuple(it for it in relatives if not it.subject.startswith("landmark/")),
     )
+
+
+def check(packed: PackedEvidence) -> None:
+    """Refused: "fields", numbers so large that they would spoil, by rounding, what others say in the same joint."""
+    places, errors = [abs(packed.travelled.distance), packed.travelled.along, packed.travelled.across], [0.0]
+    if packed.state is not None:
+        places += [abs(value) for value in (*packed.state.mean, *packed.state.covariance)]
+    for it in packed.relatives:
+        places += [it.range, it.range_variance, *(sigma for sigma, _ in it.biases)]
+        errors += [abs(it.bearing), it.bearing_variance]
+    places += [number for pair in packed.profile for number in pair]
+    nuisance = packed.nuisance
+    errors += [abs(nuisance.forward), abs(nuisance.turn), *nuisance.sigmas, *nuisance.walks]
+    for found, most in ((max(places), MOST), (max(errors), MOST_ERROR)):
+        if found > most:
+            raise Refused("fields", f"evidence holds {found:.3g}; at most {most:g} can be")
 
 
 def shrank(before: PackedEvidence, packed: PackedEvidence) -> bool:

@@ -15,6 +15,8 @@ from blackboard.opinion.grid import Array
 
 Block = Hashable
 
+FARTHEST = 1e12  # of squared distances: no test asks whether something is farther
+
 
 @dataclass(frozen=True, eq=False)
 class Moments:
@@ -22,6 +24,18 @@ class Moments:
 
     mean: Array
     covariance: Array
+
+
+def squared_distance(apart: Array, covariance: Array) -> float:
+    """The squared Mahalanobis distance of a difference, shape (m,), by its covariance, shape (m, m): 0 to `FARTHEST`.
+
+    A difference that is claimed to have no error, so that the covariance is singular, is as far as can be.
+    """
+    try:
+        squared = float(apart @ np.linalg.solve(covariance, apart))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        squared = FARTHEST if apart.any() else 0.0
+    return max(0.0, squared) if squared < FARTHEST else FARTHEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +48,7 @@ class Innovation:
     @property
     def squared(self) -> float:
         """The squared Mahalanobis distance, chi-squared with m degrees of freedom where all models hold."""
-        return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
+        return squared_distance(self.residual, self.covariance)
 
 
 class Joint:

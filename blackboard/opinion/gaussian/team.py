@@ -18,6 +18,7 @@ import numpy as np
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import KNOWN, PREDICTION, Choice, about, choose
+from blackboard.opinion.gaussian.contacts import Claim, Contacts
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Tally, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
@@ -32,6 +33,7 @@ from blackboard.opinion.grid import Array, Grid
 GATES = (10.83, 13.82, 16.27, 18.47, 20.52, 22.46, 24.32, 26.12, 27.88)
 #: The 99 % quantiles: beyond them coalitions are formed.
 DOUBTS = (6.63, 9.21, 11.34, 13.28, 15.09, 16.81, 18.48, 20.09, 21.67)
+ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
 PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
 WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
 
@@ -61,9 +63,11 @@ class TeamJoint:
     joint: Joint = field(default_factory=Joint)
     tally: Tally = field(default_factory=Tally)
     trust: Trust = field(default_factory=Trust)
+    contacts: Contacts = field(default_factory=Contacts)
     innovations: Innovations = field(default_factory=Innovations)
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
     tick: int = -1
+    speaks: str = ""  # the robot whose evidence is being taken: who is to blame if that fails
     _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
     _known: dict[str, Known] = field(default_factory=dict)
     _seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
@@ -78,17 +82,23 @@ class TeamJoint:
         self.tick = tick
         news = self._news(tick, reports)
         self.tally.verdicts = []
-        self._left_out = self.trust.left_out()
+        self._leave_out(self.trust.left_out() | self.contacts.left_out())
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
         heard = entered | set(motions)
+        entered |= self._compare(news, motions)
         self.tally.choices = self._choose(news, motions, entered)
         for robot in sorted(set(motions) - entered):
+            self.speaks = robot
             self._multiply(news[robot])
+            self._check()
         for evidence in news.values():
+            self.speaks = evidence.robot
             for relative in sorted(evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing)):
                 if relative.observer == evidence.robot:
                     self._relate(relative, motions, heard)
+            self._check()
+        self.speaks = ""
         for robot, evidence in news.items():
             self._known[robot] = replace(self._known[robot], travelled=evidence.travelled)
         self._forget_objects()
@@ -114,11 +124,14 @@ class TeamJoint:
         """Move every robot that is known and was heard by all that it has travelled since; let biases and objects drift."""
         motions = {}
         for robot, evidence in news.items():
+            self.speaks = robot
             known = self._known.get(robot)
             if robot not in self.joint or known is None or known.epoch != evidence.epoch:
                 continue
             motions[robot] = evidence.travelled.since(known.travelled)
             drive(self.joint, robot, motions[robot], evidence.nuisance)
+            self._check()
+        self.speaks = ""
         forget_biases(self.joint, dt)
         for name in self._seen:
             walk = np.eye(2) * self.objects.drift**2 * dt
@@ -137,11 +150,51 @@ class TeamJoint:
             self._known[robot] = Known(evidence.epoch, evidence.travelled)
             self._drop(robot)
             self.trust.forget(robot)
+            self.contacts.forget(robot)
             self.innovations.forget(robot)
         if robot in self.joint or evidence.belief is None:
             return False
         self.joint.add(robot, evidence.belief)
         return True
+
+    def _leave_out(self, robots: frozenset[str]) -> None:
+        """From now on, take nothing of these robots; the objects that one newly left out has seen enter again without it."""
+        for robot in sorted(robots - self._left_out):
+            for name in [name for name in self._seen if robot in self.trust.observers(name)]:
+                self._drop(name)
+                self.trust.forget(name)
+                del self._seen[name]
+        self._left_out = robots
+
+    def _compare(self, news: Mapping[str, Evidence], motions: Mapping[str, Motion]) -> set[str]:
+        """Hold the robots' first-hand beliefs against each other, about themselves and all that they saw.
+
+        Two robots that agreed and now contradict each other have spoilt each other's place in the joint: both enter again by
+        their first-hand beliefs. Who did is returned.
+        """
+        said: dict[str, dict[str, Claim]] = {}
+        for robot, evidence in news.items():
+            self.speaks = robot
+            if evidence.belief is None or np.trace(evidence.belief.covariance[AXES, AXES]) > KNOWN:
+                continue
+            self.contacts.correct(robot, evidence.belief, evidence.increment)
+            own = evidence.belief
+            said.setdefault(robot, {})[robot] = Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))
+            for relative in evidence.relatives:
+                if relative.observer == robot and relative.subject != robot:
+                    claim = claimed(own, relative, motions.get(robot))
+                    said.setdefault(relative.subject, {})[robot] = claim
+        self.speaks = ""
+        parted: set[str] = set()
+        for _, by_source in sorted(said.items()):
+            parted |= self.contacts.judge(by_source)
+        again = {robot for robot in parted if robot in self.joint}
+        for robot in sorted(again):
+            self._drop(robot)
+            belief = news[robot].belief
+            assert belief is not None
+            self.joint.add(robot, belief)
+        return again
 
     def _choose(
         self, news: Mapping[str, Evidence], motions: Mapping[str, Motion], entered: set[str]
@@ -220,6 +273,16 @@ class TeamJoint:
             return ()
         return tuple(sorted(choice.members))
 
+    def _contradict(self, observer: str, subject: str) -> bool:
+        """Whether two robots contradict each other first-hand, and no coalition that contradicts one of them is believed."""
+        if not self.contacts.contradict(observer, subject):
+            return False
+        for robot, source in ((subject, observer), (observer, subject)):
+            choice = self.tally.choices.get(robot)
+            if choice is not None and choice.outvoted and source in choice.members:
+                return not all(self.contacts.contradict(robot, member) for member in choice.members - {robot})
+        return True
+
     def _drop(self, subject: str) -> None:
         """Forget a subject, and the lasting errors of what it saw and of sightings of it."""
         for block in list(self.joint.blocks):
@@ -276,7 +339,9 @@ class TeamJoint:
         expectation = replace(expectation, noise=expectation.noise * self.innovations.variance(source))
         squared = expectation.innovation(self.joint).squared
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
-        agrees = squared <= GATES[1] and not by
+        agrees = squared <= GATES[1] and not by and not self._contradict(observer, subject)
+        if subject in self._seen:  # nor do two that contradict each other meet in an object: it stays with the first
+            agrees = agrees and not any(self.contacts.contradict(observer, o) for o in self.trust.observers(subject))
         taken = agrees and not {observer, subject} & self._left_out
         self.trust.judge(observer, subject, agrees)
         self._judge(Verdict(observer, subject, "relative", squared, 2, taken, by))
@@ -284,6 +349,16 @@ class TeamJoint:
             correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
             if subject in self._seen:
                 self._seen[subject] = 0.0
+
+    def _check(self) -> None:
+        """ArithmeticError: the joint is none any more, or absurd; the robot whose block that is `speaks` then, if it is one's."""
+        variances = np.diag(self.joint.covariance)
+        bad = ~((variances >= 0) & (variances <= ABSURD) & np.isfinite(self.joint.mean))
+        if bad.any():
+            (owner,) = (b for b, place in self.joint.blocks.items() if place.start <= int(bad.argmax()) < place.stop)
+            owner = owner[1] if isinstance(owner, tuple) else owner
+            self.speaks = owner if owner in self._known else self.speaks
+            raise ArithmeticError(f"what {self.speaks} says leaves no Gaussian that can be kept")
 
     def _judge(self, verdict: Verdict) -> None:
         self.tally.verdicts.append(verdict)
@@ -302,12 +377,8 @@ class TeamJoint:
 
         `motion` is the observer's in the tick. KeyError: the observer is not in the joint.
         """
-        pair = Joint()
-        pair.add(relative.observer, self.joint.moments(relative.observer))
-        pair.add(relative.subject, Moments(np.zeros(2), np.eye(2) * FLAT))
-        expectation = expect(pair, relative, {relative.observer: motion})
-        correct(pair, expectation.residual, expectation.jacobians, expectation.noise)
-        return pair.moments(relative.subject)
+        claim = claimed(self.joint.moments(relative.observer), relative, motion)
+        return Moments(claim.mean, claim.lasting + claim.fresh)
 
     # --- out ------------------------------------------------------------------------------------------------------------
 
@@ -334,3 +405,16 @@ class TeamJoint:
     def drawn(self, subject: str, grid: Grid) -> Belief:
         """The marginal on the team's grid."""
         return draw(grid, self.marginal(subject))
+
+
+def claimed(observer: Moments, relative: Relative, motion: Motion | None) -> Claim:
+    """Where a sighting puts its subject, by an observer's block and its motion in the tick."""
+    pair = Joint()
+    pair.add(relative.observer, observer)
+    pair.add(relative.subject, Moments(np.zeros(2), np.eye(2) * FLAT))
+    expectation = expect(pair, relative, {} if motion is None else {relative.observer: motion})
+    correct(pair, expectation.residual, expectation.jacobians, expectation.noise)
+    place = pair.moments(relative.subject)
+    back = np.linalg.inv(expectation.jacobians[relative.subject][:, AXES])
+    fresh = back @ expectation.noise @ back.T
+    return Claim(place.mean, place.covariance - fresh, fresh)

@@ -1,56 +1,98 @@
-"""The newest frames of a team, encoded once for all browsers: the newest one, and those of the last minutes. Pure."""
+"""What the page shows of a team: the newest frame, those of moments that are over, and a line of each for charts. Pure."""
 
 from __future__ import annotations
 
+import json
 from collections import deque
+from dataclasses import dataclass
 
 from blackboard.view.fold import Fold, TeamFold
-from blackboard.view.frame import frame
+from blackboard.view.frame import frame, line, slim
 
 LEAST_GAP = 0.1  # seconds between two frames at least; of ticks that come faster the newest is shown
 BEAT = 1.0  # seconds after which a frame is made although nothing was settled: ages grow, processes vanish
-MAX_PAST = 32 << 20  # bytes of frames that are kept
+MAX_CHOSEN = 64  # subjects for which a newest frame is kept: no more than browsers
+
+
+@dataclass(frozen=True)
+class Past:
+    """A moment that is over: its line for charts and its processes, both as JSON, its pace, and when it was settled (Unix seconds)."""
+
+    run: str
+    tick: int
+    at: float
+    mode: str
+    line: bytes
+    processes: bytes
 
 
 class Frames:
-    """Makes a frame where there is something new to see. `number` grows with each."""
+    """Makes a frame where there is something new to see. `number` grows with each.
 
-    def __init__(self, fold: Fold, team: str, most_bytes: int = MAX_PAST) -> None:
+    Each browser has chosen a subject, of which its frame has all beliefs; browsers with the same one share its bytes.
+    """
+
+    def __init__(self, fold: Fold, team: str) -> None:
         self._fold, self._team = fold, team
-        self.newest = b""
         self.number = 0
         self.gap = LEAST_GAP  # seconds between two frames; the server makes it longer where frames are costly
-        self._most_bytes = most_bytes
-        self._past: deque[bytes] = deque()
-        self._bytes = 0
+        self.made = 0  # lines of this run, also those that are kept no longer
+        self._past: deque[Past] = deque()
+        self._newest: dict[str, bytes] = {}  # by the chosen subject
+        self._now = 0.0  # of the newest frame
         self._made_at = 0.0
         self._changes = -1
-        self._moment: tuple[str, int] | None = None
 
     @property
     def team(self) -> TeamFold:
         """What is known of the team; nothing before it is heard of."""
         return self._fold.teams.get(self._team) or TeamFold(self._team)
 
-    def look(self, now: float) -> bool:
-        """Make a frame if one is due at `now`, Unix time in seconds; whether there is a new one."""
+    def remember(self, now: float) -> None:
+        """Keep a line of every moment that is new. Call it after each look at what has arrived."""
         team = self.team
-        gap = now - self._made_at
+        newest = team.moments.newest
+        if newest is None or (self._past and self._past[-1].run != newest.run):
+            self._past.clear()
+            self.made = 0
+        for moment in team.moments.since(self._past[-1].tick if self._past else -1):
+            lines = [json.dumps(it, separators=(",", ":")).encode() for it in (line(moment), slim(team, now))]
+            self._past.append(Past(moment.run, moment.tick, moment.at, team.mode, *lines))
+            self.made += 1
+        while len(self._past) > len(team.moments):
+            self._past.popleft()
+
+    def look(self, clock: float, now: float) -> bool:
+        """Whether a new frame is due at `clock`, seconds that pass evenly; `now` is the team's Unix time."""
+        team = self.team
+        gap = clock - self._made_at
         if gap < self.gap or (team.changes == self._changes and gap < max(BEAT, self.gap)):
             return False
-        moment = team.moments.newest
         self.number += 1
-        self.newest = frame(team, moment, self.number, now)
-        self._made_at, self._changes = now, team.changes
-        shown = None if moment is None else (moment.run, moment.tick)
-        if shown is not None and shown != self._moment:
-            self._moment = shown
-            self._past.append(self.newest)
-            self._bytes += len(self.newest)
-            while self._bytes > self._most_bytes and len(self._past) > 1:
-                self._bytes -= len(self._past.popleft())
+        self._newest.clear()
+        self._now, self._made_at, self._changes = now, clock, team.changes
         return True
 
-    def past(self) -> bytes:
-        """The frames of the last minutes, the oldest first, each behind its length in 4 bytes, little-endian."""
-        return b"".join(part for one in self._past for part in (len(one).to_bytes(4, "little"), one))
+    def newest(self, chosen: str) -> bytes:
+        """The newest frame for browsers that have chosen a subject; made when the first of them asks."""
+        found = self._newest.get(chosen)
+        if found is None:
+            found = frame(self.team, self.team.moments.newest, self.number, self._now, chosen)
+            if len(self._newest) < MAX_CHOSEN:
+                self._newest[chosen] = found
+        return found
+
+    def at(self, run: str, tick: int, chosen: str) -> bytes | None:
+        """The frame of a moment, with the processes of then; None where it is no longer kept."""
+        past = next((it for it in reversed(self._past) if it.tick == tick and it.run == run), None)
+        moment = None if past is None else self.team.moments.at(tick)
+        if past is None or moment is None or moment.run != run:
+            return None
+        return frame(self.team, moment, self.number, past.at, chosen, json.loads(past.processes), past.mode)
+
+    def past(self, begin: int) -> bytes:
+        """As JSON: the lines that are kept from number `begin` on, the number of the first of them, and how many were made."""
+        first = max(begin, self.made - len(self._past))
+        lines = list(self._past)[len(self._past) - (self.made - first) :] if first < self.made else []
+        head = f'{{"first":{first},"made":{self.made},"lines":['.encode()
+        return head + b",".join(it.line for it in lines) + b"]}"

@@ -144,15 +144,16 @@ def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.Mo
     assert means(it.settle(20.2, MAKE)) == {"robot/r1": (10.0, 10.0)}
 
 
-def test_numbers_that_break_the_joint_make_it_begin_anew() -> None:
+def test_numbers_that_would_break_the_joint_are_refused_and_the_others_are_taken() -> None:
     it = desk()
     it.take("r1", 0, 0.0, at(10, 10), own=True)
     it.settle(0.0, MAKE)
     wild = at(10, 10, travelled=1e12)
     moved = wild.travelled.model_copy(update={"turn": 1e12, "along": 1e12, "across": 1e12, "heading": 1e12})
-    it.take("r1", 1, 0.2, wild.model_copy(update={"travelled": moved, "state": None}), own=True)
+    for broken in ({"travelled": moved, "state": None}, {"epoch": 400}):
+        with pytest.raises(Refused, match="fields"):
+            it.take("r1", 1, 0.4, wild.model_copy(update=broken), own=True)
     it.settle(0.2, MAKE)
-    it.take("r1", 2, 0.4, wild.model_copy(update={"epoch": 400}), own=True)
     it.take("r2", 2, 0.4, at(20, 20), own=True)
     assert "robot/r2" in means(it.settle(0.4, MAKE))
 

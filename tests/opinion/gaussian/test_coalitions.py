@@ -33,8 +33,11 @@ def sees(observer: str, subject: str, at: tuple[float, float]) -> Relative:
     return Relative(observer, subject, math.hypot(dx, dy), math.atan2(dy, dx), 0.01, 0.0004)
 
 
-def told(robot: str, tick: int, *relatives: Relative, increment: Increment | None = None) -> Evidence:
-    pose = Moments(np.array([*PLACES[robot], 0.0]), np.diag([0.04, 0.04, 0.0004]))
+def told(
+    robot: str, tick: int, *relatives: Relative, increment: Increment | None = None, variance: float = 0.04
+) -> Evidence:
+    at = PLACES[robot] if increment is None else increment.reference[AXES]  # first-hand it believes what it has gained
+    pose = Moments(np.array([*at, 0.0]), np.diag([variance, variance, 0.0004]))
     belief = entering(pose, Nuisance())
     return Evidence(robot, 0, tick, Motion(), Nuisance(), belief, increment, relatives)
 
@@ -138,7 +141,10 @@ def test_mates_that_err_together_are_one_voice() -> None:
         it.settle(
             1,
             1.0,
-            [told(r, 1, *([sees(r, "robot/r1", away)] if r in ("robot/r2", "robot/r3") else [])) for r in PLACES],
+            [
+                told(r, 1, sees(r, "robot/r1", away), variance=9.04) if r in ("robot/r2", "robot/r3") else told(r, 1)
+                for r in PLACES
+            ],
         )
         counts[shared] = it.tally.outvoted
     assert counts == {0.0: 1, 9.0: 0}
@@ -148,7 +154,7 @@ def test_a_robot_that_lies_of_its_own_place_is_outvoted_by_those_who_see_it() ->
     true = PLACES["robot/r1"]
     it = carried(sees("robot/r2", "robot/r1", true), sees("robot/r3", "robot/r1", true), own=np.array([6.0, -6.0]))
     assert it.marginal("robot/r1").mean == pytest.approx(true, abs=0.2)
-    assert [v.taken for v in it.tally.verdicts if v.kind == "increment"] == [False]
+    assert not any(v.taken for v in it.tally.verdicts if v.kind == "increment")
 
 
 def test_a_robot_that_was_carried_away_is_believed_once_a_mate_confirms_it() -> None:
@@ -211,3 +217,33 @@ def others_error(seed: int, lie: float) -> float:
 def test_a_liar_of_five_raises_the_error_of_the_others_by_a_fifth_at_most() -> None:
     honest, lying = (np.mean([others_error(seed, lie) for seed in range(3)]) for lie in (0.0, 8.0))
     assert lying <= 1.2 * honest
+
+
+def test_two_that_contradict_each_other_do_not_meet_in_an_object() -> None:
+    """Robot r1 lies by 9 units of its place; r2 sees it and the ball, which r1 has entered where it believes itself to see it."""
+    it = TeamJoint()
+    lie = {"robot/r1": (9.0, 0.0)}
+    ball = (2.0, 2.0)
+
+    def said(robot: str, tick: int, *relatives: Relative) -> Evidence:
+        pose = Moments(np.array([*lie.get(robot, PLACES[robot]), 0.0]), np.diag([0.25, 0.25, 0.0004]))
+        return replace(told(robot, tick, *relatives), belief=entering(pose, Nuisance()))
+
+    it.settle(0, 1.0, [said("robot/r1", 0, sees("robot/r1", "object/ball", ball)), said("robot/r2", 0)])
+    for tick in range(1, 6):
+        relatives = sees("robot/r2", "robot/r1", PLACES["robot/r1"]), sees("robot/r2", "object/ball", ball)
+        reports = [said("robot/r1", tick, sees("robot/r1", "object/ball", ball)), said("robot/r2", tick, *relatives)]
+        it.settle(tick, 1.0, reports)
+    assert it.marginal("robot/r2").mean == pytest.approx(PLACES["robot/r2"], abs=0.05)
+
+
+def test_the_objects_of_a_robot_that_is_left_out_enter_again_without_it() -> None:
+    it = team()
+    it.settle(1, 1.0, [told(robot, 1, sees(robot, "object/ball", (2.0, 2.0))) for robot in ("robot/r1", "robot/r2")])
+    assert "object/ball" in it.joint
+    it._leave_out(frozenset({"robot/r4"}))
+    assert "object/ball" in it.joint, "r4 has not seen it"
+    it._leave_out(frozenset({"robot/r1", "robot/r4"}))
+    assert "object/ball" not in it.joint
+    it.settle(2, 1.0, [told("robot/r2", 2, sees("robot/r2", "object/ball", (2.0, 2.0)))])
+    assert it.marginal("object/ball").mean == pytest.approx((2.0, 2.0), abs=0.1)

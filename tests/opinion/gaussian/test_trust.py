@@ -52,3 +52,57 @@ def test_an_object_that_most_observers_see_elsewhere_is_misplaced() -> None:
         for _ in range(FIRM):
             trust.judge(observer, "object/ball", agrees=observer != "robot/r1")
     assert not trust.misplaced("object/ball")
+
+
+def opposed(size: int, lonely: int = 0) -> Trust:
+    """Two camps of some size, each of one mind, and robots that contradict everybody."""
+    names = [f"robot/r{k}" for k in range(2 * size + lonely)]
+    mind = {name: min(k // size, 2) + 10 * k * (k >= 2 * size) for k, name in enumerate(names)}
+    trust = Trust()
+    for _ in range(2 * FIRM):
+        for observer, subject in permutations(names, 2):
+            trust.judge(observer, subject, agrees=mind[observer] == mind[subject])
+    return trust
+
+
+def test_of_two_equal_camps_nobody_is_left_out() -> None:
+    for size in (2, 3):
+        trust = opposed(size)
+        assert trust.left_out() == frozenset()
+        assert [len(camp) for camp in trust.camps()] == [size, size]
+
+
+def test_beside_two_equal_camps_who_contradicts_all_is_left_out_all_the_same() -> None:
+    trust = opposed(2, lonely=1)
+    assert trust.left_out() == {"robot/r4"}
+    assert len(trust.camps()) == 2
+
+
+def test_the_larger_camp_is_believed() -> None:
+    trust = judged({"robot/r2"})
+    for _ in range(2 * FIRM):
+        for observer, subject in permutations(("robot/r4", "robot/r5"), 2):
+            trust.judge(observer, subject, agrees=True)
+        for observer, subject in permutations(TEAM, 2):
+            trust.judge(
+                observer, subject, agrees=("robot/r2" in (observer, subject)) == ("robot/r3" in (observer, subject))
+            )
+    assert trust.camps() == []
+
+
+def test_who_contradicted_is_taken_back_slowly() -> None:
+    trust = judged({"robot/r2"}, ticks=100)
+    rounds = 0
+    while trust.left_out():
+        rounds += 1
+        for observer, subject in permutations(TEAM, 2):
+            trust.judge(observer, subject, agrees=True)
+    assert 15 <= rounds <= 20
+
+
+def test_camps_that_never_met_are_no_camps() -> None:
+    trust = Trust()
+    for _ in range(2 * FIRM):
+        for observer, subject in (("robot/r1", "robot/r2"), ("robot/r3", "robot/r4")):
+            trust.judge(observer, subject, agrees=True)
+    assert (trust.left_out(), trust.camps()) == (frozenset(), [])

@@ -127,6 +127,7 @@ export function place(context, to, grid, belief, image, smooth) {
 
 /** Draw the contour of a belief. */
 export function outline(context, to, grid, belief) {
+  context.lineCap = context.getLineDash().length ? "butt" : "round"; // the pieces are not connected
   context.beginPath();
   for (const [x, y, u, v] of contour(belief)) {
     context.moveTo(to.x(grid.origin[0] + x * grid.cell), to.y(grid.origin[1] + y * grid.cell));

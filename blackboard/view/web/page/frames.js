@@ -1,6 +1,6 @@
-// Frames of the server (blackboard/view/frame.py) and the history of those that were seen. No drawing, no document.
+// Frames of the server (blackboard/view/frame.py) the lines of moments that are over, and a cache. No drawing, no document.
 
-export const MAX_BYTES = 64 << 20; // of frames that a browser keeps
+export const MAX_BYTES = 32 << 20; // of frames that a browser keeps
 
 const text = new TextDecoder();
 
@@ -19,78 +19,96 @@ export function decode(buffer) {
   return header;
 }
 
-/** The frames of `/past`, the oldest first: each behind its length. */
-export function split(buffer) {
-  const view = new DataView(buffer), found = [];
-  for (let at = 0; at + 4 <= buffer.byteLength;) {
-    const length = view.getUint32(at, true);
-    found.push(buffer.slice(at + 4, at + 4 + length));
-    at += 4 + length;
-  }
-  return found;
-}
-
 /** The belief that stands for a subject: the agreed one, else the first consensus. */
 export function best(subject) {
   return subject.beliefs.find((it) => it.kind === "agreed") || subject.beliefs.find((it) => it.kind === "consensus");
 }
 
-/** What the charts and trails need of a frame, without its beliefs. */
-function digest(header) {
+/** The line of a frame, as the server makes it for `/past`: what charts and trails need of a moment. */
+export function lineOf(header) {
   const subjects = {};
   for (const [name, it] of Object.entries(header.subjects)) {
-    const agreed = best(it), score = it.scores.agreed || Object.values(it.scores)[0];
-    const entropy = {};
-    for (const belief of it.beliefs) {
-      if (belief.kind === "agreed" || belief.kind === "consensus") entropy[belief.kind + (belief.who && "/" + belief.who)] = belief.entropy;
-    }
-    subjects[name] = { mean: agreed && agreed.mean, truth: it.truth, entropy, scores: it.scores, inside: score && score.inside };
+    subjects[name] = { mean: best(it)?.mean ?? null, truth: it.truth, entropy: it.entropy, scores: it.scores };
   }
   return { run: header.run, tick: header.tick, time: header.time, subjects };
 }
 
-/** The moments that were seen, by tick, of one run at a time; bounded in bytes. */
+/** The score that stands for a subject of a line: that of the agreed belief, else of the first consensus. */
+export function score(subject) {
+  return subject && (subject.scores.agreed || Object.values(subject.scores)[0]);
+}
+
+/** The lines of all moments that can be gone back to, by tick, of one run at a time. */
 export class History {
-  constructor(most = MAX_BYTES) {
-    this.most = most;
-    this.bytes = 0;
-    this.moments = []; // {buffer, run, tick, time, subjects}, the oldest first
-  }
+  constructor() { this.moments = []; this.asked = 0; } // `asked`: how many the server had made when it was asked last
 
   get newest() { return this.moments[this.moments.length - 1]; }
 
-  /** Keep a frame that has a moment; another run begins anew. */
-  add(buffer, header = decode(buffer)) {
-    if (header.tick === null) return;
-    const newest = this.newest;
-    if (newest && newest.run !== header.run) {
-      this.moments = [];
-      this.bytes = 0;
-    } else if (newest && header.tick <= newest.tick) return;
-    this.moments.push({ buffer, ...digest(header) });
-    this.bytes += buffer.byteLength;
-    while (this.bytes > this.most && this.moments.length > 1) this.bytes -= this.moments.shift().buffer.byteLength;
+  /** Put a line in its place; another run begins anew. */
+  add(line) {
+    if (line.tick === null) return;
+    if (this.newest && this.newest.run !== line.run) { this.moments = []; this.asked = 0; }
+    if (!this.newest || line.tick > this.newest.tick) { this.moments.push(line); return; }
+    const at = this.index(line.tick);
+    if (this.moments[at].tick === line.tick) return;
+    this.moments.splice(this.moments[at].tick < line.tick ? at + 1 : at, 0, line);
   }
 
+  /** The answer of `/past`. */
+  extend({ made, lines }) {
+    for (const line of lines) this.add(line);
+    this.asked = made;
+  }
+
+  /** Forget what the server keeps no longer: the moments up to a tick. */
+  drop(tick) { this.moments = this.moments.filter((it) => it.tick > tick); }
+
   /** The place of the moment of a tick, or of the last one before it. */
-  index(tick) {
+  index(tick) { return this.last((it) => it.tick <= tick); }
+
+  /** The place of the last moment that is not later than a team time. */
+  before(time) { return this.last((it) => it.time <= time); }
+
+  last(holds) {
     let low = 0, high = this.moments.length - 1;
     while (low < high) {
       const middle = (low + high + 1) >> 1;
-      if (this.moments[middle].tick <= tick) low = middle; else high = middle - 1;
+      if (holds(this.moments[middle])) low = middle; else high = middle - 1;
     }
     return low;
   }
 }
 
-/** Share of the last `window` moments up to each one in which the 95 % region held the truth; null where it is not told. */
+/** Frames of moments by name, the ones used last; bounded in bytes. */
+export class Cache {
+  constructor(most = MAX_BYTES) { this.most = most; this.bytes = 0; this.kept = new Map(); }
+
+  get(name) {
+    const found = this.kept.get(name);
+    if (found) { this.kept.delete(name); this.kept.set(name, found); }
+    return found;
+  }
+
+  put(name, buffer) {
+    if (this.kept.has(name)) return;
+    this.kept.set(name, buffer);
+    this.bytes += buffer.byteLength;
+    for (const [oldest, it] of this.kept) {
+      if (this.bytes <= this.most || this.kept.size === 1) return;
+      this.kept.delete(oldest);
+      this.bytes -= it.byteLength;
+    }
+  }
+}
+
+/** Share of the last `window` moments up to each one in which the 95 % region held the truth, in part where that is on its border; null where it is not told. */
 export function coverage(moments, name, window = 50) {
-  const inside = [];
+  const held = [];
   return moments.map((moment) => {
-    const it = moment.subjects[name];
-    if (!it || it.inside === undefined || it.inside === null) return null;
-    inside.push(it.inside ? 1 : 0);
-    if (inside.length > window) inside.shift();
-    return inside.reduce((a, b) => a + b, 0) / inside.length;
+    const it = score(moment.subjects[name]);
+    if (!it) return null;
+    held.push(it.held);
+    if (held.length > window) held.shift();
+    return held.reduce((a, b) => a + b, 0) / held.length;
   });
 }

@@ -1,7 +1,7 @@
 // The live page: frames in, pictures out. Everything that comes from the team is shown as text, never as markup.
 
-import { History, best, coverage, decode, split } from "./frames.js";
-import { TABLE, chart, colour, level, mark, outline, peak, picture, place, prepare, projection, steps } from "./draw.js";
+import { Cache, History, best, coverage, decode, lineOf } from "./frames.js";
+import { TABLE, chart, colour, contour, level, mark, outline, peak, picture, place, prepare, projection, steps } from "./draw.js";
 
 const $ = (id) => document.getElementById(id);
 const TRAIL = 60; // seconds of team time
@@ -10,65 +10,127 @@ const history_ = new History();
 const saved = (key) => { try { return localStorage.getItem(key); } catch { return null; } };
 const save = (key, value) => { try { localStorage.setItem(key, value); } catch { /* a private window keeps nothing */ } };
 const asked = new URLSearchParams(location.hash.slice(1));
+const POLL = 1000; // milliseconds between two questions for what is over
+const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20];
+const cache = new Cache();
 const state = {
   live: null, // the newest header, with what the processes do now
   shown: null, // the header that is drawn
-  paused: asked.has("tick"),
+  paused: asked.has("tick"), // a moment that is over is shown, standing or played
+  playing: false,
   index: 0, // of the moment that is shown while paused
+  time: 0, // team time in seconds up to which is played
+  speed: 1,
   wanted: asked.has("tick") ? { tick: Number(asked.get("tick")), run: asked.get("run") } : null,
-  subject: asked.get("subject"),
+  tape: null, // whether this is a tape; null until the server has said so
+  done: false, // whether the tape is read to its end
+  subject: asked.get("subject") || "",
   log: saved("scale") !== "linear",
   light: saved("theme") ? saved("theme") === "light" : matchMedia("(prefers-color-scheme: light)").matches,
   connected: false,
+  socket: null,
+  fetching: "",
   order: new Map(), // subject -> its place among the colours
   whyFor: "",
-  whyAt: 0,
 };
-window.page = { state, history: history_, level, peak, best }; // for tests and the curious
+window.page = { state, history: history_, level, peak, best, contour }; // for tests and the curious
 
 // --- what comes in -------------------------------------------------------------------------------------------------------------
 
 function take(buffer) {
   const header = decode(buffer);
   state.live = header;
-  history_.add(buffer, header);
-  if (state.wanted && history_.newest) {
-    const run = state.wanted.run;
-    if (run && run !== history_.newest.run) state.paused = false;
-    else if (history_.newest.tick >= state.wanted.tick) { state.index = history_.index(state.wanted.tick); state.wanted = null; }
+  if (header.tick !== null) {
+    history_.add(lineOf(header));
+    cache.put(nameOf(header, header.chosen), buffer);
   }
   redraw();
 }
 
-async function connect() {
+/** Ask for the lines that are new; on a tape until it is read. */
+async function askPast() {
+  if (state.tape && state.done) return;
   try {
-    const past = await fetch("past");
-    if (past.ok) for (const one of split(await past.arrayBuffer())) history_.add(one);
+    const answer = await (await fetch(`past?from=${history_.asked}`)).json();
+    const first = state.tape === null;
+    state.tape = answer.source.tape;
+    state.done = answer.source.done;
+    history_.extend(answer.past);
+    if (first && state.tape && !state.paused) pause(true, 0);
+    if (state.wanted && history_.newest) {
+      if (state.wanted.run && state.wanted.run !== history_.newest.run && !state.tape) { state.paused = false; state.wanted = null; }
+      else if (history_.newest.tick >= state.wanted.tick || state.done) { state.index = history_.index(state.wanted.tick); state.wanted = null; }
+    }
+    redraw();
   } catch { /* the server is away; the socket says so */ }
+}
+
+async function connect() {
+  await askPast();
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
   socket.binaryType = "arraybuffer";
   let newest = null;
-  socket.onopen = () => { state.connected = true; redraw(); };
-  socket.onmessage = (event) => { // only the newest of those that came between two pictures is drawn, all are kept
+  socket.onopen = () => { state.connected = true; state.socket = socket; if (state.subject) socket.send(state.subject); redraw(); };
+  socket.onmessage = (event) => { // only the newest of those that came between two pictures is drawn
     if (newest === null) requestAnimationFrame(() => { const it = newest; newest = null; take(it); });
-    else history_.add(newest);
     newest = event.data;
   };
-  socket.onclose = () => { state.connected = false; redraw(); setTimeout(connect, 1000); };
+  socket.onclose = () => { state.connected = false; state.socket = null; redraw(); setTimeout(connect, 1000); };
 }
 
 // --- which moment, which subject -------------------------------------------------------------------------------------------------
 
+const nameOf = (moment, subject) => `${moment.run} ${moment.tick} ${subject}`;
+
+/** The header to draw: the newest, or that of the moment that is wanted; the one before it until that has come. */
 function current() {
-  if (!state.paused || state.wanted || !history_.moments.length) return state.live;
+  if (!state.paused || !history_.moments.length) return state.tape ? state.shown : state.live;
+  if (state.wanted) return state.shown || (state.tape ? null : state.live);
   state.index = Math.max(0, Math.min(state.index, history_.moments.length - 1));
-  const moment = history_.moments[state.index];
-  if (state.shown && state.shown.tick === moment.tick && state.shown.run === moment.run && state.shown.kept) return state.shown;
-  return { ...decode(moment.buffer), kept: true };
+  const moment = history_.moments[state.index], name = nameOf(moment, state.subject);
+  if (state.shown && state.shown.name === name) return state.shown;
+  const buffer = cache.get(name);
+  if (buffer) return { ...decode(buffer), name };
+  askFrame(moment, name);
+  return state.shown || state.live;
+}
+
+/** Ask for the frame of a moment, one at a time: of those that are passed while one is on its way only the last is asked for. */
+async function askFrame(moment, name) {
+  if (state.fetching) return;
+  state.fetching = name;
+  try {
+    const answer = await fetch(`frame?${new URLSearchParams({ run: moment.run, tick: moment.tick, subject: state.subject })}`);
+    if (answer.ok) cache.put(name, await answer.arrayBuffer());
+    else if (answer.status === 404) history_.drop(moment.tick);
+    redraw();
+  } catch { setTimeout(redraw, 500); } finally { state.fetching = ""; }
 }
 
 function pause(on, index = history_.moments.length - 1) {
-  state.paused = on; state.wanted = null; state.index = index; remember(); redraw();
+  state.paused = on || Boolean(state.tape); state.playing = false; state.wanted = null; state.index = index; remember(); redraw();
+}
+
+/** Play from the moment that is shown, or stand still. At the end of a tape it begins anew. */
+function play(on) {
+  if (!history_.moments.length) return;
+  if (!state.paused) pause(true);
+  if (on && state.tape && state.index >= history_.moments.length - 1) state.index = 0;
+  state.playing = on;
+  state.time = history_.moments[state.index].time;
+  if (on) requestAnimationFrame((at) => playOn(at, at)); else remember();
+  redraw();
+}
+
+function playOn(before, now) {
+  if (!state.playing) return;
+  const last = history_.moments.length - 1;
+  state.time = Math.min(state.time + Math.min(0.25, (now - before) / 1000) * state.speed, history_.moments[last].time);
+  const index = history_.before(state.time);
+  if (index !== state.index && !state.fetching) { state.index = index; redraw(); }
+  if (index < last || (state.tape && !state.done)) requestAnimationFrame((at) => playOn(now, at));
+  else if (state.tape) { state.playing = false; state.index = last; remember(); redraw(); }
+  else pause(false);
 }
 
 function step(by) {
@@ -76,7 +138,17 @@ function step(by) {
   pause(true, Math.max(0, Math.min(from + by, history_.moments.length - 1)));
 }
 
-function choose(name) { state.subject = name; remember(); redraw(); }
+function faster(by) {
+  state.speed = SPEEDS[(SPEEDS.indexOf(state.speed) + by + SPEEDS.length) % SPEEDS.length];
+  redraw();
+}
+
+function choose(name) {
+  state.subject = name;
+  state.socket?.send(name);
+  remember();
+  redraw();
+}
 
 /** The address names the subject, and the moment while paused: it is a link to what is shown. */
 function remember() {
@@ -100,20 +172,21 @@ function theme() {
 function draw() {
   due = false;
   document.documentElement.dataset.theme = state.light ? "light" : "dark";
-  const header = state.shown = current();
+  const header = current();
+  state.shown = header;
   const colours = theme();
   drawHead(header);
   if (!header) return;
   const names = Object.keys(header.subjects).sort((a, b) => (a.startsWith("robot/") ? 0 : 1) - (b.startsWith("robot/") ? 0 : 1) || a.localeCompare(b, "en", { numeric: true }));
   for (const name of names) if (!state.order.has(name)) state.order.set(name, state.order.size);
-  if (!header.subjects[state.subject] && names.length && !asked.has("subject")) state.subject = names.find((it) => it.startsWith("object/")) || names[0];
+  if (!header.subjects[state.subject] && names.length && !asked.has("subject")) choose(names.find((it) => it.startsWith("object/") && best(header.subjects[it])) || names[0]);
   drawMap(header, names, colours);
   drawChips(header, names);
   drawNumbers(header);
   drawMatrix(header, colours);
   drawCharts(header, colours);
-  drawProcesses(state.live || header);
-  drawPulse(state.live || header);
+  drawProcesses(header);
+  drawPulse(state.tape ? header : state.live || header);
   drawEvents(header);
   askWhy(header);
 }
@@ -123,10 +196,16 @@ const tint = (name) => colour(state.order.get(name) || 0, state.light);
 function drawHead(header) {
   const it = $("state");
   it.className = "state" + (!state.connected ? " lost" : state.paused ? "" : " live");
-  it.textContent = !state.connected ? "no connection" : state.paused ? "paused" : header && header.tick !== null ? "live" : "nothing settled yet";
+  const over = state.playing ? `playing ${state.speed}×` : "paused";
+  const settled = header && header.tick !== null;
+  it.textContent = !state.connected ? "no connection" : state.tape && !state.done ? "reading the tape"
+    : state.tape && !history_.moments.length ? "nothing was settled" : state.paused ? (state.tape && !state.playing ? "tape" : over) : settled ? "live" : "nothing settled yet";
   $("theme").textContent = state.light ? "dark" : "light";
   $("scale").textContent = state.log ? "log" : "linear";
-  $("pause").textContent = state.paused ? "live" : "pause";
+  $("pause").className = state.playing || !state.paused ? "pause" : "play";
+  $("pause").setAttribute("aria-label", $("pause").className);
+  $("speed").textContent = `${state.speed}×`;
+  $("now").hidden = Boolean(state.tape) || !state.paused;
   const scrub = $("scrub"), count = history_.moments.length;
   scrub.max = Math.max(0, count - 1);
   scrub.value = state.paused ? state.index : count - 1;
@@ -246,13 +325,15 @@ function drawChips(header, names) {
 
 function drawNumbers(header) {
   const it = header.subjects[state.subject], belief = it && best(it), unit = header.grid ? header.grid.unit : "";
-  const rows = [["subject", state.subject || "-"]];
+  const rows = [];
   if (belief) {
     const score = it.scores.agreed || it.scores[`consensus/${belief.who}`];
     rows.push(["at", belief.mean.map((x) => x.toFixed(1)).join(", ")], ["entropy", `${belief.entropy.toFixed(2)} nats`],
       ["95 % region", `${Number(belief.area.toPrecision(3))} ${unit}²`]);
     if (score) rows.push(["error", `${score.error.toFixed(2)} ${unit}`, !score.inside], ["truth is", score.inside ? "inside" : "outside", !score.inside]);
     rows.push(["rule", it.rule]);
+    if (it.dissent.length) rows.push(["keeps disagreeing", it.dissent.map(([who, sigmas, weight]) => `${who} (${sigmas.toFixed(1)} σ, counts ${(100 * weight).toFixed(0)} %)`).join(", "), true]);
+    if (it.camps.length) rows.push(["camps", it.camps.map((camp) => camp.join(", ")).join(" against "), true]);
     if (it.left_out.length) rows.push(["left out", it.left_out.map((one) => one[0]).join(", "), true]);
   }
   fill($("numbers"), rows, () => element("div", {}, element("dt"), element("dd")), (div, [name, value, bad]) => {
@@ -276,6 +357,7 @@ function drawMatrix(header, colours) {
   if (!grid) return;
   const top = Math.max(1e-300, ...beliefs.map((one) => one.peak));
   const [from, side] = window_(beliefs, grid);
+  $("matrix").className = beliefs.length <= 4 ? "few" : beliefs.length <= 8 ? "some" : "";
   const edge = (axis, cells) => grid.origin[axis] + cells * grid.cell;
   fill($("matrix"), beliefs, () => element("figure", {}, element("canvas"), element("figcaption", {}, element("b"), element("span"))), (figure, belief) => {
     const [canvas, caption] = figure.children, { context, width, height } = prepare(canvas);
@@ -371,7 +453,7 @@ function drawEvents(header) {
 async function askWhy(header) {
   if (!state.subject || header.tick === null || !state.connected) return;
   const query = new URLSearchParams({ subject: state.subject, run: header.run, tick: header.tick });
-  const key = `${state.subject} ${state.paused ? query : Math.floor(Date.now() / 2000)}`;
+  const key = `${state.subject} ${state.paused && !state.playing ? query : Math.floor(Date.now() / 2000)}`;
   if (key === state.whyFor) return;
   state.whyFor = key;
   try {
@@ -386,6 +468,8 @@ async function askWhy(header) {
 
 // --- hands ---------------------------------------------------------------------------------------------------------------------------
 
+/** What stands is played, what goes stands. */
+function toggle() { play(state.paused && !state.playing); }
 function toggleScale() { state.log = !state.log; save("scale", state.log ? "log" : "linear"); redraw(); }
 function toggleTheme() { state.light = !state.light; save("theme", state.light ? "light" : "dark"); redraw(); }
 async function copyLink() {
@@ -399,7 +483,9 @@ function next(by) {
   if (names.length) choose(names[(at + by + names.length) % names.length]);
 }
 
-$("pause").onclick = () => pause(!state.paused);
+$("pause").onclick = toggle;
+$("speed").onclick = () => faster(1);
+$("now").onclick = () => pause(false);
 $("scrub").oninput = (event) => pause(true, Number(event.target.value));
 $("scale").onclick = toggleScale;
 $("theme").onclick = toggleTheme;
@@ -411,12 +497,13 @@ addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || $("keys").open) return;
   const far = event.shiftKey ? 10 : 1;
   const act = {
-    " ": () => pause(!state.paused), ArrowLeft: () => step(-far), ArrowRight: () => step(far), Home: () => pause(true, 0), End: () => pause(false),
+    " ": toggle, "+": () => faster(1), "-": () => faster(-1), ArrowLeft: () => step(-far), ArrowRight: () => step(far), Home: () => pause(true, 0), End: () => pause(false, history_.moments.length - 1),
     "[": () => next(-1), "]": () => next(1), l: toggleScale, t: toggleTheme, c: copyLink, "?": () => $("keys").showModal(),
   }[event.key];
   if (!act || (event.key === " " && event.target.tagName === "BUTTON")) return;
   event.preventDefault();
   act();
 });
+setInterval(askPast, POLL);
 connect();
 redraw();

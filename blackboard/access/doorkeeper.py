@@ -1,0 +1,101 @@
+"""What a router says at its door: to each member what it may do and how much of it was denied, and to the operator who tried what."""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any
+
+from blackboard.access.denials import Denial
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope
+
+log = logging.getLogger(__name__)
+
+MOST = 1024  # different denials that are told apart; more are counted together
+EVERY = 0.5  # seconds between two messages about one member
+CALM = 60.0  # seconds without a denial after which a member is told that nothing is denied any more
+
+
+class Doorkeeper:
+    """Pure: denials in, envelopes on `door/...` and log lines out.
+
+    A denial is logged when it is new (who, what, which key but for its subject), and then at every tenfold of its count.
+    """
+
+    def __init__(self, common_names: Iterable[str], team: str) -> None:
+        self.team = team
+        self.denied: Counter[str] = Counter()  # by common name; "" for who did not get in
+        self._last: dict[str, str] = {}  # what was denied last, until it is calm again
+        self._told: dict[str, float] = {}  # when `_last` was told
+        self._seen: Counter[tuple[str, str, str]] = Counter()
+        self._changed: set[str] = set()
+        self._told_at = float("-inf")
+        self._members = frozenset(common_names)
+
+    def greet(self) -> list[Envelope]:
+        """What is answered to each member that asks whether it is known here."""
+        return [self._message(name) for name in sorted(self._members)]
+
+    def take(self, denials: Iterable[Denial]) -> None:
+        """Count denials, and log what is new."""
+        for denial in denials:
+            who = denial.who if denial.who in self._members else ""
+            self.denied[who] += 1
+            text = f"{denial.who or 'somebody'} may not {denial.what} {denial.key}" if denial.key else denial.what
+            self._last[who] = text[:400]
+            self._changed.add(who)
+            seen = (denial.who, re.sub(r"\d+", "0", denial.what), _but_subject(denial.key))
+            if seen not in self._seen and len(self._seen) >= MOST:
+                seen = ("others", "", "")
+            self._seen[seen] += 1
+            if _is_round(self._seen[seen]):
+                log.warning(
+                    "denied: %r (%d times, %d denials in all)", text[:400], self._seen[seen], self.denied.total()
+                )
+
+    def tell(self, now: float) -> list[Envelope]:
+        """What is to be sent now about members of whom something was denied since they were told last."""
+        if now < self._told_at + EVERY:
+            return []
+        calm = [name for name, told in self._told.items() if now >= told + CALM and name not in self._changed]
+        for name in calm:
+            del self._last[name], self._told[name]
+        changed, self._changed = self._changed, set()
+        if changed or calm:
+            self._told_at = now
+        self._told |= dict.fromkeys(changed, now)
+        return [self._message(name) for name in sorted((*changed, *calm))]
+
+    def _message(self, name: str) -> Envelope:
+        said = {"denied": self.denied[name], "last": self._last.get(name, "")}
+        key = f"door/{self.team}/{name}" if name else f"door/{self.team}/strangers"
+        return Envelope(key, json.dumps(said).encode())
+
+
+def read(payload: bytes) -> tuple[int, str] | None:
+    """What a doorkeeper told: how many denials, and the last one ("": none of late); None for anything else."""
+    try:
+        said: Any = json.loads(payload)
+        return max(0, int(said["denied"])), str(said["last"])[:400]
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+        return None
+
+
+def common_names(access_control: dict[str, Any]) -> list[str]:
+    """The members that a router's access control knows."""
+    return [name for subject in access_control["subjects"] for name in subject["cert_common_names"]]
+
+
+def _but_subject(key: str) -> str:
+    topic, parts = keys.parse(key[:200]) or (None, {})
+    return key[:200] if topic is None else topic.key(**(parts | {"subject": "**"}))
+
+
+def _is_round(count: int) -> bool:
+    while count % 10 == 0:
+        count //= 10
+    return count == 1

@@ -1,0 +1,145 @@
+"""Who has a certificate in a team, and under which name a router knows the holder."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
+
+from blackboard.config import TeamSection
+from blackboard.errors import UserError
+from blackboard.wire.keys import Role
+from blackboard.wire.names import NAME
+
+#: `viewer` looks on (why, status, echo, hz, view, the launcher of demo and up), `recorder` makes tapes, `health` only opens sessions.
+MemberKind = Literal["router", "world", "board", "robot", "viewer", "recorder", "health"]
+KINDS: tuple[MemberKind, ...] = get_args(MemberKind)
+NAMED: tuple[MemberKind, ...] = ("board", "robot")  # of the other kinds a team has one certificate each
+ROLES: dict[MemberKind, Role] = {
+    "world": "world",
+    "board": "board",
+    "robot": "robot",
+    "viewer": "operator",
+    "recorder": "operator",
+}
+LONGEST = 64  # characters of a certificate's common name (X.520)
+
+
+@dataclass(frozen=True)
+class Member:
+    """The holder of one certificate.
+
+    `generation` goes up when a certificate is revoked, so that a name can be used again and its old certificate cannot.
+    """
+
+    team: str
+    kind: MemberKind
+    name: str  # for a kind that is not `NAMED` the kind itself
+    sub_teams: tuple[str, ...] = ()  # of a robot or a board
+    generation: int = 1
+    not_after: float = 0.0  # Unix time in seconds when its certificate ends
+
+    def __post_init__(self) -> None:
+        """UserError: a name that cannot be part of a key, or is too long for a certificate."""
+        for what in (self.team, self.name, *self.sub_teams):
+            if not re.fullmatch(NAME, what):
+                raise UserError(
+                    f"{what!r}: use up to 64 letters, digits, '.', '_' and '-', it becomes part of a Zenoh key"
+                )
+        if len(self.common_name) > LONGEST:
+            raise UserError(
+                f"{self.kind} {self.name}: too long for a certificate, use at most {LONGEST - 10} characters"
+            )
+
+    @property
+    def who(self) -> str:
+        """As which a process looks for its certificate: "robot/r1", or the kind alone where a team has one of it."""
+        return f"{self.kind}/{self.name}" if self.kind in NAMED else self.kind
+
+    @property
+    def folder(self) -> str:
+        """The name of its folder in a directory of keys; a kind has no dot, so no two members share one."""
+        return self.who.replace("/", ".", 1)
+
+    @property
+    def common_name(self) -> str:
+        """The subject of its certificate, by which a router knows it."""
+        return f"{self.kind}/{self.name}/{self.generation}"
+
+    @property
+    def door(self) -> str:
+        """The key on which the router tells this member what it may do, and what of it was denied."""
+        return f"door/{self.team}/{self.common_name}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "team": self.team,
+            "kind": self.kind,
+            "name": self.name,
+            "sub_teams": list(self.sub_teams),
+            "generation": self.generation,
+            "not_after": self.not_after,
+        }
+
+    @staticmethod
+    def from_dict(said: dict[str, Any]) -> Member:
+        """The member that `to_dict` told. KeyError, TypeError, ValueError: it is not one."""
+        if said["kind"] not in KINDS:
+            raise ValueError(f"no kind {said['kind']!r}")
+        sub_teams, generation = tuple(map(str, said["sub_teams"])), int(said["generation"])
+        return Member(said["team"], said["kind"], said["name"], sub_teams, generation, float(said["not_after"]))
+
+
+@dataclass(frozen=True)
+class Team:
+    """A team as its authority keeps it: who is in it, who was revoked, and the hosts that the router goes by."""
+
+    name: str
+    sub_teams: tuple[str, ...]
+    hosts: tuple[str, ...] = ()
+    members: tuple[Member, ...] = ()
+    revoked: tuple[str, ...] = field(default=())  # common names, never issued again
+
+    def find(self, kind: MemberKind, name: str) -> Member | None:
+        """The member of this kind and name, or None."""
+        return next((m for m in self.members if (m.kind, m.name) == (kind, name)), None)
+
+    def named(self, name: str) -> Member:
+        """The one member of a name, or of "kind/name". UserError: nobody, or several, are called so."""
+        found = [m for m in self.members if name in (m.name, f"{m.kind}/{m.name}")]
+        if len(found) != 1:
+            said = ", ".join(m.who for m in found or self.members)
+            raise UserError(f"{name}: {'which one' if found else 'nobody of this name'}; team {self.name} has {said}")
+        return found[0]
+
+    def with_member(self, member: Member) -> Team:
+        """The team with this member, instead of the one of the same kind and name."""
+        others = tuple(m for m in self.members if (m.kind, m.name) != (member.kind, member.name))
+        return replace(self, members=(*others, member))
+
+    def new_member(self, kind: MemberKind, name: str, sub_teams: tuple[str, ...]) -> Member:
+        """A member to be added, of the next generation where this name was revoked. UserError: it is there, or a sub-team is not."""
+        if self.find(kind, name):
+            raise UserError(f"{kind} {name} has a certificate already; `blackboard keys renew {name}` makes a new one")
+        for sub_team in sub_teams:
+            if sub_team not in self.sub_teams:
+                raise UserError(f"--sub-team {sub_team}: team {self.name} has {', '.join(self.sub_teams)}")
+        before = [int(cn.rsplit("/", 1)[1]) for cn in self.revoked if cn.rsplit("/", 1)[0] == f"{kind}/{name}"]
+        return Member(self.name, kind, name, sub_teams, 1 + max(before, default=0))
+
+    def without(self, member: Member) -> Team:
+        """The team after a member's certificate is revoked."""
+        members = tuple(m for m in self.members if m != member)
+        return replace(self, members=members, revoked=(*self.revoked, member.common_name))
+
+
+def members_of(team: TeamSection) -> tuple[Member, ...]:
+    """Everybody whom a scenario's team needs: its robots, for each sub-team its boards, at least one that leads and one that
+    stands by, and one of every other kind.
+    """
+    boards_of = team.model_copy(update={"boards": max(2, team.boards)}).boards_of
+    single = (Member(team.name, kind, kind) for kind in KINDS if kind not in NAMED)
+    boards = (Member(team.name, "board", name, (s,)) for s in team.sub_teams for name in boards_of(s))
+    robots = (Member(team.name, "robot", robot, tuple(team.of(robot))) for robot in team.robots)
+    return (*single, *boards, *robots)

@@ -1,0 +1,132 @@
+"""What each member may write and read, taken from the topic table, and the access control of a router made of it.
+
+A rule of Zenoh allows kinds of messages on key expressions in one direction as the router sees it: ingress is what a member sends.
+Whatever no rule allows is denied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from blackboard.access.members import ROLES, Member
+from blackboard.wire import keys
+from blackboard.wire.keys import Topic
+
+ALL = "cop/**"  # for those who read every topic; other teams have other authorities, so nobody else is on this router
+DOORS = "door/**"
+TELLS = ["put", "delete", "reply"]
+ASKS = ["declare_subscriber", "query"]
+LOOKS = ["declare_liveliness_subscriber", "liveliness_query"]
+#: What a router passes on to every member so that it knows what others want of it; these carry no content.
+WANTS = ["declare_subscriber", "declare_queryable", "query", "declare_liveliness_subscriber", "liveliness_query"]
+
+
+@dataclass(frozen=True)
+class Grant:
+    """Key expressions of what a member may put and reply, be asked for, hold as tokens, read, and watch as tokens."""
+
+    writes: tuple[str, ...] = ()
+    answers: tuple[str, ...] = ()  # those of `writes` as queryables are declared: with `**` for a subject
+    tokens: tuple[str, ...] = ()
+    reads: tuple[str, ...] = ()
+    watches: tuple[str, ...] = ()
+
+
+def grant(member: Member) -> Grant:
+    """What a member may do. A kind without a role in the topic table (router, health) may do nothing of a team's."""
+    role = ROLES.get(member.kind)
+    if role is None:
+        return Grant()
+    written = [topic for topic in keys.TOPICS if role in topic.writers]
+    read = [topic for topic in keys.TOPICS if role in topic.readers]
+    own = _distinct(e for topic in written if topic.message != "token" for e in _read_back(topic, member))
+    everything = len(read) == len(keys.TOPICS)
+    return Grant(
+        writes=_distinct(e for t in written if t.message != "token" for e in _own(t, member, "*/*")),
+        answers=_distinct(e for t in written if t.message != "token" for e in _own(t, member, "**")),
+        tokens=_distinct(e for t in written if t.message == "token" for e in _own(t, member, "*/*")),
+        reads=(ALL,)
+        if everything
+        else _distinct((*(e for t in read if t.message != "token" for e in _read(t, member)), *own)),
+        watches=(ALL,) if everything else _distinct(e for t in read if t.message == "token" for e in _read(t, member)),
+    )
+
+
+def _own(topic: Topic, member: Member, subject: str) -> list[str]:
+    """The keys of a topic that a member writes: its name is where the table has the owner, its sub-teams where they are named."""
+    name = member.name if member.kind in ("robot", "board") else "*"  # a world writes the readings of every robot
+    parts = dict.fromkeys(("robot", "source", "board", "process"), name) | {"team": member.team, "subject": subject}
+    if member.kind == "board":
+        parts["robot"] = "*"  # it tells every robot what it refused
+    return [topic.key(**parts, sub_team=sub_team) for sub_team in member.sub_teams or ("*",)]
+
+
+def _read(topic: Topic, member: Member) -> list[str]:
+    """The keys of a topic that a member reads: a robot's readings and refusals are its own, and it reads of its own sub-teams alone.
+
+    A board reads the reports of its own sub-team, and what boards and robots of the others say to all.
+    """
+    robot = member.name if topic in (keys.READING, keys.REFUSED) and member.kind == "robot" else "*"
+    mine = member.kind == "robot" or (member.kind == "board" and topic is keys.REPORT)
+    parts = dict.fromkeys(("source", "board", "process"), "*") | {"robot": robot, "team": member.team, "subject": "**"}
+    return [topic.key(**parts, sub_team=s) for s in (member.sub_teams if mine else ("*",))]
+
+
+def _read_back(topic: Topic, member: Member) -> list[str]:
+    """What a robot or board wrote itself, in whichever sub-team, so that its health check can ask for it."""
+    if member.kind not in ("robot", "board") or topic.owner == "sub_team":
+        return []
+    parts = dict.fromkeys(("robot", "source", "board", "process"), member.name)
+    return [topic.key(**parts, team=member.team, sub_team="*", subject="**")]
+
+
+def _distinct(expressions: Iterable[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(expressions))
+
+
+def access_control(members: Iterable[Member]) -> dict[str, Any]:
+    """The section `access_control` of a router's Zenoh configuration: one subject for each member, and deny for everything else."""
+    rules: list[dict[str, Any]] = [_rule("wants", "egress", WANTS, ("**",))]
+    subjects, policies = [], []
+    for member in members:
+        if member.kind == "router":
+            continue  # its certificate opens no session
+        mine = _rules(member)
+        rules += mine
+        subjects.append({"id": member.who, "cert_common_names": [member.common_name]})
+        policies.append({"rules": ["wants", *(rule["id"] for rule in mine)], "subjects": [member.who]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _rules(member: Member) -> list[dict[str, Any]]:
+    may, who = grant(member), member.who
+    door = DOORS if member.kind == "viewer" else member.door
+    rows = [
+        ("writes", "ingress", TELLS, may.writes),
+        ("answers", "ingress", ["declare_queryable"], may.answers),
+        ("holds", "ingress", ["liveliness_token"], may.tokens),
+        ("asks", "ingress", ASKS, (*may.reads, door)),
+        ("hears", "egress", TELLS, (*may.reads, door)),
+        ("looks", "ingress", LOOKS, may.watches),
+        ("sees", "egress", ["liveliness_token"], may.watches),
+    ]
+    # Zenoh takes no empty list of key expressions
+    return [_rule(f"{who} {what}", flow, messages, found) for what, flow, messages, found in rows if found]
+
+
+def _rule(name: str, flow: str, messages: list[str], expressions: Iterable[str]) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": [flow],
+        "messages": messages,
+        "key_exprs": list(expressions),
+    }

@@ -1,0 +1,241 @@
+"""Who disagrees with what the others believe: since when, how far, and how much it counts meanwhile. Pure.
+
+Each source is judged by the consensus without it: once a second of team time (SPACING), on every subject on which at least three
+independent opinions are bell-shaped. A distance beyond the 99 % quantile is a contradiction, and a second in which most of a
+source's opinions contradict speaks against it. Whoever most of the last seconds speak against is named, and its opinions are taken
+to a power that falls to LEAST_WEIGHT; it returns as slowly as REDEEMED says. As long as nobody is named, nothing is changed.
+
+Where half of the sources or more would be named at once, nobody can tell who is wrong, and nobody is. What is told then are the
+camps: groups that agree among themselves and contradict each other, two of them equally large.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.board.learning import bell_shaped, escort_moments
+from blackboard.board.provenance import Opinion
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.evidence import Verdict
+from blackboard.opinion.gaussian.joint import squared_distance
+from blackboard.opinion.gaussian.trust import Trust, camps_of
+from blackboard.opinion.grid import Array
+from blackboard.wire import messages as wire
+
+log = logging.getLogger(__name__)
+
+SPACING = 1.0  # seconds of team time between two judgements of a source: what follows sooner is hardly new
+#: The 99 % quantiles of chi-squared by the axes of the grid: farther is a contradiction.
+DOUBT = {1: 6.63, 2: 9.21, 3: 11.34}
+ACCUSED = 0.9  # of the share of seconds against a source, each second that speaks against it; the newest counts a tenth
+REDEEMED = 0.97  # the same, each second that speaks for it: half of a full share is gone after 23 s
+FIRM = 5  # seconds before somebody may be named
+LEAST_WEIGHT = 0.01  # of an opinion: its sigmas are then ten times as wide
+MAX_SOURCES = 64  # beyond that it is forgotten who was silent the longest
+
+Pool = Callable[[Sequence[Opinion]], Belief]
+Moments = tuple[Array, Array]  # mean (ndim,) and covariance (ndim, ndim)
+
+
+@dataclass
+class _Standing:
+    """What the seconds say of a source."""
+
+    share: float = 0.0  # of them that speak against it, the newest counting most
+    seconds: int = 0
+    sigmas: float = 0.0  # mean distance from the others, weighted alike
+    taken: float = 1.0  # share of its newest evidence that a joint took; 1 where there is none
+    seen: float = (
+        0.0  # how far, in sigmas, sightings that a joint did not take had this robot from where it is; weighted alike
+    )
+    since: float | None = None
+    logged: bool = False
+
+    @property
+    def weight(self) -> float:
+        return 1.0 if self.since is None else max(LEAST_WEIGHT, min(1.0, 2.0 * (1.0 - self.share)))
+
+
+@dataclass
+class Dissent:
+    """Mutable; the standing of the sources of one level of a board."""
+
+    level: str  # "consensus" or "agreed"
+    joint: bool = False  # how much a source counts is decided by a joint, and only told here
+    camps: dict[str, list[frozenset[str]]] = field(default_factory=dict)  # subject -> its opposed camps
+    _standings: dict[str, _Standing] = field(default_factory=dict)
+    _heard: dict[str, float] = field(default_factory=dict)  # source -> team time of its newest verdict
+    _judged_at: dict[str, float] = field(default_factory=dict)  # subject -> team time
+    _pending: dict[str, list[tuple[bool, float]]] = field(default_factory=dict)  # source -> contradicts, sigmas
+    _second: float = -math.inf  # team time at which the pending verdicts began
+    _left_out: frozenset[str] = frozenset()  # robots that a joint leaves out
+
+    # --- opinions -------------------------------------------------------------------------------------------------------
+
+    def hear(self, subject: str, time: float, opinions: Sequence[Opinion], pool: Pool) -> None:
+        """Judge independent opinions on a subject at a team time (s); `pool` is the board's rule, for the others of each source."""
+        self._close_second(time)
+        if abs(time - self._judged_at.get(subject, -math.inf)) < SPACING * (1 - 1e-6):
+            return
+        fresh = [opinion for opinion in opinions if opinion.age < SPACING]
+        if len(fresh) < 3:
+            self.camps.pop(subject, None)
+            return
+        bells = {o.source: escort_moments(o.belief) for o in fresh if bell_shaped(o.belief)}
+        if len(self._judged_at) > 256:
+            self._judged_at = {name: at for name, at in self._judged_at.items() if time - at < SPACING}
+        self._judged_at[subject] = time
+        pairs = {(one, other): distance(bells[one], bells[other]) for one in bells for other in bells if one < other}
+        gate = DOUBT[fresh[0].belief.grid.ndim]
+        verdicts = {source: _median(pairs, source) for source in bells} if len(bells) > 2 else {}
+        self.camps.pop(subject, None)
+        if any(squared > gate for squared in pairs.values()):
+            verdicts = self._by_the_others(fresh, bells, pool)
+            if 2 * sum(squared > gate for squared in verdicts.values()) >= len(bells):
+                camps = camps_of(bells, [pair for pair, squared in pairs.items() if squared <= gate])
+                if len(camps) > 1:
+                    self.camps[subject] = camps
+                return
+        for source, squared in verdicts.items():
+            self._heard[source] = time
+            self._pending.setdefault(source, []).append((squared > gate, math.sqrt(squared)))
+
+    @staticmethod
+    def _by_the_others(fresh: Sequence[Opinion], bells: Mapping[str, Moments], pool: Pool) -> dict[str, float]:
+        """The squared distance of each source from the others' consensus; without those whose others have no single answer."""
+        found = {}
+        for source in bells:
+            others = pool([opinion for opinion in fresh if opinion.source != source])
+            if bell_shaped(others):
+                told = escort_moments(others)
+                partners = [distance(bells[other], told) <= DOUBT[len(told[0])] for other in bells if other != source]
+                if 2 * sum(partners) > len(partners):  # else it is one of them against the rest, and no consensus
+                    found[source] = distance(bells[source], told)
+        return found
+
+    def _close_second(self, time: float) -> None:
+        """Count the verdicts of a second once it is over."""
+        if 0 <= time - self._second < SPACING * (1 - 1e-6):
+            return
+        for source, verdicts in sorted(self._pending.items()):
+            against = 2 * sum(contradicts for contradicts, _ in verdicts) > len(verdicts)
+            sigmas = float(np.mean([sigma for contradicts, sigma in verdicts if contradicts == against]))
+            self._count(source, time, against, sigmas)
+        self._pending, self._second = {}, time
+        for gone in sorted(self._heard, key=lambda name: (-self._heard[name], name))[MAX_SOURCES:]:
+            del self._heard[gone]
+            self._standings.pop(gone, None)
+
+    # --- a joint --------------------------------------------------------------------------------------------------------
+
+    def hear_joint(
+        self,
+        time: float,
+        told: Mapping[str, Moments],
+        believed: Mapping[str, Moments],
+        verdicts: Sequence[Verdict],
+        trust: Trust,
+    ) -> None:
+        """Judge robots at a team time (s) by where they say that they are, `told`, and where a joint has them, `believed`.
+
+        How much each counts, the joint decides by itself: by the gate, whose `verdicts` on evidence about places are given, and by
+        `trust`, which judges sightings by both ends.
+        """
+        self._left_out = frozenset(robot.removeprefix("robot/") for robot in trust.left_out())
+        self.camps = {"": camps} if (camps := trust.camps()) else {}
+        for it in verdicts:
+            if it.freedom > 1:
+                standing = self._standings.setdefault(it.source.removeprefix("robot/"), _Standing())
+                standing.taken = ACCUSED * standing.taken + (1 - ACCUSED) * it.taken
+            for end in {it.source, it.subject} if it.kind == "relative" and not it.taken else ():
+                if (name := end.removeprefix("robot/")) in self._left_out:
+                    standing, sigmas = self._standings.setdefault(name, _Standing()), math.sqrt(it.squared)
+                    standing.seen = sigmas if not standing.seen else ACCUSED * standing.seen + (1 - ACCUSED) * sigmas
+        self._close_second(time)
+        if not self._pending:  # the first step of a second
+            squared = {name: distance(told[name], believed[name]) for name in sorted(told.keys() & believed.keys())}
+            if 2 * sum(it > DOUBT[2] for it in squared.values()) < len(squared):
+                self._pending = {name: [(it > DOUBT[2], math.sqrt(it))] for name, it in squared.items()}
+                self._heard |= dict.fromkeys(squared, time)
+        for name in sorted(self._left_out):
+            self._name(name, time)
+
+    def camps_about(self, subject: str, taken: Collection[str]) -> list[wire.Camp]:
+        """The opposed camps of a joint, where the subject is in one; their weights are the shares of the evidence that was taken."""
+        camps = [camp for camp in self.camps.get("", []) if subject in camp]
+        if not camps:
+            return []
+        whole = [frozenset(robot.removeprefix("robot/") for robot in camp) for camp in self.camps[""]]
+        return _camps(whole, {source.removeprefix("robot/"): 1.0 for source in taken})
+
+    # --- what came of it ------------------------------------------------------------------------------------------------
+
+    def weight(self, source: str) -> float:
+        """The power to which a source's opinions are taken, 1 unless it is named.
+
+        In a joint: the share of its evidence that was taken.
+        """
+        it = self._standings.get(source)
+        if self.joint:
+            return 0.0 if source in self._left_out else 1.0 if it is None else it.taken
+        return 1.0 if it is None else it.weight
+
+    def told(self, sources: Collection[str] | None = None) -> list[wire.Dissent]:
+        """Who is named, of these sources or of all, sorted."""
+        return [
+            wire.Dissent(
+                level=self.level,  # type: ignore[arg-type]
+                source=source,
+                since=it.since,
+                sigmas=max(it.sigmas, it.seen if source in self._left_out else 0.0),
+                weight=self.weight(source),
+            )
+            for source, it in sorted(self._standings.items())
+            if it.since is not None and (sources is None or source in sources)
+        ]
+
+    def told_camps(self, subject: str, weights: Mapping[str, float]) -> list[wire.Camp]:
+        """The opposed camps about a subject, the heaviest first, with the share that each has of these weights of sources."""
+        return _camps(self.camps.get(subject, []), weights)
+
+    def _count(self, source: str, time: float, against: bool, sigmas: float) -> None:
+        it = self._standings.setdefault(source, _Standing())
+        keep = min(ACCUSED if against else REDEEMED, it.seconds / (it.seconds + 1))  # the plain mean at first
+        it.share = keep * it.share + (1 - keep) * against
+        it.sigmas = keep * it.sigmas + (1 - keep) * sigmas
+        it.seconds += 1
+        if it.seconds >= FIRM and it.share > 0.5:
+            self._name(source, time)
+        elif it.share <= 0.5 and source not in self._left_out:
+            it.since = None
+
+    def _name(self, source: str, time: float) -> None:
+        it = self._standings.setdefault(source, _Standing())
+        it.since = time if it.since is None else it.since
+        self._heard.setdefault(source, time)
+        if not it.logged:
+            it.logged = True
+            sigmas = max(it.sigmas, it.seen)
+            far = f", by {sigmas:.1f} sigmas" if sigmas > 0 else ""
+            what = "%s disagrees with what the others believe (%s)%s: it counts less from now on"
+            log.warning(what, source, self.level, far)
+
+
+def _camps(camps: Iterable[frozenset[str]], weights: Mapping[str, float]) -> list[wire.Camp]:
+    heavy = [(sum(weights.get(source, 0.0) for source in camp), sorted(camp)) for camp in camps]
+    whole = sum(weight for weight, _ in heavy) or 1.0
+    return [wire.Camp(sources=names, weight=w / whole) for w, names in sorted(heavy, key=lambda it: (-it[0], it[1]))]
+
+
+def distance(one: Moments, other: Moments) -> float:
+    """The squared distance of two Gaussians' means, in the sigmas that both claim."""
+    return squared_distance(one[0] - other[0], one[1] + other[1])
+
+
+def _median(pairs: Mapping[tuple[str, str], float], source: str) -> float:
+    return float(np.median([squared for pair, squared in pairs.items() if source in pair]))

@@ -1,0 +1,188 @@
+"""Who speaks where a sub-team has several boards: one leads, the others do the same and keep what they would say. Pure.
+
+All boards of a sub-team hear and settle the same. One publishes; the others publish their status alone, which says that they
+follow, and keep what they settled until the status of the one that leads says that it has published that. Where the leader's token
+is gone, or it says nothing new for a while, one of the others leads and publishes what it kept: nothing is lost, and nothing
+is older than what was published before.
+
+Who leads: whoever leads already. Where nobody does, the board that has settled for longest, and among equals, as at the
+beginning of a run, the one whose name sorts first. Of two that lead, as after a freeze or a cut network, the one that took over
+last stays, because the other was found silent. A board that starts waits for the others' statuses before it leads, and one that was
+frozen is as one that starts: what reaches it first may be old.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from blackboard.process.roster import Roster
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Status
+
+HOLD = 1.5  # seconds that the first status of another board is waited for; statuses come once a second
+FROZEN = 2.5  # seconds between two looks after which this board may have been taken for dead
+MAX_KEPT = 64  # phases of ticks that are kept while nobody is known to have published them
+MAX_KEPT_BYTES = 8 << 20
+MAX_TERM = (1 << 53) - 1
+PHASES = ("consensus", "agreed")
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a board has to say at the end of a phase of a tick: envelopes, then the status that lists them."""
+
+    tick: int
+    phase: str
+    time: float  # team time, seconds
+    envelopes: tuple[Envelope, ...]
+    status: Status
+
+    @property
+    def size(self) -> int:
+        return sum(len(envelope.payload) for envelope in self.envelopes)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What another board's newest status says of its part."""
+
+    follows: bool
+    term: int
+    since: float  # team time in seconds since which it settles; infinity where it has not begun
+    done: tuple[int, str]  # tick and phase
+    progress: float  # Unix seconds when `done` changed last
+
+
+class Lead:
+    """Whether one board leads its sub-team, from the tokens on its roster and the statuses of the other boards.
+
+    `leads` is None while it cannot know yet; it keeps what it settles then, too. All `now` are Unix time in seconds.
+    """
+
+    def __init__(self, roster: Roster, sub_team: str, board: str, silent: float) -> None:
+        """`silent` is how many seconds a leader that is alive may publish nothing while this board settles."""
+        self.roster, self.sub_team, self.board, self.silent = roster, sub_team, board, silent
+        self._looked: float | None = None
+        self.begin(None)
+
+    def begin(self, since: float | None) -> None:
+        """Everything begins anew, at a team time in seconds (None: it is not known yet)."""
+        self.leads: bool | None = None
+        self.term = 0  # how often the lead was taken over, as far as the newest leader knew
+        self.since = since
+        self._highest = -1  # term of a leader that was heard
+        self._floor = -math.inf  # team time of what a leader published last
+        self._others: dict[str, Claim] = {}
+        self._unknown: dict[str, float] = {}  # boards that were not heard yet, and until when they are waited for
+        self._kept: deque[tuple[float, Said]] = deque()  # and when it was settled
+        self._kept_bytes = 0
+        self._asks = True
+
+    # --- events -------------------------------------------------------------------------------------------------------
+
+    def hear(self, status: Status, now: float, newest: float, *, any_tick: bool) -> bool:
+        """Take the status of another board of the sub-team. True if that should hear this board's own at once.
+
+        `newest`: the latest team time (seconds) that it can have settled; a later one is of another run. `any_tick`: ticks are each
+        board's own count, so that whatever it published stands for all that was kept until now.
+        """
+        before = self._others.get(status.process)
+        since, done = math.inf if status.since is None else status.since, (status.tick, status.phase)
+        progress = now if before is None or before.done != done else before.progress
+        self._others[status.process] = Claim(status.follows, status.term, since, done, progress)
+        self._unknown.pop(status.process, None)
+        if not status.follows:
+            self._highest = max(self._highest, status.term)
+            if status.phase in PHASES and status.time <= newest and not self.leads:
+                self._floor = max(self._floor, status.time)
+                self._forget(status, any_tick)
+        return before is None or before.since != since
+
+    def look(self, now: float) -> bool:
+        """Decide anew. True if the others should hear of it: `leads` has changed, or there is somebody who does not know."""
+        before, frozen = self.leads, self._looked is not None and now - self._looked > FROZEN
+        self._looked = now
+        if self.roster.away:
+            return False
+        others = [board for board in self.roster.boards.get(self.sub_team, []) if board != self.board]
+        if frozen and others:
+            self.leads, self.since, self._others, self._unknown = None, None, {}, {}
+        self._others = {board: claim for board, claim in self._others.items() if board in others}
+        new = [board for board in others if board not in self._others and board not in self._unknown]
+        self._unknown = {board: until for board, until in self._unknown.items() if board in others}
+        self._unknown |= dict.fromkeys(new, now + HOLD)
+        self._decide(now)
+        asks, self._asks = self._asks or bool(new), False
+        return (self.leads != before and before is not None) or (bool(others) and (asks or self.leads != before))
+
+    def changes_at(self) -> float:
+        """When time alone changes something; infinity if it does not."""
+        if self.leads or self.roster.away:
+            return math.inf
+        return min(self._stuck_at(), *self._unknown.values(), math.inf) if self.leads is None else self._stuck_at()
+
+    # --- what is said ---------------------------------------------------------------------------------------------------
+
+    def may_say(self, time: float) -> bool:
+        """Whether this board publishes what it settled at a team time in seconds: it leads, and nothing later was published."""
+        return self.leads is True and time >= self._floor
+
+    def keep(self, said: Said, now: float) -> None:
+        """Keep what is not published; the oldest goes where it is too much."""
+        self._kept.append((now, said))
+        self._kept_bytes += said.size
+        while len(self._kept) > MAX_KEPT or self._kept_bytes > MAX_KEPT_BYTES:
+            self._kept_bytes -= self._kept.popleft()[1].size
+
+    def release(self) -> list[Said]:
+        """What was kept and nobody has published, the oldest first: it is this board's to publish."""
+        found = [said for _, said in self._kept if said.time >= self._floor]
+        self._kept.clear()
+        self._kept_bytes = 0
+        return found
+
+    @property
+    def leader(self) -> str | None:
+        """Who leads, as far as this board knows."""
+        if self.leads:
+            return self.board
+        return min(self._leaders())[2] if self._leaders() else None
+
+    # --- inside -------------------------------------------------------------------------------------------------------
+
+    def _leaders(self) -> list[tuple[int, float, str]]:
+        return [(-claim.term, claim.since, name) for name, claim in self._others.items() if not claim.follows]
+
+    def _decide(self, now: float) -> None:
+        since = math.inf if self.since is None else self.since
+        leaders = self._leaders()
+        if self.leads:
+            self.leads = not leaders or (-self.term, since, self.board) < min(leaders)
+        elif now >= self._stuck_at():
+            self._take()
+        elif leaders:
+            self.leads = False
+        elif any(now < until for until in self._unknown.values()):
+            self.leads = None
+        elif all((since, self.board) < (claim.since, name) for name, claim in self._others.items()):
+            self._take()
+        else:
+            self.leads = False  # another one will
+
+    def _take(self) -> None:
+        self.leads, self.term = True, min(self._highest + 1, MAX_TERM)
+
+    def _stuck_at(self) -> float:
+        """When a leader that is alive and publishes nothing is given up."""
+        if not self._kept:
+            return math.inf
+        waited = [self._others[name].progress for _, _, name in self._leaders()]
+        return max([self._kept[0][0], *waited]) + self.silent
+
+    def _forget(self, status: Status, any_tick: bool) -> None:
+        """Drop what the leader has published."""
+        done = status.tick, PHASES.index(status.phase)
+        left = [(at, it) for at, it in self._kept if not any_tick and (it.tick, PHASES.index(it.phase)) > done]
+        self._kept, self._kept_bytes = deque(left), sum(said.size for _, said in left)

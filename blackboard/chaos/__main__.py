@@ -1,0 +1,119 @@
+"""The doors of the storm: `blackboard chaos` and `python -m blackboard.chaos soak`, which `make soak` runs."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+from collections.abc import Coroutine
+from typing import Any
+
+import numpy as np
+from cyclopts import App
+
+from blackboard.chaos.cases import chosen
+from blackboard.chaos.soak import LOSS
+from blackboard.chaos.soak import soak as run_soak
+from blackboard.chaos.table import run_case, text
+from blackboard.chaos.verdict import text as table
+from blackboard.config import load
+from blackboard.run import door
+from blackboard.run.flags import OutputFlags
+
+NETWORK = (
+    "network: a TCP proxy of this package on 127.0.0.1 between each troubled process and its router. Delays and cuts are as given; "
+    "TCP loses no bytes, so a lost segment is one that comes 0.2 s later (0.4 s more if lost again) and holds up what is behind it. "
+    "`reports-20` loses whole reports, in the robots themselves."
+)
+
+app = App(name="blackboard-chaos", version=door.version)
+
+
+@app.command
+def chaos(
+    scenario: str = "demo",
+    *,
+    only: str | None = None,
+    seed: int = 1,
+    output: OutputFlags = OutputFlags(),
+) -> int:
+    """Run a team in real time under one network trouble after the other, and print what each cost.
+
+    For each case a new team of real processes, on a router of its own. "again settled" is the time from the end of the
+    trouble until every board has beliefs that are at most 2 s old about all, and that rest on what each robot said at most 2 s
+    ago. From the beginning of the trouble to 5 s after it: the mean share of beliefs that were settled, the RMSE of robots alone
+    ("solo") and as agreed on, that of objects, and how many 95 % regions held the truth. Of the whole run: the share of the
+    robots' samples that are missing. Exit status 1 where a case was never settled again.
+
+    Parameters
+    ----------
+    scenario
+        A scenario file (TOML), or the name of one that comes with the package.
+    only
+        Names of cases, with commas between them [default: all, about 6 minutes].
+    seed
+        Of the world and of losses and jitter.
+    """
+    team, cases = load(scenario), chosen(only)
+
+    async def run() -> list[dict[str, Any]]:
+        rows = []
+        for number, case in enumerate(cases):
+            sys.stderr.write(f"{number + 1} of {len(cases)}: {case.name}\n")
+            rows.append(await run_case(team, case, seed, np.random.default_rng([seed, number])))
+        return rows
+
+    rows = _run(run())
+    output.show({"scenario": team.name, "seed": seed, "network": NETWORK, "rows": rows}, text)
+    return 1 if any(row["recovery"] is None for row in rows) else 0
+
+
+@app.command
+def soak(scenario: str = "demo", *, minutes: float = 10.0, seed: int = 1) -> int:
+    """Run a team in real time while its processes are killed, frozen, restarted and cut off, and judge it.
+
+    Exit status 1 where a line of the table is not true.
+
+    Parameters
+    ----------
+    scenario
+        A scenario file (TOML), or the name of one that comes with the package.
+    minutes
+        How long; a process is judged by its memory once it has lived for one.
+    seed
+        Of the world, of what happens when to whom, and of losses.
+    """
+    rng = np.random.default_rng(seed)
+    lines, card = _run(run_soak(load(scenario), 60 * minutes, seed, rng, lambda line: sys.stderr.write(f"{line}\n")))
+    scores = card["scores"]["robots"]
+    head = f"{minutes:g} minutes, seed {seed}: {card['events']} events, {LOSS:.0%} of segments lost; robots' RMSE "
+    head += ", ".join(f"{level} {scores[level]['rmse']:.2f}" for level in ("solo", "agreed") if scores[level]["n"])
+    sys.stdout.write(f"{head} {card['unit']}\n{table(lines)}\n")
+    if all(line.holds for line in lines):
+        return 0
+    sys.stderr.write("the processes said last:\n" + "\n".join(card["said"]) + "\n")
+    return 1
+
+
+def _run(body: Coroutine[Any, Any, Any]) -> Any:
+    """Run a coroutine until SIGINT or SIGTERM, which stop all processes."""
+
+    async def guarded() -> Any:
+        main = asyncio.current_task()
+        assert main is not None
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, main.cancel)
+        return await body
+
+    try:
+        return asyncio.run(guarded())
+    except asyncio.CancelledError:
+        raise KeyboardInterrupt from None
+
+
+def main() -> None:
+    door.main(app)
+
+
+if __name__ == "__main__":
+    main()

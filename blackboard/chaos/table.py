@@ -1,0 +1,136 @@
+"""One case after the other with a team of real processes, and the table of what came of them."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import signal
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blackboard.chaos.cases import Case, members
+from blackboard.chaos.sight import recovery, settled
+from blackboard.chaos.team import SITES, StormTeam, storm_team
+from blackboard.chaos.trouble import Trouble
+from blackboard.config import Scenario
+from blackboard.errors import RunFailed
+from blackboard.opinion.scores import held
+from sim_world.series import Sample, read_series
+
+WARM_UP = 6.0  # seconds of team time before the trouble
+AFTER = 5.0  # seconds of team time after it that are judged with it
+REST = 9.0  # seconds of team time after it until the run ends
+LINGER = 3.0  # seconds that the world takes answers, so that a slow network is judged by what it did, not by having been slow
+
+
+async def run_case(scenario: Scenario, case: Case, seed: int, rng: np.random.Generator) -> dict[str, Any]:
+    """Run a scenario in real time with one trouble: its row; `seed` is the world's, `rng` draws losses and jitter.
+
+    RunFailed: the team did not come up, or the world gave no scorecard.
+    """
+    who = members(case.who, scenario)
+    laned = [name for name in who if name != "router"] if case.trouble or case.cut else []
+    with tempfile.TemporaryDirectory(prefix="blackboard-chaos-") as folder:
+        series = Path(folder) / "series.csv"
+        async with storm_team(
+            prepared(scenario, case, seed),
+            Path(folder),
+            rng,
+            laned=[name for name in laned if name != SITES],
+            sites=case.who == "sites",
+            series=series,
+        ) as team:
+            await team.until(lambda: team.sight.time >= WARM_UP, f"{WARM_UP:g} s of team time")
+            begin, since = team.now(), team.sight.time
+            await _trouble(team, case, who)
+            end, until = team.now(), team.sight.time
+            card = await team.card()
+        samples = [s for s in read_series(series) if since <= s.time <= until + AFTER]
+    return {
+        "case": case.name,
+        "what": case.what,
+        "recovery": recovery(team.looks, begin, end),
+        "settled": settled(team.looks, begin, end + AFTER),
+        **judged(samples),
+        "missing": _missing(card),
+        "dropped": card["messages"]["dropped"],
+    }
+
+
+def prepared(scenario: Scenario, case: Case, seed: int) -> Scenario:
+    """The scenario in real time, as long as the case needs, with lost reports where the case has them."""
+    seconds = math.ceil(WARM_UP + case.seconds + REST)
+    found = scenario.changed("time", mode="realtime", seconds=float(seconds))
+    found = found.changed("world", seed=seed, linger=LINGER)
+    if case.lose:
+        few = [robot for robots in scenario.team.sub_teams.values() for robot in robots[1:]]
+        lose = {"kind": "lose", "robots": few, "share": case.lose, "start": WARM_UP, "end": WARM_UP + case.seconds}
+        found = Scenario({**found.tables, "fault": [*found.tables.get("fault", []), lose]}, found.where)
+    return found
+
+
+async def _trouble(team: StormTeam, case: Case, who: Sequence[str]) -> None:
+    """Begin the trouble, wait, and end it."""
+    lanes = [team.lanes[name] for name in who if name in team.lanes]
+    for lane in lanes:
+        lane.trouble = case.trouble or Trouble()
+        if case.cut:
+            lane.cut()
+    if case.signal is not None:
+        for name in who:
+            team.signal(name, case.signal)
+    await asyncio.wait([team.world], timeout=case.seconds)
+    if team.world.done():
+        raise RunFailed(f"{case.name}: the world ended before its trouble did; it said last:\n" + "\n".join(team.lines))
+    for lane in lanes:
+        lane.trouble = Trouble()
+        lane.mend()
+    if case.signal == signal.SIGSTOP:
+        for name in who:
+            team.signal(name, signal.SIGCONT)
+
+
+def judged(samples: Sequence[Sample]) -> dict[str, Any]:
+    """RMSE (unit) of robots alone and as agreed on and of objects, and the share of agreed 95 % regions that held the truth."""
+    found: dict[str, Any] = {}
+    for name, level, kind in (
+        ("solo", "solo", "robot/"),
+        ("robots", "agreed", "robot/"),
+        ("objects", "agreed", "object/"),
+    ):
+        mine = [s for s in samples if s.level == level and s.subject.startswith(kind)]
+        square = [(s.mean_x - s.truth_x) ** 2 + (s.mean_y - s.truth_y) ** 2 for s in mine]
+        found[name] = math.sqrt(sum(square) / len(square)) if square else None
+    agreed = [s for s in samples if s.level == "agreed"]
+    inside = held([s.region for s in agreed], [s.border for s in agreed], 0.95)
+    return found | {"coverage": float(inside.mean()) if agreed else None, "samples": len(agreed)}
+
+
+def _missing(card: dict[str, Any]) -> float:
+    """The share of the robots' samples of the whole run for which a belief was missing."""
+    missing = sum(max(levels.values()) for subject, levels in card["missing"].items() if subject.startswith("robot/"))
+    groups = [card["scores"][group]["solo"]["n"] for group in card["scores"] if group != "objects"]
+    return float(missing / max(1, missing + sum(groups)))
+
+
+COLUMNS = ("case", "trouble", "again settled", "settled", "solo", "robots", "objects", "95 %", "missing")
+
+
+def text(found: dict[str, Any]) -> str:
+    """The table as Markdown, and what it was made with."""
+    lines = [f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
+    for row in found["rows"]:
+        again = "never" if row["recovery"] is None else f"{row['recovery']:.1f} s"
+        errors = [_number(row[name], "{:.2f}") for name in ("solo", "robots", "objects")]
+        shares = [_number(row[name], "{:.0%}").replace("%", " %") for name in ("coverage", "missing")]
+        share = f"{row['settled']:.0%}".replace("%", " %")
+        lines.append("| " + " | ".join((row["case"], row["what"], again, share, *errors, *shares)) + " |")
+    return "\n".join([*lines, "", found["network"]])
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else form.format(value)

@@ -1,0 +1,137 @@
+"""What stands between the team's thread and the program's: calls into the service, and streams of what was agreed on."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from queue import SimpleQueue
+from typing import TypeVar
+
+from blackboard.client.member import Agreed
+from blackboard.process.service import Service
+from blackboard.wire.envelope import Envelope
+
+T = TypeVar("T")
+
+#: What is called in the team's thread with the Unix time, and what came of it, with the envelopes to send.
+Call = Callable[[float], tuple[T, list[Envelope]]]
+
+
+class Desk:
+    """A service, and calls from other threads, which are made in the service's own (`blackboard.process.service.Service`)."""
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._calls: SimpleQueue[Callable[[float], list[Envelope]]] = SimpleQueue()
+        self._out: list[Envelope] = []  # of calls that callbacks made
+        self._owner: int | None = None  # the service's thread
+        self._now = 0.0
+        self.stop = threading.Event()
+        self.poke: Callable[[], None] = lambda: None  # lets the loop look for calls at once
+
+    def call(self, call: Call[T]) -> T:
+        """Call in the service's thread and wait for the result, or raise what it raised. RuntimeError: the team is closed."""
+        if threading.get_ident() == self._owner:  # in a callback
+            value, out = call(self._now)
+            self._out += out
+            return value
+        result: Future[T] = Future()
+
+        def make(now: float) -> list[Envelope]:
+            try:
+                value, out = call(now)
+            except Exception as error:
+                result.set_exception(error)
+                return []
+            result.set_result(value)
+            return out
+
+        self._calls.put(make)
+        self.poke()
+        while True:
+            if self.stop.is_set() and not result.done():
+                raise RuntimeError("the team is closed")
+            try:
+                return result.result(timeout=0.5)
+            except TimeoutError:
+                if result.done():  # the call itself ran out of time
+                    raise
+
+    # --- what the loop needs ------------------------------------------------------------------------------------------
+
+    @property
+    def tokens(self) -> tuple[str, ...]:
+        return self._service.tokens
+
+    @property
+    def listens(self) -> tuple[str, ...]:
+        return self._service.listens
+
+    @property
+    def watches(self) -> tuple[str, ...]:
+        return self._service.watches
+
+    @property
+    def done(self) -> bool:
+        return self.stop.is_set()
+
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        self._service.record_link_counters(counters)
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        self._owner, self._now = threading.get_ident(), now
+        return self._with_calls(self._service.receive(envelope, now))
+
+    def wake(self, now: float) -> list[Envelope]:
+        self._owner, self._now = threading.get_ident(), now
+        out: list[Envelope] = []
+        while not self._calls.empty():
+            out += self._calls.get()(now)
+        return self._with_calls(out + self._service.wake(now))
+
+    def _with_calls(self, out: list[Envelope]) -> list[Envelope]:
+        mine, self._out = self._out, []
+        return out + mine
+
+    def wake_at(self, now: float) -> float | None:
+        return self._service.wake_at(now) if self._calls.empty() else now
+
+
+class Stream:
+    """The newest of each subject that nobody has taken yet, in the order of arrival."""
+
+    def __init__(self, subject: str | None = None) -> None:
+        """`subject`: only what is about it."""
+        self._subject = subject
+        self._waiting: dict[str, Agreed] = {}
+        self._changed = threading.Condition()
+        self._closed = False
+        self.listener: Callable[[], None] = lambda: None  # called, in the team's thread, when something has come
+
+    def put(self, agreed: Agreed) -> None:
+        if self._subject in (None, agreed.subject):
+            with self._changed:
+                self._waiting.pop(agreed.subject, None)
+                self._waiting[agreed.subject] = agreed
+                self._changed.notify_all()
+            self.listener()
+
+    def close(self) -> None:
+        """Nothing comes any more."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        self.listener()
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is closed and all is taken."""
+        with self._changed:
+            return self._closed and not self._waiting
+
+    def take(self, timeout: float | None = 0.0) -> Agreed | None:
+        """The one that has waited for longest, waiting up to `timeout` seconds (None: for ever); None: nothing came, or closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
+            return self._waiting.pop(next(iter(self._waiting))) if self._waiting else None

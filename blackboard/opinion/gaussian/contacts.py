@@ -1,0 +1,152 @@
+"""Whether two robots' first-hand beliefs agree wherever they speak of one thing: the test that no joint can spoil.
+
+What a robot believes first-hand of itself, and where that puts what it sees, rests on its own readings alone. So two robots that
+speak of the same place in one tick are compared without the joint, in which they may have persuaded each other already, and a
+liar whom a single mate sees is found out too.
+
+The errors of both robots' places last until new evidence corrects them, those of single sightings do not. So what a pair says is
+averaged until one of the two is corrected, which gives one squared Mahalanobis distance: chi-squared with two degrees of freedom
+where both are honest. The distances that follow count as far as they are new.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments, squared_distance
+from blackboard.opinion.gaussian.vehicle import AXES
+from blackboard.opinion.grid import Array
+
+MOST = 10.0  # independent distances of a pair that are remembered
+QUANTILE = 3.090  # of the normal distribution, 99.9 %: a pair is judged many times
+FAINT = 1e-6  # the least share of an error that is left: less is none
+GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom
+MISREAD = 2  # claims in a row that are taken for misread if they are beyond the gate of those before
+RENEWED = 0.05  # the share of two robots' errors that is corrected before what they say is averaged anew
+
+
+@dataclass(frozen=True, eq=False)
+class Claim:
+    """Where a robot says that something is: mean, shape (2,); the covariance of what lasts and of what is fresh, (2, 2) each."""
+
+    mean: Array
+    lasting: Array
+    fresh: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """What is known of a pair."""
+
+    corrected: tuple[float, float]  # as `Contacts._corrected` had the two when the average was begun
+    apart: Array  # the average of the difference between their claims, shape (2,)
+    fresh: Array  # the covariance of its fresh error, shape (2, 2)
+    claims: int  # that were averaged
+    weight: float  # how much of their distance is new, 0 to 1
+    squared: float = 0.0  # the distance of the average
+    mean: float = 0.0  # of the squared distances before
+    number: float = 0.0  # how many independent ones these were
+    misread: int = 0  # claims in a row that were
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the distances are larger than 99.9 % of honest pairs' (Wilson and Hilferty, PNAS 17, 1931)."""
+        number = self.number + self.weight
+        limit = 2 * number * (1 - 1 / (9 * number) + QUANTILE * math.sqrt(1 / (9 * number))) ** 3
+        return self.mean * self.number + self.squared * self.weight > limit
+
+
+@dataclass
+class Contacts:
+    """Mutable; `correct` once per robot and tick, then `judge` for each thing that several robots spoke of."""
+
+    _pairs: dict[tuple[str, str], Contact] = field(default_factory=dict)
+    # robot -> - ln(the share of its first error that is left)
+    _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    def correct(self, robot: str, belief: Moments, increment: Increment | None) -> None:
+        """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place."""
+        if increment is not None:  # I - K = 1 - P I, where P is the posterior and I the information gained
+            gain = float(np.trace((belief.covariance @ increment.information)[AXES, AXES])) / 2
+            self._corrected[robot] -= math.log(min(1.0, max(FAINT, 1.0 - gain)))
+
+    def judge(self, said: Mapping[str, Claim]) -> set[str]:
+        """Compare what robots say of one thing in one tick.
+
+        Returned are the robots that now contradict another one with which they agreed before.
+        """
+        names, parted = sorted(said), set[str]()
+        for i, one in enumerate(names):
+            for other in names[i + 1 :]:
+                agreed = (one, other) in self._pairs and not self.contradict(one, other)
+                self._pairs[one, other] = self._met(one, other, said)
+                if agreed and self.contradict(one, other):
+                    parted |= {one, other}
+        return parted
+
+    def contradict(self, one: str, other: str) -> bool:
+        """Whether two robots can hardly both be honest, by all that both spoke of lately."""
+        first, second = sorted((one, other))
+        contact = self._pairs.get((first, second))
+        return contact is not None and contact.contradicts
+
+    def left_out(self) -> frozenset[str]:
+        """The robots that more others contradict than confirm, and by more than is so of each of those who contradict them.
+
+        The most contradicted one goes first, and its contacts no longer count. Of two robots that contradict each other, and of equal
+        camps, nobody can tell which is right: there nobody is left out.
+        """
+        out: set[str] = set()
+        while True:
+            excess: defaultdict[str, int] = defaultdict(int)
+            against: defaultdict[str, set[str]] = defaultdict(set)
+            for (one, other), contact in self._pairs.items():
+                if one in out or other in out:
+                    continue
+                for robot, partner in ((one, other), (other, one)):
+                    excess[robot] += 1 if contact.contradicts else -1
+                    if contact.contradicts:
+                        against[robot].add(partner)
+            worst = max(sorted(against), key=lambda robot: excess[robot], default=None)
+            if worst is None or excess[worst] <= max(0, *(excess[partner] for partner in against[worst])):
+                return frozenset(out)
+            out.add(worst)
+
+    def forget(self, robot: str) -> None:
+        """Drop what is known of a robot, which begins anew."""
+        self._pairs = {pair: contact for pair, contact in self._pairs.items() if robot not in pair}
+
+    def _met(self, one: str, other: str, said: Mapping[str, Claim]) -> Contact:
+        """The contact of a pair with one more difference between their claims."""
+        claims = said[one], said[other]
+        apart, fresh = claims[0].mean - claims[1].mean, claims[0].fresh + claims[1].fresh
+        lasting = claims[0].lasting + claims[1].lasting
+        corrected = (self._corrected[one], self._corrected[other])
+        last = self._pairs.get((one, other))
+        if last is None:
+            now = Contact(corrected, apart, fresh, 1, 1.0)
+        elif (
+            beyond := squared_distance(apart - last.apart, lasting + fresh + last.fresh) > GATE
+        ) and last.misread < MISREAD:
+            return replace(last, misread=last.misread + 1)
+        else:
+            variances = [float(np.trace(claim.lasting)) for claim in claims]
+            left = [math.exp(then - it) for then, it in zip(last.corrected, corrected, strict=True)]
+            new = (
+                1.0 - float(np.average(left, weights=variances)) if sum(variances) > 0 and not beyond else float(beyond)
+            )
+            if new < RENEWED:
+                n = last.claims + 1
+                average, noise = last.apart + (apart - last.apart) / n, (last.fresh * (n - 1) ** 2 + fresh) / n**2
+                now = Contact(last.corrected, average, noise, n, last.weight, 0.0, last.mean, last.number)
+            else:
+                number = last.number + last.weight
+                mean = (last.mean * last.number + last.squared * last.weight) / number
+                now = Contact(corrected, apart, fresh, 1, new, 0.0, mean, min(MOST, number))
+        return replace(now, squared=squared_distance(now.apart, lasting + now.fresh))

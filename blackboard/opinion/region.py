@@ -1,0 +1,90 @@
+"""What a belief says, in forms that people use: its likeliest place, highest-density regions as cells and polygons, samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Array
+
+Mask = npt.NDArray[np.bool_]
+Corner = tuple[int, int]  # a corner of cells: (0, 0) is the lower corner of the grid
+
+
+def mode(belief: Belief) -> Array:
+    """The centre of the likeliest cell in the grid's unit, shape (ndim,); of several the first."""
+    return belief.grid.centre(np.unravel_index(int(belief.p.argmax()), belief.grid.shape))  # type: ignore[arg-type]
+
+
+def region(belief: Belief, share: float = 0.95) -> Mask:
+    """The cells of the smallest region that holds at least `share` of the mass (0 to 1), in the grid's shape.
+
+    Cells of equal density are in it together, so an even belief's region is the whole grid. ValueError: a share outside (0, 1].
+    """
+    if not 0.0 < share <= 1.0:
+        raise ValueError(f"region: share {share}; give one above 0 and at most 1")
+    densest = np.sort(belief.p, axis=None)[::-1]
+    sums = np.cumsum(densest)
+    last = min(int(np.searchsorted(sums, share * sums[-1] * (1.0 - 1e-12))), len(densest) - 1)
+    return np.asarray(belief.p >= densest[last])
+
+
+def polygons(belief: Belief, share: float = 0.95) -> list[Array]:
+    """The borders of `region` along the edges of its cells, of a belief on 2 axes: closed rings in the grid's unit, shape (M, 2).
+
+    The first point comes again as the last. Rings around cells run counter-clockwise, those around holes clockwise. Cells that
+    touch in a corner alone are in different rings. ValueError: the grid has not 2 axes.
+    """
+    grid = belief.grid
+    if grid.ndim != 2:
+        raise ValueError(f"polygons: a grid of {grid.ndim} axes; only those of 2 have polygons")
+    after = _edges(region(belief, share))
+    rings = []
+    while after:
+        start = min(after)
+        corner, way = start, after[start][0]
+        ring = [start]
+        while True:
+            after[corner].remove(way)
+            if not after[corner]:
+                del after[corner]
+            corner = (corner[0] + way[0], corner[1] + way[1])
+            if corner == start:
+                break
+            turn = _sharpest(way, after[corner])
+            if turn != way:
+                ring.append(corner)
+            way = turn
+        rings.append(np.array([*ring, start]) * grid.cell + np.asarray(grid.origin))
+    return rings
+
+
+def samples(belief: Belief, n: int, rng: np.random.Generator) -> Array:
+    """Points drawn from a belief, shape (n, ndim) in the grid's unit: a cell by its mass, then anywhere in it."""
+    grid = belief.grid
+    flat = belief.p.ravel()
+    cells = np.stack(np.unravel_index(rng.choice(flat.size, size=n, p=flat / flat.sum()), grid.shape), axis=-1)
+    return np.asarray(np.asarray(grid.origin) + (cells + rng.random((n, grid.ndim))) * grid.cell)
+
+
+def _edges(inside: Mask) -> dict[Corner, list[Corner]]:
+    """Corner -> the directions in which borders leave it; each border has the inside on its left."""
+    full = np.pad(inside, 1)
+    after: dict[Corner, list[Corner]] = {}
+    # the outside neighbour of a cell, the corner at which the edge between them begins, and its direction
+    for (dx, dy), (cx, cy), way in (
+        ((0, -1), (0, 0), (1, 0)),
+        ((1, 0), (1, 0), (0, 1)),
+        ((0, 1), (1, 1), (-1, 0)),
+        ((-1, 0), (0, 1), (0, -1)),
+    ):
+        border = inside & ~full[1 + dx : full.shape[0] - 1 + dx, 1 + dy : full.shape[1] - 1 + dy]
+        for i, j in np.argwhere(border):
+            after.setdefault((int(i) + cx, int(j) + cy), []).append(way)
+    return after
+
+
+def _sharpest(way: Corner, ways: list[Corner]) -> Corner:
+    """Of the directions that leave a corner the one furthest to the left, so that cells that touch in a corner stay apart."""
+    return max(ways, key=lambda w: way[0] * w[1] - way[1] * w[0])

@@ -1,0 +1,77 @@
+"""A tape to look at: read through the fold, as far as a question needs it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from itertools import chain
+from pathlib import Path
+
+from blackboard.config import Scenario
+from blackboard.errors import RunFailed, UserError
+from blackboard.view.feed import TapeFeed
+from blackboard.view.fold import TeamFold
+from blackboard.view.moments import Moment
+from blackboard.wire.envelope import Envelope
+
+
+class Taped:
+    """The team on a tape: its name, its boards' drift, and a feed that has read nothing yet."""
+
+    def __init__(
+        self,
+        file: Path,
+        envelopes: Iterator[tuple[float, Envelope]],
+        metadata: Callable[[], Mapping[str, str]],
+        team: str | None = None,
+    ) -> None:
+        """`metadata` is what the tape says about itself, known with its first envelope. UserError: a tape without any."""
+        first = next(envelopes, None)
+        if first is None:
+            raise UserError(f"{file}: there is no message on this tape; record a team that runs")
+        about = metadata()
+        self.file = file
+        self.team = team or about.get("team") or first[1].key.split("/")[1]
+        self.feed = TapeFeed(chain([first], envelopes))
+        self.drift = _drift(about.get("scenario", ""))
+
+    @property
+    def fold(self) -> TeamFold:
+        """The team as far as the tape was read."""
+        return self.feed.fold.teams.get(self.team) or TeamFold(self.team)
+
+    def read_on(self, each: Callable[[], None] = lambda: None) -> None:
+        """Read to the end, and call `each` after every few envelopes."""
+        while not self.feed.done:
+            self.feed.take(self.feed.receive())
+            each()
+
+    def moment(self, tick: int | None) -> Moment:
+        """The moment of a tick in the last run that has it, or the newest; reads to the end. RunFailed: there is none."""
+        found: list[Moment] = []
+
+        def look() -> None:
+            found.extend(
+                moment for moment in self.fold.moments.since(-1) if moment.tick == tick and moment not in found[-1:]
+            )
+
+        self.read_on(look)
+        newest = self.fold.moments.newest
+        chosen = newest if tick is None else (found[-1] if found else None)
+        if chosen is None:
+            others = ", ".join(sorted(name for name in self.feed.fold.teams if name != self.team))
+            there = f"; there is {others}" if others else ""
+            raise RunFailed(
+                f"{self.file}: team {self.team} has settled nothing{there}"
+                if newest is None
+                else f"{self.file}: tick {tick} was not settled; the last one is {newest.tick}"
+            )
+        return chosen
+
+
+def _drift(scenario: str) -> float:
+    """The boards' drift by the scenario on a tape; that of a default board where it has none or one of another version."""
+    try:
+        return Scenario(json.loads(scenario) if scenario else {}).board.drift
+    except (ValueError, UserError):
+        return Scenario({}).board.drift

@@ -1,0 +1,1 @@
+"""The terminal that shows a team live: `blackboard top` (extra `tui`)."""

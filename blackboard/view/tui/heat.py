@@ -1,0 +1,93 @@
+"""A map of beliefs for a terminal: colours of character cells, two of the map in each, and letters on them. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from blackboard.opinion.grid import Grid
+from blackboard.view.moments import Moment, Point
+from blackboard.view.told import STEP, Drawn
+
+BACK = (13, 17, 23)
+#: Okabe and Ito's colours, brighter where they are too faint on black.
+COLOURS = (
+    (230, 159, 0),
+    (86, 180, 233),
+    (0, 178, 130),
+    (204, 121, 167),
+    (235, 110, 30),
+    (47, 154, 224),
+    (240, 228, 66),
+)
+FADE = 0.6  # share of its colour that a belief keeps which is not chosen
+
+Pixels = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Heat:
+    """`pixels` has shape (2 rows, columns, 3), the upper edge first; `marks` are letters by row and column of characters."""
+
+    pixels: Pixels
+    marks: dict[tuple[int, int], str] = field(default_factory=dict)
+
+
+def colour(number: int) -> tuple[int, int, int]:
+    """The colour of a subject by its place among all."""
+    return COLOURS[number % len(COLOURS)]
+
+
+def heat(moment: Moment, grid: Grid, chosen: str, rows: int, columns: int, log: bool) -> Heat:
+    """All agreed beliefs on the whole grid, undistorted where a character is twice as high as wide; truths are crosses.
+
+    Where the map is smaller than the grid, a pixel shows the largest of its cells, so that a sharp peak does not vanish.
+    """
+    scale = min(columns / grid.shape[0], 2 * rows / grid.shape[1])  # pixels for a cell
+    width, height = max(1, int(grid.shape[0] * scale)), max(1, int(grid.shape[1] * scale))
+    found = np.tile(np.array(BACK, float), (2 * ((height + 1) // 2), width, 1))
+    marks: dict[tuple[int, int], str] = {}
+    for number, (name, about) in enumerate(moment.subjects.items()):
+        drawn = None if about.best is None else about.best.drawn
+        if drawn is not None:
+            share = _shares(drawn, grid, width, height, log)[..., None] * (
+                1.0 if name == chosen or not chosen else FADE
+            )
+            found[:height] = found[:height] * (1 - share) + np.array(colour(number)) * share
+            row, column = _at((drawn.mean[0], drawn.mean[1]), grid, width, height)
+            for k, letter in enumerate(name.split("/", 1)[1][:6]):
+                marks[row // 2, column + 2 + k] = letter
+    for about in moment.subjects.values():
+        if about.truth is not None:
+            row, column = _at(about.truth, grid, width, height)
+            marks[row // 2, column] = "×"
+    return Heat(found.astype(np.uint8), {at: letter for at, letter in marks.items() if at[1] < columns})
+
+
+def _shares(drawn: Drawn, grid: Grid, width: int, height: int, log: bool) -> npt.NDArray[np.float64]:
+    """How much of its colour a belief puts on each pixel, 0 to 1, shape (height, width); the upper edge first."""
+    whole = np.zeros(grid.shape)
+    levels = np.frombuffer(drawn.levels, np.uint8).reshape(drawn.box).astype(float)
+    shade = levels / 255.0 if log else np.where(levels > 0, np.exp((levels - 255.0) * STEP), 0.0)
+    (i, j), (n, m) = drawn.lo, drawn.box
+    whole[i : i + n, j : j + m] = shade
+    rows = _pooled(_pooled(whole, width, 0), height, 1)
+    return np.asarray(rows.T[::-1], float)
+
+
+def _pooled(cells: npt.NDArray[np.float64], size: int, axis: int) -> npt.NDArray[np.float64]:
+    """An axis in `size` pixels: each the largest of its cells, or the cell that it lies in."""
+    count = cells.shape[axis]
+    if size >= count:
+        return np.asarray(np.take(cells, np.arange(size) * count // size, axis))
+    return np.asarray(np.maximum.reduceat(cells, np.arange(size) * count // size, axis))
+
+
+def _at(place: Point, grid: Grid, width: int, height: int) -> tuple[int, int]:
+    """The pixel of a place: row from the upper edge, and column."""
+    x, y = ((at - low) / (grid.cell * n) for at, low, n in zip(place, grid.origin, grid.shape, strict=True))
+    column = min(width - 1, max(0, math.floor(x * width)))
+    return min(height - 1, max(0, height - 1 - math.floor(y * height))), column

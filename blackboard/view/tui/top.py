@@ -1,0 +1,188 @@
+"""The terminal that shows a team live, by textual: who is there, what is believed, a heat map, and why."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from rich.segment import Segment
+from rich.style import Style
+from rich.text import Text
+from textual.app import App, ComposeResult
+from textual.binding import BindingType
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.strip import Strip
+from textual.widget import Widget
+from textual.widgets import Footer, Static
+
+from blackboard.errors import UserError
+from blackboard.view.feed import Source
+from blackboard.view.fold import TeamFold
+from blackboard.view.moments import Moment
+from blackboard.view.summary import process_lines, subject_lines, team_line, team_summary
+from blackboard.view.tui.heat import Heat, heat
+from blackboard.view.why import explain
+from blackboard.view.words import sentences
+
+PERIOD = 0.5  # seconds between two pictures
+EVENTS = 6  # lines
+
+
+class HeatMap(Widget):
+    """A heat map, a line at a time: the upper half of a character is one pixel, its lower half another."""
+
+    picture: Heat | None = None
+
+    def show(self, picture: Heat | None) -> None:
+        self.picture = picture
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        picture = self.picture
+        if picture is None or 2 * y + 1 >= len(picture.pixels):
+            return Strip.blank(self.size.width)
+        segments = []
+        for column, (upper, lower) in enumerate(zip(picture.pixels[2 * y], picture.pixels[2 * y + 1], strict=True)):
+            letter = picture.marks.get((y, column))
+            style = Style(color="#ffffff" if letter else _rgb(upper), bgcolor=_rgb(lower))
+            segments.append(Segment(letter or "▀", style))
+        return Strip(segments).adjust_cell_length(self.size.width)
+
+
+class Top(App[None]):
+    """Follows a source. Keys: see `BINDINGS`."""
+
+    TITLE = "blackboard top"
+    CSS = """
+    #map { width: 1fr; min-width: 30; }
+    #right { width: 1.2fr; }
+    #head { height: 1; text-style: bold; }
+    #processes, #subjects, #events { height: auto; margin-bottom: 1; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        ("q", "quit", "quit"),
+        ("space", "pause", "pause"),
+        ("left", "step(-1)", "back"),
+        ("right", "step(1)", "forward"),
+        ("left_square_bracket", "choose(-1)", "previous"),
+        ("right_square_bracket", "choose(1)", "next subject"),
+        ("l", "scale", "log/linear"),
+        ("w", "why", "why"),
+    ]
+
+    def __init__(self, source: Source, team: str, drift: float = 1.0) -> None:
+        """`drift` as in `explain`."""
+        super().__init__()
+        self.source, self.team_name, self.drift = source, team, drift
+        self.chosen = ""
+        self.log_scale, self.with_why = True, False
+        self.tick: int | None = None  # of the moment that is shown while paused
+
+    def compose(self) -> ComposeResult:
+        yield Static(id="head")
+        with Horizontal():
+            yield HeatMap(id="map")
+            with VerticalScroll(id="right"), Vertical():
+                yield Static(id="processes")
+                yield Static(id="subjects")
+                yield Static(id="events")
+                yield Static(id="why")
+        yield Footer()
+
+    def on_mount(self) -> None:
+        self.run_worker(self._follow())
+        self.set_interval(PERIOD, self.draw)
+
+    async def _follow(self) -> None:
+        """Take in what arrives, and rest as long as that took."""
+        loop = asyncio.get_running_loop()
+        while not self.source.done:
+            envelopes = await asyncio.to_thread(self.source.receive)
+            begin = loop.time()
+            self.source.take(envelopes)
+            await asyncio.sleep(loop.time() - begin)
+
+    @property
+    def fold(self) -> TeamFold:
+        """What is known of the team."""
+        return self.source.fold.teams.get(self.team_name) or TeamFold(self.team_name)
+
+    def moment(self) -> Moment | None:
+        """The moment that is shown: the newest, or the one at which it was paused while that is kept."""
+        found = None if self.tick is None else self.fold.moments.at(self.tick)
+        return found or self.fold.moments.newest
+
+    def draw(self) -> None:
+        fold, moment = self.fold, self.moment()
+        table = team_summary(fold, self.source.now, moment)
+        state = "" if self.tick is None else "   PAUSED"
+        self.query_one("#head", Static).update(Text(f"{team_line(table)}{state}", no_wrap=True))
+        self.query_one("#processes", Static).update(_text(process_lines(table)))
+        names = list(table["subjects"])
+        if self.chosen not in names:
+            self.chosen = next((name for name in names if table["subjects"][name]["mean"] is not None), "")
+        lines = subject_lines(table) if names else ["nothing is settled yet"]
+        subjects = _text(lines)
+        if self.chosen:
+            subjects.highlight_regex(rf"(?m)^{self.chosen} .*$", "reverse")
+        self.query_one("#subjects", Static).update(subjects)
+        events = [
+            f"tick {it.tick}  {it.text} {'is ' + it.what if it.what in ('here', 'gone') else ''}" for it in fold.events
+        ]
+        self.query_one("#events", Static).update(_text(events[-EVENTS:]))
+        self.query_one("#why", Static).update(Text("\n".join(self._why(moment)) if self.with_why else ""))
+        view = self.query_one("#map", HeatMap)
+        size = view.size
+        if moment is None or fold.grid is None or len(fold.grid.shape) != 2 or not size.height:
+            view.show(None)
+        else:
+            view.show(heat(moment, fold.grid, self.chosen, size.height, size.width, self.log_scale))
+
+    def _why(self, moment: Moment | None) -> list[str]:
+        if moment is None or not self.chosen:
+            return []
+        try:
+            return sentences(explain(self.fold, moment, self.chosen, self.drift))
+        except UserError as error:
+            return [str(error)]
+
+    # --- keys -----------------------------------------------------------------------------------------------------------
+
+    def action_pause(self) -> None:
+        newest = self.fold.moments.newest
+        self.tick = newest.tick if self.tick is None and newest is not None else None
+        self.draw()
+
+    def action_step(self, by: int) -> None:
+        """Show an earlier or a later moment that is kept."""
+        ticks, shown = self.fold.moments.ticks, self.moment()
+        if shown is not None:
+            at = ticks.index(shown.tick) + by
+            self.tick = ticks[max(0, min(at, len(ticks) - 1))]
+            self.draw()
+
+    def action_choose(self, by: int) -> None:
+        moment = self.moment()
+        names = [] if moment is None else list(moment.subjects)
+        if names:
+            at = names.index(self.chosen) if self.chosen in names else 0
+            self.chosen = names[(at + by) % len(names)]
+            self.draw()
+
+    def action_scale(self) -> None:
+        self.log_scale = not self.log_scale
+        self.draw()
+
+    def action_why(self) -> None:
+        self.with_why = not self.with_why
+        self.draw()
+
+
+def _text(lines: list[str]) -> Text:
+    return Text("\n".join(lines), no_wrap=True, overflow="crop")
+
+
+def _rgb(pixel: npt.NDArray[np.uint8]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*pixel.tolist())

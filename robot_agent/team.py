@@ -1,0 +1,32 @@
+"""The service of a robot as a scenario asks for it: an honest one, or one under faults."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from blackboard.config import Scenario
+from blackboard.faults import faults_of, is_of_sensors
+from robot_agent.config import RobotSection
+from robot_agent.service import AgentService
+
+
+def robot_of(
+    scenario: Scenario, robot: str, *, team: str | None = None, sub_teams: Sequence[str] | None = None
+) -> AgentService:
+    """The service of a robot, by default in the scenario's team and sub-teams. UserError: a mistake in the scenario."""
+    arguments: dict[str, Any] = {
+        "team": team or scenario.team.name,
+        "sub_teams": scenario.team.of(robot) if sub_teams is None else sub_teams,
+        "robot": robot,
+        "grid": scenario.grid,
+        "settings": scenario.section("robot", RobotSection),
+        "feedback": scenario.board.feedback,
+        "joint": scenario.board.fusion == "joint",
+    }
+    faults = [fault for fault in faults_of(scenario) if robot in fault.names and not is_of_sensors(fault)]
+    if not faults:
+        return AgentService(**arguments)
+    from robot_agent.faults import FaultyRobot
+
+    return FaultyRobot(faults, int(scenario.tables.get("world", {}).get("seed", 1)), **arguments)

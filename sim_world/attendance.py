@@ -1,0 +1,60 @@
+"""Samples that a team owed and that could not be judged, because a robot was not there or a belief was missing. Pure.
+
+A robot owes a belief about its own place in every judged tick, and its board the consensus and the agreed one. About an object
+nobody owes anything before the robot has seen it; then the team does.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+
+GONE = 5.0  # seconds without a sample until the end: whoever comes back is settled again within that time
+
+
+@dataclass
+class Attendance:
+    """Mutable; told of every sample, in order of time."""
+
+    judged: Counter[str] = field(default_factory=Counter)  # subject -> samples
+    lacking: Counter[str] = field(default_factory=Counter)  # subject -> samples that were owed
+    missing: dict[str, Counter[str]] = field(default_factory=dict)  # subject -> level -> samples, owed or not
+    _since: dict[str, float] = field(default_factory=dict)  # robot -> team time since which every sample was lacking
+    _last: dict[str, float] = field(default_factory=dict)  # robot -> team time at which it owed a sample last
+    _until: float = 0.0  # team time of the newest sample
+
+    def take(self, subject: str, time: float, missing: Collection[str]) -> None:
+        """Take a sample of a subject at a team time (s), of which the beliefs of some levels are missing."""
+        self._until = self._last[subject] = time
+        if not missing:
+            self.judged[subject] += 1
+            self._since.pop(subject, None)
+            return
+        self.missing.setdefault(subject, Counter()).update(missing)
+        if subject.startswith("robot/") or ("agreed" in missing and "solo" not in missing):
+            self.lacking[subject] += 1
+            self._since.setdefault(subject, time)
+
+    def reasons(self, subjects: Iterable[str], most: float) -> list[str]:
+        """Of which subjects more than the share `most` of the samples is missing, and which robots were gone at the end.
+
+        Of a robot that was never judged at all the verdict says so by itself. A robot that the scenario does not name and that has
+        left owes nothing any more.
+        """
+        found = []
+        for subject in subjects:
+            lacking, n, robot = self.lacking[subject], self.judged[subject], subject.startswith("robot/")
+            share = lacking / max(1, lacking + n)
+            if share > most and (n or not robot):
+                levels = ", ".join(f"{level} {count}" for level, count in sorted(self.missing[subject].items()))
+                text = f"{subject}: {100 * share:.1f} % of its samples are missing ({levels}), at most {100 * most:g} %"
+                found.append(text)
+            if (
+                robot
+                and n
+                and self._last[subject] == self._until
+                and self._until - self._since.get(subject, self._until) > GONE
+            ):
+                found.append(f"{subject}: missing from {self._since[subject]:g} s to the end at {self._until:g} s")
+        return found

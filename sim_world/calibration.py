@@ -1,0 +1,99 @@
+"""Whether beliefs are as good as they claim: errors and regions against the truth, over blocks of time. Pure.
+
+Samples that follow each other share their errors, and so do the robots of a team. So blocks of BLOCK seconds of the whole team
+are taken as independent, nothing is assumed about samples within a block, and nothing is concluded from fewer than FEWEST blocks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Array
+from blackboard.opinion.intervals import effective_samples, student, wilson
+from blackboard.opinion.scores import LEVELS, Score
+
+BLOCK = 10.0  # seconds: twice the time between two fixes of a robot in the demo
+FEWEST = 3  # blocks
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """The share of regions of a level (percent) that held the truth, with its 95 % interval."""
+
+    level: int
+    share: float
+    low: float
+    high: float
+
+    def is_off(self, tolerance: float) -> bool:
+        """Whether the whole interval is farther from the level than the tolerance."""
+        return self.low > self.level / 100 + tolerance or self.high < self.level / 100 - tolerance
+
+
+def claimed_error(belief: Belief) -> float:
+    """The mean squared error that a belief claims, unit^2.
+
+    It is twice that of its escort distribution p^2 / sum p^2: a Gaussian's own, and hardly touched by the even floor that robots
+    keep below their beliefs. A cell is as wide as it is: cell^2 / 12 more on each axis.
+    """
+    grid, escort = belief.grid, (belief.p / belief.p.max()) ** 2
+    variance = np.trace(Belief(grid, escort / escort.sum()).covariance())
+    return 2.0 * float(variance) + grid.ndim * grid.cell**2 / 12
+
+
+@dataclass
+class Calibration:
+    """Sums over blocks of time: samples, squared errors, those that were claimed, and how far the regions held the truth."""
+
+    _blocks: dict[int, Array] = field(default_factory=dict)
+
+    def add(self, time: float, score: Score, claimed: float) -> None:
+        """Take a sample at a team time (s): its score of one entry, and the squared error that its belief claims."""
+        row = np.array([1.0, score.errors[0] ** 2, claimed, *(score.held(level)[0] for level in LEVELS)])
+        block = math.ceil(time / BLOCK) - 1  # a sample is about the time that led to it
+        self._blocks[block] = self._blocks.get(block, 0.0) + row
+
+    @staticmethod
+    def merged(parts: Iterable[Calibration]) -> Calibration:
+        """All samples of several, as a new one."""
+        whole = Calibration()
+        for part in parts:
+            for block, row in part._blocks.items():
+                whole._blocks[block] = whole._blocks.get(block, 0.0) + row
+        return whole
+
+    def coverage(self) -> Sequence[Coverage]:
+        """The coverage of each level; empty where there are too few blocks."""
+        if len(self._blocks) < FEWEST:
+            return []
+        rows, found = np.array([self._blocks[block] for block in sorted(self._blocks)]), []
+        samples = rows[:, 0]
+        for i, level in enumerate(LEVELS):
+            hits = rows[:, 3 + i]
+            share = float(hits.sum() / samples.sum())
+            found.append(
+                Coverage(level, share, *wilson(share, effective_samples(hits, samples), student(len(rows) - 1)))
+            )
+        return found
+
+    def rmse(self) -> tuple[float, float]:
+        """The root mean squared error, and the one that the beliefs claim; both 0 where there are no samples."""
+        total = sum(self._blocks.values(), np.zeros(3 + len(LEVELS)))
+        n = max(1.0, float(total[0]))
+        return math.sqrt(total[1] / n), math.sqrt(total[2] / n)
+
+    def is_far_above_its_claim(self, factor: float) -> bool:
+        """Whether the root mean squared error is beyond doubt more than so many times what the beliefs claim."""
+        if len(self._blocks) < FEWEST:
+            return False
+        rows = np.array(list(self._blocks.values()))
+        n, excess = rows[:, 0], rows[:, 1] - factor**2 * rows[:, 2]
+        mean, blocks = float(excess.sum() / n.sum()), len(rows)
+        away = excess - mean * n
+        sigma = math.sqrt(blocks / (blocks - 1) * float(away @ away)) / float(n.sum())
+        return mean > student(blocks - 1) * sigma

@@ -1,0 +1,107 @@
+"""The commands as a person runs them: a whole team behind its door, and a team's keys made, added to, renewed and revoked."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from blackboard.config import Scenario
+from blackboard.errors import UserError
+from blackboard.net.settings import LinkConfig
+from blackboard.run.keys import app
+from blackboard.run.launch import process_table
+from tests.processes import ROOT
+
+SHORT = ("demo", "--robots", "3", "--seconds", "4", "--json")
+
+
+def blackboard(*arguments: str, timeout: float = 110) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "blackboard", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=timeout, check=False)
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("team") / "keys"
+    made = blackboard("keys", "init", "demo", "--robots", "3", "--dir", str(where))
+    assert made.returncode == 0, made.stderr
+    assert "an authority for team demo and 12 certificates" in made.stdout
+    return where
+
+
+@pytest.mark.system
+def test_with_keys_the_hash_of_an_undisturbed_demo_is_the_same_and_nobody_is_denied(directory: Path) -> None:
+    runs = [blackboard(*SHORT), blackboard(*SHORT, "--keys", str(directory))]
+    plain, secure = (json.loads(run.stdout) for run in runs)
+    assert secure["hash"] == plain["hash"]
+    assert secure["messages"]["refused"] == plain["messages"]["refused"] == {}
+    assert "denied" not in runs[1].stdout + runs[1].stderr
+    assert "tls/127.0.0.1" in runs[1].stderr
+
+
+@pytest.mark.system
+def test_a_robot_without_a_certificate_ends_the_run_in_one_line(directory: Path) -> None:
+    done = blackboard("demo", "--robots", "4", "--seconds", "4", "--keys", str(directory))
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(
+        "error: "
+    )  # r3 in a sub-team that its certificate does not name, or r4 without one: who is read first
+    assert "robot/r3: its certificate" in line or "no certificate of robot/r4" in line
+
+
+def run(*arguments: str) -> object:
+    return app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
+
+
+def test_what_must_be_restarted_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    where = str(tmp_path / "keys")
+
+    def say(*arguments: str) -> str:
+        assert run(*arguments, "--dir", where) == 0
+        return capsys.readouterr().out
+
+    assert "an authority for team demo and 12 certificates" in say(
+        "init", "demo", "--robots", "3", "--name", "base.local"
+    )
+    added = say("add", "r9", "--sub-team", "b")
+    assert "a certificate for robot/r9 in sub-team b" in added
+    assert f"restart the router with {where}/router" in added
+    assert "restart, with their new folders: robot/r9\n" in say("renew", "r9")
+    revoked = say("revoke", "r9")
+    assert "UNTIL THEN ROBOT/R9 MAY STILL DO EVERYTHING IT COULD" in revoked
+    assert "nobody else" in revoked
+    listed = say("list")
+    assert "robot/r9/1               revoked" in listed
+    assert "(365 days)" in listed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("init",), "has an authority already"),
+        (("add", "r1"), "r1 has a certificate already"),
+        (("add", "x", "--kind", "viewer"), "a team has one viewer"),
+        (("renew", "--days", "0"), "--days 0: give 0.04 to 3650"),
+        (("revoke", "r77"), "r77: nobody of this name"),
+    ],
+)
+def test_a_mistake_is_one_line(keys: Path, arguments: Sequence[str], says: str) -> None:
+    with pytest.raises(UserError, match=says) as caught:
+        run(*arguments, "--dir", str(keys))
+    assert "\n" not in str(caught.value)
+
+
+def test_every_process_of_a_launch_is_told_where_the_keys_are() -> None:
+    scenario = Scenario({"team": {"name": "t", "sub_teams": {"a": ["r1"]}}}, "team.toml")
+    config = LinkConfig(keys="keys")
+    rows = process_table(scenario, "s.json", config, "tls/127.0.0.1:1", None, Path("x.mcap"), view=True)
+    for process in (*rows.routers, *rows.members, *rows.viewers, rows.world, rows.recorder):
+        assert process is not None
+        said = list(process.arguments)
+        assert said[said.index("--keys") + 1] == "keys", process.name

@@ -1,0 +1,234 @@
+"""Which of a sub-team's boards leads: at the start, when one dies, freezes or comes back, and what is never lost or said twice."""
+
+from __future__ import annotations
+
+import math
+
+from blackboard.board.lead import HOLD, MAX_KEPT, Lead, Said
+from blackboard.process.roster import Roster
+from blackboard.wire import keys
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Consensus, Status
+from tests.board.desk import Desk, board_of, clock, levels, report, reported
+
+SILENT = 5.0
+
+
+def token(board: str, kind: Kind = Kind.ALIVE) -> Envelope:
+    return Envelope(keys.BOARD.key(team="t", sub_team="a", board=board), kind=kind)
+
+
+class Seat:
+    """A board x, and what it learns of the others of its sub-team."""
+
+    def __init__(self, since: float | None = 0.0) -> None:
+        self.roster = Roster()
+        self.it = Lead(self.roster, "a", "x", SILENT)
+        self.it.begin(since)
+        self.now = 100.0
+
+    def here(self, *boards: str, kind: Kind = Kind.ALIVE) -> bool:
+        for board in boards:
+            self.roster.hear(token(board, kind), self.now)
+        return self.it.look(self.now)
+
+    def wait(self, seconds: float) -> bool:
+        """Time passes as in the loop, which looks once a second."""
+        changed = False
+        end = self.now + seconds
+        while self.now < end:
+            self.now = min(end, self.now + 0.25)
+            self.roster.forget(self.now)
+            changed |= self.it.look(self.now)
+        return changed
+
+    def hear(self, board: str, tick: int = 0, phase: str = "agreed", **part: object) -> bool:
+        part = {"follows": False, "term": 0, "since": 0.0, "time": 0.2 * tick, **part}
+        status = Status(process=board, kind="board", tick=tick, phase=phase, **part)  # type: ignore[arg-type]
+        answers = self.it.hear(status, self.now, 1e6, any_tick=False)
+        self.it.look(self.now)
+        return answers
+
+    def settle(self, tick: int, phase: str = "agreed") -> None:
+        status = Status(process="x", kind="board", tick=tick, time=0.2 * tick)
+        self.it.keep(Said(tick, phase, 0.2 * tick, (Envelope("k", b"12"),), status), self.now)
+
+    def kept(self) -> list[tuple[int, str]]:
+        return [(said.tick, said.phase) for said in self.it.release()]
+
+
+def test_a_board_alone_leads_at_once_and_tells_nobody() -> None:
+    seat = Seat()
+    assert not seat.here()
+    assert (seat.it.leads, seat.it.leader, seat.it.changes_at()) == (True, "x", math.inf)
+
+
+def test_a_board_that_starts_waits_for_the_others_and_follows_who_leads() -> None:
+    seat = Seat(since=8.0)
+    assert seat.here("w", "z")
+    assert seat.it.leads is None
+    assert seat.it.changes_at() == seat.now + HOLD
+    seat.hear("z", follows=True)
+    assert seat.it.leads is None
+    assert seat.hear("w")
+    assert (seat.it.leads, seat.it.leader) == (False, "w")
+    assert not seat.hear("w", tick=1)
+
+
+def test_where_nobody_leads_the_one_that_settles_for_longest_does_then_the_first_name() -> None:
+    for others, leads in (
+        ({"w": 0.0}, False),
+        ({"y": 0.0}, True),
+        ({"y": -1.0}, False),
+        ({"w": 1.0}, True),
+        ({"w": None}, True),
+    ):
+        seat = Seat()
+        seat.here(*others)
+        for board, since in others.items():
+            seat.hear(board, follows=True, since=since, phase="idle")
+        assert seat.it.leads is leads, others
+
+
+def test_who_says_nothing_at_all_is_not_waited_for_longer_than_its_first_status_may_take() -> None:
+    seat = Seat()
+    seat.here("w")
+    seat.wait(HOLD - 0.25)
+    assert seat.it.leads is None
+    assert seat.wait(0.5)
+    assert seat.it.leads
+
+
+def test_the_one_that_leads_goes_on_whoever_comes() -> None:
+    seat = Seat()
+    seat.here()
+    assert seat.here("w"), "it is told at once"
+    assert seat.hear("w", follows=True, since=None)
+    assert seat.it.leads
+
+
+def test_of_two_that_lead_the_one_that_took_over_stays_then_the_older_then_the_first_name() -> None:
+    for part, leads in (
+        ({"term": 1, "since": 9.0}, False),
+        ({"since": -1.0}, False),
+        ({"since": 1.0}, True),
+        ({}, False),
+    ):
+        seat = Seat()
+        seat.here()
+        seat.here("w")
+        seat.hear("w", **part)
+        assert seat.it.leads is leads, part
+
+
+def test_the_death_of_the_leader_is_followed_by_what_it_did_not_say() -> None:
+    seat = Seat()
+    seat.here("w")
+    seat.hear("w")
+    for tick in (1, 2):
+        seat.settle(tick, "consensus")
+        seat.settle(tick)
+    seat.hear("w", tick=2, phase="consensus")
+    seat.here("w", kind=Kind.GONE)
+    assert seat.it.leads is False
+    assert seat.wait(0.75)
+    assert (seat.it.leads, seat.it.term) == (True, 1)
+    assert seat.kept() == [(2, "agreed")]
+    assert seat.kept() == []
+
+
+def test_a_leader_that_lives_and_says_nothing_new_is_given_up() -> None:
+    seat = Seat()
+    seat.here("w")
+    seat.hear("w")
+    seat.wait(10.0)
+    assert seat.it.leads is False, "nothing was settled"
+    seat.settle(1)
+    assert seat.it.changes_at() == seat.now + SILENT
+    for _ in range(4):
+        seat.wait(1.0)
+        seat.hear("w")  # the same again
+    assert seat.it.leads is False
+    seat.wait(1.25)
+    assert (seat.it.leads, seat.it.term) == (True, 1)
+    seat.hear("w", tick=1)
+    assert seat.it.leads, "the one before comes back with the older term"
+
+
+def test_a_board_that_was_frozen_is_as_one_that_starts() -> None:
+    seat = Seat()
+    seat.here("w")
+    seat.hear("w", follows=True)
+    seat.hear("w", follows=True, since=3.0)
+    assert seat.it.leads
+    seat.now += 3.0
+    assert seat.it.look(seat.now)
+    assert (seat.it.leads, seat.it.since) == (None, None)
+    seat.hear("w", follows=True, since=3.0)  # from before it took over
+    assert seat.it.leads is False
+    seat.hear("w", term=1, since=3.0)
+    assert seat.it.leader == "w"
+
+
+def test_a_status_of_another_run_drops_nothing() -> None:
+    seat = Seat()
+    seat.here("w")
+    seat.settle(1)
+    status = Status(process="w", kind="board", tick=9, time=50.0, phase="agreed")
+    seat.it.hear(status, seat.now, 1.2, any_tick=False)
+    assert seat.kept() == [(1, "agreed")]
+
+
+def test_what_is_kept_is_bounded() -> None:
+    seat = Seat()
+    for tick in range(2 * MAX_KEPT):
+        seat.settle(tick)
+    assert len(seat.kept()) == MAX_KEPT
+
+
+def test_nothing_older_is_said_than_what_the_leader_said() -> None:
+    """Where ticks are each board's own count, a leader whose clock is ahead was ahead in what it published."""
+    seat = Seat()
+    seat.here("w")
+    seat.hear("w", tick=10)
+    seat.here("w", kind=Kind.GONE)
+    seat.wait(0.75)
+    assert (seat.it.may_say(1.9), seat.it.may_say(2.0)) == (False, True)
+
+
+# --- in a board process -------------------------------------------------------------------------------------------------
+
+
+def led(desk: Desk, **part: object) -> Envelope:
+    """The status of another board of the desk's sub-team, 0a, which leads."""
+    fields = {"process": "0a", "kind": "board", "tick": 0, "time": 0.0, "since": 0.0, **part}
+    return Envelope(keys.STATUS.key(team="t", sub_team="a", process="0a"), encode(Status.model_validate(fields)))
+
+
+def test_without_a_world_a_follower_publishes_its_status_alone_until_the_leader_is_gone() -> None:
+    desk = Desk(world=False)
+    desk.register("r1")
+    desk.tell(board_of("a"), board_of("a", name="0a"), led(desk, time=desk.now - 60.0))
+    desk.tell(report("r1", 0, time=desk.now))
+    assert levels(desk.wait(0.2)) == []
+    assert desk.status().follows
+    desk.tell(report("r1", 1, time=desk.now), board_of("a", Kind.GONE, name="0a"))
+    assert levels(desk.wait(0.4)) == []
+    said = desk.wait(0.2)
+    assert "agreed" in levels(said)
+    times = [decode(Consensus, e.payload).time for e in said if "/agreed/" in e.key]
+    assert times == sorted(times)
+    assert not desk.status().follows
+    assert desk.it.counters["late"] == 0
+
+
+def test_a_follower_answers_a_repeated_clock_with_its_statuses() -> None:
+    desk = Desk()
+    desk.register("r1")
+    desk.tell(board_of("a", name="0a"), clock(0, "r1"), led(desk, phase="idle"))
+    said = desk.tell(report("r1", 0), reported("r1", 0, "object/ball"))
+    assert [decode(Status, e.payload).phase for e in said] == ["consensus", "agreed"]
+    assert [decode(Status, e.payload).subjects for e in said] == [[], []]
+    again = desk.tell(clock(0, "r1"))
+    assert [decode(Status, e.payload).phase for e in again] == ["consensus", "agreed"]

@@ -1,0 +1,54 @@
+"""What bridges show: each settled tick once, in order, each event once, and the masses of a belief as they are."""
+
+from __future__ import annotations
+
+import pytest
+
+from blackboard.bridges.stream import Stream, agreed, corner, masses
+from blackboard.tape.file import read
+from blackboard.view.feed import TapeFeed
+from blackboard.view.fold import Event, TeamFold
+from blackboard.view.moments import Moment
+from blackboard.wire.arrays import unpack
+from tests.tape.test_door import GOLDEN
+
+
+class Seen:
+    def __init__(self) -> None:
+        self.moments, self.events = list[Moment](), list[Event]()
+
+    def show(self, team: TeamFold, moment: Moment) -> None:
+        self.moments.append(moment)
+
+    def note(self, event: Event) -> None:
+        self.events.append(event)
+
+
+@pytest.fixture(scope="module")
+def seen() -> Seen:
+    feed, found = TapeFeed(read(GOLDEN)), Seen()
+    stream = Stream(feed, "demo")
+    assert Stream(feed, "another").new(found) == 0
+    while not feed.done:
+        feed.take(feed.receive())
+        stream.new(found)
+    assert stream.new(found) == 0
+    assert found.events == list(feed.fold.teams["demo"].events)
+    return found
+
+
+def test_each_tick_is_shown_once_in_its_order(seen: Seen) -> None:
+    run = seen.moments[-1].run
+    assert [moment.tick for moment in seen.moments if moment.run == run] == list(range(16))
+
+
+def test_the_masses_are_those_of_the_belief_at_its_place(seen: Seen) -> None:
+    shown = list(agreed(seen.moments[-1]))
+    assert shown
+    for name, about, drawn in shown:
+        assert about.best is not None
+        belief = unpack(about.best.message.belief)
+        (i, j), (n, m) = drawn.lo, drawn.box
+        p = belief.p[i : i + n, j : j + m]
+        assert masses(drawn) == pytest.approx(p, rel=0.03, abs=2e-4 * float(p.max()))
+        assert corner(seen.moments[-1], name, drawn) == (i, j, 1.0)

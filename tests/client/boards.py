@@ -1,0 +1,32 @@
+"""Real boards at a router, in threads of this process; stopped however the test ends."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from blackboard.board.service import BoardService
+from blackboard.config import BoardSection
+from blackboard.net.link import Link
+from blackboard.net.settings import LinkConfig
+from blackboard.opinion.grid import Grid
+from blackboard.process.clock import UnixClock
+from blackboard.process.loop import run
+
+
+@contextmanager
+def serving(endpoint: str, grid: Grid, sub_team: str = "a", team: str = "t", keys: str | None = None) -> Iterator[None]:
+    """A board of a sub-team is there."""
+    name = f"board-{sub_team}"
+    stop = threading.Event()
+    config = LinkConfig(connect=(endpoint,), keys=keys, who=f"board/{name}")
+    board = BoardService(team=team, sub_team=sub_team, board=name, grid=grid, settings=BoardSection(period=0.1))
+    with Link(config, name) as link:
+        thread = threading.Thread(target=run, args=(board, link, UnixClock(), stop.is_set))
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()

@@ -1,0 +1,232 @@
+"""A robot whose beliefs another program makes: when it speaks, what it refuses, what it hears; without a network or a clock."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blackboard.board.service import BoardService
+from blackboard.client.member import STANDS, Agreed, Member
+from blackboard.config import BoardSection
+from blackboard.errors import Refused
+from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.grid import Grid
+from blackboard.wire import keys
+from blackboard.wire.arrays import unpack
+from blackboard.wire.codec import open_envelope
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Refusal, Report, Solo, Status
+from blackboard.wire.types import Message
+from tests.board.desk import GRID, NOW, WORLD, board_of, clock
+
+PLACE = gaussian(GRID, (10, 10), 1.0)
+
+
+class One:
+    """A member under test, and what it was told."""
+
+    def __init__(self, *sub_teams: str, grid: Grid = GRID) -> None:
+        self.agreed: list[Agreed] = []
+        self.refused: list[Refusal] = []
+        self.it = Member(
+            team="t",
+            sub_teams=sub_teams or ("a",),
+            robot="r1",
+            grid=grid,
+            settings=BoardSection(),
+            on_agreed=self.agreed.append,
+            on_refused=self.refused.append,
+        )
+        self.tell(board_of("a", name="board-a"))
+
+    def tell(self, *envelopes: Envelope, now: float = NOW) -> list[Message]:
+        return opened(answer for it in envelopes for answer in self.it.receive(it, now))
+
+    def report(
+        self, subject: str = "robot/r1", belief: Belief = PLACE, now: float = NOW, **more: object
+    ) -> list[Message]:
+        return opened(self.it.report(subject, belief, now, **more))
+
+
+def opened(envelopes: Iterable[Envelope]) -> list[Message]:
+    return [open_envelope(envelope)[2] for envelope in envelopes]
+
+
+def kinds(messages: list[Message]) -> list[str]:
+    return [type(message).__name__ for message in messages]
+
+
+# --- speaking ----------------------------------------------------------------------------------------------------------
+
+
+def test_without_a_world_a_report_goes_out_at_once_and_its_status_lists_all_that_stands() -> None:
+    robot = One("a", "b")
+    robot.report("object/ball", now=NOW - 1)
+    said = robot.report()
+    assert kinds(said) == ["Report", "Report", "Status", "Status"]
+    report, status = said[0], said[-1]
+    assert isinstance(report, Report)
+    assert (report.source, report.subject, report.tick, report.time) == ("r1", "robot/r1", 1000 * NOW, NOW)
+    assert isinstance(status, Status)
+    assert (status.kind, status.phase, status.tick, status.subjects, status.sent) == (
+        "robot", "reported", 1000 * NOW, ["object/ball", "robot/r1"], NOW,
+    )  # fmt: skip
+
+
+def test_in_lockstep_it_answers_every_tick_with_what_stands_until_that_is_old() -> None:
+    robot = One()
+    robot.tell(WORLD, clock(3, "r1"))
+    assert kinds(robot.report()) == ["Report", "Status"]
+    said = robot.tell(clock(4, "r1"))
+    assert kinds(said) == ["Report", "Solo", "Status"]
+    report, solo, status = said
+    assert isinstance(report, Report)
+    assert isinstance(solo, Solo)
+    assert isinstance(status, Status)
+    assert (report.tick, report.time, status.tick, status.subjects) == (4, pytest.approx(0.6), 4, ["robot/r1"])
+    assert (solo.tick, list(solo.beliefs)) == (4, ["robot/r1"])
+    assert kinds(robot.tell(clock(4, "r1"))) == ["Report", "Solo", "Status"]  # the world asks again
+    for tick in range(5, 3 + round(STANDS / 0.2) + 2):
+        said = robot.tell(clock(tick, "r1"))
+    assert kinds(said) == ["Solo", "Status"]
+    assert isinstance(said[1], Status)
+    assert said[1].subjects == []
+
+
+def test_what_was_stamped_by_another_clock_is_forgotten_with_it() -> None:
+    robot = One()
+    robot.report()
+    assert kinds(robot.tell(WORLD, clock(3, "r1"))) == ["Solo", "Status"]
+    robot.report()
+    robot.tell(replace(WORLD, kind=Kind.GONE))
+    assert robot.it.wake(NOW + 99) != []
+    assert robot.it._reports == {}
+
+
+def test_what_is_withdrawn_is_not_listed_any_more_and_boards_forget_it() -> None:
+    robot = One()
+    board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
+    board.receive(board_of("a", name="board-a"), NOW)
+    board.receive(Envelope(robot.it.tokens[0], kind=Kind.ALIVE), NOW)
+    for subject in ("object/ball", "robot/r1"):
+        for envelope in robot.it.report(subject, PLACE, NOW):
+            board.receive(envelope, NOW)
+    assert list(board.board._entries) == ["object/ball", "robot/r1"]
+    for envelope in robot.it.withdraw("object/ball", NOW):
+        board.receive(envelope, NOW)
+    assert list(board.board._entries) == ["robot/r1"]
+    assert robot.it.withdraw("object/ball", NOW) == []
+
+
+def test_a_program_that_starts_again_withdraws_what_it_said_before() -> None:
+    board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
+    board.receive(board_of("a", name="board-a"), NOW)
+    before, after = One(), One()
+    for n, (robot, subject) in enumerate([(before, "object/ball"), (before, "object/ball"), (after, "robot/r1")]):
+        board.receive(Envelope(robot.it.tokens[0], kind=Kind.ALIVE), NOW)
+        for envelope in robot.it.report(subject, PLACE, NOW + 0.1 * n):
+            board.receive(envelope, NOW + 0.1 * n)
+    assert list(board.board._entries) == ["robot/r1"]
+
+
+def test_a_status_comes_once_a_second() -> None:
+    robot = One()
+    robot.report()
+    assert robot.it.wake(NOW + 0.5) == []
+    assert robot.it.wake_at(NOW) == pytest.approx(NOW + 1.0)
+    assert kinds(opened(robot.it.wake(NOW + 1.0))) == ["Status"]
+
+
+# --- what is refused ---------------------------------------------------------------------------------------------------
+
+
+def hole() -> Belief:
+    p = PLACE.p.copy()
+    p[0, 0] = np.nan
+    return Belief(GRID, p)
+
+
+@pytest.mark.parametrize(("reason", "given"), [
+    ("grid", {"belief": uniform(Grid((9, 9)))}),
+    ("frame", {"belief": uniform(replace(GRID, frame="odom"))}),
+    ("mass", {"belief": hole()}),
+    ("mass", {"belief": Belief(GRID, -PLACE.p)}),
+    ("mass", {"belief": Belief(GRID, 2 * PLACE.p)}),
+    ("mass", {"informed": (hole(), {"r2": NOW})}),
+    ("future", {"time": NOW + 9}),
+    ("past", {"time": NOW - 99}),
+    ("fields", {"time": float("nan")}),
+    ("fields", {"informed": (PLACE, {"no name!": NOW})}),
+    ("wild-key", {"subject": "ball"}),
+    ("wild-key", {"subject": "object/**"}),
+])  # fmt: skip
+def test_it_refuses_what_a_board_would_and_says_nothing(reason: str, given: dict[str, object]) -> None:
+    robot = One(grid=replace(GRID, frame="map"))
+    robot.report()
+    with pytest.raises(Refused) as refusal:
+        robot.report(**given)
+    assert refusal.value.reason == reason
+    assert list(robot.it._reports) == ["robot/r1"]
+    (status,) = opened(robot.it.wake(NOW + 1))
+    assert isinstance(status, Status)
+    assert status.tick == 1000 * NOW  # of the report that was taken
+
+
+def test_what_a_board_tells_of_refusals_is_passed_on_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = One()
+    said = [
+        Refusal(board="board-a", sub_team="a", robot="r1", time=1.0, subject="object/ball", reason="grid", count=n)
+        for n in (1, 2)
+    ]
+    key = keys.REFUSED.key(team="t", sub_team="a", robot="r1")
+    with caplog.at_level(logging.WARNING):
+        for it in said:
+            robot.it.receive(Envelope(key, encoded(it)), NOW)
+        robot.it.receive(Envelope(key, encoded(said[0].model_copy(update={"board": "stranger"}))), NOW)
+    assert robot.refused == said
+    assert [r.getMessage().split(";")[0] for r in caplog.records if "refused the report" in r.getMessage()] == [
+        "board-a refused the report about object/ball of r1 (grid)"
+    ]
+
+
+# --- what is agreed ----------------------------------------------------------------------------------------------------
+
+
+def encoded(message: Message) -> bytes:
+    from blackboard.wire.codec import encode
+
+    return encode(message)
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_it_hears_what_a_real_board_agrees_on_also_where_a_callback_raises(raises: bool) -> None:
+    robot = One()
+    keep = robot.agreed.append
+
+    def heard(agreed: Agreed) -> None:
+        keep(agreed)
+        if raises:
+            raise KeyError("of the program's own")
+
+    robot.it._on_agreed = heard
+    board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
+    board.receive(board_of("a", name="board-a"), NOW)
+    board.receive(Envelope(robot.it.tokens[0], kind=Kind.ALIVE), NOW)
+    out = [e for it in robot.it.report("robot/r1", PLACE, NOW) for e in board.receive(it, NOW)]
+    for n in range(1, 20):
+        out += board.wake(NOW + 0.2 * n)
+    for envelope in out:
+        if keys.AGREED.match(envelope.key):
+            robot.it.receive(envelope, NOW)
+    assert robot.it.intake.counters["failed"] == (len(robot.agreed) if raises else 0)
+    newest = robot.agreed[-1]
+    assert newest.subject == "robot/r1"
+    assert newest.belief.mean() == pytest.approx((10, 10), abs=0.05)
+    assert newest.story.used[0].source == "a"
+    ticks = [it.tick for it in robot.agreed]
+    assert ticks == sorted(set(ticks))
+    assert unpack(newest.story.belief, GRID).p == pytest.approx(newest.belief.p)

@@ -1,0 +1,134 @@
+"""A program joins a real board through a real router: the client's own threads, its streams, asyncio, and what goes wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+
+import numpy as np
+import pytest
+
+from blackboard import Belief, Grid
+from blackboard.client import Agreed, Refused, Team, UserError
+from blackboard.opinion.belief import uniform
+from blackboard.opinion.grid import Anchor
+from blackboard.run.launch import free_port
+from tests.client.boards import serving
+from tests.processes import LONG, wait_until
+
+pytestmark = pytest.mark.team
+
+GRID = Grid((30, 20), 0.5, (-2.0, 0.0), "m", "map", Anchor(59.3, 18.1, 90.0))
+
+
+def here(team: Team, x: float = 5.0) -> Belief:
+    return Belief.from_gaussian(team.grid, (x, 4.0), np.eye(2))
+
+
+def test_a_board_says_which_team_sub_team_and_grid_are_meant(endpoint: str) -> None:
+    with serving(endpoint, GRID), Team("r1", endpoint=endpoint) as team:
+        assert (team.name, team.sub_teams, team.grid, team.grid.anchor) == ("t", ("a",), GRID, GRID.anchor)
+        team.report("robot/r1", here(team))
+        agreed = team.newest("robot/r1", LONG)
+        assert agreed.belief.mean() == pytest.approx((5, 4), abs=0.05)
+        assert agreed.belief.grid.frame == "map"
+        assert agreed.time <= team.time
+        assert set(team.agreed) == {"robot/r1"}
+        said = str(team.why("robot/r1"))
+        assert "robot/r1: agreed by board-a in tick" in said
+        assert "  r1: independent, weight 1.00" in said
+        assert str(team.why("object/x")) == "object/x: no board has a belief about it"
+
+
+def test_callbacks_and_streams_get_what_is_agreed_and_may_report(endpoint: str) -> None:
+    heard: list[Agreed] = []
+    with serving(endpoint, GRID), Team("r1", endpoint=endpoint) as team:
+
+        @team.on_agreed
+        def answer(agreed: Agreed) -> None:
+            heard.append(agreed)
+            team.report("object/ball", here(team, 8.0))  # in the team's own thread
+
+        team.report("robot/r1", here(team))
+        for agreed in team:
+            if agreed.subject == "object/ball":
+                break
+        assert agreed.belief.mean()[0] == pytest.approx(8, abs=0.05)
+        team.withdraw("robot/r1")
+        assert heard[0].subject == "robot/r1"
+
+
+def test_asyncio(endpoint: str) -> None:
+    async def main() -> list[str]:
+        async with Team("r1", endpoint=endpoint) as team:
+            team.report("robot/r1", here(team))
+            found = [(await asyncio.wait_for(team.next("robot/r1"), LONG)).subject]
+            async for agreed in team:
+                found.append(agreed.subject)
+                if len(found) == 3:
+                    await asyncio.to_thread(team.close)
+        return found
+
+    with serving(endpoint, GRID):
+        assert set(asyncio.run(main())) == {"robot/r1"}
+
+
+def test_a_robot_whose_reports_are_refused_learns_it(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+    other = Grid((9, 9))
+    with serving(endpoint, GRID), Team("r1", endpoint=endpoint, grid=other, strict=True) as team:
+        team.report("object/ball", uniform(other))
+        wait_until(lambda: team.refused, "the board says so")
+        (refusal,) = team.refused
+        assert (refusal.board, refusal.subject, refusal.reason) == ("board-a", "object/ball", "grid")
+        assert "board-a refused the report about object/ball of r1 (grid" in str(team.why("object/ball"))
+        with pytest.raises(Refused, match=r"^grid: board-a refused object/ball: a belief on \(9, 9\) cells"):
+            team.report("object/ball", uniform(other))
+        team.report("object/ball", uniform(other))  # raised once
+    assert sum("board-a refused the report" in r.getMessage() for r in caplog.records) == 1
+
+
+def test_what_is_wrong_is_refused_here_with_the_board_s_own_reason(endpoint: str) -> None:
+    with serving(endpoint, GRID), Team("r1", endpoint=endpoint) as team:
+        with pytest.raises(Refused, match="^grid: "):
+            team.report("object/ball", uniform(Grid((9, 9))))
+        assert team.refused == []
+
+
+def test_who_has_left_is_told_so_and_streams_end(endpoint: str) -> None:
+    with serving(endpoint, GRID):
+        team = Team("r1", endpoint=endpoint)
+        with pytest.raises(RuntimeError, match="is known once the team is joined"):
+            _ = team.grid
+        with team:
+            listened: list[Agreed] = []
+            reader = threading.Thread(target=lambda: listened.extend(team))
+            reader.start()
+        team.close()
+        reader.join(LONG)
+        assert not reader.is_alive()
+        with pytest.raises(RuntimeError, match="the team is closed"):
+            team.report("robot/r1", here(team))
+        with pytest.raises(TimeoutError, match="robot/r1"):
+            team.newest("robot/r1", LONG)
+
+
+def test_a_mistake_is_one_line(endpoint: str) -> None:
+    with pytest.raises(UserError, match=r"^Team\(robot='r 1'\): use up to 64 letters"):
+        Team("r 1")
+    with pytest.raises(UserError, match=r"no such file|cannot be read"):
+        Team("r1", "nowhere.toml")
+    with pytest.raises(UserError, match="^r1: no Zenoh router answers at tcp/127.0.0.1"):
+        Team("r1", "demo", endpoint=f"tcp/127.0.0.1:{free_port()}", patience=0.1).__enter__()
+    with pytest.raises(UserError, match="^r1: no board answers"):
+        Team("r1", endpoint=endpoint, patience=0.1).__enter__()
+    with serving(endpoint, GRID), serving(endpoint, GRID, "b"):
+        wait_until(lambda: several(endpoint), "both boards answer")
+
+
+def several(endpoint: str) -> bool:
+    try:
+        with Team("r1", endpoint=endpoint):
+            return False  # only one has answered yet
+    except UserError as error:
+        assert str(error) == "r1: there are t/a, t/b; say team=... and sub_team=..."
+        return True

@@ -1,0 +1,47 @@
+"""A robot of another program in a world that waits for everybody: nobody waits in vain, and it is in every consensus."""
+
+from __future__ import annotations
+
+from blackboard.client.member import Member
+from blackboard.lab.team import Team
+from blackboard.opinion.belief import gaussian
+from blackboard.wire import keys
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Clock, Consensus
+from tests.flow.test_team import SCENARIO
+
+
+class Still(Member):
+    """It reports where it stands at every third tick; in between that stands."""
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        out = super().receive(envelope, now)
+        if keys.CLOCK.match(envelope.key) and decode(Clock, envelope.payload).tick % 3 == 0:
+            out += self.report("robot/c1", gaussian(self.grid, (12, 12), 1.0), now)
+        return out
+
+
+def test_a_client_in_lockstep_is_waited_for_and_keeps_nobody_waiting() -> None:
+    team = Team(SCENARIO)
+    client = Still(team="t", sub_teams=("a",), robot="c1", grid=SCENARIO.grid, settings=SCENARIO.board)
+    team.join(client)
+    clocks, used = dict[int, list[str]](), dict[int, set[str]]()
+
+    def watch(envelope: Envelope) -> None:
+        if keys.CLOCK.match(envelope.key):
+            it = decode(Clock, envelope.payload)
+            clocks[it.tick] = it.robots.get("a", [])
+        elif keys.CONSENSUS.match(envelope.key) and envelope.key.endswith("/robot/c1"):
+            said = decode(Consensus, envelope.payload)
+            used.setdefault(said.tick, set()).update(one.source for one in said.used)
+
+    team.bus.spies.append(watch)
+    result = team.run()
+    assert team.world.why == ""
+    last = max(clocks)
+    assert all("c1" in robots for tick, robots in clocks.items() if 0 < tick < last)  # in tick 0 it had not come yet
+    assert {tick for tick, sources in used.items() if "c1" in sources} == set(range(1, last + 1))
+    assert last >= result["ticks"]
+    assert [board.counters["late"] for board in team.boards.values()] == [0, 0]
+    assert all(board.refused.total() == 0 for board in team.boards.values())

@@ -1,0 +1,149 @@
+"""Whole teams with faults: the same seed is the same run, who lies is named, the honest are scored alone, and names are no votes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blackboard.config import Scenario
+from blackboard.faults import without_faults
+from blackboard.lab.team import Team
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Consensus, Report, Status
+from sim_world.scorecard import text
+
+#: Five robots in a small room see each other often; their sensors are good.
+TABLES: dict[str, Any] = {
+    "team": {"name": "t", "sub_teams": {"a": ["r1", "r2", "r3", "r4", "r5"]}},
+    "grid": {"shape": [20, 20]},
+    "time": {"tick": 0.5, "seconds": 12.0},
+    "world": {"seed": 2, "objects": {}, "speed": 0.5, "turn_rate": 1.0, "odometry": {"reset_after": 1.0, "fix": 0.5}},
+}
+LIE = {"kind": "lie", "robot": "r5", "offset": [-7, 5]}
+FAULTS: list[dict[str, Any]] = [
+    LIE,
+    {"kind": "collude", "robots": ["r4", "r5"], "offset": [-7, 5]},
+    {"kind": "overconfident", "robot": "r5", "factor": 4},
+    {"kind": "skew", "robot": "r5", "seconds": -3},
+    {"kind": "lose", "robot": "r5", "share": 0.4},
+    {"kind": "drift", "robot": "r5", "rate": 0.5, "sensor": "fix"},
+    {"kind": "freeze", "robot": "r5", "start": 3, "end": 6},
+]
+
+
+def scenario(*faults: dict[str, Any], fusion: str = "opinions", seconds: float | None = None) -> Scenario:
+    found = Scenario({**TABLES, "fault": list(faults)}).changed("board", fusion=fusion)
+    return found.changed("time", seconds=seconds)
+
+
+class Said:
+    """A run, and the newest status of its board and consensuses by level and subject."""
+
+    def __init__(self, it: Scenario, shuffle: int | None = None) -> None:
+        self.team = Team(it, None if shuffle is None else np.random.default_rng(shuffle))
+        self.status: Status | None = None
+        self.consensuses: dict[tuple[str, str], Consensus] = {}
+        self.team.bus.spies.append(self._take)
+        self.card = self.team.run()
+        assert self.team.world.why == ""
+
+    def _take(self, envelope: Envelope) -> None:
+        if "/status/board-a" in envelope.key:
+            self.status = decode(Status, envelope.payload)
+        elif "/consensus/" in envelope.key or "/agreed/" in envelope.key:
+            consensus = decode(Consensus, envelope.payload)
+            self.consensuses[consensus.level, consensus.subject] = consensus
+
+
+@pytest.fixture(scope="module")
+def calm() -> Said:
+    return Said(scenario())
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault["kind"]))
+def test_the_same_seed_is_the_same_run_in_any_order_and_another_one_than_without(
+    calm: Said, fault: dict[str, Any]
+) -> None:
+    one, other = (Said(scenario(fault, seconds=5.0), shuffle) for shuffle in (None, 4))
+    assert one.card["hash"] == other.card["hash"]
+    assert one.card["hash"] != Said(scenario(seconds=5.0)).card["hash"]
+
+
+@pytest.mark.parametrize("fusion", ["opinions", "joint"])
+def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(fusion: str) -> None:
+    said = Said(scenario(LIE, fusion=fusion))
+    assert said.status is not None
+    assert {it.source for it in said.status.dissent} == {"r5"}
+    levels = {it.level for it in said.status.dissent}
+    assert ("agreed" if fusion == "joint" else "consensus") in levels
+    for it in said.status.dissent:
+        assert it.since < 12.0
+        assert it.sigmas > 3.0
+        assert it.weight < 0.6
+    assert {it.source for it in said.consensuses["consensus", "robot/r5"].dissent} <= {"r5"}
+    assert any("r5" in {it.source for it in c.dissent} for c in said.consensuses.values())
+
+
+def test_the_honest_are_scored_alone_and_the_liar_beside_them(calm: Said) -> None:
+    said, honest = Said(scenario(LIE)), Said(without_faults(scenario(LIE)))
+    assert honest.card["hash"] == calm.card["hash"]
+    assert list(said.card["scores"]) == ["robots", "objects", "faulty"]
+    assert list(said.card["scores"]["robots"]["by_name"]) == ["r1", "r2", "r3", "r4"]
+    assert list(said.card["scores"]["faulty"]["by_name"]) == ["r5"]
+    assert "faulty" not in calm.card["scores"]
+    assert "faulty agreed" in text(said.card)
+    lied_to, alone = (it.card["scores"]["robots"]["agreed"]["rmse"] for it in (said, honest))
+    assert alone < lied_to < said.card["scores"]["faulty"]["agreed"]["rmse"] / 3
+
+
+def test_a_silent_process_is_waited_for_and_then_no_longer_and_takes_part_again() -> None:
+    it = scenario({"kind": "freeze", "what": "process", "robot": "r5", "start": 2, "end": 4}, seconds=6.0)
+    said = Said(it)
+    assert said.card["counters"]["given_up"] == 1
+    assert said.team.world.members.given_up == set()
+    assert said.card["missing"]["robot/r5"]["solo"] >= 3
+
+
+def test_a_skewed_robot_is_refused_by_its_stamp_and_says_so_in_the_board_s_status() -> None:
+    said = Said(scenario({"kind": "skew", "robot": "r5", "seconds": 3}, seconds=4.0))
+    assert said.status is not None
+    assert said.status.refused["future"] > 0
+
+
+def test_names_without_a_token_do_not_vote(calm: Said) -> None:
+    """One process speaks for ten robots that hold no token, all at one wrong place: no bit changes."""
+    team = Team(scenario())
+    busy = False
+
+    def invent(envelope: Envelope) -> None:
+        nonlocal busy
+        if busy or "/report/r5/robot/r5" not in envelope.key:
+            return
+        busy = True
+        said = decode(Report, envelope.payload)
+        for k in range(10):
+            wrong = said.model_copy(update={"source": f"x{k}", "subject": "robot/r1"})
+            team.bus.send(Envelope(f"cop/t/a/report/x{k}/robot/r1", encode(wrong)))
+        busy = False
+
+    team.bus.spies.append(invent)
+    assert team.run()["hash"] == calm.card["hash"]
+    assert team.boards["a"].refused["unregistered"] > 0
+
+
+def test_one_token_is_one_opinion_on_a_subject_however_often_it_speaks() -> None:
+    """What a robot reports under its own name replaces what it said before, and never adds to it."""
+    team, seen = Team(scenario(seconds=3.0)), set[int]()
+
+    def look(envelope: Envelope) -> None:
+        if "/consensus/" in envelope.key:
+            consensus = decode(Consensus, envelope.payload)
+            for source in {used.source for used in consensus.used}:
+                seen.add(sum(used.source == source and used.how == "independent" for used in consensus.used))
+
+    team.bus.spies.append(look)
+    team.run()
+    assert seen <= {0, 1}

@@ -1,0 +1,63 @@
+"""A robot in two sub-teams: what both boards agree on is as good as what one board with all robots makes of the same run."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from blackboard.config import Scenario
+from blackboard.lab.team import Team
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Consensus
+
+PRODUCT = {"independence": 1.0, "gate": 50.0}
+
+
+def scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
+    """Robots that take nothing back, so that what they report is the same whatever their boards do."""
+    return Scenario(
+        {
+            "team": {"name": "t", "sub_teams": sub_teams},
+            "grid": {"shape": [24, 24]},
+            "time": {"tick": 0.5, "seconds": 2.0},
+            "world": {"seed": 3},
+            "board": {"feedback": "off", **PRODUCT, **board},
+        }
+    )
+
+
+def agreed(sub_teams: dict[str, list[str]], **board: object) -> dict[str, dict[tuple[int, str], Consensus]]:
+    """Sub-team -> tick and subject -> what was agreed, in a run to the end."""
+    team = Team(scenario(sub_teams, **board))
+    found: dict[str, dict[tuple[int, str], Consensus]] = {sub_team: {} for sub_team in sub_teams}
+
+    def record(envelope: Envelope) -> None:
+        if "/agreed/" in envelope.key:
+            it = decode(Consensus, envelope.payload)
+            found[it.sub_team][it.tick, it.subject] = it
+
+    team.bus.spies.append(record)
+    team.run()
+    assert team.world.why == ""
+    assert [it.counters["late"] for it in team.boards.values()] == [0] * len(sub_teams)
+    return found
+
+
+COVERS = ({"a": ["r1", "r2"], "b": ["r2", "r3"]}, {"a": ["r1", "r2"], "b": ["r2", "r3"], "c": ["r3", "r1"]})
+
+
+@pytest.mark.parametrize(("cover", "fusion"), [(COVERS[0], "opinions"), (COVERS[1], "opinions"), (COVERS[1], "joint")])
+def test_an_overlapping_cover_agrees_on_what_one_board_would(cover: dict[str, list[str]], fusion: str) -> None:
+    (one,) = agreed({"a": ["r1", "r2", "r3"]}, fusion=fusion).values()
+    boards = agreed(cover, fusion=fusion)
+    for found in boards.values():
+        assert found.keys() == one.keys()
+        for name, it in found.items():
+            assert it.belief == boards["a"][name].belief, name
+            gap = it.entropy - one[name].entropy
+            assert gap <= (1e-6 if it.rule == "joint" else 0.05), (name, gap)
+            assert set(it.ancestors) == set(one[name].ancestors)
+    entropies = [sum(it.entropy for it in found.values()) / len(found) for found in (one, boards["a"])]
+    assert math.isclose(*entropies, abs_tol=0.02)

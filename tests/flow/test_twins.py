@@ -1,0 +1,238 @@
+"""Two boards of each sub-team: one speaks, whoever dies, and the beliefs are those of a team with one board each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blackboard.lab.team import Team, board
+from blackboard.net.bus import BusLink
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Consensus
+from tests.flow.test_team import SCENARIO
+
+LONGER = SCENARIO.changed("time", seconds=4.0)  # ticks 0 to 8
+FUSIONS = ("opinions", "joint")
+Key = tuple[str, str, str, int]  # sub-team, level, subject, tick
+
+
+class Stream:
+    """Every consensus of a run as consumers get it, in the order of sending."""
+
+    def __init__(self, team: Team) -> None:
+        self.sent: list[Consensus] = []
+        team.bus.spies.append(self._record)
+
+    def _record(self, envelope: Envelope) -> None:
+        if "/consensus/" in envelope.key or "/agreed/" in envelope.key:
+            self.sent.append(decode(Consensus, envelope.payload))
+
+    @staticmethod
+    def key(it: Consensus) -> Key:
+        return it.sub_team, it.level, it.subject, it.tick
+
+    @property
+    def beliefs(self) -> dict[Key, Consensus]:
+        """The consensus of each key, without the name of its board."""
+        return {self.key(it): it.model_copy(update={"board": ""}) for it in self.sent}
+
+    def check(self) -> None:
+        """One stream: nothing goes back in time, and what is said again, to a Clock that is repeated, is the same."""
+        first: dict[Key, Consensus] = {}
+        newest: dict[tuple[str, str, str], int] = {}
+        for it in self.sent:
+            where = it.sub_team, it.level, it.subject
+            assert it.tick >= newest.get(where, -1), it
+            assert first.setdefault(self.key(it), it) == it
+            newest[where] = it.tick
+
+    def boards(self, sub_team: str) -> list[str]:
+        """Who spoke for a sub-team, by tick."""
+        by_tick = {it.tick: it.board for it in self.sent if it.sub_team == sub_team}
+        return [by_tick[tick] for tick in sorted(by_tick)]
+
+
+def pair(fusion: str, mode: str = "lockstep", boards: int = 2) -> Team:
+    scenario = LONGER.changed("team", boards=boards).changed("board", fusion=fusion).changed("time", mode=mode)
+    return Team(scenario)
+
+
+def is_clean(team: Team) -> None:
+    """Nobody was late, and nobody refused anything."""
+    assert team.world.why == ""
+    services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
+    assert [(it.counters["late"], +it.refused) for it in services] == [(0, Counter())] * len(services)
+
+
+@pytest.fixture(scope="module", params=FUSIONS)
+def calm(request: pytest.FixtureRequest) -> tuple[str, str, dict[Key, Consensus]]:
+    """A fusion, and the hash and the beliefs of a team with one board each."""
+    team = pair(request.param, boards=1)
+    stream = Stream(team)
+    team.run()
+    return request.param, team.world.referee.hash, stream.beliefs
+
+
+def test_a_second_board_changes_not_a_bit(calm: tuple[str, str, dict[Key, Consensus]]) -> None:
+    team = pair(calm[0])
+    stream = Stream(team)
+    team.run()
+    stream.check()
+    is_clean(team)
+    assert team.world.referee.hash == calm[1]
+    assert [team.boards[name].lead.leads for name in ("a", "a2", "b", "b2")] == [True, False, True, False]
+    assert set(stream.boards("a")) == {"board-a"}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_order_of_arrival_decides_nothing(seed: int) -> None:
+    found = set()
+    for shuffle in (None, np.random.default_rng(seed)):
+        team = pair("opinions")
+        team.run_until(lambda team=team: not team.bus.waiting)  # type: ignore[misc]  # everybody knows everybody
+        team._shuffle = shuffle
+        team.run()
+        found.add(team.world.referee.hash)
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize("tick", [0, 3])
+def test_the_death_of_a_leader_costs_no_tick_in_lockstep(
+    calm: tuple[str, str, dict[Key, Consensus]], tick: int
+) -> None:
+    team = pair(calm[0])
+    stream = Stream(team)
+    team.run_until(lambda: team.world.tick == tick)
+    team.leave(team.boards.pop("a"))
+    began = team.now
+    team.run_until(lambda: bool(team.boards["a2"].lead.leads))
+    assert team.now - began < 1.0
+    team.run()
+    stream.check()
+    is_clean(team)
+    assert stream.beliefs == calm[2]
+    assert stream.boards("a")[-1] == "board-a2"
+
+
+@pytest.mark.parametrize("sent", [0, 5, 10])
+def test_a_leader_may_die_in_the_middle_of_what_it_says(sent: int) -> None:
+    """What was on its way from it is lost: every belief is there, by one board or by the other."""
+    whole, team = pair("opinions", boards=1), pair("opinions")
+    calm, stream = Stream(whole), Stream(team)
+    whole.run()
+    dying, count = team.boards["a"], Counter[str]()
+
+    def lose(envelope: Envelope) -> bool:
+        mine = any(f"/a/{kind}" in envelope.key for kind in ("consensus/", "agreed/", "status/board-a"))
+        if team.world.tick == 3 and mine and not envelope.key.endswith("board-a2"):
+            count["mine"] += 1
+        return team.world.tick >= 3 and mine and count["mine"] > sent and not team.boards["a2"].lead.leads
+
+    team.bus.lose = lose
+    team.run_until(lambda: count["mine"] >= sent and team.world.tick >= 3)
+    team.leave(dying)
+    team.boards.pop("a")
+    team.run()
+    assert team.world.why == ""
+    assert stream.beliefs == calm.beliefs
+    assert team.boards["a2"].counters["late"] == team.boards["b"].counters["late"] == 0
+
+
+def test_who_comes_back_follows_and_takes_over_in_turn(calm: tuple[str, str, dict[Key, Consensus]]) -> None:
+    team = pair(calm[0])
+    stream = Stream(team)
+    team.run_until(lambda: team.world.tick == 2)
+    team.leave(team.boards["a"])
+    team.run_until(lambda: team.world.tick == 4)
+    back = team.boards["a"] = board(team.scenario, "a", "board-a")
+    team.join(back)
+    team.run_until(lambda: team.world.tick == 6)
+    assert (back.lead.leads, team.boards["a2"].lead.leads) == (False, True)
+    team.leave(team.boards.pop("a2"))
+    team.run()
+    stream.check()
+    assert team.world.why == ""
+    spoke = stream.boards("a")
+    assert (spoke[0], spoke[5], spoke[-1]) == ("board-a", "board-a2", "board-a")
+    assert {key[3] for key in stream.beliefs} == set(range(9))
+    if calm[0] == "opinions":  # a joint begins with what robots say of themselves
+        assert stream.beliefs == calm[2]
+
+
+def test_a_board_that_comes_back_at_once_does_not_lead_with_nothing() -> None:
+    """Its token was away for less than the grace: the others never saw it go."""
+    team = pair("opinions")
+    stream = Stream(team)
+    team.run_until(lambda: team.world.tick == 3)
+    team.leave(team.boards["a"])
+    back = team.boards["a"] = board(team.scenario, "a", "board-a")
+    team.join(back)
+    team.run()
+    stream.check()
+    assert team.world.why == ""
+    assert stream.boards("a")[3:] == ["board-a2"] * 6
+
+
+@pytest.mark.parametrize(("fusion", "tick"), [("opinions", 1), ("joint", 4)])
+def test_in_real_time_the_death_of_a_leader_costs_two_ticks_at_most(fusion: str, tick: int) -> None:
+    team = pair(fusion, "realtime")
+    stream = Stream(team)
+    team.run_until(lambda: team.world.tick == tick)
+    team.leave(team.boards.pop("a"))
+    team.run()
+    stream.check()
+    assert team.world.why == ""
+    assert not any(it.refused for it in team.boards.values())
+    assert not any(it.refused for it in team.robots.values())
+    agreed = {(it.sub_team, it.tick) for it in stream.sent if it.level == "agreed" and it.subject == "robot/r1"}
+    assert len({t for sub_team, t in agreed if sub_team == "a"}) >= 9 - 2
+    missing = team.world.referee.missing().get("robot/r1", {}).get("agreed", 0)
+    assert missing <= 2
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_frozen_leader_is_given_up_and_follows_when_it_thaws(mode: str) -> None:
+    team = pair("opinions", mode)
+    stream = Stream(team)
+    team.run_until(lambda: team.world.tick == 3)
+    frozen = team.boards["a"]
+    link = team._links.pop(frozen)
+    held, since = [], team.now
+    deliver = team.bus.deliver
+
+    def hold(to: BusLink, envelope: Envelope) -> None:
+        held.append(envelope) if to is link else deliver(to, envelope)
+
+    team.bus.deliver = hold  # type: ignore[method-assign, assignment]
+    team.bus.waiting = [(to, e) for to, e in team.bus.waiting if to is not link]
+    team.run_until(lambda: bool(team.boards["a2"].lead.leads))
+    assert team.now - since < 8.0
+    later = team.world.tick
+    team.run_until(lambda: team.world.done or team.world.tick >= min(later + 2, 8))
+    team.bus.deliver = deliver  # type: ignore[method-assign]
+    team._links[frozen] = link
+    for envelope in held:
+        deliver(link, envelope)
+    team.run_until(lambda: frozen.lead.leads is False)
+    team.run_until(lambda: team.world.done)
+    stream.check()
+    assert team.world.why == ""
+    assert (frozen.lead.leads, team.boards["a2"].lead.leads) == (False, True)
+
+
+def test_a_router_that_is_away_moves_no_lead() -> None:
+    team = pair("opinions")
+    team.run_until(lambda: team.world.tick == 3)
+    before = {name: (it.lead.leads, it.lead.term) for name, it in team.boards.items()}
+    tokens = [token for link in team.bus.links for token in link.tokens]
+    for kind in (Kind.GONE, Kind.ALIVE):
+        for token in tokens:
+            team.bus.announce(token, kind)
+        team.run_until(lambda: not team.bus.waiting)
+    team.run()
+    assert team.world.why == ""
+    assert {name: (it.lead.leads, it.lead.term) for name, it in team.boards.items()} == before

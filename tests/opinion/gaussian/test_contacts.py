@@ -1,0 +1,128 @@
+"""Contacts: honest pairs agree, a liar contradicts whoever sees it, and one misread sighting changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blackboard.opinion.gaussian.contacts import MISREAD, Claim, Contacts
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Nuisance, entering
+from blackboard.opinion.grid import Array
+
+PLACE, SIGHTING = 1.2, 1.0  # sigmas of a robot's place and of a sighting, per axis
+NOTHING = np.zeros((2, 2))
+
+
+def own(at: Array) -> Claim:
+    return Claim(at, np.eye(2) * PLACE**2, NOTHING)
+
+
+def seen(at: Array) -> Claim:
+    return Claim(at, np.eye(2) * PLACE**2, np.eye(2) * SIGHTING**2)
+
+
+def corrected(contacts: Contacts, robot: str, share: float) -> None:
+    """New evidence that leaves this share of the error of a robot's place."""
+    belief = entering(Moments(np.zeros(3), np.eye(3)), Nuisance())
+    information = np.zeros((STATES, STATES))
+    information[AXES, AXES] = np.eye(2) * (1 - share)
+    contacts.correct(robot, belief, Increment(np.zeros(STATES), information, np.zeros(STATES)))
+
+
+def watch(lie: float, seed: int, seconds: int = 12, each: int = 5) -> list[bool]:
+    """Whether a witness and a robot contradict each other, after each tick; both correct their places every `each` ticks."""
+    chance, contacts, found = np.random.default_rng(seed), Contacts(), []
+    errors = {name: chance.normal(0, PLACE, 2) for name in ("liar", "witness")}
+    for tick in range(seconds * each):
+        if tick and tick % each == 0:
+            for name, error in errors.items():
+                corrected(contacts, name, 0.5)
+                errors[name] = 0.5 * error + chance.normal(0, PLACE * 0.75**0.5, 2)
+        claims = {
+            "liar": own(errors["liar"] + [lie, 0.0]),
+            "witness": seen(errors["witness"] + chance.normal(0, SIGHTING, 2)),
+        }
+        contacts.judge(claims)
+        found.append(contacts.contradict("witness", "liar"))
+    return found
+
+
+def test_honest_pairs_hardly_ever_contradict_each_other() -> None:
+    assert np.mean([any(watch(0.0, seed)) for seed in range(200)]) < 0.03
+
+
+def test_a_liar_is_found_out_by_a_single_witness() -> None:
+    runs = np.array([watch(8.0, seed) for seed in range(200)])
+    assert runs[:, 4].mean() > 0.7, "within the first five sightings"
+    assert runs[:, -1].mean() > 0.97
+
+
+def test_what_lasts_does_not_become_certain_by_being_repeated() -> None:
+    """Two robots that stay off by 2.5 sigma together, and learn nothing, say the same a hundred times."""
+    contacts = Contacts()
+    for _ in range(100):
+        contacts.judge({"one": own(np.array([2.5 * PLACE * 2**0.5, 0.0])), "other": seen(np.zeros(2))})
+    assert not contacts.contradict("one", "other")
+
+
+@pytest.mark.parametrize("claims", [1, MISREAD])
+def test_misread_sightings_of_a_pair_that_agrees_change_nothing(claims: int) -> None:
+    contacts = Contacts()
+    for at in [0.0] * 5 + [30.0] * claims + [0.0] * 5:
+        contacts.judge({"one": own(np.zeros(2)), "other": seen(np.array([at, 0.0]))})
+        assert not contacts.contradict("one", "other")
+
+
+def test_a_robot_that_begins_to_lie_is_found_out_and_both_are_named_once() -> None:
+    contacts, parted = Contacts(), []
+    for at in [0.0] * 20 + [12.0] * 10:
+        parted.append(contacts.judge({"one": own(np.array([at, 0.0])), "other": seen(np.zeros(2))}))
+    assert parted.count({"one", "other"}) == 1
+    assert sum(map(len, parted)) == 2
+    assert contacts.contradict("other", "one")
+
+
+def test_a_pair_that_contradicts_from_the_first_has_spoilt_nothing() -> None:
+    contacts = Contacts()
+    assert contacts.judge({"one": own(np.array([30.0, 0.0])), "other": seen(np.zeros(2))}) == set()
+    assert contacts.contradict("one", "other")
+
+
+def test_a_robot_that_begins_anew_is_believed_again() -> None:
+    contacts = Contacts()
+    contacts.judge({"one": own(np.array([30.0, 0.0])), "other": seen(np.zeros(2)), "third": seen(np.zeros(2))})
+    assert contacts.contradict("one", "third")
+    contacts.forget("one")
+    assert not contacts.contradict("one", "other")
+    assert not contacts.contradict("other", "third")
+
+
+def told(contradicting: str, agreeing: str) -> Contacts:
+    """Robots a to z, of which pairs such as "ab" contradict each other or agree."""
+    contacts = Contacts()
+    for pairs, apart in ((contradicting, 30.0), (agreeing, 0.0)):
+        for pair in pairs.split():
+            one, other = pair[0], pair[1]
+            contacts.judge({one: own(np.zeros(2)), other: seen(np.array([apart, 0.0]))})
+    return contacts
+
+
+@pytest.mark.parametrize(
+    ("contradicting", "agreeing", "out"),
+    [
+        ("", "ab bc", ""),
+        ("ax", "ab", "x"),  # one witness, whom another robot confirms
+        ("ax", "", ""),  # one word against another
+        ("ax bx", "", "x"),
+        ("ax bx cx dx", "ab cd", "x"),
+        ("ax ay bx by", "ab xy", ""),  # two camps
+        ("ax bx ay by cy", "ab bc xy", "xy"),
+        ("ax", "ab xy", ""),
+    ],
+)
+def test_who_is_contradicted_by_better_confirmed_robots_is_left_out(
+    contradicting: str, agreeing: str, out: str
+) -> None:
+    assert told(contradicting, agreeing).left_out() == set(out)

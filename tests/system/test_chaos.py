@@ -1,0 +1,47 @@
+"""A short form of the table of network trouble, as a person gets it: real processes behind proxies, on 127.0.0.1."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+
+from tests.processes import Program, program, wait_until
+
+SCENARIO = """
+[team]
+name = "storm"
+[team.sub_teams]
+a = ["r1", "r2"]
+b = ["r3"]
+[time]
+tick = 0.2
+"""
+
+
+def _has_ended(case: Program) -> bool:
+    return case.running.poll() is not None
+
+
+def test_two_sites_go_on_by_themselves_and_a_killed_robot_comes_back(tmp_path: Path) -> None:
+    """Both cases at the same time, because most of their time is waiting. That all is settled again is the exit status."""
+    scenario = tmp_path / "storm.toml"
+    scenario.write_text(SCENARIO)
+    command = ("-m", "blackboard", "chaos", str(scenario), "--json", "--only")
+    with program(*command, "sites") as partition, program(*command, "kill-robot") as killing:
+        cases = {"sites": partition, "kill-robot": killing}
+        found = {}
+        for name, case in cases.items():
+            wait_until(partial(_has_ended, case), f"{name} is done", 100)  # it takes 25
+            assert case.ends() == 0, case.err
+            (found[name],) = json.loads(case.out)["rows"]
+    assert {row["case"] for row in found.values()} == set(cases)
+    assert all(row["recovery"] is not None and row["samples"] > 0 for row in found.values())
+    # the partition was real, and of 2 x 3 robots each site had its own all the time: at least (2 + 1) / 6
+    assert 0.5 < found["sites"]["settled"] < 0.99
+
+
+def test_a_case_that_does_not_exist_is_one_line() -> None:
+    with program("-m", "blackboard", "chaos", "--only", "storm") as wrong:
+        assert wrong.ends() == 2
+    assert wrong.err.strip().splitlines()[-1].startswith("error: --only storm: no such case; choose from calm, ")

@@ -1,0 +1,54 @@
+"""docs/client.md to the letter: its commands run, its Python runs, and what it says that is printed is printed."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from contextlib import ExitStack
+from pathlib import Path
+
+from blackboard.config import Scenario
+from blackboard.opinion.grid import Anchor
+from blackboard.run.launch import free_port
+from examples import draw_beliefs
+from tests.processes import ROOT, program
+
+PAGE = (ROOT / "docs" / "client.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+COMMANDS = re.findall(r"^    blackboard (.+)$", PAGE, re.MULTILINE)
+
+
+def test_every_line_of_the_page_does_what_it_says() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    assert [command.split()[0] for command in COMMANDS] == ["router", "serve"]
+    page = "\n".join(BLOCKS).replace("tcp/127.0.0.1:7447", endpoint)
+    with ExitStack() as running:
+        for command in COMMANDS:
+            arguments = shlex.split(command.replace("tcp/127.0.0.1:7447", endpoint))
+            running.enter_context(program("-m", "blackboard", *arguments)).says("ready")
+        client = running.enter_context(program("-c", page))
+        assert client.ends() == 0, client.err
+    lines = client.out.splitlines()
+    for told in re.findall(r"# prints (.+)$", page, re.MULTILINE):
+        assert any(told in line for line in lines), f"{told!r} is not printed: {lines}"
+
+
+def test_the_five_lines_are_five() -> None:
+    assert len([line for line in BLOCKS[0].splitlines() if line]) == 5
+
+
+def test_its_scenario_is_one() -> None:
+    import tomllib
+
+    found = re.search(r"^    \[grid\].*?(?=^\S)", PAGE, re.MULTILINE | re.DOTALL)
+    assert found
+    grid = Scenario(tomllib.loads(re.sub(r"^    ", "", found[0], flags=re.MULTILINE))).grid
+    assert (grid.frame, grid.anchor) == ("map", Anchor(59.3493, 18.0707, 90.0))
+
+
+def test_its_pictures_are_those_that_the_command_draws() -> None:
+    folder = ROOT / "docs" / "beliefs"
+    shown = {Path(name).stem for name in re.findall(r"\]\(beliefs/(.+?)\)", PAGE)}
+    drawn = draw_beliefs.pictures()
+    assert shown == set(drawn) == {file.stem for file in folder.iterdir()}
+    assert {name: (folder / f"{name}.svg").read_text(encoding="utf-8") for name in drawn} == drawn

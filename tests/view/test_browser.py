@@ -1,0 +1,210 @@
+"""The page in a real headless Chromium, which looks at the golden tape and at a team that runs on a bus. Skipped where there is none."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blackboard.tape.file import read
+from blackboard.view.feed import TapeFeed
+from blackboard.view.fold import Fold, TeamFold
+from blackboard.view.moments import Moment
+from blackboard.wire.arrays import unpack
+from blackboard.wire.envelope import Envelope, Kind
+from tests.view.browser import FOUND, MISSING, Browser, browser
+from tests.view.recorded import recorded
+from tests.view.serving import served
+
+GOLDEN = Path(__file__).parent.parent / "tape" / "golden.mcap"
+
+pytestmark = pytest.mark.skipif(FOUND is None, reason=MISSING)
+
+
+class Live:
+    """A team that runs: it has told a whole run, and then whatever is put into `news`. Time is that of this machine."""
+
+    done: bool | None = None
+    skipped = 0
+
+    def __init__(self) -> None:
+        self.fold, self.news = Fold(), queue.Queue[Envelope]()
+        for envelope, _ in recorded():
+            self.fold.take(envelope, self.now)
+
+    @property
+    def now(self) -> float:
+        return time.time()
+
+    def receive(self) -> Sequence[tuple[float, Envelope]]:
+        try:
+            return [(self.now, self.news.get(timeout=0.05))]
+        except queue.Empty:
+            return []
+
+    def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
+        for at, envelope in envelopes:
+            self.fold.take(envelope, at)
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    with browser() as found:
+        found.size(1280, 800)
+        yield found
+
+
+@pytest.fixture
+def look(chromium: Browser) -> Iterator[Callable[[str], Browser]]:
+    """Open an address. At the end of the test the page must have complained of nothing, and asked nobody else."""
+    hosts: set[str] = set()
+
+    def opened(url: str) -> Browser:
+        hosts.add(url.split("/")[2])
+        chromium.open("about:blank")  # a change behind the # alone opens nothing
+        chromium.open(url)
+        chromium.wait("document.readyState === 'complete' && window.page && page.state.shown && page.state.subject")
+        return chromium
+
+    yield opened
+    chromium.open("about:blank")
+    errors, asked = chromium.errors[:], set(chromium.hosts)
+    chromium.errors.clear()
+    chromium.hosts.clear()
+    # a page may ask once more while its server stops
+    assert [it for it in errors if "ERR_CONNECTION_REFUSED" not in it] == []
+    assert asked == hosts
+
+
+def taped() -> TeamFold:
+    fold = Fold()
+    for at, envelope in read(GOLDEN):
+        fold.take(envelope, at)
+    return fold.teams["demo"]
+
+
+def check_shown(page: Browser, moment: Moment) -> None:
+    """The page draws this moment: each agreed belief's peak, and a contour around the truth where it is in the region."""
+    for name, about in moment.subjects.items():
+        if about.best is None or about.truth is None:
+            continue
+        belief = f"page.best(page.state.shown.subjects['{name}'])"
+        p = unpack(about.best.message.belief).p
+        assert p[tuple(page.get(f"page.peak({belief})"))] == pytest.approx(p.max(), rel=0.03), name
+        grid, score = about.best.message.belief.grid, about.scores.get("agreed")
+        x, y = ((place - low) / grid.cell for place, low in zip(about.truth, grid.origin, strict=True))
+        if score is not None and score.denser < 0.85:  # well inside, and not at the edge of a cell
+            assert around(np.array(page.get(f"page.contour({belief})")), x, y), name
+
+
+def around(pieces: np.ndarray, x: float, y: float) -> bool:
+    """Whether pieces (x, y, x, y) of closed lines go around a point, or near it: a ray to the right crosses them an odd number of times."""
+    x1, y1, x2, y2 = pieces.T
+    crosses = (y1 > y) != (y2 > y)
+    at = x1[crosses] + (x2 - x1)[crosses] * (y - y1[crosses]) / (y2 - y1)[crosses]
+    near = float(np.min(np.hypot(x1 - x, y1 - y)))
+    return int(np.count_nonzero(at > x)) % 2 == 1 or near < 0.75
+
+
+def test_a_tape_is_shown_from_its_beginning_and_scrubbed(look: Callable[[str], Browser]) -> None:
+    moments = list(taped().moments)
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(url)
+        page.wait("page.state.done && page.state.shown.name")
+        assert page.get("page.history.moments.map((it) => it.tick)") == [moment.tick for moment in moments]
+        assert page.get("page.state.shown.tick") == moments[0].tick
+        for place in (9, 3, len(moments) - 1):
+            page.get(
+                f"(() => {{ const it = document.getElementById('scrub'); it.value = {place}; it.oninput({{ target: it }}); }})()"
+            )
+            page.wait(
+                f"page.state.shown.tick === {moments[place].tick} && page.state.shown.chosen === page.state.subject"
+            )
+            check_shown(page, moments[place])
+        page.get("[...document.querySelectorAll('#subjects button')].find((it) => it.title === 'robot/r1').click()")
+        page.wait("page.state.shown.chosen === 'robot/r1' && document.getElementById('matrix').children.length >= 2")
+        assert "tick=" in page.get("location.hash")
+
+
+def test_a_tape_is_played_at_a_speed_to_its_end(look: Callable[[str], Browser]) -> None:
+    last = list(taped().moments)[-1]
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(url)
+        page.wait("page.state.done && page.state.shown.name")
+        for _ in range(3):
+            page.press("+")
+        assert page.get("page.state.speed") == 10
+        page.press(" ")
+        page.wait(f"!page.state.playing && page.state.shown.tick === {last.tick}")
+        page.press("Home")
+        page.wait("page.state.shown.tick === page.history.moments[0].tick")
+
+
+def test_a_link_leads_to_a_moment_and_its_reasons(look: Callable[[str], Browser]) -> None:
+    moment = list(taped().moments)[6]
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(f"{url}#subject=robot/r2&run={moment.run}&tick={moment.tick}")
+        page.wait(f"page.state.done && page.state.shown.tick === {moment.tick} && page.state.shown.name")
+        check_shown(page, moment)
+        reasons = "document.getElementById('why')"  # those of the newest moment stand there until these have come
+        page.wait(
+            f"{reasons}.children.length > 2 && {reasons}.textContent.startsWith('robot/r2 in tick {moment.tick} ')"
+        )
+
+
+def test_a_killed_robot_is_shown_as_gone_within_two_seconds(look: Callable[[str], Browser]) -> None:
+    live = Live()
+    tokens = [
+        envelope.key for envelope, _ in recorded() if envelope.kind is Kind.ALIVE and envelope.key.endswith("/r2")
+    ]
+    with served(live, "t") as url:
+        page = look(url)
+        row = "[...document.querySelectorAll('#processes tr')].find((it) => it.textContent.startsWith('r2'))"
+        assert page.wait(f"{row}.children[1].textContent") in ("alive", "silent")
+        killed = time.monotonic()
+        for token in tokens:
+            live.news.put(Envelope(token, kind=Kind.GONE))
+        page.wait(f"{row}.children[1].textContent === 'gone'")
+        assert time.monotonic() - killed < 2.0
+        assert page.get("document.querySelector('#pulse [title^=r2]').className") == "robot gone"
+        assert "r2 is gone" in page.get("document.getElementById('latest').textContent")
+
+
+def test_a_live_page_goes_back_and_returns_to_now(look: Callable[[str], Browser]) -> None:
+    live = Live()
+    moments = list(live.fold.teams["t"].moments)
+    with served(live, "t") as url:
+        page = look(url)
+        page.wait(f"page.history.moments.length === {len(moments)} && page.state.connected")
+        check_shown(page, moments[-1])
+        page.press("Home")
+        page.wait(f"page.state.shown.tick === {moments[0].tick} && page.state.shown.name")
+        check_shown(page, moments[0])
+        assert page.get("document.getElementById('state').textContent") == "paused"
+        page.press("End")
+        page.wait(f"!page.state.paused && page.state.shown.tick === {moments[-1].tick}")
+        assert page.get("document.getElementById('state').textContent") == "live"
+
+
+@pytest.mark.parametrize(("width", "height", "phone"), [(1280, 800, False), (390, 844, True)])
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_nothing_is_wider_than_the_window(
+    look: Callable[[str], Browser], width: int, height: int, phone: bool, theme: str
+) -> None:
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(url)
+        page.size(width, height, phone=phone)
+        try:
+            page.wait("page.state.done && page.state.shown.name")
+            if page.get("document.documentElement.dataset.theme") != theme:
+                page.press("t")
+            page.wait(f"document.documentElement.dataset.theme === '{theme}'")
+            sizes: list[Any] = [page.get(f"document.documentElement.{it}") for it in ("scrollWidth", "clientWidth")]
+            assert sizes[0] <= sizes[1] <= width
+        finally:
+            page.size(1280, 800)

@@ -1,0 +1,103 @@
+"""What the page shows of a team: when a frame is due, what browsers share of it, and what can be gone back to."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from blackboard.view.frame import frame, line
+from blackboard.view.web.frames import BEAT, LEAST_GAP, Frames
+from tests.view.recorded import folded, team_of
+from tests.view.test_told import read
+
+
+def remembered() -> Frames:
+    """The frames of a run that was looked at after each envelope."""
+    fold = folded()
+    moments = list(fold.teams["t"].moments)
+    frames = Frames(fold, "t")
+    fold.teams["t"].moments.clear()
+    for n, moment in enumerate(moments):
+        fold.teams["t"].moments.add(moment)
+        fold.teams["t"].processes["robot", "r1"].tick = 1000 + n
+        frames.remember(moment.at)
+    return frames
+
+
+def past(frames: Frames, begin: int = 0) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(frames.past(begin))
+    return found
+
+
+def test_frames_come_with_news_not_faster_than_can_be_seen_and_at_least_every_beat() -> None:
+    fold = folded()
+    frames = Frames(fold, "t")
+    assert frames.look(100.0, 7.0)
+    assert not frames.look(100.0 + BEAT / 2, 7.0)  # nothing new
+    assert frames.look(100.0 + BEAT, 7.0)
+    fold.teams["t"].changes += 1
+    assert not frames.look(100.0 + BEAT + LEAST_GAP / 2, 7.0)  # too soon
+    assert frames.look(100.0 + BEAT + LEAST_GAP + 1e-6, 7.0)
+    assert frames.number == 3
+
+
+def test_a_frame_has_all_beliefs_of_the_chosen_subject_and_one_of_the_others() -> None:
+    frames = Frames(folded(), "t")
+    frames.look(1.0, 1e9)
+    whole, _ = read(frame(frames.team, frames.team.moments.newest, 1, 1e9))
+    for chosen in ("robot/r1", "object/ball", "nothing"):
+        header, cells = read(frames.newest(chosen))
+        assert frames.newest(chosen) is frames.newest(chosen)  # made once
+        assert len(cells) == sum(b["box"][0] * b["box"][1] for it in header["subjects"].values() for b in it["beliefs"])
+        for name, it in header["subjects"].items():
+            beliefs = whole["subjects"][name]["beliefs"]
+            assert it == {**whole["subjects"][name], "beliefs": beliefs if name == chosen else beliefs[:1]}
+
+
+def test_every_moment_has_a_line_and_late_askers_get_the_rest() -> None:
+    frames, moments = remembered(), list(team_of().moments)
+    found = past(frames)
+    assert (found["first"], found["made"]) == (0, len(moments))
+    assert found["lines"] == [json.loads(json.dumps(line(moment))) for moment in moments]
+    assert past(frames, 2)["lines"] == found["lines"][2:]
+    assert past(frames, 99) == {"first": 99, "made": len(moments), "lines": []}
+
+
+def test_one_can_go_back_to_a_moment_with_the_processes_and_events_of_then() -> None:
+    frames, moments = remembered(), list(team_of().moments)
+    frames.team.clock = None  # the world has ended since
+    for n, moment in enumerate(moments):
+        found = frames.at(moment.run, moment.tick, "robot/r1")
+        assert found is not None
+        header, _ = read(found)
+        assert (header["tick"], header["mode"]) == (moment.tick, "lockstep")
+        assert next(it["tick"] for it in header["processes"] if it["name"] == "r1") == 1000 + n
+        assert all(event["at"] <= moment.at for event in header["events"])
+        assert header["subjects"]["robot/r1"]["beliefs"][0]["tick"] == moment.tick
+    assert frames.at(moments[0].run, 999, "") is None
+    assert frames.at("another", moments[0].tick, "") is None
+
+
+def test_what_the_moments_forget_the_past_forgets() -> None:
+    frames = remembered()
+    frames.team.moments.most_bytes = 0
+    newest = frames.team.moments.newest
+    assert newest is not None
+    frames.team.moments.add(newest)
+    frames.remember(newest.at)
+    assert len(past(frames)["lines"]) == len(frames.team.moments)
+    assert frames.at(newest.run, 0, "") is None
+
+
+def test_another_run_begins_anew() -> None:
+    frames = remembered()
+    frames.team._forget()  # as with the Clock of another run
+    frames.remember(0.0)
+    assert past(frames) == {"first": 0, "made": 0, "lines": []}
+
+
+def test_a_team_that_nobody_heard_of_has_a_frame_too() -> None:
+    frames = Frames(folded(), "another")
+    assert frames.look(1.0, 1.0)
+    header, cells = read(frames.newest(""))
+    assert (header["tick"], header["processes"], cells) == (None, [], b"")

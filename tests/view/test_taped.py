@@ -1,0 +1,116 @@
+"""The one fold on a tape: the golden one gives the same moments as its messages, and `why` and `status` look at it without a network."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from blackboard.errors import RunFailed, UserError
+from blackboard.tape.file import create, read
+from blackboard.tape.table import rows
+from blackboard.view.feed import Feed, TapeFeed, newest
+from blackboard.view.fold import Fold
+from blackboard.wire.envelope import Envelope, Kind
+from tests.tape.test_door import GOLDEN, call
+from tests.view.recorded import recorded
+
+
+def test_the_fold_takes_a_tape_and_finds_every_settled_tick() -> None:
+    feed = TapeFeed(read(GOLDEN))
+    while not feed.done:
+        feed.take(feed.receive())
+    team = feed.fold.teams["demo"]
+    assert [moment.tick for moment in team.moments] == list(range(16))
+    assert feed.fold.refused == {}
+    assert {process.name for process in team.processes.values()} == {"world", "board-a", "board-b", "r1", "r2", "r3"}
+    from blackboard.tape.content import load_tape
+
+    errors = {(row.tick, row.subject): row.error for row in rows(load_tape(GOLDEN)) if row.level == "agreed"}
+    for moment in team.moments:
+        for subject, about in moment.subjects.items():
+            if about.agreed:
+                assert about.scores["agreed"].error == pytest.approx(errors[moment.tick, subject])
+
+
+def test_why_on_a_tape_is_of_any_tick(capsys: pytest.CaptureFixture[str]) -> None:
+    for tick in (0, 7, 15):
+        assert call("why", "robot/r1", GOLDEN, "--at", tick, "--json") == 0
+        found = json.loads(capsys.readouterr().out)
+        assert (found["tick"], found["subject"], found["team"]) == (tick, "robot/r1", "demo")
+        assert found["truth"] is not None
+    assert call("why", "robot/r1", GOLDEN) == 0
+    assert capsys.readouterr().out.startswith("robot/r1 in tick 15 (3.0 s of team time).")
+
+
+def test_status_of_a_tape_is_how_it_ends(capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("status", GOLDEN, "--json") == 0
+    team = json.loads(capsys.readouterr().out)["teams"][0]
+    assert (team["team"], team["tick"]) == ("demo", 15)
+    assert team["age"] < 5.0  # by the times on the tape, not by those of today
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["why", "robot/r1", GOLDEN, "--at", "99"], "tick 99 was not settled; the last one is 15"),
+        (["why", "robot/r9", GOLDEN], "no board has a belief about it in tick 15"),
+        (["why", "robot/r1", GOLDEN, "--team", "other"], "team other has settled nothing; there is demo"),
+        (["why", "robot/r1", GOLDEN, "-e", "tcp/127.0.0.1:1"], "without a network"),
+        (["status", GOLDEN, "--watch"], "--watch: a tape does not change"),
+        (["status", "nowhere.mcap"], "cannot be read"),
+        (["view", "nowhere.mcap", "--port", "0"], "cannot be read"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments: list[object], says: str) -> None:
+    with pytest.raises((UserError, RunFailed), match=says):
+        call(*arguments)
+
+
+def test_a_tape_without_messages_is_a_mistake(tmp_path: Path) -> None:
+    from blackboard.tape.file import TapeWriter
+
+    with create(tmp_path / "empty.mcap") as out:
+        TapeWriter(out, {}).close()
+    with pytest.raises(UserError, match="no message on this tape"):
+        call("status", tmp_path / "empty.mcap")
+
+
+def test_of_plenty_the_newest_of_each_key_settle_the_newest_tick() -> None:
+    envelopes = [envelope for envelope, _ in recorded()]
+    kept = newest(envelopes)
+    assert len(kept) < len(envelopes) / 1.5
+    assert [it for it in kept if it.kind is not Kind.PUT] == [it for it in envelopes if it.kind is not Kind.PUT]
+    whole, thinned = Fold(), Fold()
+    for fold, some in ((whole, envelopes), (thinned, kept)):
+        for envelope in some:
+            fold.take(envelope, 1_000_000.0)
+    one, other = whole.teams["t"].moments.newest, thinned.teams["t"].moments.newest
+    assert one is not None
+    assert other is not None
+    assert other.tick == one.tick
+    for name, about in one.subjects.items():
+        assert [it.message for it in other.subjects[name].all()] == [it.message for it in about.all()]
+
+
+class Flood:
+    """A link on which more comes at once than is taken in."""
+
+    def subscribe(self, key_expr: str) -> None: ...
+
+    def watch(self, key_expr: str) -> None: ...
+
+    def get(self, key_expr: str) -> list[Envelope]:
+        return []
+
+    def receive(self, timeout: float) -> list[Envelope]:
+        return [envelope for envelope, _ in recorded()] * 20
+
+
+def test_a_feed_counts_what_it_left_out() -> None:
+    feed = Feed(Flood(), lambda: 1_000_000.0)
+    taken = feed.receive()
+    assert feed.skipped > 0
+    puts = {envelope.key for envelope, _ in recorded()}
+    assert {envelope.key for _, envelope in taken} == puts

@@ -1,0 +1,39 @@
+"""The commands of docs/tutorial.md that look at a tape, run on the golden one: shorter, so its tick 9 and its robot r1 stand for others."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tests.tape.test_door import GOLDEN, call
+
+TUTORIAL = Path(__file__).parent.parent.parent / "docs" / "tutorial.md"
+NOT_HERE = ("demo", "view")  # start processes, or end only when they are stopped
+
+
+def commands() -> list[str]:
+    """What follows `.venv/bin/blackboard` on lines of code."""
+    lines = re.findall(r"^    \.venv/bin/blackboard ([^#\n]+)", TUTORIAL.read_text(encoding="utf-8"), re.MULTILINE)
+    return [line.strip() for line in lines if line.split()[0] not in NOT_HERE]
+
+
+@pytest.mark.parametrize("command", commands())
+def test_a_command_of_the_tutorial_does_what_it_says(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.mcap").write_bytes(GOLDEN.read_bytes())
+    shorter = re.sub(r"--at \d+", "--at 9", command).replace("object/ball", "robot/r1")
+    status = call(*shlex.split(shorter))
+    assert (
+        status == 0 or command == "replay run.mcap"
+    )  # 1 on a processor that rounds in another way than the golden tape's
+    said = capsys.readouterr().out
+    assert said or (tmp_path / "run.csv").stat().st_size > 1000
+
+
+def test_the_tutorial_has_commands() -> None:
+    assert {command.split()[0] for command in commands()} == {"status", "why", "replay", "tape"}
