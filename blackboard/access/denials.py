@@ -1,4 +1,4 @@
-"""What a router denied, read from its own log, because Zenoh tells neither the sender nor anybody else.
+"""What a router denied, read from its own log, because Zenoh tells it nowhere else: no counter, no query, no answer to the sender.
 
 Zenoh's access control logs each of its decisions at the level `trace` and has no other output. Where it decides about a declared key
 for the first time, it lists all kinds of messages; only the decisions after that list are about a message that came.
@@ -91,7 +91,7 @@ class DenialReader:
             return None
         self._remember(text)
         session, what, flow, key = denied.groups()
-        if flow == b"egress":  # it was not passed on to one who may not read it, which is nobody's attempt
+        if flow == b"egress":  # a subscriber may not read it and did not get it; nobody tried to write
             return None
         who = self._names.get(session, f"session {session.decode()[:64]}")
         return Denial(who, _plain(what.decode()), key.decode("utf-8", "replace"))
