@@ -28,19 +28,19 @@ test: check unit team system ## everything but the containers: checks, unit test
 
 check: lint format types imports rooms ## ruff, mypy --strict, import-linter, who imports what
 
-lint: $(VENV)/.dev
+lint: $(VENV)/.dev ## ruff's rules
 	$(BIN)/ruff check
 
-format: $(VENV)/.dev
+format: $(VENV)/.dev ## whether ruff would format anything otherwise
 	$(BIN)/ruff format --check
 
-types: $(VENV)/.dev
+types: $(VENV)/.dev ## mypy --strict
 	$(BIN)/mypy
 
-imports: $(VENV)/.dev
+imports: $(VENV)/.dev ## who may import whom, by import-linter
 	$(BIN)/lint-imports
 
-rooms: $(VENV)/.dev
+rooms: $(VENV)/.dev ## who may import whom, by what a fresh interpreter loads
 	$(PYTEST) tests/test_rooms.py
 
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`

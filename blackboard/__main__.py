@@ -1,4 +1,7 @@
-"""The door of the blackboard: `blackboard demo | up | serve | router | health`, and those of other rooms, loaded when asked for."""
+"""The door of the blackboard: `blackboard demo | up | serve | router | health`, and those of other rooms, loaded when asked for.
+
+Long, because it is the door of many commands, each with its flags.
+"""
 
 from __future__ import annotations
 
@@ -102,6 +105,46 @@ def up(
 
 
 @app.command
+def scenario(section: Literal["team", "grid", "time", "board", "robot", "world", "fault"] | None = None) -> int:
+    """Print all keys of a scenario file with default, unit and meaning (Markdown).
+
+    Parameters
+    ----------
+    section
+        Of this section only.
+    """
+    from typing import get_args
+
+    from blackboard import config, faults
+    from blackboard.run import reference
+    from robot_agent.config import RobotSection
+    from sim_world.scenario import WorldSection
+
+    sections: dict[str, type[config.Section]] = {
+        "team": config.TeamSection,
+        "grid": config.GridSection,
+        "time": config.TimeSection,
+        "board": config.BoardSection,
+        "robot": RobotSection,
+        "world": WorldSection,
+    }
+    kinds = dict(zip(faults.KINDS, get_args(faults.AnyFault), strict=True))
+    if section is None:
+        text = reference.page(sections, kinds)
+    else:
+        text = reference.faults(kinds) if section == "fault" else reference.section(section, sections[section])
+    sys.stdout.write(text)
+    return 0
+
+
+@app.command
+def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
+    """Print what completes the commands and flags of `blackboard` in a shell, as `source <(blackboard completion bash)`."""
+    sys.stdout.write(app.generate_completion(prog_name="blackboard", shell=shell))
+    return 0
+
+
+@app.command
 def serve(
     *,
     team: str | None = None,
@@ -197,7 +240,7 @@ def _run(
     output: OutputFlags,
     flags: door.ZenohFlags,
 ) -> int:
-    from blackboard.run.launch import run_scenario
+    from blackboard.run.launch import Interrupted, run_scenario
     from sim_world.scorecard import text
 
     _check(scenario)
@@ -206,7 +249,10 @@ def _run(
 
         check_new(record)
     with progress(scenario.name) as show_progress:
-        status, card = run_scenario(scenario, show_progress, flags.link(), run.series, record, view=look.view)
+        try:
+            status, card = run_scenario(scenario, show_progress, flags.link(), run.series, record, view=look.view)
+        except Interrupted as stopped:
+            status, card = door.INTERRUPTED, stopped.card
     output.show(card, text)
     return status
 

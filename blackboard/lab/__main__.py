@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from functools import reduce
 from pathlib import Path
 from types import ModuleType
@@ -142,18 +140,18 @@ def tune(
     rules = [rule] if rule else list(tuning.spaces())
     for name in rules:
         tuning.space(name)
-    with progress("tune") as show_progress:
+    with progress("tune: runs to choose from", lines=True) as show_progress:
         jobs = [(rules, team, number, every) for number in range(variants)]
         parts = parallel.run_jobs(parallel.try_settings, jobs, show_progress)
-        choices = {
-            name: tuning.choose(reduce(CandidateScores.merge, (p[name] for p in parts)), coverage, team.grid.cell, rng)
-            for name in rules
-        }
-        best = max(choices.values(), key=lambda c: (c["honest"], c["log_score"]))
-        judged = {"tuned": best["setting"], "default": comparison.DEFAULT, "paper": comparison.PAPER}
-        numbers = range(variants, variants + held_out)
+    choices = {
+        name: tuning.choose(reduce(CandidateScores.merge, (p[name] for p in parts)), coverage, team.grid.cell, rng)
+        for name in rules
+    }
+    best = max(choices.values(), key=lambda c: (c["honest"], c["log_score"]))
+    judged = {"tuned": best["setting"], "default": comparison.DEFAULT, "paper": comparison.PAPER}
+    with progress("tune: held-out runs", lines=True) as show_progress:
         beside = parallel.Beside(agreed, ideal)
-        held = [(judged, team, n, every, beside) for n in numbers]
+        held = [(judged, team, number, every, beside) for number in range(variants, variants + held_out)]
         checks = parallel.run_jobs(parallel.judge_held_out, held, show_progress)
     found = tuning_report.tuned(choices, best, judged, checks, coverage=coverage, gain=gain, rng=rng)
     output.show(found, tuning_report.text)
@@ -168,8 +166,9 @@ def figures(
     grids: list[int] | None = None,
     seconds: float = 60.0,
     every: float = 5.0,
+    output: OutputFlags = OutputFlags(),
 ) -> int:
-    """Draw the paper's figures into a folder (SVG and PNG) and print the numbers behind them as JSON.
+    """Draw the paper's figures into a folder (SVG and PNG), and list the files; with --json also the numbers behind them.
 
     Figs. 1 to 5 are 1-D; Figs. 6 and 7 come from the simulated world with the paper's sensors. Needs the extra `plot`.
 
@@ -197,10 +196,13 @@ def figures(
         parts = parallel.run_jobs(parallel.score_figures, jobs, show_progress)
         runs = {n: [p for job, p in zip(jobs, parts, strict=True) if job[1] is worlds[n]] for n in sizes}
     found = paper.numbers(runs, np.random.default_rng(1))
+    files = []
     for name, figure in drawing.paper(found).items():
         for ending in (".svg", ".png"):
-            drawing.save(figure, out / f"{name}{ending}")
-    sys.stdout.write(json.dumps(found) + "\n")
+            files.append(out / f"{name}{ending}")
+            drawing.save(figure, files[-1])
+    told = [str(file) for file in files]
+    output.show({**found, "files": told}, lambda _: "\n".join(told))
     return 0
 
 

@@ -15,7 +15,8 @@ import pytest
 from blackboard.config import load
 from blackboard.lab.bench import SOLO
 from blackboard.lab.team import Team
-from tests.processes import children, is_running, wait_until
+from blackboard.run.door import INTERRUPTED
+from tests.processes import children, is_running, program, wait_until
 
 ROOT = Path(__file__).parents[2]
 RECORDING = ROOT.parent / "shared" / "mrclam" / "dataset7"
@@ -70,6 +71,21 @@ def test_ctrl_c_stops_all_and_leaves_no_orphan(launched: subprocess.Popen[str]) 
     launched.send_signal(signal.SIGINT)
     launched.communicate(timeout=30)
     wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
+
+
+def test_ctrl_c_in_the_middle_gives_the_scorecard_until_then() -> None:
+    with program("-m", "blackboard", "demo", "--robots", "2", "--seconds", "120", "--json") as demo:
+        wait_until(lambda: len(children(demo.running.pid)) == 6, "a router, two boards, two robots and the world run")
+        demo.says("tick 0 of 600")
+        wait_until(lambda: "tick 60 of 600" in demo.err, "some ticks are done")
+        demo.running.send_signal(signal.SIGINT)
+        assert demo.ends() == INTERRUPTED, demo.err
+        card = json.loads(demo.out)
+        assert 60 <= card["ticks"] < 600
+        assert card["verdict"] == "FAIL"
+        assert card["reasons"][0] == f"stopped in tick {card['ticks']} of 600"
+        assert card["scores"]["robots"]["agreed"]["n"] >= 2 * 59
+        assert "Traceback" not in demo.err
 
 
 def test_no_orphan_is_left_when_the_launcher_is_killed(launched: subprocess.Popen[str]) -> None:
