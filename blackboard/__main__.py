@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import socket
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
 from blackboard.config import Scenario, load
+from blackboard.errors import UserError
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
 from blackboard.run.progress import progress
@@ -242,19 +246,46 @@ def _run(
 ) -> int:
     from blackboard.run.launch import Interrupted, run_scenario
     from sim_world.scorecard import text
+    from sim_world.table import check_table
 
     _check(scenario)
+    if run.table is not None:
+        check_table(run.table, "--table")
     if record is not None:
         from blackboard.tape.file import check_new
 
         check_new(record)
-    with progress(scenario.name) as show_progress:
-        try:
-            status, card = run_scenario(scenario, show_progress, flags.link(), run.series, record, view=look.view)
-        except Interrupted as stopped:
-            status, card = door.INTERRUPTED, stopped.card
-    output.show(card, text)
+    with _samples(scenario, run.table, look.plot) as samples:
+        with progress(scenario.name) as show_progress:
+            try:
+                status, card = run_scenario(scenario, show_progress, flags.link(), samples, record, view=look.view)
+            except Interrupted as stopped:
+                status, card = door.INTERRUPTED, stopped.card
+        output.show(card, text)
     return status
+
+
+@contextmanager
+def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Iterator[Path | None]:
+    """Where the world writes its samples; afterwards they are drawn into `plot`, and written as `table` where that is no CSV."""
+    if plot is None:
+        yield table
+        return
+    try:
+        from blackboard.lab import run_drawing
+    except ModuleNotFoundError as error:
+        raise UserError(f"--plot: {error.name} is missing; pip install 'cop-blackboard[plot]'") from error
+    from sim_world.series import read_series, series_file
+
+    with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
+        file = table if table is not None and table.suffix == ".csv" else Path(folder) / "samples.csv"
+        yield file
+        samples = read_series(file)
+        with series_file(table if table != file else None) as record:
+            for sample in samples if record is not None else ():
+                record(sample)  # type: ignore[misc]  # not None where there are any
+        files = run_drawing.draw_run(samples, scenario.grid.unit, plot)
+        sys.stderr.writelines(f"drawn: {each}\n" for each in files)
 
 
 def _check(scenario: Scenario) -> None:

@@ -18,6 +18,8 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
@@ -149,6 +151,7 @@ class Referee:
     ) -> Sample:
         """A sample at one level, as a row of the series; `score` has one entry."""
         (truth_x, truth_y), (mean_x, mean_y) = instant.truth.positions[subject], belief.mean().tolist()
+        spread = belief.covariance() + np.eye(2) * self.grid.cell**2 / 12
         return Sample(
             tick=instant.truth.tick,
             time=instant.truth.time,
@@ -165,6 +168,12 @@ class Referee:
             border=score.borders[0],
             area=region_area(belief, AREA_OF),
             landmark_age=instant.truth.time - self._landmark_at.get(robot, -math.inf),
+            error=score.errors[0],
+            entropy=score.entropies[0],
+            sources=len(instant.sources(level, robot, sub_team, subject)),
+            var_x=float(spread[0, 0]),
+            cov_xy=float(spread[0, 1]),
+            var_y=float(spread[1, 1]),
         )
 
     # --- the judgement ------------------------------------------------------------------------------------------------

@@ -92,7 +92,7 @@ def process_table(
         arguments = ("--team", team.name, "--id", robot, *(part for s in sub_teams for part in ("--sub-team", s)))
         tokens = frozenset(keys.MEMBER.key(team=team.name, sub_team=s, robot=robot) for s in sub_teams)
         members.append(Process(robot, (*python, "robot_agent", *arguments, *common), tokens))
-    samples = () if series is None else ("--series", str(series))
+    samples = () if series is None else ("--table", str(series))
     world = Process("world", (*python, "sim_world", file, "--json", *samples, *_flags(config)))
     recorder = None
     if record is not None:

@@ -11,6 +11,7 @@ from typing import Any
 from sim_world import calibration
 from sim_world.referee import GROUPS, LEVELS
 from sim_world.scorecard import scorecard
+from sim_world.series import COLUMNS
 from tests.sim_world.instants import at, both, instant, referee, solo
 from tests.sim_world.test_scorecard import RESULT
 
@@ -60,6 +61,12 @@ def test_the_block_s_is_documented() -> None:
     assert block.keys() == BLOCK
     flat = [f"{name}.PERCENT" if isinstance(value, dict) else name for name, value in block.items()]
     assert fields("A block S;") == flat
+
+
+def test_every_column_of_the_table_is_documented() -> None:
+    table = PAGE.split("| column |", 1)[1].split("\n\n", 1)[0]
+    told = [name for row in table.splitlines()[2:] for name in re.findall(r"`(\w+)`", row.split("|")[1])]
+    assert sorted(told) == sorted(COLUMNS)
 
 
 def test_every_word_is_explained() -> None:

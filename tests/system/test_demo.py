@@ -58,6 +58,20 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit() -> None:
     assert in_one_process["scores"] == first["scores"]
 
 
+def test_the_samples_of_a_run_come_out_as_a_table_and_pictures(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`")
+    table, folder = tmp_path / "run.jsonl", tmp_path / "pictures"
+    run = blackboard("demo", "--seconds", "2", "--json", "--table", str(table), "--plot", str(folder))
+    scores = json.loads(run.stdout)["scores"]
+    rows = [json.loads(line) for line in table.read_text(encoding="utf-8").splitlines()]
+    assert len(rows) == sum(
+        scores[group][level]["n"] for group in ("robots", "objects") for level in scores["robots"] if level != "by_name"
+    )
+    drawn = [line.removeprefix("drawn: ") for line in run.stderr.splitlines() if line.startswith("drawn: ")]
+    assert sorted(drawn) == sorted(str(path) for path in folder.iterdir())
+    assert len(drawn) == 4
+
+
 def test_more_robots_and_real_time() -> None:
     run = blackboard("demo", "--robots", "8", "--seconds", "3", "--realtime", "--json")
     card = json.loads(run.stdout)
