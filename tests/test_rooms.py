@@ -65,7 +65,7 @@ ALLOWED: dict[str, set[str]] = {
     "robot_agent": SHARED,
     "sim_world": SHARED,
     "blackboard.__main__": {*SHARED, BOARD, TAPE, LAB, NET, RUN, CLOCK, "robot_agent", "sim_world"},
-    "blackboard.lab.__main__": {*SHARED, LAB, RUN},
+    "blackboard.lab.__main__": {*SHARED, LAB, RUN, "sim_world"},
     "blackboard.view.__main__": {*SHARED, VIEW, WEB, TUI, TAPE, NET, RUN, CLOCK},
     "blackboard.bridges.__main__": {*SHARED, BRIDGES, VIEW, TAPE, NET, RUN, CLOCK},
     "blackboard.chaos.__main__": {*SHARED, CHAOS, RUN},

@@ -79,6 +79,22 @@ def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) 
     assert json.loads(team.stdout)["rule"] == found["recommended"]["rule"], team.stderr
 
 
+def test_a_sweep_has_the_numbers_of_the_same_runs_as_processes(tmp_path: Path) -> None:
+    team = ("--robots", "2", "--seconds", "2", "--json")
+    kept = tmp_path / "runs.jsonl"
+    arguments = ("demo", "--seeds", "7", "--set", "board.rule=coalition,cooperative", "--runs", str(kept), *team)
+    done = blackboard("sweep", *arguments)
+    assert done.returncode == 0, done.stderr
+    first, second = json.loads(done.stdout)["combinations"]
+    for found, rule in ((first, ()), (second, ("--rule", "cooperative", "--fusion", "joint"))):
+        card = json.loads(blackboard("demo", "--seed", "7", *rule, *team).stdout)
+        assert found["hashes"] == {"7": card["hash"]}
+        assert found["scores"]["robots"]["agreed"]["rmse"]["value"] == card["scores"]["robots"]["agreed"]["rmse"]
+    again = blackboard("sweep", *arguments)
+    assert again.stdout == done.stdout
+    assert (again.stderr, len(kept.read_text().splitlines())) == ("", 2)
+
+
 def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
     small = ("--seeds", "2", "--robots", "3", "--grids", "20", "--grids", "30", "--seconds", "4", "--every", "2")
     said = []
