@@ -15,7 +15,7 @@ ONLY         ?=
 COUNT        ?= 100000
 MINUTES      ?= 10
 
-.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz soak figures bridges screenshots wheels venv clean
+.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz soak figures docs bridges screenshots wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -68,6 +68,10 @@ soak: $(VENV)/.run ## a team in real time that is killed, frozen, restarted and 
 figures: $(VENV)/.plot ## the paper's figures, into figures/
 	$(BIN)/blackboard figures --out figures
 
+docs: $(VENV)/.docs ## the documentation as a site, in build/docs; warnings are errors
+	@$(BIN)/sphinx-build -q -W --keep-going -b html docs build/docs
+	@echo "build/docs/index.html"
+
 bridges: $(VENV)/.dev ## tests of Rerun and Parquet in an environment of their own, $(VENV)-bridges: 850 MB
 	@test -x $(VENV)-bridges/bin/pip || $(PYTHON) -m venv $(VENV)-bridges
 	@$(VENV)-bridges/bin/python -m pip --disable-pip-version-check install --quiet --editable '.[rerun,table,dev]'
@@ -101,6 +105,10 @@ $(VENV)/.plot: $(VENV)/.run
 	@$(PIP) install --quiet --editable '.[plot]'
 	@touch $@
 
+$(VENV)/.docs: $(VENV)/.dev
+	@$(PIP) install --quiet --editable '.[docs]'
+	@touch $@
+
 $(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "$(PYTHON) is missing or older than 3.11: install Python 3.11 or newer, or say make PYTHON=/path/to/python3.12" >&2; exit 2; }
@@ -109,4 +117,4 @@ $(VENV)/bin/pip:
 	@$(PYTHON) -m venv $(VENV)
 
 clean: ## remove what make has made
-	rm -rf $(VENV) $(VENV)-bridges .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist figures wheels
+	rm -rf $(VENV) $(VENV)-bridges .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist docs/commands.md figures wheels

@@ -30,7 +30,7 @@ app = App(
 for command, about in {
     "lab": "Fuse the same opinions with every rule and score the results.",
     "tune": "Choose a board's rule and parameters from simulated or recorded runs.",
-    "figures": "Draw the paper's figures and print the numbers behind them.",
+    "figures": "Draw the paper's figures into a folder, and list the files.",
     "sweep": "Run a scenario with every combination of settings and seeds, and compare them.",
 }.items():
     app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
