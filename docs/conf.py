@@ -65,7 +65,14 @@ def as_rst(app: Any, what: str, name: str, thing: object, options: object, lines
     lines[:] = text
 
 
+def plain_types(app: Any, what: str, name: str, thing: object, options: object, signature: Any, returns: Any) -> Any:
+    """A signature with the plain names of `autodoc_type_aliases`."""
+    plain = [part and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", part) for part in (signature, returns)]
+    return plain[0], plain[1]
+
+
 def setup(app: Any) -> None:
     """Called by Sphinx."""
     app.connect("builder-inited", write_commands)
     app.connect("autodoc-process-docstring", as_rst)
+    app.connect("autodoc-process-signature", plain_types)
