@@ -15,7 +15,7 @@ ONLY         ?=
 COUNT        ?= 100000
 MINUTES      ?= 10
 
-.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz soak figures bridges screenshots wheels venv clean
+.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz soak figures docs bridges screenshots wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -28,19 +28,19 @@ test: check unit team system ## everything but the containers: checks, unit test
 
 check: lint format types imports rooms ## ruff, mypy --strict, import-linter, who imports what
 
-lint: $(VENV)/.dev
+lint: $(VENV)/.dev ## ruff's rules
 	$(BIN)/ruff check
 
-format: $(VENV)/.dev
+format: $(VENV)/.dev ## whether ruff would format anything otherwise
 	$(BIN)/ruff format --check
 
-types: $(VENV)/.dev
+types: $(VENV)/.dev ## mypy --strict
 	$(BIN)/mypy
 
-imports: $(VENV)/.dev
+imports: $(VENV)/.dev ## who may import whom, by import-linter
 	$(BIN)/lint-imports
 
-rooms: $(VENV)/.dev
+rooms: $(VENV)/.dev ## who may import whom, by what a fresh interpreter loads
 	$(PYTEST) tests/test_rooms.py
 
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
@@ -68,10 +68,14 @@ soak: $(VENV)/.run ## a team in real time that is killed, frozen, restarted and 
 figures: $(VENV)/.plot ## the paper's figures, into figures/
 	$(BIN)/blackboard figures --out figures
 
+docs: $(VENV)/.docs ## the documentation as a site, in build/docs; warnings are errors
+	@$(BIN)/sphinx-build -q -E -W --keep-going -b html docs build/docs
+	@echo "build/docs/index.html"
+
 bridges: $(VENV)/.dev ## tests of Rerun and Parquet in an environment of their own, $(VENV)-bridges: 850 MB
 	@test -x $(VENV)-bridges/bin/pip || $(PYTHON) -m venv $(VENV)-bridges
 	@$(VENV)-bridges/bin/python -m pip --disable-pip-version-check install --quiet --editable '.[rerun,table,dev]'
-	$(VENV)-bridges/bin/python -m pytest tests/bridges tests/tape/test_door.py
+	$(VENV)-bridges/bin/python -m pytest tests/bridges tests/tape/test_door.py tests/sim_world/test_table.py
 
 screenshots: $(VENV)/.dev ## docs/view.png, the picture of the page in the README; needs a Chromium
 	$(BIN)/python -m tests.view.screenshots docs/view.png
@@ -101,6 +105,10 @@ $(VENV)/.plot: $(VENV)/.run
 	@$(PIP) install --quiet --editable '.[plot]'
 	@touch $@
 
+$(VENV)/.docs: $(VENV)/.dev
+	@$(PIP) install --quiet --editable '.[docs]'
+	@touch $@
+
 $(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "$(PYTHON) is missing or older than 3.11: install Python 3.11 or newer, or say make PYTHON=/path/to/python3.12" >&2; exit 2; }
@@ -109,4 +117,4 @@ $(VENV)/bin/pip:
 	@$(PYTHON) -m venv $(VENV)
 
 clean: ## remove what make has made
-	rm -rf $(VENV) $(VENV)-bridges .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist figures wheels
+	rm -rf $(VENV) $(VENV)-bridges .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist docs/commands.md figures wheels

@@ -1,15 +1,22 @@
-"""The door of the blackboard: `blackboard demo | up | serve | router | health`, and those of other rooms, loaded when asked for."""
+"""The door of the blackboard: `blackboard demo | up | serve | router | health`, and those of other rooms, loaded when asked for.
+
+Long, because it is the door of many commands, each with its flags.
+"""
 
 from __future__ import annotations
 
 import socket
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
 from blackboard.config import Scenario, load
+from blackboard.errors import UserError
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
 from blackboard.run.progress import progress
@@ -23,7 +30,8 @@ app = App(
 for command, about in {
     "lab": "Fuse the same opinions with every rule and score the results.",
     "tune": "Choose a board's rule and parameters from simulated or recorded runs.",
-    "figures": "Draw the paper's figures and print the numbers behind them.",
+    "figures": "Draw the paper's figures into a folder, and list the files.",
+    "sweep": "Run a scenario with every combination of settings and seeds, and compare them.",
 }.items():
     app.command(f"blackboard.lab.__main__:{command}", name=command, help=about)  # loaded when it is asked for
 for command, about in {
@@ -99,6 +107,46 @@ def up(
         Record every message of the team onto this tape (MCAP).
     """
     return _run(run.apply(team.apply(load(scenario))), run, look, record, output, flags)
+
+
+@app.command
+def scenario(section: Literal["team", "grid", "time", "board", "robot", "world", "fault"] | None = None) -> int:
+    """Print all keys of a scenario file with default, unit and meaning (Markdown).
+
+    Parameters
+    ----------
+    section
+        Of this section only.
+    """
+    from typing import get_args
+
+    from blackboard import config, faults
+    from blackboard.run import reference
+    from robot_agent.config import RobotSection
+    from sim_world.scenario import WorldSection
+
+    sections: dict[str, type[config.Section]] = {
+        "team": config.TeamSection,
+        "grid": config.GridSection,
+        "time": config.TimeSection,
+        "board": config.BoardSection,
+        "robot": RobotSection,
+        "world": WorldSection,
+    }
+    kinds = dict(zip(faults.KINDS, get_args(faults.AnyFault), strict=True))
+    if section is None:
+        text = reference.page(sections, kinds)
+    else:
+        text = reference.faults(kinds) if section == "fault" else reference.section(section, sections[section])
+    sys.stdout.write(text)
+    return 0
+
+
+@app.command
+def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
+    """Print what completes the commands and flags of `blackboard` in a shell, as `source <(blackboard completion bash)`."""
+    sys.stdout.write(app.generate_completion(prog_name="blackboard", shell=shell))
+    return 0
 
 
 @app.command
@@ -197,18 +245,48 @@ def _run(
     output: OutputFlags,
     flags: door.ZenohFlags,
 ) -> int:
-    from blackboard.run.launch import run_scenario
+    from blackboard.run.launch import Interrupted, run_scenario
     from sim_world.scorecard import text
+    from sim_world.table import check_table
 
     _check(scenario)
+    if run.table is not None:
+        check_table(run.table, "--table")
     if record is not None:
         from blackboard.tape.file import check_new
 
         check_new(record)
-    with progress(scenario.name) as show_progress:
-        status, card = run_scenario(scenario, show_progress, flags.link(), run.series, record, view=look.view)
-    output.show(card, text)
+    with _samples(scenario, run.table, look.plot) as samples:
+        with progress(scenario.name) as show_progress:
+            try:
+                status, card = run_scenario(scenario, show_progress, flags.link(), samples, record, view=look.view)
+            except Interrupted as stopped:
+                status, card = door.INTERRUPTED, stopped.card
+        output.show(card, text)
     return status
+
+
+@contextmanager
+def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Iterator[Path | None]:
+    """Where the world writes its samples; afterwards they are drawn into `plot`, and written as `table` where that is no CSV."""
+    if plot is None:
+        yield table
+        return
+    try:
+        from blackboard.lab import run_drawing
+    except ModuleNotFoundError as error:
+        raise UserError(f"--plot: {error.name} is missing; pip install 'cop-blackboard[plot]'") from error
+    from sim_world.series import read_series, series_file
+
+    with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
+        file = table if table is not None and table.suffix == ".csv" else Path(folder) / "samples.csv"
+        yield file
+        samples = read_series(file)
+        with series_file(table if table != file else None) as record:
+            for sample in samples if record is not None else ():
+                record(sample)  # type: ignore[misc]  # not None where there are any
+        files = run_drawing.draw_run(samples, scenario.grid.unit, plot)
+        sys.stderr.writelines(f"drawn: {each}\n" for each in files)
 
 
 def _check(scenario: Scenario) -> None:

@@ -24,6 +24,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from blackboard.errors import RuleError, UnknownKeyError, UserError
 from blackboard.opinion.grid import Anchor, Grid
 from blackboard.opinion.rules import Rule, find, merged, read_rule
+from blackboard.wire.mistakes import KEY, first_mistake, nearest
 from blackboard.wire.names import MAX_FRAME, NAME, SUBJECT_KINDS
 
 SECTIONS = ("name", "team", "grid", "time", "board", "robot", "world", "fault")
@@ -40,9 +41,14 @@ class Section(BaseModel):
 
 
 class TeamSection(Section):
+    """Who is in the team."""
+
     name: Name = "demo"
+    "Name of the team; a chunk of every key."
     sub_teams: dict[Name, list[Name]] = Field(default_factory=lambda: {"a": ["r1", "r2", "r3"]}, min_length=1)
-    boards: Annotated[int, Field(ge=1, le=9)] = 1  # of each sub-team: one leads, the others take over when it dies
+    "Sub-teams with the names of their robots; a robot may be in several."
+    boards: Annotated[int, Field(ge=1, le=9)] = 1
+    "Boards of each sub-team: one leads, the others take over when it dies."
 
     def boards_of(self, sub_team: str) -> list[str]:
         """The names of a sub-team's boards, as `board-a`, `board-a2`; the first one leads from the beginning of a run."""
@@ -60,20 +66,31 @@ class TeamSection(Section):
 
 
 class AnchorSection(Section):
-    latitude: Annotated[float, Field(ge=-90, le=90)]  # degrees (WGS 84) of the point (0, 0)
+    """The place and direction of the coordinate frame on Earth."""
+
+    latitude: Annotated[float, Field(ge=-90, le=90)]
+    "[degrees] Latitude (WGS 84) of the point (0, 0)."
     longitude: Annotated[float, Field(ge=-180, le=180)]
-    bearing: Annotated[float, Field(ge=-360, le=360)] = 90.0  # of the x axis: degrees clockwise from north
+    "[degrees] Longitude of the point (0, 0)."
+    bearing: Annotated[float, Field(ge=-360, le=360)] = 90.0
+    "[degrees] Direction of the x axis, clockwise from north."
 
 
 class GridSection(Section):
+    """The cells that all beliefs are made of."""
+
     shape: tuple[Annotated[int, Field(ge=2, le=1000)], Annotated[int, Field(ge=2, le=1000)]] = (50, 50)
+    "Cells along x and along y."
     cell: Positive = 1.0
+    "[unit] Edge of a cell."
     origin: tuple[float, float] = (0.0, 0.0)
+    "[unit] The corner with the smallest x and y."
     unit: Literal["cell", "m"] = "cell"
-    frame: Annotated[str, Field(max_length=MAX_FRAME)] = (
-        ""  # of the coordinates, as in ROS; beliefs in another are refused
-    )
-    anchor: AnchorSection | None = None  # where the frame is on Earth
+    "Unit of all lengths of the scenario."
+    frame: Annotated[str, Field(max_length=MAX_FRAME)] = ""
+    "Name of the coordinate frame, as in ROS; beliefs in another one are refused."
+    anchor: AnchorSection | None = None
+    "Where the frame is on Earth."
 
     def grid(self) -> Grid:
         at = self.anchor
@@ -82,9 +99,14 @@ class GridSection(Section):
 
 
 class TimeSection(Section):
-    tick: Positive = 0.2  # seconds of team time
-    seconds: Annotated[float, Field(gt=0)] = 60.0  # inf: until the world is stopped, and then judged
+    """How long a run is, and how it is paced."""
+
+    tick: Positive = 0.2
+    "[s] Length of a tick, of team time."
+    seconds: Annotated[float, Field(gt=0)] = 60.0
+    "[s] Length of a run, of team time; inf: until the world is stopped, and then judged."
     mode: Literal["lockstep", "realtime"] = "lockstep"
+    "Whether the world waits for everybody in each tick, or goes by the wall clock."
 
     @property
     def ticks(self) -> int:
@@ -95,27 +117,32 @@ class TimeSection(Section):
 
 
 class BoardSection(Section):
-    """[board]: the rule with its parameters, also per subject ([board.subjects."object/ball"], "object/*"), and a board's own keys.
-
-    The parameters of the rule stand in the same table; docs/operations.md lists those of each rule.
-    """
+    """How boards pool: the rule, whose parameters stand beside it (also by subject), and a board's own keys."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     rule: str = "coalition"
+    "How opinions are pooled; its parameters stand beside it."
     subjects: dict[Subjects, dict[str, Any]] = Field(default_factory=dict)
+    "Another rule or other parameters for some subjects."
     feedback: Literal["paper", "guarded", "off"] = "guarded"
-    #: "joint": what robots send as evidence goes into one joint Gaussian of the team; "opinions": only beliefs are pooled
+    "How robots take the team's beliefs back: as in the paper's Table I, guarded against counting anything twice, or not at all."
     fusion: Literal["opinions", "joint"] = "opinions"
-    objects_drift: Annotated[float, Field(ge=0)] = 0.5  # unit per square root of a second: objects in the joint
-    max_age: Positive = 10.0  # seconds of team time after which a source that fell silent is left out
-    drift: Annotated[float, Field(ge=0)] = 1.0  # unit per square root of a second: how an old report spreads
-    future: Positive = 1.0  # seconds that a stamp may be ahead of team time
-    skew: Annotated[float, Field(ge=0)] = (
-        30.0  # seconds that a clock may be off and is corrected, where there is no world
-    )
-    patience: Positive = 2.0  # wall seconds to wait for a registered robot or another board in one tick
-    period: Positive = 0.2  # seconds between settlements where no world gives the clock
+    "Whether beliefs are pooled, or what robots send as evidence goes into one joint Gaussian of the team."
+    objects_drift: Annotated[float, Field(ge=0)] = 0.5
+    "[unit/sqrt(s)] How objects in the joint move."
+    max_age: Positive = 10.0
+    "[s] Age, in team time, beyond which a source that fell silent is left out."
+    drift: Annotated[float, Field(ge=0)] = 1.0
+    "[unit/sqrt(s)] How an old report spreads with age."
+    future: Positive = 1.0
+    "[s] How far a stamp may be ahead of team time."
+    skew: Annotated[float, Field(ge=0)] = 30.0
+    "[s] How far a clock may be off and is corrected, where there is no world."
+    patience: Positive = 2.0
+    "[s] How long it waits, in wall time, for a registered robot or another board in one tick."
+    period: Positive = 0.2
+    "[s] Time between settlements where no world gives the clock."
 
     @model_validator(mode="after")
     def _rules_are_sound(self) -> Self:
@@ -168,7 +195,8 @@ class BoardSection(Section):
         except RuleError as error:
             where, cure = place.get(error.key, ""), error.cure
             if isinstance(error, UnknownKeyError) and not where:  # perhaps one of the board's own keys, misspelt
-                cure += f"; a board has {', '.join(sorted(type(self).model_fields))}"
+                own = sorted(type(self).model_fields)
+                cure += f"; a board has {', '.join(own)}" + nearest(error.key, own)
             raise RuleError(where + error.key, cure, error.value) from None
 
 
@@ -189,7 +217,8 @@ class Scenario:
     def __init__(self, tables: Mapping[str, Any], where: str = "the defaults") -> None:
         unknown = sorted(set(tables) - set(SECTIONS))
         if unknown:
-            raise UserError(f"{where}: unknown section or key '{unknown[0]}'; known are {', '.join(SECTIONS)}")
+            near = nearest(unknown[0], SECTIONS)
+            raise UserError(f"{where}: unknown section or key '{unknown[0]}'{near}; known are {', '.join(SECTIONS)}")
         self.tables = dict(tables)
         self.where = where
 
@@ -202,7 +231,7 @@ class Scenario:
         try:
             return model.model_validate(self.tables.get(name, {}))
         except ValidationError as error:
-            raise UserError(f"{self.where}: {first_fault(error, name)}") from error
+            raise UserError(f"{self.where}: {first_fault(error, name, model)}") from error
 
     @property
     def team(self) -> TeamSection:
@@ -242,17 +271,15 @@ class Scenario:
         return json.dumps(self.tables)
 
 
-def first_fault(error: ValidationError, where: str) -> str:
-    """The first fault of a validation as 'section.field: what is wrong'."""
-    fault = error.errors()[0]
-    field = ".".join(str(part) for part in (where, *fault["loc"]))
-    cause = fault.get("ctx", {}).get("error")
+def first_fault(error: ValidationError, where: str, model: type[BaseModel], below: int = 0) -> str:
+    """The first fault of a validation as 'section.field: what to give instead'; `where` stands for so many steps to the model."""
+    fault = error.errors(include_url=False)[0]
+    cause, place = fault.get("ctx", {}).get("error"), tuple(fault["loc"][below:])
     if isinstance(cause, RuleError):
-        return f"{field}.{cause.key}: {cause.cure}" + ("" if cause.value is None else f" (got {cause.value})")
-    if fault["type"] == "extra_forbidden":
-        return f"{field}: no such key; remove it or mend its spelling"
-    message = fault["msg"].removeprefix("Value error, ")  # pydantic's prefix of what our own validators say
-    return f"{field}: {message} (got {fault['input']!r:.80})"
+        place, cure = (*place, cause.key), cause.cure + ("" if cause.value is None else f" (got {cause.value})")
+    else:
+        place, cure = first_mistake(error, model, below)
+    return f"{'.'.join(str(part) for part in (where, *place) if part != KEY)}: {cure}"
 
 
 def load(name: str | Path) -> Scenario:

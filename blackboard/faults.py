@@ -6,12 +6,13 @@ Faults of sensors (`is_of_sensors`) change what the world measures, the others w
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from blackboard.config import Name, Scenario, Section, first_fault
 from blackboard.errors import UserError
+from blackboard.wire.mistakes import nearest
 
 Finite = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
 Offset = tuple[Finite, Finite]
@@ -21,10 +22,15 @@ class _Fault(Section):
     """Whom it concerns (`robot`, or several `robots`), and from when until when."""
 
     robot: Name | None = None
+    "The robot that it concerns; this or `robots`."
     robots: list[Name] = Field(default_factory=list, max_length=64)
+    "Several robots that it concerns."
     start: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    "[s] From when on."
     end: Annotated[float, Field(gt=0)] = math.inf
-    active: bool = True  # False: nothing is wrong, and the robots are scored as `faulty` all the same, to compare with
+    "[s] Until when."
+    active: bool = True
+    "false: nothing is wrong, and the robots are scored as `faulty` all the same, to compare with."
 
     @model_validator(mode="after")
     def _is_sound(self) -> Self:
@@ -48,14 +54,18 @@ class Lie(_Fault):
     """Every place that it tells is off by `offset` (unit): of itself, of what it sees, in beliefs and in evidence."""
 
     kind: Literal["lie"]
+    "Every place that it tells is off."
     offset: Offset
+    "[unit] By how much, along x and y."
 
 
 class Collude(_Fault):
     """Several robots tell the same lie."""
 
     kind: Literal["collude"]
+    "Several robots tell the same lie."
     offset: Offset
+    "[unit] By how much, along x and y."
 
     @model_validator(mode="after")
     def _are_several(self) -> Self:
@@ -68,21 +78,27 @@ class Overconfident(_Fault):
     """The sigmas that it claims are smaller by `factor`."""
 
     kind: Literal["overconfident"]
+    "The sigmas that it claims are too small."
     factor: Annotated[float, Field(gt=1, le=100)]
+    "[factor] How many times too small."
 
 
 class Skew(_Fault):
     """Its stamps are `seconds` ahead of team time; behind, where negative."""
 
     kind: Literal["skew"]
+    "Its stamps are off."
     seconds: Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
+    "[s] How far ahead of team time; behind, where negative."
 
 
 class Lose(_Fault):
     """A share of its reports never arrives."""
 
     kind: Literal["lose"]
+    "Reports are lost."
     share: Annotated[float, Field(gt=0, le=1)]
+    "[share] Share of its reports that never arrives."
 
 
 class Drift(_Fault):
@@ -92,15 +108,20 @@ class Drift(_Fault):
     """
 
     kind: Literal["drift"]
+    "A sensor creeps: its error grows."
     sensor: Literal["odometry", "compass", "range", "fix"] = "odometry"
+    "Which: the distance of the odometry, the compass, the range of sightings, or fixes along x."
     rate: Annotated[float, Field(ge=-1e3, le=1e3, allow_inf_nan=False)]
+    "[per s] By how much a second: odometry as a share of the distance, compass in rad, range and fix in the grid's unit."
 
 
 class Freeze(_Fault):
     """`sensors` repeat what they measured last, or the `process` says nothing, and holds its liveliness token."""
 
     kind: Literal["freeze"]
+    "Something stops."
     what: Literal["sensors", "process"] = "sensors"
+    "The sensors repeat what they measured last, or the process says nothing and holds its liveliness token."
 
 
 Fault = Annotated[Lie | Collude | Overconfident | Skew | Lose | Drift | Freeze, Field(discriminator="kind")]
@@ -119,11 +140,7 @@ def faults_of(scenario: Scenario) -> list[AnyFault]:
     try:
         found = _FAULTS.validate_python(scenario.tables.get("fault", []))
     except ValidationError as error:
-        first = error.errors()[0]
-        if first["type"].startswith("union_tag"):
-            where = f"{scenario.where}: fault.{first['loc'][0]}.kind"
-            raise UserError(f"{where}: no fault of this kind; use one of {', '.join(KINDS)}") from error
-        raise UserError(f"{scenario.where}: {first_fault(error, 'fault')}") from error
+        raise UserError(f"{scenario.where}: {_first_fault(error)}") from error
     known = scenario.team.robots if found else ()
     for number, fault in enumerate(found):
         strangers = [name for name in fault.names if name not in known]
@@ -131,6 +148,20 @@ def faults_of(scenario: Scenario) -> list[AnyFault]:
             where, those = f"{scenario.where}: fault.{number}.{fault.kind}", ", ".join(known)
             raise UserError(f"{where}: no robot of the team has the name {strangers[0]}; use one of {those}")
     return found
+
+
+def _first_fault(error: ValidationError) -> str:
+    """The first fault of a validation, as 'fault.0.lie.offset: what to give instead'."""
+    first = error.errors(include_url=False)[0]
+    if first["type"].startswith("union_tag"):
+        given = first["input"].get("kind") if isinstance(first["input"], dict) else None
+        number = first["loc"][0]
+        return f"fault.{number}.kind: no fault of this kind{nearest(given, KINDS)}; use one of {', '.join(KINDS)}"
+    if len(first["loc"]) < 2:
+        return "fault: give tables, each as [[fault]] with kind, robot and what the kind needs"
+    number, kind = first["loc"][:2]
+    models = dict(zip(KINDS, get_args(AnyFault), strict=True))
+    return first_fault(error, f"fault.{number}.{kind}", models[str(kind)], below=2)
 
 
 def faulty_robots(scenario: Scenario) -> frozenset[str]:

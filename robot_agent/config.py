@@ -29,15 +29,25 @@ class VisionSection(Section):
     """
 
     kind: Literal["position", "range-bearing"] = "position"
+    'The model of the noise of a sighting: of the seen position, or of range and bearing. The localizer "pose" has the latter only.'
     gain: Positive = 0.05
-    floor: Positive = 0.5  # unit; the printed sigma is 0 at d = 7.5
-    range_floor: Sigma = 0.03  # unit
-    range_share: Sigma = 0.07  # of the range
-    bearing: Positive = 0.015  # radians
+    """[factor] "position": gain of (VI-.1); 1 is the paper's sensor, about 0.05 a camera's."""
+    floor: Positive = 0.5
+    '[unit] "position": least sigma; the printed one is 0 at a distance of 7.5.'
+    range_floor: Sigma = 0.03
+    '[unit] "range-bearing": least sigma of the range.'
+    range_share: Sigma = 0.07
+    '[share] "range-bearing": sigma of the range as a share of it.'
+    bearing: Positive = 0.015
+    '[rad] "range-bearing": sigma of the bearing.'
     frames: Annotated[float, Field(ge=1)] = 5.0
-    misread: Positive = 7.0  # nats: no reading lowers a pose's likelihood by more, so a misread barcode does no harm
-    outlier: Share = 0.01  # uniform share of a belief that comes from a sighting
-    mates: bool = True  # a team-mate with an agreed position serves as an uncertain landmark
+    "[factor] Frames that follow each other share their error: both variances are multiplied by this."
+    misread: Positive = 7.0
+    "[nats] No reading lowers a pose's likelihood by more, so a misread barcode does no harm."
+    outlier: Share = 0.01
+    "[share] Uniform share of a belief that comes from a sighting."
+    mates: bool = True
+    "Whether a team-mate with an agreed position serves as an uncertain landmark."
 
 
 class OdometrySection(Section):
@@ -47,31 +57,45 @@ class OdometrySection(Section):
     """
 
     distance_scale: Positive = 1.0
+    "[factor] True distance over the measured one."
     turn_scale: Positive = 1.0
-    along: Sigma = 0.2  # unit / sqrt(s)
-    across: Sigma = 0.05  # unit / sqrt(s)
-    turn: Sigma = 0.02  # radians / sqrt(s)
+    "[factor] True turn over the measured one."
+    along: Sigma = 0.2
+    "[unit/sqrt(s)] Sigma of the motion along the way, in motion."
+    across: Sigma = 0.05
+    "[unit/sqrt(s)] Sigma of the motion across the way, in motion."
+    turn: Sigma = 0.02
+    "[rad/sqrt(s)] Sigma of the turn, in motion."
     standing: Annotated[float, Field(ge=0, le=1)] = 0.3
+    "[share] Share of these sigmas that a robot that stands has."
 
 
 class ObjectsSection(Section):
     """How a robot tracks what is neither robot nor landmark. The motion model is a random walk."""
 
-    drift: Sigma = 0.5  # unit / sqrt(s)
-    fresh: Annotated[float, Field(ge=0, le=1)] = 0.04  # share of a sighting that is new to a sharper tracked belief
-    #: A belief is dropped once its entropy exceeds this share of ln m, the entropy of a uniform one.
+    drift: Sigma = 0.5
+    "[unit/sqrt(s)] How an object moves: a random walk."
+    fresh: Annotated[float, Field(ge=0, le=1)] = 0.04
+    "[share] Share of a sighting that is new to a sharper tracked belief."
     forget: Annotated[float, Field(gt=0, le=1)] = 0.97
+    "[share] A belief is dropped once its entropy exceeds this share of ln m, the entropy of a uniform one."
 
 
 class RobotSection(Section):
-    """[robot] with its tables [robot.vision], [robot.odometry], [robot.objects]."""
+    """What the robots believe about themselves and their sensors."""
 
-    localizer: str = "position"  # see `robot_agent.localizers`
-    headings: Annotated[int, Field(ge=8, le=720)] = 90  # heading bins of the localizer "pose"
-    patience: Positive = 2.0  # wall seconds to wait for the agreed beliefs of the tick before
+    localizer: str = "position"
+    'How it finds its place: "position", "pose", or one of a plug-in (docs/operations.md).'
+    headings: Annotated[int, Field(ge=8, le=720)] = 90
+    'Heading bins of the localizer "pose".'
+    patience: Positive = 2.0
+    "[s] How long it waits, in wall time, for the agreed beliefs of the tick before."
     vision: VisionSection = Field(default_factory=VisionSection)
+    "Its model of the camera."
     odometry: OdometrySection = Field(default_factory=OdometrySection)
+    "Its model of the odometry."
     objects: ObjectsSection = Field(default_factory=ObjectsSection)
+    "How it tracks what is neither robot nor landmark."
 
     @field_validator("localizer")
     @classmethod

@@ -39,7 +39,7 @@ def sim_world(
     """
     chosen = run.apply(recording.scenario(scenario))
     settings = chosen.section("world", WorldSection)
-    with series_file(run.series) as record:
+    with series_file(run.table) as record:
         sensors = open_sensor_source(chosen)
         referee = Referee(chosen.grid, settings.check, sensors.robots, record, faulty=faulty_robots(chosen))
         service = WorldService(chosen, sensors, referee)

@@ -20,6 +20,9 @@ from blackboard.opinion.scores import LEVELS, Score
 BLOCK = 10.0  # seconds: twice the time between two fixes of a robot in the demo
 FEWEST = 3  # blocks
 
+#: What regions are called: they hold the truth as often as they claim as far as can be told, too often, too rarely, ...
+CONSISTENT, CAUTIOUS, CONFIDENT, MIXED, SHORT = "consistent", "over-cautious", "over-confident", "mixed", "too short"
+
 
 @dataclass(frozen=True)
 class Coverage:
@@ -33,6 +36,21 @@ class Coverage:
     def is_off(self, tolerance: float) -> bool:
         """Whether the whole interval is farther from the level than the tolerance."""
         return self.low > self.level / 100 + tolerance or self.high < self.level / 100 - tolerance
+
+    @property
+    def word(self) -> str:
+        """CAUTIOUS where the whole interval is above the level, CONFIDENT where it is below, else CONSISTENT."""
+        if self.low > self.level / 100:
+            return CAUTIOUS
+        return CONFIDENT if self.high < self.level / 100 else CONSISTENT
+
+
+def word(coverages: Sequence[Coverage]) -> str:
+    """One word for the regions of all levels: MIXED where some are too wide and others too narrow, SHORT where there are none."""
+    found = {coverage.word for coverage in coverages} - {CONSISTENT}
+    if not coverages:
+        return SHORT
+    return MIXED if len(found) > 1 else next(iter(found), CONSISTENT)
 
 
 def claimed_error(belief: Belief) -> float:

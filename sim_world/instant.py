@@ -76,10 +76,25 @@ class Instant:
                 found[sub_team] = next((some for some in subjects if some), [])
         return found
 
+    def sources(self, level: str, robot: str, sub_team: str, subject: str) -> frozenset[str]:
+        """The robots whose information a belief rests on by name; of a sub-team in the exchange, those behind its consensus."""
+        if level == "solo":
+            return frozenset({robot})
+        consensus = self._consensus(sub_team, level, subject)
+        named = frozenset(used.source for used in consensus.used) if consensus else frozenset()
+        if level == "consensus":
+            return named
+        behind = [self.sources("consensus", robot, name, subject) for name in named & self.teams.keys()]
+        return (named - self.teams.keys()).union(*behind)
+
     def belief(self, level: str, robot: str, sub_team: str, subject: str) -> PackedBelief | None:
         """A belief about a subject: the robot's alone ("solo"), its sub-team's ("consensus"), or after the exchange ("agreed")."""
         if level == "solo":
             solo = self.solos.get(robot)
             return solo.beliefs.get(subject) if solo else None
+        consensus = self._consensus(sub_team, level, subject)
+        return consensus.belief if consensus else None
+
+    def _consensus(self, sub_team: str, level: str, subject: str) -> Consensus | None:
         names = [(sub_team, level, subject, board) for board in sorted(self.boards.get(sub_team, ()))]
-        return next((self.consensuses[name][1].belief for name in names if name in self.consensuses), None)
+        return next((self.consensuses[name][1] for name in names if name in self.consensuses), None)

@@ -1,11 +1,12 @@
 """The referee: beliefs compared with the truth at each tick. Pure.
 
-A sample is one robot, one subject (its own place, or an object), one instant and one of the robot's sub-teams, for
-which all three beliefs exist: what the robot believed alone (`solo`), its sub-team's `consensus`, and what was `agreed`
-after the exchange. So the three are judged on the same samples; where one is missing it is counted under its level.
-Robots that a [[fault]] is about are the group `faulty`, and what they believe about objects is not judged.
-
 Long, because a sample, its scores and the verdict on them are one computation.
+
+A sample is one robot, one subject (its own place, or an object) and one instant, for which all three beliefs exist: what the
+robot believed alone (`solo`), its sub-team's `consensus`, and what was `agreed` after the exchange. So the three are judged on
+the same samples; where one is missing it is counted under its level. A robot in several sub-teams is judged once, in the first by
+name, through which its evidence counts in the exchange.
+Robots that a [[fault]] is about are the group `faulty`, and what they believe about objects is not judged.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ import hashlib
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
@@ -24,7 +27,8 @@ from blackboard.opinion.scores import Score, region_area
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import PackedBelief
 from sim_world.attendance import Attendance
-from sim_world.calibration import Calibration, claimed_error
+from sim_world.calibration import Calibration, claimed_error, word
+from sim_world.causes import likely_causes
 from sim_world.instant import Instant
 from sim_world.scenario import CheckSection
 from sim_world.series import AREA_OF, Sample
@@ -49,6 +53,8 @@ class Judgement:
     hash: str
     unit: str  # of the errors in `scores`
     refused: dict[str, int]  # reason -> beliefs that could not be unpacked
+    honesty: dict[str, dict[str, Any]] = field(default_factory=dict)  # the scorecard's block "honesty"
+    causes: list[str] = field(default_factory=list)  # what would explain a FAIL; empty where none fits, and of a PASS
 
 
 class Referee:
@@ -73,7 +79,9 @@ class Referee:
         self._hash = hashlib.sha256()
         self._scores: dict[str, dict[str, Tally]] = {}  # subject -> level -> scores
         self._attendance = Attendance()
-        self._calibrations: dict[tuple[str, str], Calibration] = {}  # subject and level, "solo" or "agreed"
+        self._took_part: set[str] = set()  # robots
+        self._company: Counter[str] = Counter()  # subject -> samples whose agreed belief rests on several robots
+        self._calibrations: dict[tuple[str, str], Calibration] = {}  # subject and level
         self._landmark_at: dict[str, float] = {}  # robot -> team time of the newest tick in which it saw a landmark
 
     @property
@@ -91,14 +99,14 @@ class Referee:
             return
         known: Known = {}
         objects = [subject for subject in instant.truth.positions if subject.startswith("object/")]
-        present = {robot for robots in instant.teams.values() for robot in robots}
-        for robot in sorted(set(self.robots) - present):
+        sub_team_of = {robot: name for name in sorted(instant.teams, reverse=True) for robot in instant.teams[name]}
+        self._took_part |= sub_team_of.keys()
+        for robot in sorted(set(self.robots) - sub_team_of.keys()):
             self._attendance.take(f"robot/{robot}", instant.truth.time, ["solo"])
-        for sub_team, robots in instant.teams.items():
-            for robot in robots:
-                for subject in (f"robot/{robot}", *([] if robot in self.faulty else objects)):
-                    if subject in instant.truth.positions:
-                        self._sample(instant, robot, sub_team, subject, known)
+        for robot in sorted(sub_team_of):
+            for subject in (f"robot/{robot}", *([] if robot in self.faulty else objects)):
+                if subject in instant.truth.positions:
+                    self._sample(instant, robot, sub_team_of[robot], subject, known)
 
     def _sample(
         self,
@@ -120,6 +128,7 @@ class Referee:
                 scored[level] = found
         self._attendance.take(subject, instant.truth.time, [level for level in LEVELS if level not in scored])
         if len(scored) == len(LEVELS):
+            self._company[subject] += len(instant.sources("agreed", robot, sub_team, subject)) > 1
             for level, (score, belief, claimed) in scored.items():
                 self._scores.setdefault(subject, {}).setdefault(level, Tally()).add(score)
                 calibration = self._calibrations.setdefault((subject, level), Calibration())
@@ -142,6 +151,7 @@ class Referee:
     ) -> Sample:
         """A sample at one level, as a row of the series; `score` has one entry."""
         (truth_x, truth_y), (mean_x, mean_y) = instant.truth.positions[subject], belief.mean().tolist()
+        spread = belief.covariance() + np.eye(2) * self.grid.cell**2 / 12
         return Sample(
             tick=instant.truth.tick,
             time=instant.truth.time,
@@ -158,6 +168,12 @@ class Referee:
             border=score.borders[0],
             area=region_area(belief, AREA_OF),
             landmark_age=instant.truth.time - self._landmark_at.get(robot, -math.inf),
+            error=score.errors[0],
+            entropy=score.entropies[0],
+            sources=len(instant.sources(level, robot, sub_team, subject)),
+            var_x=float(spread[0, 0]),
+            cov_xy=float(spread[0, 1]),
+            var_y=float(spread[1, 1]),
         )
 
     # --- the judgement ------------------------------------------------------------------------------------------------
@@ -166,9 +182,12 @@ class Referee:
         """All that was found until now."""
         scores = self.scores()
         passed, reasons = self.verdict(scores)
-        return Judgement(
-            passed, reasons, scores, self.missing(), self.hash, self.grid.unit, dict(sorted(self.refused.items()))
-        )
+        honesty, missing, unit = self.honesty(), self.missing(), self.grid.unit
+        company = {subject: count / self._attendance.judged[subject] for subject, count in self._company.items()}
+        robots = {robot: robot in self._took_part for robot in self.robots if robot not in self.faulty}
+        causes = [] if passed else likely_causes(scores, honesty, missing, company, robots, unit)
+        refused = dict(sorted(self.refused.items()))
+        return Judgement(passed, reasons, scores, missing, self.hash, unit, refused, honesty, causes)
 
     def scores(self) -> dict[str, Any]:
         """The scorecard's block "scores": for robots and objects, each level, together and by name; `faulty` where there are any."""
@@ -180,6 +199,17 @@ class Referee:
                 **{level: score.summary() for level, score in together.items()},
                 "by_name": {name: {level: by[level].summary() for level in LEVELS} for name, by in named.items()},
             }
+        return found
+
+    def honesty(self) -> dict[str, dict[str, Any]]:
+        """The scorecard's block "honesty": for each group and level one word, and each coverage with its 95 % interval."""
+        found: dict[str, dict[str, Any]] = {}
+        for group in GROUPS:
+            for level in LEVELS:
+                subjects = self._subjects(group, self._scores)
+                coverages = Calibration.merged(self._calibrations[subject, level] for subject in subjects).coverage()
+                spans = {str(c.level): {"share": c.share, "low": c.low, "high": c.high} for c in coverages}
+                found.setdefault(group, {})[level] = {"word": word(coverages), "coverage": spans}
         return found
 
     def _subjects(self, group: str, among: Iterable[str]) -> list[str]:

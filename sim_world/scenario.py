@@ -24,9 +24,13 @@ class VisionSection(Section):
     """The physics of the cameras: (VI-.1) times a gain, seen ahead only."""
 
     preset: Literal["paper", "camera"] = "camera"
-    gain: Positive | None = None  # None: the preset's
-    floor: Positive = 0.5  # the printed sigma is 0 at d = 7.5
-    half_angle: Annotated[float, Field(gt=0, le=3.1416)] = 1.5708  # "ahead": 90 degrees to each side of the heading
+    "A gain by name: 1 is the paper's sensor (sigma up to 37 cells), 0.05 a camera (up to 1.9 cells)."
+    gain: Positive | None = None
+    "[factor] Gain of (VI-.1), instead of the preset's."
+    floor: Positive = 0.5
+    "[unit] Least sigma of a seen position; the printed sigma is 0 at a distance of 7.5."
+    half_angle: Annotated[float, Field(gt=0, le=3.1416)] = 1.5708
+    "[rad] What is seen ahead: so far to each side of the heading."
 
     @property
     def scale(self) -> float:
@@ -36,68 +40,99 @@ class VisionSection(Section):
 class OdometrySection(Section):
     """The physics of odometry and compass, and of the position fixes that bound the odometry's error."""
 
-    along: Sigma = 0.3  # error of the distance, per square root of the distance
-    turn: Sigma = 0.01  # error of the turn, radians per square root of a radian
-    compass: Sigma = 0.01  # error of the compass, radians
-    reset_after: Positive = 5.0  # a Fix arrives each time this distance is exceeded (the paper: 5 cells)
-    fix: Positive = 0.7  # error of a Fix in each coordinate
+    along: Sigma = 0.3
+    "[sqrt(unit)] Error of the distance, per square root of the distance."
+    turn: Sigma = 0.01
+    "[sqrt(rad)] Error of the turn, per square root of the turn."
+    compass: Sigma = 0.01
+    "[rad] Error of the compass."
+    reset_after: Positive = 5.0
+    "[unit] A fix of the position comes each time this distance is exceeded (the paper: 5 cells)."
+    fix: Positive = 0.7
+    "[unit] Error of a fix in each coordinate."
 
 
 class ObjectSection(Section):
     """An object does a random walk, reflected at the walls: the motion that a robot's model can match exactly."""
 
-    start: tuple[Coordinate, Coordinate] | None = None  # None: drawn from the seed
-    drift: Sigma = 0.0  # per square root of a second, in each coordinate; 0 is an object that stands
+    start: tuple[Coordinate, Coordinate] | None = None
+    "[unit] Where it is at the beginning; drawn from the seed where it is not given."
+    drift: Sigma = 0.0
+    "[unit/sqrt(s)] How it moves in each coordinate; 0 is an object that stands."
 
 
 class CheckSection(Section):
     """What a run must show to PASS, of robots and objects alike unless it says otherwise."""
 
-    robots: Positive = 0.9  # agreed RMSE of the robots' positions, at most this share of solo
-    objects: Positive = 0.9  # the same of the objects
-    entropy: Positive = 1.0  # agreed entropy, at most this share of solo
-    coverage: Annotated[float, Field(ge=0, le=1)] = 0.8  # of the agreed 95 % regions, at least
-    #: how far the share of agreed regions that hold the truth may be, beyond doubt, from 50, 90 and 95 %, to both sides
+    robots: Positive = 0.9
+    "[factor] Agreed RMSE of the robots' positions, at most so much of solo."
+    objects: Positive = 0.9
+    "[factor] Agreed RMSE of the objects, at most so much of solo."
+    entropy: Positive = 1.0
+    "[factor] Agreed entropy, at most so much of solo."
+    coverage: Annotated[float, Field(ge=0, le=1)] = 0.8
+    "[share] Share of the agreed 95 % regions that hold the truth, at least."
     calibration: Annotated[float, Field(ge=0, le=1)] = 0.2
-    missing: Annotated[float, Field(ge=0, le=1)] = 0.2  # share of the samples of a robot or object that may be missing
-    claim: Positive = 2.0  # solo RMSE of the robots, and of each one, at most so many times what its beliefs claim
-    solo: Positive | None = None  # solo RMSE of the robots, at most (unit); None: anything
+    "[share] How far the coverage of agreed regions may be, beyond doubt, from 50, 90 and 95 %, to both sides."
+    missing: Annotated[float, Field(ge=0, le=1)] = 0.2
+    "[share] Share of the samples of a robot or object that may be missing."
+    claim: Positive = 2.0
+    "[factor] Solo RMSE of the robots, and of each one, at most so many times what its beliefs claim."
+    solo: Positive | None = None
+    "[unit] Solo RMSE of the robots, at most; anything where it is not given."
 
 
 class WorldSection(Section):
-    """[world], with [world.vision], [world.odometry], [world.objects.*] and [world.check]."""
+    """What is true, how the sensors measure, what is asked for a PASS, and for how long the world waits."""
 
     kind: Literal["simulated", "mrclam"] = "simulated"
+    "A simulated team, or a recorded one (UTIAS MRCLAM)."
     seed: Annotated[int, Field(ge=0, lt=1 << 63)] = 1
+    "Seed of all random numbers of the world."
 
     # simulated
-    speed: Positive = 1.0  # of the robots
-    turn_rate: Positive = 1.0  # at most, radians per second
-    lost: list[Name] = Field(default_factory=list)  # robots that get no fix at the start
+    speed: Positive = 1.0
+    "[unit/s] Speed of the robots (simulated)."
+    turn_rate: Positive = 1.0
+    "[rad/s] How fast they turn, at most (simulated)."
+    lost: list[Name] = Field(default_factory=list)
+    "Robots that get no fix at the start (simulated)."
     objects: dict[Name, ObjectSection] = Field(
         default_factory=lambda: {"ball": ObjectSection(drift=0.2), "can": ObjectSection()}
     )
+    "What the team looks for, by name (simulated)."
     vision: VisionSection = Field(default_factory=VisionSection)
+    "The physics of the cameras (simulated)."
     odometry: OdometrySection = Field(default_factory=OdometrySection)
+    "The physics of odometry, compass and fixes (simulated)."
 
     # mrclam
     dir: str | None = None
-    start: Coordinate | None = None  # Unix time; None: the first whole second that all files cover
+    "Folder of the recording (mrclam)."
+    start: Coordinate | None = None
+    "[s] Where the replay begins, Unix time; the first whole second that all files cover where it is not given (mrclam)."
     protocol: str = "A_all"
-    odometry_lag: Sigma = 0.22  # seconds by which the commands lead the motion (measured: 0.2 to 0.25)
-    sighting_latency: Sigma = 0.04  # seconds by which sightings are stamped late (measured: 0.03 to 0.05)
+    "Which landmark sightings may be used (mrclam; docs/real-robots.md)."
+    odometry_lag: Sigma = 0.22
+    "[s] By how much commands lead the motion (mrclam; measured: 0.2 to 0.25)."
+    sighting_latency: Sigma = 0.04
+    "[s] By how much sightings are stamped late (mrclam; measured: 0.03 to 0.05)."
 
     check: CheckSection = Field(default_factory=CheckSection)
+    "What a run must show to PASS."
 
-    linger: Positive = 1.0  # wall seconds that a tick may still be answered in real time
-    # wall seconds that the world waits in lockstep
-    gather: Positive = 60.0  # for everybody to come, at the start or after everybody went
-    patience: Positive = (
-        0.5  # until a tick is sent again: before boards and robots lose theirs, so that one lost message costs no bit
-    )
-    give_up: Positive = 20.0  # until a process that is alive but sends nothing is no longer waited for
-    grace: Positive = 0.5  # until a token that vanished means a death, and not that the router went
-    comeback: Positive = 5.0  # for the others to return when the router is back
+    linger: Positive = 1.0
+    "[s] How long a tick may still be answered in real time, wall time."
+    gather: Positive = 60.0
+    "[s] How long the world waits in lockstep for everybody to come, at the start or after everybody went, wall time."
+    patience: Positive = 0.5
+    "[s] Wall time until a tick is sent again: before boards and robots lose theirs, so that one lost message costs no bit."
+    give_up: Positive = 20.0
+    "[s] Wall time until a process that is alive and sends nothing is no longer waited for."
+    grace: Positive = 0.5
+    "[s] Wall time until a token that vanished means a death, and not that the router went."
+    comeback: Positive = 5.0
+    "[s] Wall time for the others to return when the router is back."
 
     @field_validator("protocol")
     @classmethod

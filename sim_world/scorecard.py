@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from blackboard.opinion.scores import LEVELS as SHARES
+from sim_world.calibration import CONSISTENT, Coverage
 from sim_world.referee import LEVELS, Judgement
 
 
@@ -52,27 +54,69 @@ def scorecard(result: RunResult) -> dict[str, Any]:
         "team_rmse": {level: found.scores["robots"][level]["rmse"] for level in LEVELS},
         "missing": found.missing,
         "counters": dict(sorted(result.counters.items())),
+        "honesty": found.honesty,
+        "causes": found.causes,
     }
 
 
+#: Name of a column, its unit ("": that of the errors), and what is better in it.
+COLUMNS = (
+    ("RMSE", "", "smaller"),
+    ("p95", "", "smaller"),
+    ("entropy", "nats", "smaller"),
+    ("log score", "nats", "larger"),
+    *((f"in {level} %", "share", f"{level / 100:g}") for level in SHARES),
+)
+SAME_PROCESSOR = "the same scenario and seed give the same hash on the same kind of processor only"
+
+
 def text(card: dict[str, Any]) -> str:
-    """The scorecard as text: a table of levels, then the verdict and its reasons."""
-    names = (f"RMSE {card['unit']}", "p95", "entropy", "log score", "50 %", "90 %", "95 %")
-    lines = [f"{'':<18}{'n':>7}" + "".join(f"{name:>10}" for name in names)]
+    """The scorecard as text: a table of levels, whether the beliefs are honest, then the verdict, its reasons and their causes."""
+    lines = [f"{'':<18}{'n':>7}" + "".join(f"{name:>10}" for name, _, _ in COLUMNS)]
+    lines.append(f"{'unit':<25}" + "".join(f"{unit or card['unit']:>10}" for _, unit, _ in COLUMNS))
+    lines.append(f"{'better is':<25}" + "".join(f"{better:>10}" for _, _, better in COLUMNS))
     for group in card["scores"]:
         for level in LEVELS:
             s = card["scores"][group][level]
             if s["n"]:
                 numbers = (s["rmse"], s["p95"], s["entropy"], s["log_score"], *s["coverage"].values())
-                lines.append(f"{group + ' ' + level:<18}{s['n']:>7}" + "".join(f"{x:>10.3f}" for x in numbers))
+                shown = "".join(f"{x:>10.3f}" for x in numbers)
+                lines.append(f"{group + ' ' + level:<18}{s['n']:>7}{shown}  {_word(card, group, level)}".rstrip())
     messages = card["messages"]
     refused = sum(messages["refused"].values())
     lines += [
+        *_dishonest(card),
         "",
         f"{card['ticks']} ticks, {card['simulated_s']:g} s of team time in {card['wall_s']:.1f} s",
         f"rule {card['rule']}, fusion {card['fusion']}, seed {card['seed']}, consensuses {card['hash']}",
+        f"({SAME_PROCESSOR})",
         f"{messages['received']} messages received, {messages['dropped']} dropped, {refused} refused",
         card["verdict"],
         *(f"  {reason}" for reason in card["reasons"]),
+        *(f"  likely cause: {cause}" for cause in card["causes"]),
     ]
     return "\n".join(lines)
+
+
+def _word(card: dict[str, Any], group: str, level: str) -> str:
+    """What the regions of a row are called."""
+    return str(card["honesty"].get(group, {}).get(level, {}).get("word", ""))
+
+
+def _dishonest(card: dict[str, Any]) -> list[str]:
+    """A line for each row whose regions do not hold the truth as often as they claim, beyond doubt."""
+    lines = []
+    for group, levels in card["honesty"].items():
+        for level, found in levels.items():
+            told = []
+            for name, at in found["coverage"].items():
+                kind = Coverage(int(name), at["share"], at["low"], at["high"]).word
+                if kind != CONSISTENT:
+                    spans = f"({100 * at['low']:.0f} to {100 * at['high']:.0f})"
+                    told.append(f"{kind} at {name} %: holds the truth in {100 * at['share']:.0f} % {spans}")
+            lines += [f"  {group} {level}: {'; '.join(told)}"] if told else []
+    return (
+        ["", "regions that hold the truth more or less often than they claim (95 % intervals):", *lines]
+        if lines
+        else []
+    )

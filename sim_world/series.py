@@ -1,18 +1,21 @@
-"""The series of a run: every sample that the referee judged, one row of a CSV file for each, from which all else can be computed.
+"""The series of a run: every sample that the referee judged, a row of a table for each, from which all else can be computed.
 
 The scorecard has sums only. What depends on time (when a robot found itself, how it did without landmarks, how correlated the
-misses are) is computed from the series; floats are written so that reading gives them back exactly.
+misses are) is computed from the series; floats are written so that reading gives them back exactly. docs/scorecard.md says what
+each column is.
 """
 
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 
 from blackboard.errors import UserError
+from sim_world.table import table_file
 
 AREA_OF = 0.95  # the share of the mass in the region whose area a sample has
 
@@ -37,45 +40,46 @@ class Sample:
     )
     border: float  # mass of the cells as dense as the true one, which lie on the border of regions from there on (`scores.held`)
     area: float  # of the 95 % highest-density region, unit^2
-    landmark_age: (
-        float  # seconds since the end of the tick in which the robot was last given a landmark sighting; inf: never
-    )
+    #: seconds since the end of the tick in which the robot was last given a landmark sighting; inf: never
+    landmark_age: float
+    error: float = math.nan  # distance of the mean from the truth
+    entropy: float = math.nan  # nats
+    sources: int = 0  # robots whose information the belief rests on; 1 for solo
+    var_x: float = math.nan  # variance of the belief along x, unit^2
+    cov_xy: float = math.nan  # covariance of x and y, unit^2
+    var_y: float = math.nan  # variance along y, unit^2
 
 
 COLUMNS = tuple(field.name for field in fields(Sample))
+NEEDED = tuple(field.name for field in fields(Sample) if field.default is MISSING)  # the others came later
 READERS: dict[str, Callable[[str], int | float | str]] = {"int": int, "float": float, "str": str}
-TYPES = tuple(READERS[str(field.type)] for field in fields(Sample))
+TYPES = {field.name: READERS[str(field.type)] for field in fields(Sample)}
 
 
 @contextmanager
 def series_file(path: Path | None) -> Iterator[Callable[[Sample], None] | None]:
-    """A function that writes a sample into a file; None where no file is asked for. UserError: it cannot be written."""
+    """A function that writes a sample into a file, by its ending; None where no file is asked for. UserError: it cannot be written."""
     if path is None:
         yield None
         return
-    try:
-        file = path.open("w", encoding="utf-8", newline="")
-    except OSError as error:
-        raise UserError(f"--series {path}: cannot be written ({error.strerror}); choose another place") from error
-    with file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        yield lambda sample: writer.writerow(astuple(sample))
+    with table_file(path, Sample, "--table") as write:
+        yield write
 
 
 def read_series(path: Path) -> list[Sample]:
-    """The samples of a file. UserError: it is missing, or not what `series_file` writes; the line is named."""
+    """The samples of a CSV file. UserError: it is missing, or not what `series_file` writes; the line is named."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             header, *rows = list(csv.reader(file)) or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path}: cannot be read ({error}); give the file that --series wrote") from error
-    if tuple(header) != COLUMNS:
-        raise UserError(f"{path}, line 1: not the columns of a series; give the file that --series wrote")
+        raise UserError(f"{path}: cannot be read ({error}); give the file that --table wrote") from error
+    if not (set(NEEDED) <= set(header) <= set(COLUMNS)):
+        raise UserError(f"{path}, line 1: not the columns of a series; give the file that --table wrote")
     samples = []
     for number, row in enumerate(rows, 2):
         try:
-            samples.append(Sample(*(read(cell) for read, cell in zip(TYPES, row, strict=True))))  # type: ignore[arg-type]
+            cells = {name: TYPES[name](cell) for name, cell in zip(header, row, strict=True)}
+            samples.append(Sample(**cells))  # type: ignore[arg-type]
         except ValueError as error:
             raise UserError(f"{path}, line {number}: not a row of a series ({error}); write it again") from error
     return samples

@@ -28,7 +28,7 @@ def board(**table: Any) -> BoardSection:
         (
             {"patiance": 3},
             "board.patiance: rule 'coalition' has no such key; it has gamma, gate, independence, k, reference_cell; "
-            "a board has drift, feedback, fusion, future, max_age, objects_drift, patience, period, rule, skew, subjects",
+            "a board has drift, feedback, fusion, future, max_age, objects_drift, patience, period, rule, skew, subjects; did you mean patience?",
         ),
         ({"inner": "linear"}, "board.inner: rule 'coalition' has no such key"),
         ({"rule": "best"}, "board.rule: 'best' is none of calibrated, channel-filter"),
@@ -48,8 +48,13 @@ def board(**table: Any) -> BoardSection:
             {"subjects": {"object/ball": {"patience": 3}}},
             "board.subjects.object/ball.patience: rule 'coalition' has no",
         ),
-        ({"subjects": {"ball": {}}}, "board.subjects.ball.[key]: String should match"),
-        ({"feedback": "all"}, "board.feedback: Input should be 'paper', 'guarded' or 'off'"),
+        (
+            {"subjects": {"ball": {}}},
+            'board.subjects.ball: give a subject as "robot/r1" (robot, object, landmark), or with * as "object/*" (got \'ball\')',
+        ),
+        ({"feedback": "all"}, 'board.feedback: give "paper", "guarded" or "off" (got \'all\')'),
+        ({"feedback": "gaurded"}, 'board.feedback: give "paper", "guarded" or "off"; did you mean guarded? (got'),
+        ({"max_age": 0}, "board.max_age: give a number above 0 (got 0)"),
     ],
 )
 def test_a_mistake_is_one_line_that_names_the_key(table: dict[str, Any], text: str) -> None:

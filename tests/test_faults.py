@@ -40,25 +40,25 @@ def test_without_faults_nothing_is_wrong_and_the_same_robots_are_scored_apart() 
     [
         (
             {"kind": "lies"},
-            "team.toml: fault.0.kind: no fault of this kind; use one of lie, collude, overconfident, skew, lose",
+            "team.toml: fault.0.kind: no fault of this kind; did you mean lie?; use one of lie, collude, overconfident, skew, lose",
         ),
         ({"robot": "r1"}, "team.toml: fault.0.kind: no fault of this kind"),
-        ({"kind": "lie", "robot": "r1"}, "team.toml: fault.0.lie.offset: Field required"),
+        ({"kind": "lie", "robot": "r1"}, "team.toml: fault.0.lie.offset: is missing; give a list of 2, each"),
         ({**LIE, "robot": "r9"}, "team.toml: fault.0.lie: no robot of the team has the name r9; use one of r1, r2, r3"),
         ({**LIE, "robots": ["r1"]}, "team.toml: fault.0.lie: give either robot or robots"),
         (
             {**LIE, "start": 5, "end": 5},
             "team.toml: fault.0.lie: it ends at 5 s, before its start at 5 s; give a later end",
         ),
-        ({**LIE, "offest": 5}, "team.toml: fault.0.lie.offest: no such key; remove it or mend its spelling"),
+        ({**LIE, "offest": 5}, "team.toml: fault.0.lie.offest: no such key; did you mean offset?; known are"),
         ({"kind": "collude", "robot": "r1", "offset": [1, 1]}, "team.toml: fault.0.collude: give at least two robots"),
         (
             {"kind": "overconfident", "robot": "r1", "factor": 0.5},
-            "team.toml: fault.0.overconfident.factor: Input should",
+            "team.toml: fault.0.overconfident.factor: give a number above 1 and at most 100 (got 0.5)",
         ),
         (
             {"kind": "drift", "robot": "r1", "sensor": "gps", "rate": 1},
-            "team.toml: fault.0.drift.sensor: Input should be",
+            'team.toml: fault.0.drift.sensor: give "odometry", "compass", "range" or "fix" (got \'gps\')',
         ),
     ],
 )

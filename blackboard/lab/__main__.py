@@ -1,22 +1,30 @@
-"""The door of the laboratory: `blackboard lab | tune | figures`."""
+"""The door of the laboratory: `blackboard lab | tune | figures | sweep`.
+
+Long, because it is the door of four commands, each with its flags.
+"""
 
 from __future__ import annotations
 
-import json
-import sys
 from functools import reduce
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
 from blackboard.errors import UserError
-from blackboard.lab import comparison, paper, parallel, tuning, tuning_report
+from blackboard.lab import comparison, paper, parallel, sweep_report, tuning, tuning_report
 from blackboard.lab import streams as streams_of_fusions
+from blackboard.lab.sweep import kept_runs, run_all
+from blackboard.lab.sweep_plan import parse_seeds, plan
+from blackboard.lab.team import Team
 from blackboard.lab.tuning import CandidateScores
-from blackboard.run.flags import LengthFlags, OutputFlags, RecordingFlags
+from blackboard.run.flags import LengthFlags, OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.progress import progress
+from sim_world.table import check_table, table_file
 
 SEED = 1  # of the trials and of the bootstrap, where --seed does not give another
 
@@ -142,18 +150,18 @@ def tune(
     rules = [rule] if rule else list(tuning.spaces())
     for name in rules:
         tuning.space(name)
-    with progress("tune") as show_progress:
+    with progress("tune: runs to choose from", lines=True) as show_progress:
         jobs = [(rules, team, number, every) for number in range(variants)]
         parts = parallel.run_jobs(parallel.try_settings, jobs, show_progress)
-        choices = {
-            name: tuning.choose(reduce(CandidateScores.merge, (p[name] for p in parts)), coverage, team.grid.cell, rng)
-            for name in rules
-        }
-        best = max(choices.values(), key=lambda c: (c["honest"], c["log_score"]))
-        judged = {"tuned": best["setting"], "default": comparison.DEFAULT, "paper": comparison.PAPER}
-        numbers = range(variants, variants + held_out)
+    choices = {
+        name: tuning.choose(reduce(CandidateScores.merge, (p[name] for p in parts)), coverage, team.grid.cell, rng)
+        for name in rules
+    }
+    best = max(choices.values(), key=lambda c: (c["honest"], c["log_score"]))
+    judged = {"tuned": best["setting"], "default": comparison.DEFAULT, "paper": comparison.PAPER}
+    with progress("tune: held-out runs", lines=True) as show_progress:
         beside = parallel.Beside(agreed, ideal)
-        held = [(judged, team, n, every, beside) for n in numbers]
+        held = [(judged, team, number, every, beside) for number in range(variants, variants + held_out)]
         checks = parallel.run_jobs(parallel.judge_held_out, held, show_progress)
     found = tuning_report.tuned(choices, best, judged, checks, coverage=coverage, gain=gain, rng=rng)
     output.show(found, tuning_report.text)
@@ -168,8 +176,9 @@ def figures(
     grids: list[int] | None = None,
     seconds: float = 60.0,
     every: float = 5.0,
+    output: OutputFlags = OutputFlags(),
 ) -> int:
-    """Draw the paper's figures into a folder (SVG and PNG) and print the numbers behind them as JSON.
+    """Draw the paper's figures into a folder (SVG and PNG), and list the files; with --json also the numbers behind them.
 
     Figs. 1 to 5 are 1-D; Figs. 6 and 7 come from the simulated world with the paper's sensors. Needs the extra `plot`.
 
@@ -197,10 +206,68 @@ def figures(
         parts = parallel.run_jobs(parallel.score_figures, jobs, show_progress)
         runs = {n: [p for job, p in zip(jobs, parts, strict=True) if job[1] is worlds[n]] for n in sizes}
     found = paper.numbers(runs, np.random.default_rng(1))
+    files = []
     for name, figure in drawing.paper(found).items():
         for ending in (".svg", ".png"):
-            drawing.save(figure, out / f"{name}{ending}")
-    sys.stdout.write(json.dumps(found) + "\n")
+            files.append(out / f"{name}{ending}")
+            drawing.save(figure, files[-1])
+    told = [str(file) for file in files]
+    output.show({**found, "files": told}, lambda _: "\n".join(told))
+    return 0
+
+
+def sweep(
+    scenario: str | None = None,
+    *,
+    seeds: str = "1..8",
+    set: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = (),
+    seconds: float | None = None,
+    runs: Path | None = None,
+    table: Path | None = None,
+    plot: Path | None = None,
+    team: TeamFlags = TeamFlags(),
+    recording: RecordingFlags = RecordingFlags(),
+    output: OutputFlags = OutputFlags(),
+) -> int:
+    """Run a scenario with every combination of settings and every seed, and compare what the teams agreed on.
+
+    Parameters
+    ----------
+    scenario
+        A scenario file (TOML), or the name of one that comes with the package [default: demo].
+    seeds
+        Seeds of the world, as 1..20 or 1,5,9.
+    set
+        A key of the scenario and its values, as board.rule=cooperative,coalition; may be given again. The first value of each is what
+        the others are compared with. A rule is set as with --rule, but fusion stays what it is (--fusion).
+    seconds
+        Length of a run, in seconds of team time [default: the scenario's].
+    runs
+        Keep each finished run in this file (JSON lines); runs that are there already are not made again.
+    table
+        Also write a row for each run, group and level into this file: .csv, .jsonl or .parquet.
+    plot
+        Also draw the comparison into this folder; needs the extra `plot`.
+    """
+    drawing = _drawing("sweep_drawing") if plot is not None else None
+    if table is not None:
+        check_table(table, "--table")
+    chosen = team.apply(recording.scenario(scenario) if recording.given or scenario is None else load(scenario))
+    chosen = chosen.changed("time", seconds=seconds, mode="lockstep")
+    planned = plan(chosen, parse_seeds(seeds), set)
+    for one in {one.combination: one for one in planned}.values():
+        Team(one.scenario)  # a mistake in any section is told before anything runs
+    with kept_runs(runs) as (done, keep), progress("sweep", lines=True) as show:
+        cards = run_all(planned, done, keep, show)
+    found = sweep_report.report(planned, cards, np.random.default_rng(SEED))
+    if table is not None:
+        row, rows = sweep_report.rows(planned, cards)
+        with table_file(table, row, "--table") as write:
+            for each in rows:
+                write(each)
+    if drawing is not None and plot is not None:
+        drawing.draw_sweep(found, planned, cards, plot)
+    output.show(found, sweep_report.text)
     return 0
 
 
@@ -230,10 +297,9 @@ def _at_least(**numbers: tuple[float, float]) -> None:
             raise UserError(f"--{name.replace('_', '-')} {value:g}: give at least {least:g}")
 
 
-def _drawing() -> ModuleType:
-    """`blackboard.lab.drawing`. UserError: matplotlib, which it needs, is not installed."""
+def _drawing(module: str = "drawing") -> ModuleType:
+    """A module of the laboratory that draws. UserError: matplotlib, which it needs, is not installed."""
     try:
-        from blackboard.lab import drawing
+        return import_module(f"blackboard.lab.{module}")
     except ModuleNotFoundError as error:
         raise UserError(f"{error.name} is missing: install the extra, as pip install 'cop-blackboard[plot]'") from error
-    return drawing

@@ -43,8 +43,15 @@ class Beside:
 CHUNK = 25  # runs of a trial in one job
 
 
-def run_jobs(function: Callable[..., T], jobs: Sequence[tuple[Any, ...]], progress: Progress | None = None) -> list[T]:
+def run_jobs(
+    function: Callable[..., T],
+    jobs: Sequence[tuple[Any, ...]],
+    progress: Progress | None = None,
+    keep: Callable[[T], None] | None = None,
+) -> list[T]:
     """function(*job) for each job, in processes of their own, one a core: the results in the order of the jobs.
+
+    `keep` is given each result as soon as it is there.
 
     The first exception of a job is raised here; then, as at SIGINT and SIGTERM, all processes are gone.
     """
@@ -58,7 +65,9 @@ def run_jobs(function: Callable[..., T], jobs: Sequence[tuple[Any, ...]], progre
             with _signals_later():
                 futures = [pool.submit(function, *job) for job in jobs]
             for done, future in enumerate(as_completed(futures), start=1):
-                future.result()
+                result = future.result()
+                if keep is not None:
+                    keep(result)
                 if progress is not None:
                     progress(done, len(jobs))
             return [future.result() for future in futures]

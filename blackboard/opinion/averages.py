@@ -57,6 +57,7 @@ class Hoelder(Rule):
     """
 
     a: float = parameter(default=0.5, least=-20, most=20)
+    "[factor] Exponent: 1 is the linear pool, near 0 the geometric mean, -1 the harmonic mean."
 
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
         w = shares(weights, len(opinions))

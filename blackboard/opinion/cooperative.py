@@ -32,6 +32,7 @@ class Cooperative(EntropyWeighted):
     """
 
     gamma: float = parameter(default=0.5, above=0, most=1)
+    "[factor] Ratio of the alphas (V-C): how much a larger coalition is preferred."
 
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
         mass = _mass(powered_components(opinions, weights, alphas(len(opinions), self.gamma), cell_ratio))
@@ -48,7 +49,9 @@ class Calibrated(EntropyWeighted):
     """
 
     gamma: float = parameter(default=0.5, above=0, most=1, tried=(0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9))
+    "[factor] Ratio of the alphas (V-C): how much a larger coalition is preferred."
     power: float | None = parameter(default=None, above=0, tried=(0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0))
+    "[factor] Exponent of the result; alpha_N where it is not given."
 
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
         alpha = alphas(len(opinions), self.gamma)
@@ -74,10 +77,13 @@ class Coalition(EntropyWeighted):
     exclusive: ClassVar[tuple[str, ...]] = ("gate", "gamma")
 
     gamma: float | None = parameter(default=None, above=0, most=1)
+    "[factor] Ratio of the alphas (V-C), instead of `gate`."
     gate: float | None = parameter(default=None, above=0, tried=(1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0))
+    "[nats] What it may cost an opinion to agree with the others; 4 where neither this nor `gamma` is given."
     independence: float | Literal["learn"] = parameter(
         default="learn", least=0, most=1, words=("learn",), tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
     )
+    "[share] How independent the members of a coalition are: 0 is their geometric mean, 1 their product; learn: finds out."
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -72,7 +72,9 @@ class Clique(Rule):
     """
 
     inner: Rule = field(default_factory=Logarithmic)
+    "Name of the rule for those that agree; its parameters stand beside it."
     xi: float = parameter(default=2.0, above=0)
+    "[nats] Bhattacharyya distance within which two opinions agree."
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -125,7 +125,9 @@ class EntropyWeighted(Rule):
     """
 
     k: float = parameter(default=2.0, least=0, most=10)
+    "[factor] Opinions weigh 1 / entropy^k."
     reference_cell: float | None = parameter(default=None, above=0)
+    "[unit] Edge of the cell that masses are expressed in; the grid's own where it is not given."
 
     def weigh(self, opinions: Array, cell_ratio: float) -> Array | None:
         return entropy_weights(opinions, self.k, cell_ratio=cell_ratio)
@@ -147,10 +149,18 @@ def _checked_value(own: dataclasses.Field[Any], value: Any) -> Any:
     number = isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
     if number and least <= value <= most and value > above and (not whole or value == int(value)):
         return int(value) if whole else float(value)
+    raise RuleError(own.name, f"give {bounds_in_words(own)}", value)
+
+
+def bounds_in_words(own: dataclasses.Field[Any]) -> str:
+    """What a parameter may be, as `a finite value of at least 0 and at most 1, or "learn"`."""
+    if isinstance(own.default, bool | str):
+        return "a text" if isinstance(own.default, str) else "a boolean"
+    least, above, most = (own.metadata.get(name, bound) for name, bound in BOUNDS)
     bounds = {"of at least": least, "above": above, "at most": most}
     limits = " and ".join(f"{word} {bound:g}" for word, bound in bounds.items() if math.isfinite(bound))
-    instead = "".join(f', or "{word}"' for word in words)
-    raise RuleError(own.name, f"give a {'whole' if whole else 'finite'} value {limits}".strip() + instead, value)
+    instead = "".join(f', or "{word}"' for word in own.metadata.get("words", ()))
+    return f"a {'whole' if isinstance(own.default, int) else 'finite'} value {limits}".strip() + instead
 
 
 # --- the registry ------------------------------------------------------------------------------------------------------
@@ -193,6 +203,11 @@ def names() -> list[str]:
     from blackboard import plugins
 
     return list(dict.fromkeys([*_RULES, *plugins.names(plugins.POOLS)]))
+
+
+def registered() -> list[str]:
+    """The rules that are loaded, in the order in which they were registered."""
+    return list(_RULES)
 
 
 def read_rule(table: Mapping[str, Any]) -> Rule:

@@ -64,9 +64,8 @@ class RunFlags(LengthFlags):
 
     realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Pace by the wall clock instead of waiting for everybody."
-    series: Path | None = None
-    "Also write every sample that the referee judges into this file, as CSV (docs/real-robots.md)."
-
+    table: Annotated[Path | None, Parameter(name=["--table", "--series"])] = None
+    "Also write every sample that the referee judges, by tick, subject, level and robot: .csv, .jsonl or .parquet (docs/scorecard.md)."
     no_faults: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Let nothing be wrong with the robots under a [[fault]], and score them apart all the same, to compare with."
 
@@ -84,6 +83,8 @@ class ViewFlags:
 
     view: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Also serve a live page of the run on a free port of 127.0.0.1 (extra web); its address is in the log."
+    plot: Path | None = None
+    "Also draw error, region, entropy and coverage over time, and all ways with ellipses, into this folder (extra plot)."
 
 
 @Parameter(name="*")

@@ -1,4 +1,7 @@
-"""The process table of a scenario, and running it: start all in order, wait until they are ready, stop all when the world ends."""
+"""The process table of a scenario, and running it: start all in order, wait until they are ready, stop all when the world ends.
+
+Long, because starting, watching and ending a run are one story.
+"""
 
 from __future__ import annotations
 
@@ -21,15 +24,24 @@ from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.roster import Roster
 from blackboard.run.recording import recording
-from blackboard.run.supervisor import Process, Supervisor
+from blackboard.run.supervisor import Process, Supervisor, print_line
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock
 
 READY_SECONDS = 60.0  # for all processes to show their tokens, on a machine that may be slow
+SCORE_SECONDS = 10.0  # for the world to give the scorecard of a run that was interrupted
 
 Progress = Callable[[int, int], None]  # ticks done, of all
+
+
+class Interrupted(KeyboardInterrupt):
+    """SIGINT or SIGTERM came after the world had begun; `card` is its scorecard of the ticks until then."""
+
+    def __init__(self, card: dict[str, Any]) -> None:
+        super().__init__()
+        self.card = card
 
 
 @dataclass(frozen=True)
@@ -80,7 +92,7 @@ def process_table(
         arguments = ("--team", team.name, "--id", robot, *(part for s in sub_teams for part in ("--sub-team", s)))
         tokens = frozenset(keys.MEMBER.key(team=team.name, sub_team=s, robot=robot) for s in sub_teams)
         members.append(Process(robot, (*python, "robot_agent", *arguments, *common), tokens))
-    samples = () if series is None else ("--series", str(series))
+    samples = () if series is None else ("--table", str(series))
     world = Process("world", (*python, "sim_world", file, "--json", *samples, *_flags(config)))
     recorder = None
     if record is not None:
@@ -123,8 +135,8 @@ def run_scenario(
     With `view` a live page is served beside it, and stopped with it.
 
     The network is the one that `config` names an endpoint or a file for, else a router of its own on 127.0.0.1.
-    UserError: a process ended with one. RunFailed: the world gave no scorecard. KeyboardInterrupt: SIGINT or SIGTERM came. In
-    every case all processes are stopped.
+    UserError: a process ended with one. RunFailed: the world gave no scorecard. KeyboardInterrupt: SIGINT or SIGTERM came; it is
+    `Interrupted` where the world had begun and gave its scorecard. In every case all processes are stopped.
     """
     config = config or LinkConfig()
     own_endpoint = (
@@ -137,23 +149,55 @@ def run_scenario(
         if own_endpoint is not None:
             config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg, keys=config.keys)
         try:
-            return asyncio.run(_run(processes, scenario, config, progress, record))
+            ending = Ending()
+            status, output = asyncio.run(_run(processes, scenario, config, progress, record, ending))
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
         except UserError as error:  # a child names the copy that it has read, not the person's own file
             raise UserError(str(error).replace(str(file), scenario.where)) from error
+    try:
+        card = json.loads(output)
+    except ValueError:
+        if ending.asked:
+            raise KeyboardInterrupt from None
+        raise RunFailed(f"the world ended with status {status} and without a scorecard") from None
+    if ending.asked:
+        raise Interrupted(card) if card.get("ticks") else KeyboardInterrupt
+    return status, card
+
+
+class Ending:
+    """What a first signal does: it asks the world, once that runs, to end with its scorecard. A second one stops everything."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def handle(self, supervisor: Supervisor, stop: Callable[[], object]) -> None:
+        """Take a signal; `stop` stops everything, at once or where the world gives no scorecard in time."""
+        if self.asked or not supervisor.terminate("world"):
+            stop()
+            return
+        self.asked = True
+        print_line("launcher", "stopped by a signal: the scorecard of the ticks until now follows; again stops at once")
+        asyncio.get_running_loop().call_later(SCORE_SECONDS, stop)
 
 
 async def _run(
-    processes: ProcessTable, scenario: Scenario, config: LinkConfig, progress: Progress | None, tape: Path | None
-) -> tuple[int, dict[str, Any]]:
+    processes: ProcessTable,
+    scenario: Scenario,
+    config: LinkConfig,
+    progress: Progress | None,
+    tape: Path | None,
+    ending: Ending,
+) -> tuple[int, str]:
+    """The world's exit status and what it printed."""
     main = asyncio.current_task()
     assert main is not None
-    # asyncio.run handles SIGINT only where it is not ignored; where a script started this in the background, it is. With a
-    # handler here the processes started below get the default disposition, because a program does not inherit handlers.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, main.cancel)
     async with Supervisor() as supervisor:
+        # asyncio.run handles SIGINT only where it is not ignored; where a script started this in the background, it is. With a
+        # handler here the processes started below get the default disposition, because a program does not inherit handlers.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, ending.handle, supervisor, main.cancel)
         for router in processes.routers:
             supervisor.keep_running(router)
         async with (
@@ -163,11 +207,7 @@ async def _run(
             for member in (*processes.members, *processes.viewers):
                 supervisor.keep_running(member)
             await observer.until_alive(processes.tokens)
-            status, output = await supervisor.run(processes.world)
-    try:
-        return status, json.loads(output)
-    except ValueError:
-        raise RunFailed(f"the world ended with status {status} and without a scorecard") from None
+            return await supervisor.run(processes.world)
 
 
 class Observer:

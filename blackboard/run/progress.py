@@ -1,4 +1,4 @@
-"""A progress bar on a terminal, nothing elsewhere."""
+"""A progress bar on a terminal; elsewhere nothing, or a line for each tenth."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+Show = Callable[[int, int], None]  # to be called with what is done and the total
+
 
 @contextmanager
-def progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A function to call with what is done and the total, which moves the bar; None where standard error is no terminal."""
+def progress(name: str, lines: bool = False) -> Iterator[Show | None]:
+    """A function that moves the bar. Where standard error is no terminal: one that prints `lines`, or None."""
     if not sys.stderr.isatty():
-        yield None
+        yield _in_lines(name) if lines else None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -20,3 +22,16 @@ def progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(name, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def _in_lines(name: str) -> Show:
+    """A function that prints a line on standard error whenever another tenth of all is done."""
+    told = 0
+
+    def show(done: int, total: int) -> None:
+        nonlocal told
+        if done * 10 // total > told:
+            told = done * 10 // total
+            print(f"{name}: {done} of {total}", file=sys.stderr, flush=True)  # noqa: T201
+
+    return show

@@ -82,6 +82,15 @@ class Supervisor:
         status = await self._run_once(process, output.append)
         return status, "\n".join(output)
 
+    def terminate(self, name: str) -> bool:
+        """Send SIGTERM to a process by its name; whether it runs."""
+        pid = self.pids.get(name)
+        if pid is None:
+            return False
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGTERM)
+        return True
+
     def release(self) -> None:
         """Show what was held back, and from now on everything at once."""
         held, self._held = self._held or [], None

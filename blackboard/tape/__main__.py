@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from importlib.metadata import version
@@ -39,9 +39,11 @@ from blackboard.tape.table_file import write_table
 from blackboard.tape.whatif import what_if
 from blackboard.wire.messages import VERSION
 from sim_world.scorecard import scorecard, text
-from sim_world.series import Sample
+from sim_world.series import Sample, series_file
+from sim_world.table import check_table
 
 LIBRARIES = ("numpy", "eclipse-zenoh", "mcap", "msgpack", "pydantic")  # whose versions a tape keeps
+Keep = Callable[[Sample], None] | None  # what takes every sample that is judged
 NOTE = (
     "Compare with `unchanged`: the same boards on what the recorder received. Robots do not hear the changed boards: "
     "what they report as informed is that of the recorded run."
@@ -140,6 +142,7 @@ def replay(
     speed: float | None = None,
     only: Annotated[list[Part], Parameter(negative="", show_default=False)] | None = None,
     scenario: str | None = None,
+    table: Path | None = None,
     output: OutputFlags = OutputFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
@@ -155,8 +158,12 @@ def replay(
         With --speed, who is played: world, robots, boards; may be given again [default: all].
     scenario
         The team's scenario, instead of the one on the tape.
+    table
+        Also write every sample that a referee judges into this file (.csv, .jsonl, .parquet), as `demo --table` does.
     """
     found = load_tape(file, scenario)
+    if table is not None:
+        check_table(table, "--table")
     if speed is not None:
         door.serve(Player(found, speed, only or ("world", "robots", "boards")), "player", flags, linger=0.0)
         return 0
@@ -168,8 +175,10 @@ def replay(
         logging.ERROR
     )  # what boards refuse is counted, and was logged in the recorded run
     story = course(found, found.runs[-1] if found.runs else "")
-    with _quiet():
-        return _what_if(found, story, changes, output) if changes.given else _again(found, story, output)
+    with _quiet(), series_file(table) as keep:
+        if changes.given:
+            return _what_if(found, story, changes, output, keep)
+        return _again(found, story, output, keep)
 
 
 @contextmanager
@@ -184,20 +193,20 @@ def _quiet() -> Iterator[None]:
         logger.setLevel(before)
 
 
-def _again(found: Tape, story: Course, output: OutputFlags) -> int:
+def _again(found: Tape, story: Course, output: OutputFlags, keep: Keep) -> int:
     clock = UnixClock()
     began = clock.now()
     again = replay_tape(found)
     matched = match(story.run, recorded(found), again.output, story.ended)
     lines = told(again, matched)
-    card = scorecard(judge(found.scenario, story, again.output, clock.now() - began))
+    card = scorecard(judge(found.scenario, story, again.output, clock.now() - began, record=keep))
     output.show(card, lambda card: "\n".join([text(card), "", *lines]))
     if not matched.exact and output.as_json:
         sys.stderr.writelines(f"{line}\n" for line in lines)
     return 0 if matched.exact else 1
 
 
-def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags) -> int:
+def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags, keep: Keep) -> int:
     scenario, rng, clock = changes.apply(found), np.random.default_rng(changes.seed), UnixClock()
     began = clock.now()
     lies = lying(parse_lies(changes.lie, scenario.team.robots))
@@ -211,6 +220,8 @@ def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags) 
         "unchanged": scorecard(judge(found.scenario, story, unchanged, 0.0, without, ones.append)),
         "what if": scorecard(judge(scenario, story, changed, wall, without, others.append)),
     }
+    for sample in others if keep is not None else ():
+        keep(sample)  # type: ignore[misc]  # not None where there are any
     differences = paired(ones, others)
     result: dict[str, object] = {"changes": changes.given, "paired": differences, "note": NOTE}
     result |= {name.replace(" ", "_"): card for name, card in cards.items()}

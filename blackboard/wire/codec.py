@@ -11,6 +11,7 @@ from blackboard.errors import Refused
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import MAX_BYTES, MAX_TOTAL, MODELS, VERSION
+from blackboard.wire.mistakes import first_mistake
 from blackboard.wire.types import MAX_ITEMS, Message
 
 MAX_TEXT = 4096  # bytes of the longest text
@@ -39,9 +40,9 @@ def decode(model: type[M], payload: bytes) -> M:
     try:
         return model.model_validate(fields, strict=True)
     except ValidationError as error:
-        fault = error.errors(include_url=False, include_input=False)[0]
-        field = ".".join(str(part) for part in (model.__name__, *fault["loc"]))
-        raise Refused("fields", f"{field[:200]}: {fault['msg']}") from None
+        place, cure = first_mistake(error, model)
+        field = ".".join(str(part) for part in (model.__name__, *place))
+        raise Refused("fields", f"{field[:200]}: {cure[:200]}") from None
 
 
 def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Message]:

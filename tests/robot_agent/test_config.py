@@ -137,5 +137,5 @@ def test_the_same_values_are_the_same_beliefs() -> None:
 
 
 def test_a_key_that_nobody_reads_is_an_error() -> None:
-    with pytest.raises(UserError, match=r"robot\.odometry\.lag: no such key; remove it or mend its spelling"):
+    with pytest.raises(UserError, match=r"robot\.odometry\.lag: no such key; known are across, along"):
         Scenario({"robot": {"odometry": {"lag": 0.2}}}).section("robot", RobotSection)

@@ -50,7 +50,8 @@ def test_what_only_a_child_can_find_is_one_line_too(tmp_path: Path) -> None:
     with program("-m", "blackboard", "up", str(file)) as door:
         assert door.ends() == 2
         said = [line for line in door.err.splitlines() if "waiting for a router" not in line]  # on a slow machine
-        assert said == [f"error: {file}: robot.legs: no such key; remove it or mend its spelling"]
+        known = "headings, localizer, objects, odometry, patience, vision"
+        assert said == [f"error: {file}: robot.legs: no such key; known are {known}"]
 
 
 def test_a_router_says_that_its_port_is_in_use(endpoint: str) -> None:

@@ -78,7 +78,7 @@ def test_where_nothing_is_replayed_its_flags_are_a_mistake(flags: RecordingFlags
 
 COMMANDS = [
     ("demo", blackboard.__main__.app, "seed seconds realtime series mrclam start protocol robots rule json"),
-    ("up team.toml", blackboard.__main__.app, "seed seconds realtime series robots rule json"),
+    ("up team.toml", blackboard.__main__.app, "seed seconds realtime table robots rule json"),
     ("lab", blackboard.__main__.app, "seed seconds mrclam start protocol json"),
     ("tune", blackboard.__main__.app, "seed seconds mrclam start protocol json"),
     ("", sim_world.__main__.app, "seed seconds realtime series mrclam start protocol json"),
@@ -93,6 +93,7 @@ VALUES = {
     "robots": "2",
     "rule": "linear",
     "series": "x.csv",
+    "table": "x.parquet",
 }
 
 

@@ -60,8 +60,8 @@ def test_the_table_lists_router_boards_robots_and_the_world() -> None:
 
 def test_the_world_writes_the_series() -> None:
     rows = process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1", Path("x.csv"))
-    assert " ".join(arguments(rows.world)) == "sim_world s.json --json --series x.csv --connect tcp/127.0.0.1:1"
-    assert not any("--series" in process.arguments for process in rows.members)
+    assert " ".join(arguments(rows.world)) == "sim_world s.json --json --table x.csv --connect tcp/127.0.0.1:1"
+    assert not any("--table" in process.arguments for process in rows.members)
 
 
 def test_the_live_page_is_a_process_of_its_own_where_it_is_asked_for() -> None:

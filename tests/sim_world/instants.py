@@ -8,7 +8,7 @@ import numpy as np
 
 from blackboard.opinion.grid import Grid
 from blackboard.wire.codec import encode
-from blackboard.wire.messages import Consensus, PackedBelief, PackedGrid, Solo, Truth
+from blackboard.wire.messages import Consensus, PackedBelief, PackedGrid, Solo, Truth, Used
 from sim_world.instant import Instant
 from sim_world.referee import Referee
 from sim_world.scenario import CheckSection
@@ -41,7 +41,9 @@ def solo(it: Instant, robot: str, beliefs: Mapping[str, PackedBelief]) -> None:
     it.hear("", Solo(robot=robot, tick=it.truth.tick, time=0.0, beliefs=dict(beliefs)), b"")
 
 
-def consensus(it: Instant, sub_team: str, level: str, subject: str, belief: PackedBelief) -> bytes:
+def consensus(
+    it: Instant, sub_team: str, level: str, subject: str, belief: PackedBelief, used: Sequence[Used] = ()
+) -> bytes:
     said = Consensus(
         board=sub_team,
         sub_team=sub_team,
@@ -51,7 +53,7 @@ def consensus(it: Instant, sub_team: str, level: str, subject: str, belief: Pack
         time=0.0,
         belief=belief,
         ancestors={},
-        used=[],
+        used=list(used),
         entropy=0.0,
         conflict=False,
         rule="cooperative",

@@ -83,15 +83,16 @@ def test_who_is_not_there_or_without_truth_is_not_judged() -> None:
     assert judge.missing() == {"robot/r2": {"solo": 1}}
 
 
-def test_a_robot_in_two_sub_teams_is_judged_in_both() -> None:
+def test_a_robot_in_two_sub_teams_is_judged_once_in_the_first_by_name() -> None:
     judge = referee()
-    it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"], "b": ["r1"]})
+    it = instant({"robot/r1": (2.5, 2.5)}, teams={"b": ["r1"], "a": ["r1"]})
     solo(it, "r1", {"robot/r1": at(2, 4)})
     both(it, "a", "robot/r1", at(2, 3), at(2, 2))
     both(it, "b", "robot/r1", at(2, 5), at(2, 2))
     judge.hear(it, judged=True)
     robots = judge.scores()["robots"]
-    assert robots["consensus"]["rmse"] == pytest.approx(math.sqrt((1 + 9) / 2))
+    assert robots["consensus"]["n"] == 1
+    assert robots["consensus"]["rmse"] == pytest.approx(1)
     assert robots["solo"]["rmse"] == pytest.approx(2)
 
 

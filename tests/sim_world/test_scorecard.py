@@ -32,6 +32,10 @@ JUDGEMENT = Judgement(
     hash="abc",
     unit="m",
     refused={"shape": 1},
+    honesty={
+        "robots": {"agreed": {"word": "over-cautious", "coverage": {"50": {"share": 0.6, "low": 0.55, "high": 0.65}}}}
+    },
+    causes=["r3 is off"],
 )
 RESULT = RunResult(
     judgement=JUDGEMENT,
@@ -72,6 +76,8 @@ def test_it_is_the_agreed_json() -> None:
         "team_rmse": {"solo": 1.25, "consensus": 0.75, "agreed": 0.5},
         "missing": {"robot/r2": {"solo": 3}},
         "counters": {"late": 1, "sent": 5},
+        "honesty": JUDGEMENT.honesty,
+        "causes": ["r3 is off"],
     }
     assert json.loads(json.dumps(card)) == card
     assert list(card["messages"]["refused"]) == ["shape", "version"]
@@ -94,20 +100,30 @@ def test_a_run_that_was_stopped_fails_and_says_why(
     assert (card["verdict"], card["reasons"]) == (verdict, reasons)
 
 
-def test_the_text_has_a_row_for_each_level_that_was_judged() -> None:
+def test_the_text_has_units_and_directions_and_a_row_for_each_level_that_was_judged() -> None:
     lines = text(scorecard(RESULT)).splitlines()
-    assert lines[0].split() == ["n", "RMSE", "m", "p95", "entropy", "log", "score", "50", "%", "90", "%", "95", "%"]
-    assert [line.split()[:4] for line in lines[1:4]] == [
+    shares = [word for level in ("50", "90", "95") for word in ("in", level, "%")]
+    assert lines[0].split() == ["n", "RMSE", "p95", "entropy", "log", "score", *shares]
+    assert lines[1].split() == ["unit", "m", "m", "nats", "nats", "share", "share", "share"]
+    assert lines[2].split() == ["better", "is", "smaller", "smaller", "smaller", "larger", "0.5", "0.9", "0.95"]
+    assert [line.split()[:4] for line in lines[3:6]] == [
         ["robots", "solo", "2", "1.250"],
         ["robots", "consensus", "2", "0.750"],
         ["robots", "agreed", "2", "0.500"],
     ]
-    assert lines[1].split()[4:] == ["0.900", "3.000", "-2.500", "0.500", "0.875", "1.000"]
-    assert lines[4:] == [
+    assert lines[3].split()[4:] == ["0.900", "3.000", "-2.500", "0.500", "0.875", "1.000"]
+    assert lines[5].endswith("1.000  over-cautious")
+    assert len({len(line) for line in lines[:5]}) == 1
+    assert lines[6:] == [
+        "",
+        "regions that hold the truth more or less often than they claim (95 % intervals):",
+        "  robots agreed: over-cautious at 50 %: holds the truth in 60 % (55 to 65)",
         "",
         "7 ticks, 0.7 s of team time in 1.2 s",
         "rule coalition, fusion joint, seed 7, consensuses abc",
+        "(the same scenario and seed give the same hash on the same kind of processor only)",
         "9 messages received, 1 dropped, 3 refused",
         "PASS",
         "  robots: fine",
+        "  likely cause: r3 is off",
     ]

@@ -15,7 +15,8 @@ import pytest
 from blackboard.config import load
 from blackboard.lab.bench import SOLO
 from blackboard.lab.team import Team
-from tests.processes import children, is_running, wait_until
+from blackboard.run.door import INTERRUPTED
+from tests.processes import children, is_running, program, wait_until
 
 ROOT = Path(__file__).parents[2]
 RECORDING = ROOT.parent / "shared" / "mrclam" / "dataset7"
@@ -57,6 +58,20 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit() -> None:
     assert in_one_process["scores"] == first["scores"]
 
 
+def test_the_samples_of_a_run_come_out_as_a_table_and_pictures(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`")
+    table, folder = tmp_path / "run.jsonl", tmp_path / "pictures"
+    run = blackboard("demo", "--seconds", "2", "--json", "--table", str(table), "--plot", str(folder))
+    scores = json.loads(run.stdout)["scores"]
+    rows = [json.loads(line) for line in table.read_text(encoding="utf-8").splitlines()]
+    assert len(rows) == sum(
+        scores[group][level]["n"] for group in ("robots", "objects") for level in scores["robots"] if level != "by_name"
+    )
+    drawn = [line.removeprefix("drawn: ") for line in run.stderr.splitlines() if line.startswith("drawn: ")]
+    assert sorted(drawn) == sorted(str(path) for path in folder.iterdir())
+    assert len(drawn) == 4
+
+
 def test_more_robots_and_real_time() -> None:
     run = blackboard("demo", "--robots", "8", "--seconds", "3", "--realtime", "--json")
     card = json.loads(run.stdout)
@@ -70,6 +85,21 @@ def test_ctrl_c_stops_all_and_leaves_no_orphan(launched: subprocess.Popen[str]) 
     launched.send_signal(signal.SIGINT)
     launched.communicate(timeout=30)
     wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
+
+
+def test_ctrl_c_in_the_middle_gives_the_scorecard_until_then() -> None:
+    with program("-m", "blackboard", "demo", "--robots", "2", "--seconds", "120", "--json") as demo:
+        wait_until(lambda: len(children(demo.running.pid)) == 6, "a router, two boards, two robots and the world run")
+        demo.says("tick 0 of 600")
+        wait_until(lambda: "tick 60 of 600" in demo.err, "some ticks are done")
+        demo.running.send_signal(signal.SIGINT)
+        assert demo.ends() == INTERRUPTED, demo.err
+        card = json.loads(demo.out)
+        assert 60 <= card["ticks"] < 600
+        assert card["verdict"] == "FAIL"
+        assert card["reasons"][0] == f"stopped in tick {card['ticks']} of 600"
+        assert card["scores"]["robots"]["agreed"]["n"] >= 2 * 59
+        assert "Traceback" not in demo.err
 
 
 def test_no_orphan_is_left_when_the_launcher_is_killed(launched: subprocess.Popen[str]) -> None:

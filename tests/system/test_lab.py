@@ -79,15 +79,34 @@ def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) 
     assert json.loads(team.stdout)["rule"] == found["recommended"]["rule"], team.stderr
 
 
+def test_a_sweep_has_the_numbers_of_the_same_runs_as_processes(tmp_path: Path) -> None:
+    team = ("--robots", "2", "--seconds", "2", "--json")
+    kept = tmp_path / "runs.jsonl"
+    arguments = ("demo", "--seeds", "7", "--set", "board.rule=coalition,cooperative", "--runs", str(kept), *team)
+    done = blackboard("sweep", *arguments)
+    assert done.returncode == 0, done.stderr
+    first, second = json.loads(done.stdout)["combinations"]
+    for found, rule in ((first, ()), (second, ("--rule", "cooperative", "--fusion", "joint"))):
+        card = json.loads(blackboard("demo", "--seed", "7", *rule, *team).stdout)
+        assert found["hashes"] == {"7": card["hash"]}
+        assert found["scores"]["robots"]["agreed"]["rmse"]["value"] == card["scores"]["robots"]["agreed"]["rmse"]
+    again = blackboard("sweep", *arguments)
+    assert again.stdout == done.stdout
+    assert (again.stderr, len(kept.read_text().splitlines())) == ("", 2)
+
+
 def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
     small = ("--seeds", "2", "--robots", "3", "--grids", "20", "--grids", "30", "--seconds", "4", "--every", "2")
     said = []
     for name in ("first", "second"):
-        done = blackboard("figures", "--out", str(tmp_path / name), *small)
+        done = blackboard("figures", "--out", str(tmp_path / name), *small, *(["--json"] if name == "first" else []))
         assert done.returncode == 0, done.stderr
         said.append(done.stdout)
-    assert said[0] == said[1]
-    assert set(json.loads(said[0])) == {f"fig{n}" for n in range(1, 8)}
+    told = json.loads(said[0])
+    assert set(told) == {"files", *(f"fig{n}" for n in range(1, 8))}
+    assert told["files"] == sorted(told["files"], key=lambda name: (name[:-4], name[-4:] != ".svg"))
+    assert sorted(told["files"]) == sorted(str(path) for path in (tmp_path / "first").iterdir())
+    assert said[1].splitlines() == [name.replace("/first/", "/second/") for name in told["files"]]
     files = sorted(path.name for path in (tmp_path / "first").iterdir())
     assert files == [f"fig{n}.{ending}" for n in range(1, 8) for ending in ("png", "svg")]
     for file in files:

@@ -21,6 +21,8 @@ import pytest
 from blackboard.__main__ import app
 from blackboard.errors import UserError
 from blackboard.tape.file import read
+from sim_world.referee import GROUPS
+from sim_world.series import read_series
 
 GOLDEN = Path(__file__).parent / "golden.mcap"
 HASH = "49c983bbfd0415129f978d8d58a1a23af7a9ca1dca04a4eb9c2eaf07395acbb3"
@@ -137,6 +139,25 @@ def test_a_table_is_csv_or_json_lines(tmp_path: Path, capsys: pytest.CaptureFixt
     ]
     with pytest.raises(UserError, match=r"written as .csv, .jsonl, .parquet"):
         call("tape", "table", part, "--out", tmp_path / "x.xlsx")
+
+
+@pytest.mark.parametrize("change", [(), ("--without", "r3")])
+def test_a_replay_keeps_its_samples_as_a_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], change: tuple[str, ...]
+) -> None:
+    file = tmp_path / "samples.csv"
+    call("replay", GOLDEN, "--table", file, "--json", *change)
+    card = json.loads(capsys.readouterr().out)
+    scores = card.get("what_if", card)["scores"]
+    samples = read_series(file)
+    for group, prefix in GROUPS.items():
+        for level in ("solo", "consensus", "agreed"):
+            mine = [s for s in samples if s.level == level and s.subject.startswith(prefix)]
+            assert len(mine) == scores[group][level]["n"] > 0
+            assert sum(s.entropy for s in mine) / len(mine) == pytest.approx(scores[group][level]["entropy"])
+            assert sum(s.error for s in mine) / len(mine) == pytest.approx(scores[group][level]["mean"])
+    assert {s.sources for s in samples if s.level == "solo"} == {1}
+    assert max(s.sources for s in samples if s.level == "agreed") > 1
 
 
 def test_a_table_is_parquet_with_the_same_rows(tmp_path: Path) -> None:

@@ -1,0 +1,156 @@
+"""What a sweep found: the mean of each measure over the seeds, and how each combination differs from the first. Pure.
+
+A run of one seed is one observation. Differences are paired: between runs of the same seed, so that what a seed makes easy or
+hard for every combination drops out. Intervals are those of `blackboard.lab.estimates`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, make_dataclass
+from typing import Any
+
+import numpy as np
+
+from blackboard.lab.estimates import means
+from blackboard.lab.sweep_plan import Planned, label
+from blackboard.opinion.scores import LEVELS as SHARES
+from sim_world.referee import GROUPS, LEVELS
+
+Card = Mapping[str, Any]  # a scorecard, with "cpu_s"
+MEASURES = ("rmse", "log_score", "entropy", *(f"coverage_{level}" for level in SHARES))
+NO_LIMITS = (-math.inf, math.inf)
+LIMITS = {"rmse": (0.0, math.inf), "entropy": (0.0, math.inf), "coverage": (0.0, 1.0)}  # what intervals are cut off at
+NUMBERS = ("n", "rmse", "mean", "p95", "max", "entropy", "log_score")
+
+
+def measure(card: Card, group: str, level: str, name: str) -> float:
+    """One number of a scorecard; NaN where nothing was judged."""
+    block = card["scores"][group][level]
+    value = block["coverage"][name.removeprefix("coverage_")] if name.startswith("coverage_") else block[name]
+    return float("nan") if value is None else float(value)
+
+
+def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Generator) -> dict[str, Any]:
+    """The result as JSON: for each combination its runs, scores and differences from the first one, with 95 % intervals."""
+    runs: dict[int, dict[int, Card]] = {}
+    for one, card in zip(planned, cards, strict=True):
+        runs.setdefault(one.combination, {})[one.seed] = card
+    settings = {one.combination: one.settings for one in planned}
+    found = []
+    for number, by_seed in sorted(runs.items()):
+        scores, differences = {}, {}
+        for group in GROUPS:
+            scores[group] = {level: _means(by_seed.values(), group, level, rng) for level in LEVELS}
+            if number:
+                both = [(runs[0][seed], card) for seed, card in by_seed.items()]
+                differences[group] = {level: _differences(both, group, level, rng) for level in LEVELS}
+        found.append(
+            {
+                "label": label(settings[number]),
+                "settings": dict(settings[number]),
+                "runs": len(by_seed),
+                "passed": sum(card["verdict"] == "PASS" for card in by_seed.values()),
+                "scores": scores,
+                "difference": differences,
+                "hashes": {str(seed): card["hash"] for seed, card in by_seed.items()},
+                "cpu_s": sum(card["cpu_s"] for card in by_seed.values()) / len(by_seed),
+            }
+        )
+    return {
+        "scenario": planned[0].scenario.name,
+        "seconds": planned[0].scenario.time.seconds,
+        "unit": cards[0]["unit"],
+        "seeds": sorted({one.seed for one in planned}),
+        "combinations": found,
+    }
+
+
+def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[type[Any], list[Any]]:
+    """The table of all runs, one row for each run, group and level, and the class of its rows; a column for each setting."""
+    keys = list(planned[0].settings)
+    columns = [(_identifier(key), _kind([one.settings[key] for one in planned])) for key in keys]
+    fixed = [("seed", "int"), ("group", "str"), ("level", "str"), ("n", "int")]
+    numbers = [*NUMBERS[1:], *(f"coverage_{level}" for level in SHARES)]
+    last = [("verdict", "str"), ("hash", "str"), ("cpu_s", "float")]
+    row = make_dataclass("Row", [*columns, *fixed, *((name, "float") for name in numbers), *last], frozen=True)
+    found = []
+    for one, card in zip(planned, cards, strict=True):
+        given = [
+            float(one.settings[key]) if kind == "float" else str(one.settings[key])
+            for key, (_, kind) in zip(keys, columns, strict=True)
+        ]
+        for group in GROUPS:
+            for level in LEVELS:
+                values = [measure(card, group, level, name) for name in numbers]
+                n = card["scores"][group][level]["n"]
+                found.append(
+                    row(*given, one.seed, group, level, n, *values, card["verdict"], card["hash"], card["cpu_s"])
+                )
+    return row, found
+
+
+def text(found: Mapping[str, Any]) -> str:
+    """The result as text: what was agreed in each combination, then the paired differences from the first."""
+    combinations, seeds = found["combinations"], found["seeds"]
+    width = max(len(one["label"]) for one in combinations)
+    head = (f"RMSE {found['unit']} (smaller)", "log score nats (larger)", "in 95 % (0.95)")
+    lines = [
+        f"{found['scenario']}, {found['seconds']:g} s, {len(seeds)} seeds; agreed beliefs, mean over seeds [95 % interval]"
+    ]
+    for group in GROUPS:
+        lines += ["", f"{group:<{width}}" + "".join(f"{name:>26}" for name in head) + f"{'PASS':>8}{'CPU s':>8}"]
+        for one in combinations:
+            block = one["scores"][group]["agreed"]
+            shown = "".join(f"{_span(block[name]):>26}" for name in ("rmse", "log_score", "coverage_95"))
+            lines.append(f"{one['label']:<{width}}{shown}{one['passed']:>5}/{one['runs']}{one['cpu_s']:>8.1f}")
+        if len(combinations) > 1:
+            lines.append(f"minus {combinations[0]['label']}, in pairs of runs of the same seed:")
+        for one in combinations[1:]:
+            block = one["difference"][group]["agreed"]
+            shown = "".join(f"{_span(block[name], '+'):>26}" for name in ("rmse", "log_score", "coverage_95"))
+            lines.append(f"{one['label']:<{width}}{shown}")
+    return "\n".join(lines)
+
+
+def _means(cards: Iterable[Card], group: str, level: str, rng: np.random.Generator) -> dict[str, Any]:
+    return _estimates([[measure(card, group, level, name) for name in MEASURES] for card in cards], rng)
+
+
+def _differences(both: Sequence[tuple[Card, Card]], group: str, level: str, rng: np.random.Generator) -> dict[str, Any]:
+    table = [
+        [measure(other, group, level, name) - measure(first, group, level, name) for name in MEASURES]
+        for first, other in both
+    ]
+    return _estimates(table, rng, paired=True)
+
+
+def _estimates(table: list[list[float]], rng: np.random.Generator, paired: bool = False) -> dict[str, Any]:
+    """Each measure's mean over the runs in which something was judged; null where there is none."""
+    numbers = np.array(table)
+    known = numbers[~np.isnan(numbers).any(axis=1)]
+    if not len(known):
+        return {name: {"value": None, "low": None, "high": None} for name in MEASURES}
+    told = {}
+    for name, column in zip(MEASURES, known.T, strict=True):
+        limits = NO_LIMITS if paired else LIMITS.get(name.split("_")[0], NO_LIMITS)
+        told[name] = asdict(means(column[:, np.newaxis], rng, *limits)[0])
+    return told
+
+
+def _span(one: Mapping[str, Any], sign: str = "") -> str:
+    if one["value"] is None:
+        return "-"
+    if one["low"] is None:
+        return f"{one['value']:{sign}.3f}"
+    return f"{one['value']:{sign}.3f} [{one['low']:{sign}.3f}, {one['high']:{sign}.3f}]"
+
+
+def _identifier(key: str) -> str:
+    return re.sub(r"\W+", "_", key)
+
+
+def _kind(values: Sequence[object]) -> str:
+    return "float" if all(isinstance(v, int | float) and not isinstance(v, bool) for v in values) else "str"

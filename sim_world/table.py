@@ -1,0 +1,92 @@
+"""Rows as a file, by the ending of its name: CSV, JSON lines, or Parquet (extra `table`, loaded when it is asked for).
+
+A row is a frozen dataclass of numbers and texts, and every row is written as it comes. Floats are exact in each format; what is
+not finite is null in JSON lines, which have no other word for it.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, astuple, fields
+from pathlib import Path
+from typing import Any, TextIO, TypeVar
+
+from blackboard.errors import UserError
+
+ENDINGS = (".csv", ".jsonl", ".parquet")
+GROUP = 50_000  # rows that are written to a Parquet file at once
+PARQUET = {"str": "string", "int": "int64", "float": "float64", "float | None": "float64"}  # of a field -> of Parquet
+R = TypeVar("R")
+Write = Callable[[R], None]
+
+
+def check_table(file: Path, flag: str) -> None:
+    """Check that a table can be written by this name. UserError: another ending, or Parquet without its extra; names the flag."""
+    if file.suffix not in ENDINGS:
+        raise UserError(f"{flag} {file}: tables are written as {', '.join(ENDINGS)}; choose one of these endings")
+    if file.suffix == ".parquet":
+        try:
+            import pyarrow  # noqa: F401
+        except ImportError:
+            extra = "Parquet needs the extra `table`: pip install 'cop-blackboard[table]'"
+            raise UserError(f"{flag} {file}: {extra}") from None
+
+
+@contextmanager
+def table_file(file: Path, row: type[R], flag: str) -> Iterator[Write[R]]:
+    """A function that writes a row into a new file. UserError: it cannot be written."""
+    check_table(file, flag)
+    try:
+        if file.suffix == ".parquet":
+            with _parquet(file, row) as write:
+                yield write
+            return
+        with file.open("w", encoding="utf-8", newline="") as stream:
+            yield jsonl_writer(stream) if file.suffix == ".jsonl" else csv_writer(stream, row)
+    except OSError as error:
+        raise UserError(f"{flag} {file}: cannot be written ({error.strerror}); choose another place") from error
+
+
+def csv_writer(stream: TextIO, row: type[Any]) -> Write[Any]:
+    """A function that writes a row as a line of CSV; the names of the columns are written at once."""
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(column.name for column in fields(row))
+    return lambda one: writer.writerow(astuple(one))
+
+
+def jsonl_writer(stream: TextIO) -> Write[Any]:
+    """A function that writes a row as a line with a JSON object."""
+
+    def write(one: Any) -> None:
+        finite = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in asdict(one).items()}
+        stream.write(json.dumps(finite) + "\n")
+
+    return write
+
+
+@contextmanager
+def _parquet(file: Path, row: type[Any]) -> Iterator[Write[Any]]:
+    import pyarrow
+    from pyarrow import parquet
+
+    schema = pyarrow.schema([(column.name, PARQUET[str(column.type)]) for column in fields(row)])
+    waiting: list[dict[str, Any]] = []
+    with parquet.ParquetWriter(file, schema) as writer:
+
+        def flush() -> None:
+            writer.write_table(pyarrow.Table.from_pylist(waiting, schema))
+            waiting.clear()
+
+        def write(one: Any) -> None:
+            waiting.append(asdict(one))
+            if len(waiting) >= GROUP:
+                flush()
+
+        try:
+            yield write
+        finally:
+            flush()

@@ -1,0 +1,224 @@
+"""A sweep: which runs there are, what is kept of them, and what is said of them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blackboard.config import Scenario, load
+from blackboard.errors import UserError
+from blackboard.lab import parallel, sweep
+from blackboard.lab.sweep_plan import label, parse_seeds, parse_set, plan, with_settings
+from blackboard.lab.sweep_report import report, rows, text
+from blackboard.lab.team import Team
+from blackboard.opinion.intervals import student
+from blackboard.run.door import version
+from sim_world.table import table_file
+
+TINY = Scenario({
+    "team": {"name": "t", "sub_teams": {"a": ["r1"], "b": ["r2"]}},
+    "grid": {"shape": [12, 12]},
+    "time": {"tick": 0.5, "seconds": 1.0},
+    "world": {"objects": {"ball": {}}},
+}, "tiny.toml")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("given", "seeds"), [("3", [3]), ("1..4", [1, 2, 3, 4]), ("9,1..3, 2", [1, 2, 3, 9]), ("5..5", [5])]
+)
+def test_seeds_are_numbers_and_ranges(given: str, seeds: list[int]) -> None:
+    assert parse_seeds(given) == seeds
+
+
+@pytest.mark.parametrize("given", ["", "4..1", "a", "1..", "-1", "1...3", "1,,2", "1..999999999"])
+def test_seeds_that_are_none_are_one_line(given: str) -> None:
+    with pytest.raises(UserError, match=r"^--seeds .*: give numbers and ranges, as 1\.\.20 or 1,5,9"):
+        parse_seeds(given)
+
+
+@pytest.mark.parametrize(
+    ("given", "key", "values"),
+    [
+        ("board.rule=cooperative,coalition", "board.rule", ["cooperative", "coalition"]),
+        ("world.vision.gain=0.05, 0.1", "world.vision.gain", [0.05, 0.1]),
+        ("grid.shape=[20, 20],[30, 30]", "grid.shape", [[20, 20], [30, 30]]),
+        ('board.rule="a,b",c', "board.rule", ["a,b", "c"]),
+        ("robot.vision.mates=true,false", "robot.vision.mates", [True, False]),
+        (
+            'board.subjects."object/ball"={rule="linear", k=1}',
+            'board.subjects."object/ball"',
+            [{"rule": "linear", "k": 1}],
+        ),
+    ],
+)
+def test_a_setting_has_values_as_in_toml_or_bare_words(given: str, key: str, values: list[Any]) -> None:
+    assert parse_set(given) == (key, values)
+
+
+@pytest.mark.parametrize(
+    ("sets", "told"),
+    [
+        (["board.rule"], "--set board.rule: say KEY=VALUE,VALUE"),
+        (["board.rule="], "say KEY=VALUE,VALUE"),
+        (["board.rule=a,,b"], "say KEY=VALUE,VALUE"),
+        (["rule=linear"], "--set rule: no key of a section"),
+        (["board rule=linear"], "no key of a section"),
+        (["board.k=1", "board.k=2"], "--set board.k: given twice; give all values at once"),
+        (["team.name.x=1"], "--set team.name.x: name is no table in tiny.toml"),
+        (["board.rule=best"], "tiny.toml: board.rule: 'best' is none of"),
+        ([f"board.k={','.join(['1'] * 400)}", f"world.speed={','.join(['1'] * 400)}"], "160000 runs; at most 100000"),
+    ],
+)
+def test_a_mistake_in_a_setting_is_one_line(sets: list[str], told: str) -> None:
+    with pytest.raises(UserError) as error:
+        plan(TINY, [1], sets)
+    assert told in str(error.value)
+
+
+def test_every_combination_runs_with_every_seed() -> None:
+    planned = plan(TINY, [4, 7], ["board.rule=linear,coalition", "world.vision.gain=0.05,0.1"])
+    assert [(one.seed, one.combination) for one in planned] == [(seed, n) for seed in (4, 7) for n in range(4)]
+    assert len({one.key for one in planned}) == 8
+    last = planned[-1]
+    assert label(last.settings) == "board.rule=coalition world.vision.gain=0.1"
+    assert last.scenario.board.rule == "coalition"
+    assert last.scenario.tables["world"] == {"objects": {"ball": {}}, "vision": {"gain": 0.1}, "seed": 7}
+    assert "vision" not in TINY.tables["world"]
+    assert label(plan(TINY, [1], [])[0].settings) == "as it is"
+
+
+def test_a_rule_is_set_before_its_parameters_and_without_those_of_the_old_one() -> None:
+    one = with_settings(load("demo"), {"board.gamma": 0.4, "board.rule": "cooperative"})
+    assert one.board.in_force() == {"rule": "cooperative", "k": 2.0, "gamma": 0.4}
+
+
+def card(rmse: float, seed: int) -> dict[str, Any]:
+    block: dict[str, Any] = {
+        "n": 5,
+        "rmse": rmse,
+        "mean": rmse,
+        "p95": rmse,
+        "max": rmse,
+        "entropy": 1.0,
+        "log_score": -rmse,
+    }
+    block |= {"coverage": {"50": 0.5, "90": 0.9, "95": 0.99}}
+    none = {**dict.fromkeys(block), "n": 0, "coverage": dict.fromkeys(("50", "90", "95"))}
+    levels = ("solo", "consensus", "agreed")
+    scores = {"robots": dict.fromkeys(levels, block), "objects": dict.fromkeys(levels, none)}
+    return {
+        "verdict": "PASS" if seed % 2 else "FAIL",
+        "hash": f"h{seed}",
+        "unit": "cell",
+        "scores": scores,
+        "cpu_s": 2.0,
+    }
+
+
+def test_means_have_intervals_and_differences_are_paired() -> None:
+    planned = plan(TINY, range(1, 11), ["board.k=1,2"])
+    cards = [card(one.seed / 10 + 0.25 * one.combination, one.seed) for one in planned]
+    found = report(planned, cards, np.random.default_rng(1))
+    first, second = found["combinations"]
+    assert (first["runs"], first["passed"], first["cpu_s"], first["difference"]) == (10, 5, 2.0, {})
+    rmse = first["scores"]["robots"]["agreed"]["rmse"]
+    assert rmse["value"] == pytest.approx(0.55)
+    half = student(9) * 0.30277 / 10**0.5  # what the bootstrap comes near to: the spread of 0.1, 0.2, ..., 1.0
+    assert (rmse["low"], rmse["high"]) == pytest.approx((0.55 - half, 0.55 + half), rel=0.1)
+    gap = second["difference"]["robots"]["agreed"]["rmse"]
+    assert (gap["value"], gap["low"], gap["high"]) == pytest.approx((0.25, 0.25, 0.25))  # the seeds' spread drops out
+    assert first["scores"]["robots"]["agreed"]["coverage_95"]["high"] <= 1.0
+    assert second["difference"]["objects"]["agreed"]["rmse"] == {"value": None, "low": None, "high": None}
+    assert first["hashes"] == {str(seed): f"h{seed}" for seed in range(1, 11)}
+    assert json.loads(json.dumps(found)) == found
+    lines = text(found).splitlines()
+    assert "10 seeds" in lines[0]
+    assert any(line.startswith("board.k=2") and "+0.250 [+0.250, +0.250]" in line for line in lines)
+
+
+def test_the_table_has_a_column_for_each_setting(tmp_path: Path) -> None:
+    planned = plan(TINY, [1, 2], ["board.rule=linear,coalition", "world.vision.gain=0.05,0.1"])
+    row, found = rows(planned, [card(1.0, one.seed) for one in planned])
+    assert len(found) == 8 * 2 * 3
+    with table_file(tmp_path / "x.csv", row, "--table") as write:
+        for each in found:
+            write(each)
+    head, one, *_ = (tmp_path / "x.csv").read_text().splitlines()
+    assert head.startswith(
+        "board_rule,world_vision_gain,seed,group,level,n,rmse,mean,p95,max,entropy,log_score,coverage_50"
+    )
+    assert one == "linear,0.05,1,robots,solo,5,1.0,1.0,1.0,1.0,1.0,-1.0,0.5,0.9,0.99,PASS,h1,2.0"
+    assert math.isnan(found[3].rmse)
+
+
+def test_a_run_is_the_team_of_its_scenario() -> None:
+    (one,) = plan(TINY, [5], [])
+    finished = sweep.run_one(one.key, one.scenario)
+    expected = Team(TINY.changed("world", seed=5)).run()
+    assert finished["card"]["hash"] == expected["hash"]
+    assert finished["card"]["scores"] == expected["scores"]
+    assert finished["card"]["cpu_s"] > 0
+
+
+def test_finished_runs_are_kept_and_not_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+
+    def run_jobs(function: Any, jobs: list[Any], progress: Any, keep: Any) -> list[Any]:
+        found = []
+        for number, job in enumerate(jobs, 1):
+            made.append(job[0])
+            found.append({"key": job[0], "version": version(), "card": card(1.0, 1)})
+            keep(found[-1])
+            progress(number, len(jobs))
+        return found
+
+    monkeypatch.setattr(parallel, "run_jobs", run_jobs)
+    file, shown = tmp_path / "runs.jsonl", list[tuple[int, int]]()
+
+    def go(seeds: range) -> list[str]:
+        made.clear()
+        planned = plan(TINY, seeds, [])
+        with sweep.kept_runs(file) as (done, keep):
+            cards = sweep.run_all(planned, done, keep, lambda *count: shown.append(count))
+        assert len(cards) == len(planned)
+        return list(made)
+
+    assert len(go(range(1, 4))) == 3
+    with file.open("a") as stream:
+        stream.write('{"key": "killed while it wr')
+    shown.clear()
+    assert len(go(range(1, 6))) == 2
+    assert shown == [(4, 5), (5, 5)]
+    assert go(range(1, 6)) == []
+    assert len(file.read_text().splitlines()) == 5
+    old = [{**json.loads(line), "version": "0.0.0"} for line in file.read_text().splitlines()]
+    file.write_text("".join(json.dumps(one) + "\n" for one in old))
+    assert len(go(range(1, 6))) == 5  # of another version
+
+
+@pytest.mark.parametrize("content", ["no JSON\n", "[1]\n", '{"key": "x"}\n'])
+def test_a_file_of_something_else_is_one_line(tmp_path: Path, content: str) -> None:
+    file = tmp_path / "x.jsonl"
+    file.write_text(content)
+    with pytest.raises(UserError, match=r"not a file of finished runs"), sweep.kept_runs(file):
+        pass
+    assert file.read_text() == content
+    with pytest.raises(UserError, match=r"cannot be used"), sweep.kept_runs(tmp_path / "no" / "x.jsonl"):
+        pass
+
+
+def test_the_picture_has_a_dot_for_each_run(tmp_path: Path) -> None:
+    drawing = pytest.importorskip("blackboard.lab.sweep_drawing", reason="needs the extra `plot`")
+    planned = plan(TINY, range(1, 6), ["board.k=1,2"])
+    cards = [card(one.seed / 10, one.seed) for one in planned]
+    found = report(planned, cards, np.random.default_rng(1))
+    figure = drawing.comparison(found, planned, cards)
+    dots = [line for line in figure.axes[0].get_lines() if line.get_marker() == "."]
+    assert [line.get_xdata()[0] for line in dots] == [cards[i]["scores"]["robots"]["agreed"]["rmse"] for i in range(10)]
+    drawing.draw_sweep(found, planned, cards, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.png", "sweep.svg"]

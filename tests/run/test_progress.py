@@ -1,0 +1,22 @@
+"""Progress where standard error is no terminal."""
+
+from __future__ import annotations
+
+import pytest
+
+from blackboard.run.progress import progress
+
+
+def test_elsewhere_than_on_a_terminal_there_is_nothing_or_a_line_for_each_tenth(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with progress("quiet") as show:
+        assert show is None
+    with progress("tune", lines=True) as show:
+        assert show is not None
+        for done in range(1, 25):
+            show(done, 24)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert len(err.splitlines()) == 10
+    assert (err.splitlines()[0], err.splitlines()[-1]) == ("tune: 3 of 24", "tune: 24 of 24")

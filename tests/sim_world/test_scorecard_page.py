@@ -1,0 +1,80 @@
+"""docs/scorecard.md documents every JSON field that is really printed, and no other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sim_world import calibration
+from sim_world.referee import GROUPS, LEVELS
+from sim_world.scorecard import scorecard
+from sim_world.series import COLUMNS
+from tests.sim_world.instants import at, both, instant, referee, solo
+from tests.sim_world.test_scorecard import RESULT
+
+PAGE = (Path(__file__).parents[2] / "docs" / "scorecard.md").read_text(encoding="utf-8")
+BLOCK = {"n", "rmse", "mean", "p95", "max", "entropy", "log_score", "coverage"}
+#: Names that differ from run to run, below these paths.
+NAMED = ("messages.refused", "counters", "missing", "scores.GROUP.by_name")
+
+
+def real_card() -> dict[str, Any]:
+    """The scorecard of 30 s in which every block has something."""
+    judge = referee()
+    for tick in (50, 100, 150):
+        it = instant({"robot/r1": (2.5, 2.5), "object/ball": (5.5, 5.5)}, tick)
+        solo(it, "r1", {"robot/r1": at(2, 4), "object/ball": at(5, 5)})
+        for subject, place in (("robot/r1", (2, 3)), ("object/ball", (5, 5))):
+            both(it, "a", subject, at(*place), at(*place))
+        judge.hear(it, judged=True)
+    return scorecard(replace(RESULT, judgement=judge.judgement()))
+
+
+def paths(value: object, path: str = "") -> Iterator[str]:
+    """Every path to a leaf, with names as NAME, groups as GROUP, levels as LEVEL and levels of regions as PERCENT."""
+    if isinstance(value, list):
+        yield f"{path}[]"
+    elif not isinstance(value, dict) or value.keys() == BLOCK:
+        yield path
+    else:
+        for key, inner in value.items():
+            name = "NAME" if path in NAMED else key
+            name = "GROUP" if name in GROUPS else "LEVEL" if name in LEVELS else name
+            yield from paths(inner, f"{path}.{'PERCENT' if name.isdigit() else name}".removeprefix("."))
+
+
+def fields(title: str) -> list[str]:
+    """The first column of the table of fields that follows a text."""
+    table = PAGE.split(title, 1)[1].split("| field |", 1)[1].split("\n\n", 1)[0]
+    return re.findall(r"^\| `([^`]+)` \|", table, re.MULTILINE)
+
+
+def test_every_field_is_documented_and_every_documented_field_is_there() -> None:
+    assert sorted(fields("## As JSON")) == sorted(set(paths(real_card())))
+
+
+def test_the_block_s_is_documented() -> None:
+    block = real_card()["scores"]["robots"]["agreed"]
+    assert block.keys() == BLOCK
+    flat = [f"{name}.PERCENT" if isinstance(value, dict) else name for name, value in block.items()]
+    assert fields("A block S;") == flat
+
+
+def test_every_column_of_the_table_is_documented() -> None:
+    table = PAGE.split("| column |", 1)[1].split("\n\n", 1)[0]
+    told = [name for row in table.splitlines()[2:] for name in re.findall(r"`(\w+)`", row.split("|")[1])]
+    assert sorted(told) == sorted(COLUMNS)
+
+
+def test_every_word_is_explained() -> None:
+    words = re.findall(r"^\| `([a-z -]+)` \| [^|]+\|$", PAGE.split("| word |", 1)[1].split("\n\n", 1)[0], re.MULTILINE)
+    assert words == [
+        calibration.CONSISTENT,
+        calibration.CAUTIOUS,
+        calibration.CONFIDENT,
+        calibration.MIXED,
+        calibration.SHORT,
+    ]

@@ -1,0 +1,37 @@
+"""docs/research.md as a researcher follows it: its commands one after the other, on a smaller team and for a shorter time."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim_world.series import read_series
+from tests.processes import ROOT
+
+PAGE = re.sub(r" *\\\n +", " ", (ROOT / "docs" / "research.md").read_text(encoding="utf-8"))
+COMMANDS = re.findall(r"^    blackboard (.+)$", PAGE, re.MULTILINE)
+
+
+def test_every_command_of_the_page_does_what_it_says(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`")
+    assert [command.split()[0] for command in COMMANDS] == ["demo", "sweep"]
+    for command in COMMANDS:
+        shorter = command.replace("--seconds 20", "--seconds 1 --robots 2").replace("1..20", "1..2")
+        assert shorter.count("--robots") == 1
+        line = [sys.executable, "-m", "blackboard", *shlex.split(shorter)]
+        done = subprocess.run(
+            line, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False
+        )
+        assert done.returncode in (0, 1), done.stderr  # 1: so short a run need not PASS
+        assert "RMSE" in done.stdout
+    assert {sample.robot for sample in read_series(tmp_path / "run.csv")} == {"r1", "r2"}
+    assert len((tmp_path / "sweep.jsonl").read_text().splitlines()) == 2 * 4
+    assert (tmp_path / "sweep.csv").read_text().startswith("board_rule,world_vision_gain,seed,group,level")
+    drawn = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert drawn == {f"{name}.{ending}" for name in ("over-time", "trajectories", "sweep") for ending in ("svg", "png")}

@@ -1,0 +1,76 @@
+"""The pages as a whole: every page has its place in the site, every link its target, and every command line is one."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from cyclopts import App
+
+import blackboard.__main__
+import robot_agent.__main__
+import sim_world.__main__
+from tests.processes import ROOT
+
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(p for p in (ROOT / "docs").glob("*.md") if p.name != "commands.md"),
+]
+APPS: dict[str, App] = {
+    "blackboard": blackboard.__main__.app,
+    "robot-agent": robot_agent.__main__.app,
+    "sim-world": sim_world.__main__.app,
+}
+COMMAND = re.compile(r"^    (?:\.venv/bin/)?((?:blackboard|robot-agent|sim-world) .+)$", re.MULTILINE)
+
+
+def lines() -> list[tuple[str, str]]:
+    """Page and command line of every line of code that is a command of ours, without its comment; what goes on is joined."""
+    found = []
+    for page in PAGES:
+        text = re.sub(r" *\\\n +", " ", page.read_text(encoding="utf-8"))
+        for line in COMMAND.findall(text):
+            found.append((page.name, re.split(r"\s+#|\s+[>|&]", line)[0].strip()))
+    return found
+
+
+@pytest.mark.parametrize(("page", "line"), lines(), ids=lambda value: value)
+def test_every_command_line_is_one(page: str, line: str) -> None:
+    """Its flags are known and its values have their types; whether it does what it says is for the tests of single pages."""
+    program, *words = shlex.split(line)
+    APPS[program].parse_args(words, exit_on_error=False, print_error=False)
+
+
+def test_there_are_command_lines_on_most_pages() -> None:
+    assert len(lines()) > 60
+    assert len({page for page, _ in lines()}) >= 8
+
+
+def test_every_page_has_its_place_in_the_site() -> None:
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    trees = re.findall(r"^:::\{toctree\}\n(?::[^\n]*\n)*\n(.*?)^:::$", index, re.MULTILINE | re.DOTALL)
+    listed = [name for tree in trees for name in tree.split()]
+    pages = {path.stem for path in (ROOT / "docs").glob("*.md")} - {"index", "commands"}
+    assert sorted(set(listed) - {"commands"}) == sorted(pages)
+    assert len(listed) == len(set(listed))
+
+
+def anchors(page: Path) -> set[str]:
+    """What the headings of a page are called in links, as GitHub and myst do it."""
+    heads = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_has_its_target(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if "://" in target:
+            continue
+        name, _, anchor = target.partition("#")
+        file = page.parent / name if name else page
+        assert file.exists() or file.name == "commands.md", target
+        if anchor and file.suffix == ".md":
+            assert anchor in anchors(file), target
