@@ -16,6 +16,7 @@ from blackboard.errors import UserError
 from blackboard.lab.team import Team
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
+from blackboard.process.clock import UnixClock
 from blackboard.run.launch import free_port
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
@@ -24,7 +25,8 @@ from blackboard.wire.messages import Status
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 4.0
-BURST, PAUSE = 20, 0.01  # envelopes, and seconds between them: about 2000 a second
+BURST, PAUSE = 200, 0.01  # envelopes, and seconds between them: up to 20 000 a second
+ENDS = 300.0  # seconds: a deadline that only a run misses that does not go on
 
 
 def flood() -> list[Envelope]:
@@ -45,11 +47,11 @@ def test_a_stranger_s_flood_changes_not_a_bit() -> None:
     at = f"tcp/127.0.0.1:{free_port()}"
     command = [sys.executable, "-m", "blackboard", "demo", "--seconds", f"{SECONDS:g}", "--json", "-l", at]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
-        sent, pause = 0, threading.Event()
+        sent, pause, clock = 0, threading.Event(), UnixClock()
         try:
             with Link(LinkConfig(connect=(at,)), "stranger", patience=30.0) as link:
-                envelopes = itertools.cycle(flood())
-                while running.poll() is None:
+                envelopes, end = itertools.cycle(flood()), clock.now() + ENDS
+                while running.poll() is None and clock.now() < end:
                     for envelope in itertools.islice(envelopes, BURST):
                         link.send(envelope)
                     sent += BURST
