@@ -76,7 +76,7 @@ def measure(keys: str | None, log: bool, size: int, number: int) -> tuple[float,
             payload = os.urandom(size)
             while not other.receive(0.05):
                 one.send(Envelope(ASK, payload))
-            while one.receive(0.05) or other.receive(0.2):  # what was sent while nobody listened yet
+            while one.receive(0.05) or other.receive(0.2):  # take what is still on its way
                 pass
             other.send(Envelope(ANSWER, payload))
             one.receive(1.0)

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake, TooEarly
+from blackboard.process.membership import Membership
 from blackboard.process.offsets import Echoes
 from blackboard.process.refusals import told
 from blackboard.process.roll_call import RollCall
@@ -55,6 +56,7 @@ class AgentService:
         """`joint`: the boards of the team keep a joint belief ([board] fusion)."""
         self.team, self.sub_teams, self.robot = team, tuple(sub_teams), robot
         self.grid, self.settings, self.feedback, self.joint = grid, settings, feedback, joint
+        self._membership = Membership(self.team, self.sub_teams, robot)
         self.intake = Intake()
         self.counters, self.refused = self.intake.counters, self.intake.refused
         self.roster = Roster(self.tokens[0])
@@ -88,19 +90,15 @@ class AgentService:
 
     @property
     def tokens(self) -> tuple[str, ...]:
-        return tuple(keys.MEMBER.key(team=self.team, sub_team=s, robot=self.robot) for s in self.sub_teams)
+        return self._membership.tokens
 
     @property
     def listens(self) -> tuple[str, ...]:
-        agreed = [keys.AGREED.key(team=self.team, sub_team=s, subject="**") for s in self.sub_teams]
-        refused = [keys.REFUSED.key(team=self.team, sub_team=s, robot=self.robot) for s in self.sub_teams]
-        return (keys.CLOCK.key(team=self.team), keys.READING.key(team=self.team, robot=self.robot), *agreed, *refused)
+        return (keys.READING.key(team=self.team, robot=self.robot), *self._membership.listens)
 
     @property
     def watches(self) -> tuple[str, ...]:
-        """The world's token, one of this robot's own (where that vanishes, the network is lost), and those of its boards."""
-        boards = [keys.BOARD.key(team=self.team, sub_team=s, board="*") for s in self.sub_teams]
-        return (keys.WORLD.key(team=self.team), self.tokens[0], *boards)
+        return self._membership.watches
 
     @property
     def done(self) -> bool:

@@ -1,4 +1,4 @@
-"""What a router denied, read from its own log, because Zenoh tells neither the sender nor anybody else.
+"""What a router denied, read from its own log, because Zenoh tells it nowhere else: no counter, no query, no answer to the sender.
 
 Zenoh's access control logs each of its decisions at the level `trace` and has no other output. Where it decides about a declared key
 for the first time, it lists all kinds of messages; only the decisions after that list are about a message that came.
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 TARGET = "zenoh::net::routing::interceptor::access_control"
 LEVELS = f"warn,{TARGET}=trace"  # for RUST_LOG
-LISTED = 9  # kinds of messages in a list
-MOST = 4096  # sessions whose certificate is remembered
-MOST_OTHER = 100  # different warnings
+LISTED = 9  # lines of a list that Zenoh logs when it decides about a declared key: one for each kind of message
+MAX_SESSIONS = 4096  # of which it is remembered whose certificate opened them
+MAX_WARNINGS = 100  # different ones that are passed on
 LISTS = (b"ACL (ingress): caching permissions for `", b"ACL (egress): caching permissions for `")
 TELLING = (
     b" unauthorized ",
@@ -91,7 +91,7 @@ class DenialReader:
             return None
         self._remember(text)
         session, what, flow, key = denied.groups()
-        if flow == b"egress":  # it was not passed on to one who may not read it, which is nobody's attempt
+        if flow == b"egress":  # a subscriber may not read it and did not get it; nobody tried to write
             return None
         who = self._names.get(session, f"session {session.decode()[:64]}")
         return Denial(who, _plain(what.decode()), key.decode("utf-8", "replace"))
@@ -99,7 +99,7 @@ class DenialReader:
     def _remember(self, text: bytes) -> None:
         known = _KNOWN.match(text)
         if known and known[1] not in self._names:
-            if len(self._names) >= MOST:
+            if len(self._names) >= MAX_SESSIONS:
                 self._names.pop(next(iter(self._names)))
             self._names[known[1]] = known[2].decode("utf-8", "replace")
 
@@ -110,7 +110,7 @@ class DenialReader:
             return Denial("", f"a connection was refused: {told}")
         said = f"{target.decode('utf-8', 'replace')}: {told}"[:400]
         kind = re.sub(r"\d+", "0", said)  # the same of another port is not new
-        if kind not in self._said and len(self._said) < MOST_OTHER:
+        if kind not in self._said and len(self._said) < MAX_WARNINGS:
             self._said.add(kind)
             self.other.append(said)
         return None

@@ -15,9 +15,9 @@ from blackboard.wire.envelope import Envelope
 
 log = logging.getLogger(__name__)
 
-MOST = 1024  # different denials that are told apart; more are counted together
+MAX_DENIALS = 1024  # different denials (who, what, key) of which each is logged once; those beyond are only counted
 EVERY = 0.5  # seconds between two messages about one member
-CALM = 60.0  # seconds without a denial after which a member is told that nothing is denied any more
+CALM = 60.0  # seconds without a new denial after which a member is told that it is no longer denied anything
 
 
 class Doorkeeper:
@@ -29,8 +29,8 @@ class Doorkeeper:
     def __init__(self, common_names: Iterable[str], team: str) -> None:
         self.team = team
         self.denied: Counter[str] = Counter()  # by common name; "" for who did not get in
-        self._last: dict[str, str] = {}  # what was denied last, until it is calm again
-        self._told: dict[str, float] = {}  # when `_last` was told
+        self._last: dict[str, str] = {}  # member -> its newest denial, until `CALM` seconds have passed without another
+        self._told: dict[str, float] = {}  # member -> when its newest denial was told, in seconds
         self._seen: Counter[tuple[str, str, str]] = Counter()
         self._changed: set[str] = set()
         self._told_at = float("-inf")
@@ -49,7 +49,7 @@ class Doorkeeper:
             self._last[who] = text[:400]
             self._changed.add(who)
             seen = (denial.who, re.sub(r"\d+", "0", denial.what), _but_subject(denial.key))
-            if seen not in self._seen and len(self._seen) >= MOST:
+            if seen not in self._seen and len(self._seen) >= MAX_DENIALS:
                 seen = ("others", "", "")
             self._seen[seen] += 1
             if _is_round(self._seen[seen]):

@@ -123,7 +123,7 @@ class Board:
                 newest = sorted(usable, key=lambda source: (source[0], -usable[source].tick, source[1]), reverse=True)
                 entries = {
                     sub_team: usable[sub_team, board] for sub_team, board in newest
-                }  # the first of each comes last
+                }  # of several boards of a sub-team the newest consensus, which comes last, is kept
                 left_out = _left_out({name: age for (name, _), age in silent.items() if name not in entries})
                 opinions = [o for sub_team in sorted(entries) for o in self._aged(entries[sub_team], subject, now)]
                 if len(entries) == 1:  # one sub-team: its consensus is the agreed belief

@@ -169,7 +169,7 @@ class Lead:
         elif all((since, self.board) < (claim.since, name) for name, claim in self._others.items()):
             self._take()
         else:
-            self.leads = False  # another one will
+            self.leads = False  # a board that has settled for longer, or comes first by name, takes it
 
     def _take(self) -> None:
         self.leads, self.term = True, min(self._highest + 1, MAX_TERM)

@@ -355,7 +355,7 @@ class BoardService:
         settled = self._settled
         self._sent = [
             envelope for said in self._said for envelope in self._say(said, now)
-        ]  # to a Clock that is repeated
+        ]  # what is sent again where the world repeats its Clock
         self._settled = settled
         return [envelope for said in self.lead.release() for envelope in self._say(said, now)] or [self._status(now)]
 

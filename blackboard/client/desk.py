@@ -24,7 +24,7 @@ class Desk:
     def __init__(self, service: Service) -> None:
         self._service = service
         self._calls: SimpleQueue[Callable[[float], list[Envelope]]] = SimpleQueue()
-        self._out: list[Envelope] = []  # of calls that callbacks made
+        self._out: list[Envelope] = []  # what is to be sent for calls that were made inside a callback
         self._owner: int | None = None  # the service's thread
         self._now = 0.0
         self.stop = threading.Event()

@@ -19,6 +19,7 @@ from blackboard.errors import OpinionError, Refused
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake, TooEarly
+from blackboard.process.membership import Membership
 from blackboard.process.offsets import Echoes
 from blackboard.process.refusals import told
 from blackboard.process.roster import Roster
@@ -63,6 +64,7 @@ class Member:
         on_refused: Callable[[Refusal], None] = lambda refusal: None,
     ) -> None:
         self.team, self.sub_teams, self.robot, self.grid = team, sub_teams, robot, grid
+        self._membership = Membership(team, sub_teams, robot)
         self.intake = Intake()
         self.roster = Roster(self.tokens[0])
         self.clock = TeamClock(self.roster)
@@ -78,18 +80,15 @@ class Member:
 
     @property
     def tokens(self) -> tuple[str, ...]:
-        return tuple(keys.MEMBER.key(team=self.team, sub_team=s, robot=self.robot) for s in self.sub_teams)
+        return self._membership.tokens
 
     @property
     def listens(self) -> tuple[str, ...]:
-        agreed = [keys.AGREED.key(team=self.team, sub_team=s, subject="**") for s in self.sub_teams]
-        refused = [keys.REFUSED.key(team=self.team, sub_team=s, robot=self.robot) for s in self.sub_teams]
-        return (keys.CLOCK.key(team=self.team), *agreed, *refused)
+        return self._membership.listens
 
     @property
     def watches(self) -> tuple[str, ...]:
-        boards = [keys.BOARD.key(team=self.team, sub_team=s, board="*") for s in self.sub_teams]
-        return (keys.WORLD.key(team=self.team), self.tokens[0], *boards)
+        return self._membership.watches
 
     @property
     def done(self) -> bool:

@@ -17,7 +17,7 @@ from blackboard.config import Scenario
 from blackboard.errors import RunFailed
 from blackboard.faults import faulty_robots
 from blackboard.net.bus import Bus, BusLink
-from blackboard.process.service import Service
+from blackboard.process.service import Service, connect
 from blackboard.wire.envelope import Envelope
 from robot_agent.service import AgentService
 from robot_agent.team import robot_of
@@ -59,15 +59,10 @@ class Team:
             self.join(service)
 
     def join(self, service: Service) -> None:
-        """Connect a service as `blackboard.process.loop.run` does: its tokens last."""
+        """Connect a service as `blackboard.process.loop.run` does."""
         link = self.bus.connect()
         self._links[service] = link
-        for key_expr in service.watches:
-            link.watch(key_expr)
-        for key_expr in service.listens:
-            link.subscribe(key_expr)
-        for key in service.tokens:
-            link.token(key)
+        connect(service, link)
 
     def leave(self, service: Service) -> None:
         """Disconnect a service, as if its process were killed: its tokens vanish."""

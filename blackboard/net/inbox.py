@@ -18,7 +18,7 @@ from blackboard.wire.messages import MAX_BYTES
 TOO_LARGE = bytes(MAX_BYTES + 1)
 
 STRANGERS = ""  # the source of everything whose writer holds no token
-MAX_TOKENS = 4096  # that are known; changes of more are dropped
+MAX_TOKENS = 4096  # liveliness tokens that are known at a time; changes of further ones are dropped
 CHANGES = 4  # of one token that wait; more are dropped in pairs, so that the newest state stays, and that it changed
 STRANGERS_BATCH = 32  # envelopes of strangers that are handed out at once; where more wait, they are a flood
 STRANGERS_PAUSE = 0.01  # seconds for which others are waited for first, while strangers flood: refusing costs time

@@ -8,24 +8,18 @@ from typing import Protocol
 
 from blackboard.process.clock import UnixClock
 from blackboard.process.failures import Failures
-from blackboard.process.service import Service
+from blackboard.process.service import Service, Subscriber, connect
 from blackboard.wire.envelope import Envelope
 
 LONGEST_WAIT = 0.5  # seconds, so that a signal is noticed
 AFTER_FAILURE = 0.1  # seconds until a service that could not do what was due is woken again
 
 
-class Connection(Protocol):
+class Connection(Subscriber, Protocol):
     """What the loop needs of `blackboard.net.link.Link`."""
 
     @property
     def counters(self) -> dict[str, int]: ...
-
-    def subscribe(self, key_expr: str) -> None: ...
-
-    def watch(self, key_expr: str) -> None: ...
-
-    def token(self, key: str) -> None: ...
 
     def receive(self, timeout: float) -> list[Envelope]: ...
 
@@ -33,19 +27,12 @@ class Connection(Protocol):
 
 
 def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[[], bool] = lambda: False) -> None:
-    """Serve until the service is done or `stopped`.
+    """Connect the service, and serve until it is done or `stopped`.
 
-    Tokens are watched before any topic is subscribed to, so that the roster has the senders of the first messages. Own tokens are
-    declared last: whoever sees one may send to this process at once. An exception of the service ends nothing: it is counted among the
-    link's counters ("failed_in_loop"), and logged.
+    An exception of the service ends nothing: it is counted among the link's counters ("failed_in_loop"), and logged.
     """
     failures, paused_until = Failures(), -math.inf
-    for key_expr in service.watches:
-        link.watch(key_expr)
-    for key_expr in service.listens:
-        link.subscribe(key_expr)
-    for key in service.tokens:
-        link.token(key)
+    connect(service, link)
     while not (service.done or stopped()):
         now = clock.now()
         due = _due(service, now, paused_until)

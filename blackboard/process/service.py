@@ -1,10 +1,20 @@
-"""The interface between a service and the loop that runs it (`blackboard.process.loop`)."""
+"""The interface between a service and the loop that runs it (`blackboard.process.loop`), and how a service is connected."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
 from blackboard.wire.envelope import Envelope
+
+
+class Subscriber(Protocol):
+    """What a service is connected by."""
+
+    def subscribe(self, key_expr: str) -> None: ...
+
+    def watch(self, key_expr: str) -> None: ...
+
+    def token(self, key: str) -> None: ...
 
 
 class Service(Protocol):
@@ -40,3 +50,17 @@ class Service(Protocol):
 
     def record_link_counters(self, counters: dict[str, int]) -> None:
         """The link's counters (sent, received, dropped, bytes), for the status."""
+
+
+def connect(service: Service, link: Subscriber) -> None:
+    """Watch, subscribe and hold tokens as a service asks.
+
+    Tokens are watched before any topic is subscribed to, so that the roster has the senders of the first messages. Own tokens are
+    declared last: whoever sees one may send to this process at once.
+    """
+    for key_expr in service.watches:
+        link.watch(key_expr)
+    for key_expr in service.listens:
+        link.subscribe(key_expr)
+    for key in service.tokens:
+        link.token(key)

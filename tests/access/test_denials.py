@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.access.denials import PACKET, TARGET, Denial, DenialReader
-from blackboard.access.doorkeeper import CALM, MOST, Doorkeeper, read
+from blackboard.access.doorkeeper import CALM, MAX_DENIALS, Doorkeeper, read
 from blackboard.access.watch import DenialWatch
 from blackboard.wire.envelope import Envelope
 
@@ -127,11 +127,11 @@ def test_what_a_denied_one_writes_into_a_key_forges_no_line_and_takes_no_memory(
 ) -> None:
     keeper = Doorkeeper([], "t")
     with caplog.at_level(logging.WARNING):
-        keeper.take(Denial(f"x{i}", "put", f"a\x1b[2Jb\r{i}") for i in range(3 * MOST))
+        keeper.take(Denial(f"x{i}", "put", f"a\x1b[2Jb\r{i}") for i in range(3 * MAX_DENIALS))
     assert not any("\x1b" in record.getMessage() or "\r" in record.getMessage() for record in caplog.records)
     assert len(keeper.denied) == 1
-    assert len(caplog.records) <= MOST + 5
-    assert keeper.denied.total() == 3 * MOST
+    assert len(caplog.records) <= MAX_DENIALS + 5
+    assert keeper.denied.total() == 3 * MAX_DENIALS
 
 
 def test_a_member_is_told_what_of_it_was_denied_and_not_too_often() -> None:

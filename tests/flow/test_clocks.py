@@ -11,6 +11,7 @@ from blackboard.board.service import BoardService
 from blackboard.config import BoardSection, Scenario
 from blackboard.lab.team import robot
 from blackboard.net.bus import Bus, BusLink
+from blackboard.process.service import connect
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
@@ -69,12 +70,7 @@ class Free:
     def _join(self, name: str, it: BoardService | AgentService) -> None:
         link = self.bus.connect()
         self._links[name] = it, link
-        for key_expr in it.watches:
-            link.watch(key_expr)
-        for key_expr in it.listens:
-            link.subscribe(key_expr)
-        for key in it.tokens:
-            link.token(key)
+        connect(it, link)
 
     def run(self, seconds: float) -> None:
         end = self.now + seconds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from blackboard.view.feed import Source
@@ -13,10 +13,10 @@ from blackboard.view.web.server import Address, serve
 
 
 @contextmanager
-def served(source: Source, team: str) -> Iterator[str]:
+def served(source: Source, team: str, now: Callable[[], float] = time.monotonic) -> Iterator[str]:
     """The address of a page of a source, which is stopped behind the block."""
     stop, ready = threading.Event(), queue.Queue[str]()
-    arguments = (source, team, time.monotonic, Address(), stop.is_set, ready.put)
+    arguments = (source, team, now, Address(), stop.is_set, ready.put)
     thread = threading.Thread(target=serve, args=arguments)
     thread.start()
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import queue
 import threading
 import urllib.request
 from collections.abc import Iterator
@@ -21,6 +20,7 @@ from blackboard.view.web.application import FILES
 from blackboard.view.web.server import Address, serve
 from blackboard.wire.envelope import Envelope
 from tests.view.recorded import recorded, team_of
+from tests.view.serving import served
 from tests.view.test_told import read
 
 
@@ -58,17 +58,9 @@ class Clock:
 
 @pytest.fixture(scope="module")
 def url() -> Iterator[str]:
-    stop, ready = threading.Event(), queue.Queue[str]()
     now = Clock()
-    feed = Feed(Recording(), now, "t")
-    thread = threading.Thread(target=serve, args=(feed, "t", now, Address(), stop.is_set, ready.put))
-    thread.start()
-    try:
-        yield ready.get(timeout=30)
-    finally:
-        stop.set()
-        thread.join(30)
-    assert not thread.is_alive()
+    with served(Feed(Recording(), now, "t"), "t", now) as url:
+        yield url
 
 
 def get(url: str, **headers: str) -> Any:

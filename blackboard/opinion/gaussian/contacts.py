@@ -23,9 +23,9 @@ from blackboard.opinion.gaussian.joint import Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
-MOST = 10.0  # independent distances of a pair that are remembered
+MAX_DISTANCES = 10.0  # independent distances of a pair that are averaged; older ones fade
 QUANTILE = 3.090  # of the normal distribution, 99.9 %: a pair is judged many times
-FAINT = 1e-6  # the least share of an error that is left: less is none
+FAINT = 1e-6  # the least share of an error that one tick's evidence is taken to leave
 GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom
 MISREAD = 2  # claims in a row that are taken for misread if they are beyond the gate of those before
 RENEWED = 0.05  # the share of two robots' errors that is corrected before what they say is averaged anew
@@ -45,14 +45,14 @@ class Contact:
     """What is known of a pair."""
 
     corrected: tuple[float, float]  # as `Contacts._corrected` had the two when the average was begun
-    apart: Array  # the average of the difference between their claims, shape (2,)
+    apart: Array  # the average difference between their claims, shape (2,), in the grid's unit
     fresh: Array  # the covariance of its fresh error, shape (2, 2)
     claims: int  # that were averaged
     weight: float  # how much of their distance is new, 0 to 1
     squared: float = 0.0  # the distance of the average
     mean: float = 0.0  # of the squared distances before
     number: float = 0.0  # how many independent ones these were
-    misread: int = 0  # claims in a row that were
+    misread: int = 0  # how many of the newest claims, in a row, were taken for misread
 
     @property
     def contradicts(self) -> bool:
@@ -148,5 +148,5 @@ class Contacts:
             else:
                 number = last.number + last.weight
                 mean = (last.mean * last.number + last.squared * last.weight) / number
-                now = Contact(corrected, apart, fresh, 1, new, 0.0, mean, min(MOST, number))
+                now = Contact(corrected, apart, fresh, 1, new, 0.0, mean, min(MAX_DISTANCES, number))
         return replace(now, squared=squared_distance(now.apart, lasting + now.fresh))

@@ -15,8 +15,8 @@ import numpy as np
 #: The medians of chi-squared, by degrees of freedom from 1 on.
 MEDIANS = (0.455, 1.386, 2.366, 3.357, 4.351, 5.348, 6.346, 7.344, 8.343)
 WINDOW = 60  # pieces of evidence of a source that are remembered
-FEWEST = 20  # before they count
-MOST = 100.0  # times the claimed variance
+FEWEST = 20  # pieces of evidence before a source's noise is scaled
+MOST = 100.0  # the largest factor of a claimed variance
 
 Source = tuple[str, str]  # a robot, and the kind of its evidence
 

@@ -218,7 +218,7 @@ class TeamJoint:
                 if choice.outvoted and not self._is_refuted(
                     robot, [pieces[n] for n in sorted(choice.members)], motions
                 ):
-                    continue  # the members' errors have something in common
+                    continue  # what they say agrees with the prediction once the errors that they share are counted
                 found[robot] = choice
                 if found[robot].outvoted:
                     away = [opinions[name].mean - predicted.mean for name in found[robot].members]
@@ -327,7 +327,7 @@ class TeamJoint:
             return
         if subject not in self.joint and observer in self._left_out:
             return
-        if robot and subject not in heard:  # it has moved by it is not known what
+        if robot and subject not in heard:  # how far it has moved in this tick is not known
             self.tally.silent += 1
             return
         if subject not in self.joint:
@@ -340,7 +340,9 @@ class TeamJoint:
         squared = expectation.innovation(self.joint).squared
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
         agrees = squared <= GATES[1] and not by and not self._contradict(observer, subject)
-        if subject in self._seen:  # nor do two that contradict each other meet in an object: it stays with the first
+        if (
+            subject in self._seen
+        ):  # of two robots that contradict each other, the one that placed the object first is believed about it
             agrees = agrees and not any(self.contacts.contradict(observer, o) for o in self.trust.observers(subject))
         taken = agrees and not {observer, subject} & self._left_out
         self.trust.judge(observer, subject, agrees)
