@@ -16,7 +16,7 @@ MAX_ROBOTS = 1024  # whose sub-teams are remembered
 
 
 class Participants:
-    """In lockstep the world's Clock names the robots, and those that have gone are not waited for; else who holds a token and speaks."""
+    """In lockstep the world's Clock names the robots, and those that have gone are not waited for; else who speaks under a token."""
 
     def __init__(self, roster: Roster, clock: TeamClock, team: str, sub_team: str) -> None:
         self.roster, self.clock = roster, clock
