@@ -7,6 +7,9 @@ liar whom a single mate sees is found out too.
 The errors of both robots' places last until new evidence corrects them, those of single sightings do not. So what a pair says is
 averaged until one of the two is corrected, which gives one squared Mahalanobis distance: chi-squared with two degrees of freedom
 where both are honest. The distances that follow count as far as they are new.
+
+A robot that has seen nothing to correct its place for long goes by its odometry alone. Where that is worse than the robot knows, it
+contradicts its mates and is honest; they are what corrects it. So it is held against nobody meanwhile.
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ QUANTILE = 3.090  # of the normal distribution, 99.9 %: a pair is judged many ti
 FAINT = 1e-6  # the least share of an error that one tick's evidence is taken to leave
 GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom
 MISREAD = 2  # claims in a row that are taken for misread if they are beyond the gate of those before
+RECKONED = 0.75  # the share of a belief's variance from which on it is no evidence against another robot
 RENEWED = 0.05  # the share of two robots' errors that is corrected before what they say is averaged anew
 
 
@@ -69,12 +73,30 @@ class Contacts:
     _pairs: dict[tuple[str, str], Contact] = field(default_factory=dict)
     # robot -> - ln(the share of its first error that is left)
     _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    _reckoned: dict[str, tuple[float, float]] = field(default_factory=dict)  # robot -> variances: reckoned, and in all
 
     def correct(self, robot: str, belief: Moments, increment: Increment | None) -> None:
-        """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place."""
+        """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place.
+
+        What is left of its variance is divided into what came from motion since and what did not.
+        """
+        gain = 0.0
         if increment is not None:  # I - K = 1 - P I, where P is the posterior and I the information gained
             gain = float(np.trace((belief.covariance @ increment.information)[AXES, AXES])) / 2
-            self._corrected[robot] -= math.log(min(1.0, max(FAINT, 1.0 - gain)))
+        left = min(1.0, max(FAINT, 1.0 - gain))
+        self._corrected[robot] -= math.log(left)
+        variance = float(np.trace(belief.covariance[AXES, AXES]))
+        reckoned, before = self._reckoned.get(robot, (0.0, variance / left))
+        reckoned += max(0.0, variance / left - before)
+        self._reckoned[robot] = left**2 * reckoned, variance
+
+    def is_reckoned(self, robot: str) -> bool:
+        """Whether a robot's belief of its place is mostly dead reckoning: what its odometry is worth, and no evidence.
+
+        With evidence that keeps coming the reckoned share of the variance stays below a half.
+        """
+        reckoned, variance = self._reckoned.get(robot, (0.0, 0.0))
+        return reckoned > RECKONED * variance
 
     def judge(self, said: Mapping[str, Claim]) -> set[str]:
         """Compare what robots say of one thing in one tick.
@@ -121,6 +143,7 @@ class Contacts:
     def forget(self, robot: str) -> None:
         """Drop what is known of a robot, which begins anew."""
         self._pairs = {pair: contact for pair, contact in self._pairs.items() if robot not in pair}
+        self._reckoned.pop(robot, None)
 
     def _met(self, one: str, other: str, said: Mapping[str, Claim]) -> Contact:
         """The contact of a pair with one more difference between their claims."""

@@ -178,6 +178,8 @@ class TeamJoint:
             if evidence.belief is None or np.trace(evidence.belief.covariance[AXES, AXES]) > KNOWN:
                 continue
             self.contacts.correct(robot, evidence.belief, evidence.increment)
+            if self.contacts.is_reckoned(robot):
+                continue
             own = evidence.belief
             said.setdefault(robot, {})[robot] = Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))
             for relative in evidence.relatives:

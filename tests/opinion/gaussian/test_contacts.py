@@ -126,3 +126,30 @@ def test_who_is_contradicted_by_better_confirmed_robots_is_left_out(
     contradicting: str, agreeing: str, out: str
 ) -> None:
     assert told(contradicting, agreeing).left_out() == set(out)
+
+
+def believed(sigma: float) -> Moments:
+    return entering(Moments(np.zeros(3), np.diag([sigma**2, sigma**2, 0.01])), Nuisance())
+
+
+@pytest.mark.parametrize("gain", [0.02, 0.3, 0.9])
+def test_a_robot_whose_place_is_corrected_again_and_again_is_a_witness(gain: float) -> None:
+    """Whatever its evidence is worth: the variance grows by as much as each correction takes away."""
+    contacts = Contacts()
+    information = np.zeros((STATES, STATES))
+    information[AXES, AXES] = np.eye(2) * gain / PLACE**2
+    for _ in range(200):
+        contacts.correct("one", believed(PLACE), Increment(np.zeros(STATES), information, np.zeros(STATES)))
+        assert not contacts.is_reckoned("one")
+
+
+def test_a_robot_that_goes_by_its_odometry_is_none_until_it_is_corrected() -> None:
+    contacts = Contacts()
+    found = []
+    for sigma in (1.0, 1.5, 1.9, 2.1, 3.0):
+        contacts.correct("one", believed(sigma), None)
+        found.append(contacts.is_reckoned("one"))
+    assert found == [False, False, False, True, True]
+    corrected(contacts, "one", 0.1)
+    assert not contacts.is_reckoned("one")
+    assert not contacts.is_reckoned("nobody")
