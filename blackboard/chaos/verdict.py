@@ -12,8 +12,8 @@ from blackboard.chaos.sight import Look
 
 LIFE = 120.0  # seconds that a process must have lived to be judged by its memory
 WARM = 60.0  # seconds at the beginning of a life that are left out: caches fill, and the allocator finds its size
-#: MB that a process may have more in the second half of its life, however long that is: the allocator takes memory in steps, and what is
-#: bounded fills up once (the world's distances, by 0.8). A limit that grew with time would let a leak pass.
+#: MB that a process may have more in the second half of its life, however long that is: the allocator takes memory in steps, and
+#: what is bounded fills up once (the world's distances, by 0.8). A limit that grew with time would let a leak pass.
 GROWTH = 1.5
 MORE = 2  # threads or descriptors by which two halves of a life may differ: a connection that ends while another one begins
 AGAIN = 5.0  # seconds until a surviving subject is settled again
