@@ -113,7 +113,8 @@ class AgentService:
             early = (
                 self.intake.retry(lambda _, message: self._hear(message, now)) if envelope.kind is Kind.ALIVE else []
             )
-            return early + self._advance(now)
+            came = envelope.kind is Kind.ALIVE and keys.WORLD.match(envelope.key) is not None
+            return early + self._advance(now) + (self._statuses(now) if came else [])  # a token alone is nobody
         return self.intake.take(envelope, lambda _, message: self._hear(message, now)) + self._advance(now)
 
     def wake(self, now: float) -> list[Envelope]:

@@ -19,6 +19,7 @@ from blackboard.opinion.scores import LEVELS, Score
 
 BLOCK = 10.0  # seconds: twice the time between two fixes of a robot in the demo
 FEWEST = 3  # blocks
+MOST = 360  # blocks, an hour of them; where there would be more, two neighbours become one, which is as independent
 
 #: What regions are called: they hold the truth as often as they claim as far as can be told, too often, too rarely, ...
 CONSISTENT, CAUTIOUS, CONFIDENT, MIXED, SHORT = "consistent", "over-cautious", "over-confident", "mixed", "too short"
@@ -69,21 +70,36 @@ class Calibration:
     """Sums over blocks of time: samples, squared errors, those that were claimed, and how far the regions held the truth."""
 
     _blocks: dict[int, Array] = field(default_factory=dict)
+    _width: int = 1  # of a block, in those of BLOCK seconds
 
     def add(self, time: float, score: Score, claimed: float) -> None:
         """Take a sample at a team time (s): its score of one entry, and the squared error that its belief claims."""
         row = np.array([1.0, score.errors[0] ** 2, claimed, *(score.held(level)[0] for level in LEVELS)])
-        block = math.ceil(time / BLOCK) - 1  # a sample is about the time that led to it
-        self._blocks[block] = self._blocks.get(block, 0.0) + row
+        self._put(math.ceil(time / BLOCK) - 1, row)  # a sample is about the time that led to it
+        if len(self._blocks) > MOST:
+            self._widen(2 * self._width)
 
     @staticmethod
     def merged(parts: Iterable[Calibration]) -> Calibration:
         """All samples of several, as a new one."""
-        whole = Calibration()
-        for part in parts:
+        found = list(parts)
+        whole = Calibration(_width=max((part._width for part in found), default=1))
+        for part in found:
             for block, row in part._blocks.items():
-                whole._blocks[block] = whole._blocks.get(block, 0.0) + row
+                whole._put(block * part._width, row)
         return whole
+
+    def _put(self, place: int, row: Array) -> None:
+        """Add to the block in which the block of BLOCK seconds at `place` lies."""
+        block = place // self._width
+        self._blocks[block] = self._blocks.get(block, 0.0) + row
+
+    def _widen(self, width: int) -> None:
+        """Make blocks of so many of BLOCK seconds, a multiple of those that there are."""
+        before, places = self._blocks, self._width
+        self._blocks, self._width = {}, width
+        for block, row in before.items():
+            self._put(block * places, row)
 
     def coverage(self) -> Sequence[Coverage]:
         """The coverage of each level; empty where there are too few blocks."""

@@ -1,4 +1,8 @@
-"""Who takes part in a run: those on the roster that get sensor data and send answers. Pure."""
+"""Who takes part in a run: those on the roster that get sensor data and send answers. Pure.
+
+A token alone is nobody: a board, and a robot that the scenario does not name, takes part once it has said something under its
+token. Such a robot is waited for once it has answered a tick.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,7 @@ import logging
 from blackboard.config import TeamSection
 from blackboard.errors import Refused
 from blackboard.process.roster import Roster
-from blackboard.wire import keys
-from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Solo, Status
 from sim_world.instant import Instant
 from sim_world.sources import SensorSource
@@ -28,19 +31,30 @@ class Members:
         self.team, self.sensors, self.roster = team, sensors, roster
         self.given_up: set[str] = set()  # who holds a token and sends nothing, and is no longer waited for
         self.strangers: set[str] = set()  # robots that cannot take part
+        self._newcomers: set[str] = set()  # robots that have not answered a tick yet
+        self._heard: set[tuple[str, str]] = set()  # boards that have said something, as sub-team and name
 
     def hear(self, envelope: Envelope, now: float) -> bool:
         """A token appeared or vanished. True if its holder is back and may have missed something: the tick must be sent again."""
-        back = self.roster.hear(envelope, now)
-        member = keys.MEMBER.match(envelope.key)
-        if member and envelope.kind is Kind.ALIVE and not self.sensors.admit(member["robot"]):
-            self._warn_of_stranger(member["robot"])
-        return back
+        return self.roster.hear(envelope, now)
+
+    def hear_status(self, sub_team: str, status: Status) -> None:
+        """Somebody says something; who holds a token there takes part from the next tick on."""
+        name, boards = status.process, self.roster.boards
+        if status.kind == "board" and (sub_team, name) not in self._heard and name in boards.get(sub_team, []):
+            self._heard = {(s, b) for s, b in self._heard if b in boards.get(s, [])} | {(sub_team, name)}
+        elif status.kind == "robot" and name in self.roster.robots.get(sub_team, []):
+            known = name in self.sensors.robots
+            if not self.sensors.admit(name):
+                self._warn_of_stranger(name)
+            elif not known:
+                self._newcomers.add(name)
 
     def hear_answer(self, sub_team: str, message: Solo | Consensus | Status, *, in_time: bool) -> None:
         """A robot or a board answers a tick: it is waited for again. Refused: a board without a token, if it is in time."""
         if isinstance(message, Solo):
             self.given_up.discard(f"robot/{message.robot}")
+            self._newcomers.discard(message.robot)
             return
         board = message.process if isinstance(message, Status) else message.board
         if in_time and board not in self.roster.boards.get(sub_team, []):
@@ -62,14 +76,14 @@ class Members:
 
     def absent(self) -> list[str]:
         """Those of the scenario that are not there."""
-        boards, robots = self.roster.boards, self.roster.robots
-        found = [f"the board of {sub_team}" for sub_team in self.team.sub_teams if sub_team not in boards]
+        robots = self.roster.robots
+        found = [f"the board of {sub_team}" for sub_team in self.team.sub_teams if not self._boards(sub_team)]
         for sub_team, names in self.team.sub_teams.items():
             found += [f"{name} of {sub_team}" for name in names if name not in robots.get(sub_team, [])]
         return found
 
     def missing(self, instant: Instant) -> set[str]:
-        """Who takes part in a tick, is alive, and has not sent everything."""
+        """Who takes part in a tick, is alive, and has not sent everything; no newcomers."""
         alive = self.teams()
         teams = {sub_team: robots for sub_team, robots in instant.teams.items() if sub_team in alive}
         boards = {
@@ -79,14 +93,15 @@ class Members:
             if not (instant.settled(sub_team, board) and instant.is_led(sub_team))
         }
         waited_for = {robot for sub_team, robots in teams.items() for robot in robots if robot in alive[sub_team]}
-        return boards | {f"robot/{robot}" for robot in waited_for - set(instant.solos)}
+        return boards | {f"robot/{robot}" for robot in waited_for - set(instant.solos) - self._newcomers}
 
     def give_up(self, instant: Instant) -> int:
-        """Wait no longer for those who are missing in a tick, until they answer one; how many they are."""
-        missing = self.missing(instant)
-        log.warning(
-            "tick %d: %s alive and silent; no longer waited for", instant.truth.tick, ", ".join(sorted(missing))
-        )
+        """Wait no longer for those who are missing in a tick that is over, newcomers too, until they answer one; how many they are."""
+        asked = {robot for robots in instant.teams.values() for robot in robots} & self._newcomers
+        missing = self.missing(instant) | {f"robot/{robot}" for robot in asked}
+        if missing:
+            names = ", ".join(sorted(missing))
+            log.warning("tick %d: %s alive and silent; no longer waited for", instant.truth.tick, names)
         self.given_up |= missing
         return len(missing)
 
@@ -97,4 +112,6 @@ class Members:
         log.warning("%s cannot take part: there are no sensor data for it", robot)
 
     def _boards(self, sub_team: str) -> list[str]:
-        return [b for b in self.roster.boards.get(sub_team, []) if f"board/{sub_team}/{b}" not in self.given_up]
+        """The boards of a sub-team that take part."""
+        here = [board for board in self.roster.boards.get(sub_team, []) if (sub_team, board) in self._heard]
+        return [board for board in here if f"board/{sub_team}/{board}" not in self.given_up]

@@ -90,8 +90,6 @@ class WorldService:
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             if self.members.hear(envelope, now) and self._open:
                 out += self._sent
-            if self.members.strangers:
-                self.counters["strangers"] = len(self.members.strangers)
         else:
             out = self.intake.take(envelope, lambda parts, message: self._hear(parts, message, envelope.payload))
         return out + self._advance(now)
@@ -147,6 +145,9 @@ class WorldService:
         sub_team = parts.get("sub_team", "")
         if isinstance(message, Status):
             self.traffic.hear(sub_team, message)
+            self.members.hear_status(sub_team, message)
+            if self.members.strangers:
+                self.counters["strangers"] = len(self.members.strangers)
             if message.kind != "board" or message.phase not in PHASES:
                 return []
         if not isinstance(message, Solo | Consensus | Status):
@@ -178,11 +179,11 @@ class WorldService:
         out: list[Envelope] = []
         began = self.rounds.began
         while self._end is None and (ended := self.rounds.turn(self.pace, now, self._holds)) is not None:
-            phase, late = ended
+            phase, _ = ended
             if phase == "gather":
                 out += self._set_off(now)
             elif phase != "start":
-                out += self._finish_tick(began, now, late)
+                out += self._finish_tick(began, now)
             began = self.rounds.began
         if self._end is None and self._is_waiting_for_answers and now - self._news_at >= self.settings.patience:
             self._news_at = now
@@ -211,7 +212,7 @@ class WorldService:
         self._began = now
         return self._begin_tick(now, now, {})
 
-    def _finish_tick(self, began: float, now: float, late: bool) -> list[Envelope]:
+    def _finish_tick(self, began: float, now: float) -> list[Envelope]:
         """A tick that began at `began` is over: begin the next one, or end after the last."""
         if self.pace is Pace.REALTIME:
             if self.tick == self.ticks:
@@ -220,8 +221,8 @@ class WorldService:
             fell_behind = now - began >= 2 * self.time.tick  # the world does not catch up; otherwise there is no drift
             return self._begin_tick(now, now if fell_behind else began + self.time.tick, {})
         instant = self._open[self.tick]
-        if late:
-            self.counters["given_up"] += self.members.give_up(instant)
+        if given_up := self.members.give_up(instant):
+            self.counters["given_up"] += given_up
         self._close(self.tick)
         return self._stop("") if self.tick == self.ticks else self._begin_tick(now, now, instant.agreed_subjects())
 

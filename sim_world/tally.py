@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from blackboard.opinion.grid import Array
-from blackboard.opinion.scores import LEVELS, Score, errors
+from blackboard.opinion.scores import LEVELS, Score
+from sim_world.distances import Distances
 
 
 def _nothing() -> Array:
@@ -19,19 +19,15 @@ def _nothing() -> Array:
 
 @dataclass
 class Tally:
-    """What `Score.summary` says, of entries that are not kept.
+    """What `Score.summary` says, of entries that are not kept; of many, p95 is off by 0.1 % at most (`sim_world.distances`)."""
 
-    Only the errors are kept, 8 bytes each, because their 95 % quantile cannot be had from a sum.
-    """
-
-    _errors: array[float] = field(default_factory=lambda: array("d"))
-    _sums: Array = field(
-        default_factory=_nothing
-    )  # entropies and log scores in nats, regions of each level that held the truth
+    _errors: Distances = field(default_factory=Distances)
+    #: entropies and log scores in nats, regions of each level that held the truth
+    _sums: Array = field(default_factory=_nothing)
 
     def add(self, score: Score) -> None:
         """Take in a score of one entry."""
-        self._errors.append(score.errors[0])
+        self._errors.add(score.errors[0])
         self._sums += (score.entropies[0], score.log_scores[0], *(score.held(level)[0] for level in LEVELS))
 
     @staticmethod
@@ -39,7 +35,7 @@ class Tally:
         """The entries of several, as a new one."""
         whole = Tally()
         for part in parts:
-            whole._errors.extend(part._errors)
+            whole._errors.take(part._errors)
             whole._sums += part._sums
         return whole
 
@@ -51,7 +47,7 @@ class Tally:
         entropy, log_score, *held = (self._sums / n).tolist()
         return {
             "n": n,
-            **errors(self._errors),
+            **self._errors.summary(),
             "entropy": entropy,
             "log_score": log_score,
             "coverage": {str(level): share for level, share in zip(LEVELS, held, strict=True)},

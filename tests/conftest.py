@@ -43,7 +43,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         room = item.path.relative_to(here).parts[0]
         if room in ("system", "compose"):
             item.add_marker(room)
-        elif room in ("bridges", "flow", "hostile", "lab", "net", "tape", "view"):
+        elif room in ("bridges", "flow", "hostile", "lab", "net", "state", "tape", "view"):
             item.add_marker("team")
 
 

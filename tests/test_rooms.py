@@ -23,6 +23,7 @@ ERRORS, PLUGINS, CONFIG = "blackboard.errors", "blackboard.plugins", "blackboard
 OPINION, WIRE, PROCESS = "blackboard.opinion", "blackboard.wire", "blackboard.process"
 CLOCK, LOOP = "blackboard.process.clock", "blackboard.process.loop"
 BOARD, NET, RUN, LAB = "blackboard.board", "blackboard.net", "blackboard.run", "blackboard.lab"
+STATE = "blackboard.state"
 VIEW, WEB, TUI = "blackboard.view", "blackboard.view.web", "blackboard.view.tui"
 TAPE, BRIDGES = "blackboard.tape", "blackboard.bridges"
 ACCESS = "blackboard.access"
@@ -52,22 +53,23 @@ ALLOWED: dict[str, set[str]] = {
     BOARD: SHARED,
     ACCESS: {ERRORS, WIRE, CONFIG, CLOCK},
     NET: {ERRORS, WIRE, CLOCK, ACCESS},
-    RUN: {*SHARED, ACCESS, NET, CLOCK, LOOP, "blackboard"},
+    RUN: {*SHARED, ACCESS, NET, CLOCK, LOOP, STATE, "blackboard"},
     TAPE: {*SHARED, BOARD, NET, "sim_world"},
     LAB: {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     CLIENT: {*SHARED, BOARD, NET, CLOCK, LOOP},
-    VIEW: {*SHARED, BOARD},
-    WEB: {*SHARED, VIEW},
-    TUI: {*SHARED, VIEW},
-    BRIDGES: {*SHARED, VIEW},
+    STATE: SHARED,
+    VIEW: {*SHARED, STATE, BOARD},
+    WEB: {*SHARED, STATE, VIEW},
+    TUI: {*SHARED, STATE, VIEW},
+    BRIDGES: {*SHARED, STATE, VIEW},
     CHAOS: {*SHARED, NET, RUN, "sim_world"},
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
     "sim_world": SHARED,
     "blackboard.__main__": {*SHARED, BOARD, TAPE, LAB, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN, "sim_world"},
-    "blackboard.view.__main__": {*SHARED, VIEW, WEB, TUI, TAPE, NET, RUN, CLOCK},
-    "blackboard.bridges.__main__": {*SHARED, BRIDGES, VIEW, TAPE, NET, RUN, CLOCK},
+    "blackboard.view.__main__": {*SHARED, STATE, VIEW, WEB, TUI, TAPE, NET, RUN, CLOCK},
+    "blackboard.bridges.__main__": {*SHARED, BRIDGES, STATE, VIEW, TAPE, NET, RUN, CLOCK},
     "blackboard.chaos.__main__": {*SHARED, CHAOS, RUN},
     "blackboard.tape.__main__": {*SHARED, TAPE, NET, RUN, CLOCK, "sim_world"},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
@@ -184,7 +186,7 @@ def test_a_room_loads_what_it_may(a_room: str) -> None:
     }
 
 
-@pytest.mark.parametrize("a_room", ["robot_agent", "sim_world", BOARD, OPINION, WIRE, PROCESS, VIEW])
+@pytest.mark.parametrize("a_room", ["robot_agent", "sim_world", BOARD, OPINION, WIRE, PROCESS, STATE, VIEW])
 def test_no_machine_loads_a_clock(a_room: str) -> None:
     assert not loaded_by(a_room) & {CLOCK, LOOP}
 

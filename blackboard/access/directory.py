@@ -144,7 +144,7 @@ def _issue(root: Path, team: Team, members: Iterable[Member], now: float, days: 
         _write(root / holder.folder / CERTIFICATE, made.certificate)
         _write(root / holder.folder / KEY, made.key)
         _write(root / holder.folder / MEMBER, _json(holder.to_dict()))
-        if holder.kind != "router":
+        if holder.kind not in ("router", "link"):
             _write(root / holder.folder / ZENOH, _json(member_config(team, root / holder.folder)))
     _save(root, team)
     return team
@@ -164,7 +164,7 @@ def _save(root: Path, team: Team) -> None:
 
 
 def router_config(team: Team, folder: Path) -> dict[str, Any]:
-    """The Zenoh configuration of a team's router: mutual TLS, and access control by the certificates' common names."""
+    """The Zenoh configuration of a team's routers: mutual TLS, and access control by the certificates' common names."""
     tls = {
         "root_ca_certificate": str(folder.absolute() / CA),
         "listen_certificate": str(folder.absolute() / CERTIFICATE),

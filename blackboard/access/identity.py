@@ -85,6 +85,21 @@ class Identity:
                 )
 
 
+def find_link(directory: str) -> Identity:
+    """The certificate with which a router connects to that of another site. UserError: there is none in the directory, or several."""
+    found = sorted(folder.name.partition(".")[2] for folder in Path(directory).glob("link.*"))
+    if len(found) != 1:
+        cure = (
+            f"leave the folder of this site alone there, of {', '.join(found)}"
+            if found
+            else f"`blackboard keys add SITE --kind link --sub-team S --dir {directory}` makes one"
+        )
+        raise UserError(
+            f"--connect: with --keys a router connects to that of another site with a certificate for this, link.SITE: {cure}"
+        )
+    return find(directory, f"link/{found[0]}")
+
+
 def find(directory: str, who: str) -> Identity:
     """The identity of a process, `who` being "robot/r1", "board/board-a" or a kind of which a team has one.
 

@@ -11,10 +11,11 @@ from blackboard.errors import UserError
 from blackboard.wire.keys import Role
 from blackboard.wire.names import NAME
 
-#: `viewer` looks on (why, status, echo, hz, view, the launcher of demo and up), `recorder` makes tapes, `health` only opens sessions.
-MemberKind = Literal["router", "world", "board", "robot", "viewer", "recorder", "health"]
+#: `viewer` looks on (why, status, echo, hz, view, the launcher of demo and up), `recorder` makes tapes, `health` only opens sessions,
+#: with a `link` the router of another site connects to this one.
+MemberKind = Literal["router", "world", "board", "robot", "link", "viewer", "recorder", "health"]
 KINDS: tuple[MemberKind, ...] = get_args(MemberKind)
-NAMED: tuple[MemberKind, ...] = ("board", "robot")  # of the other kinds a team has one certificate each
+NAMED: tuple[MemberKind, ...] = ("board", "robot", "link")  # of the other kinds a team has one certificate each
 ROLES: dict[MemberKind, Role] = {
     "world": "world",
     "board": "board",
@@ -35,7 +36,7 @@ class Member:
     team: str
     kind: MemberKind
     name: str  # for a kind that is not `NAMED` the kind itself
-    sub_teams: tuple[str, ...] = ()  # of a robot or a board
+    sub_teams: tuple[str, ...] = ()  # of a robot or a board; of a link those whose members are at its site
     generation: int = 1
     not_after: float = 0.0  # Unix time in seconds when its certificate ends
 

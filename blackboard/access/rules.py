@@ -86,17 +86,44 @@ def _distinct(expressions: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(expressions))
 
 
+def link_grant(link: Member, members: Iterable[Member]) -> Grant:
+    """What a link may pass on to the router that it connects to: what the boards and robots of its sub-teams may write, and no more.
+
+    It reads everything, because everything is wanted at some site.
+    """
+    there = [grant(m) for m in members if m.kind in ("board", "robot") and set(m.sub_teams) & set(link.sub_teams)]
+    return Grant(
+        writes=_distinct(e for may in there for e in may.writes),
+        answers=_distinct(e for may in there for e in may.answers),
+        tokens=_distinct(e for may in there for e in may.tokens),
+        reads=(ALL,),
+        watches=(ALL,),
+    )
+
+
 def access_control(members: Iterable[Member]) -> dict[str, Any]:
-    """The section `access_control` of a router's Zenoh configuration: one subject for each member, and deny for everything else."""
+    """The section `access_control` of a router's Zenoh configuration: one subject for each member, and deny for everything else.
+
+    Where there are links it is that of the routers of all sites. One that connects with a link knows the other by the name of
+    the routers' certificate, with which nobody can connect, and takes everything from it.
+    """
+    members = list(members)
+    links = [member for member in members if member.kind == "link"]
     rules: list[dict[str, Any]] = [_rule("wants", "egress", WANTS, ("**",))]
     subjects, policies = [], []
     for member in members:
         if member.kind == "router":
-            continue  # its certificate opens no session
-        mine = _rules(member)
+            mine = _rules_between(member, Grant((ALL,), (ALL,), (ALL,), (ALL,), (ALL,))) if links else []
+        elif member.kind == "link":
+            mine = _rules_between(member, link_grant(member, members))
+        else:
+            mine = _rules(member)
+        if not mine:
+            continue  # a router's certificate opens no session
         rules += mine
         subjects.append({"id": member.who, "cert_common_names": [member.common_name]})
-        policies.append({"rules": ["wants", *(rule["id"] for rule in mine)], "subjects": [member.who]})
+        wants = [] if member.kind in ("router", "link") else ["wants"]
+        policies.append({"rules": [*wants, *(rule["id"] for rule in mine)], "subjects": [member.who]})
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -119,6 +146,19 @@ def _rules(member: Member) -> list[dict[str, Any]]:
         ("sees", "egress", ["liveliness_token"], may.watches),
     ]
     # Zenoh takes no empty list of key expressions
+    return [_rule(f"{who} {what}", flow, messages, found) for what, flow, messages, found in rows if found]
+
+
+def _rules_between(other: Member, may: Grant) -> list[dict[str, Any]]:
+    """Those of another site's router; doors stay at their own site, so nobody is told by the wrong router."""
+    who = other.who
+    rows = [
+        ("writes", "ingress", TELLS, may.writes),
+        ("answers", "ingress", ["declare_queryable"], may.answers),
+        ("holds", "ingress", ["liveliness_token"], may.tokens),
+        ("asks", "ingress", [*ASKS, *LOOKS], may.reads),
+        ("hears", "egress", [*TELLS, *ASKS, *LOOKS, "declare_queryable", "liveliness_token"], (ALL,)),
+    ]
     return [_rule(f"{who} {what}", flow, messages, found) for what, flow, messages, found in rows if found]
 
 

@@ -16,13 +16,15 @@ MAX_ROBOTS = 1024  # whose sub-teams are remembered
 
 
 class Participants:
-    """In lockstep the world's Clock names the robots, and those that have gone are not waited for; else all with a token do."""
+    """In lockstep the world's Clock names the robots, and those that have gone are not waited for; else who speaks under a token."""
 
     def __init__(self, roster: Roster, clock: TeamClock, team: str, sub_team: str) -> None:
         self.roster, self.clock = roster, clock
         self.team, self.sub_team = team, sub_team
         self._members: dict[str, tuple[str, ...]] = {}  # robot -> its sub-teams, as they were known last
-        self._following: set[tuple[str, str]] = set()  # boards of other sub-teams that publish their status alone
+        self._heard: set[str] = set()  # robots of this sub-team that have said something
+        #: boards of other sub-teams that have said something, and whether they publish their status alone
+        self._follows: dict[tuple[str, str], bool] = {}
 
     def has_robot(self, robot: str, sub_team: str) -> bool:
         """Whether a robot holds a token in a sub-team, or the world names it there."""
@@ -44,10 +46,17 @@ class Participants:
             raise TooEarly
         raise TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
 
+    def hear_robot(self, robot: str) -> None:
+        """A robot of this sub-team says something: where no world names the robots, it is waited for."""
+        here = self.roster.robots.get(self.sub_team, [])
+        if robot in here and robot not in self._heard:
+            self._heard = {*self._heard.intersection(here), robot}
+
     def hear_role(self, sub_team: str, board: str, *, follows: bool) -> None:
         """Whether a board of another sub-team follows another one there, as its status says."""
-        (self._following.add if follows else self._following.discard)((sub_team, board))
-        self._following = {(s, b) for s, b in self._following if b in self.roster.boards.get(s, [])}
+        if (sub_team, board) not in self._follows:
+            self._follows = {(s, b): it for (s, b), it in self._follows.items() if b in self.roster.boards.get(s, [])}
+        self._follows[sub_team, board] = follows
 
     def counts(self, robot: str) -> bool:
         """Whether a robot's evidence counts in the exchange through this sub-team.
@@ -69,7 +78,7 @@ class Participants:
     def robots(self) -> list[str]:
         """The robots of the sub-team that are waited for."""
         if self.clock.pace is not Pace.LOCKSTEP:
-            return self.roster.robots.get(self.sub_team, [])
+            return [robot for robot in self.roster.robots.get(self.sub_team, []) if robot in self._heard]
         tokens = {
             robot: keys.MEMBER.key(team=self.team, sub_team=self.sub_team, robot=robot)
             for robot in self._named().get(self.sub_team, [])
@@ -79,7 +88,7 @@ class Participants:
     def boards(self) -> list[tuple[str, str]] | None:
         """The boards of the other sub-teams that are waited for, as (sub-team, board); None while a token is still to come.
 
-        Boards that follow are waited for only where no other one is left: one of them will lead.
+        Boards that follow, or have said nothing yet, are waited for only where no other one is left: one of them will lead.
         """
         named = self._named() if self.clock.pace is Pace.LOCKSTEP else self.roster.boards
         others = [sub_team for sub_team in named if sub_team != self.sub_team]
@@ -89,7 +98,8 @@ class Participants:
 
     def _speaking(self, sub_team: str) -> list[str]:
         boards = self.roster.boards.get(sub_team, [])
-        return [board for board in boards if (sub_team, board) not in self._following] or boards
+        heard = [board for board in boards if (sub_team, board) in self._follows] or boards
+        return [board for board in heard if not self._follows.get((sub_team, board))] or heard
 
     def _named(self) -> dict[str, list[str]]:
         """Sub-team -> robots, as the world's Clock names them; empty outside lockstep."""

@@ -114,6 +114,7 @@ class BoardService:
             self._hold(now)
             self.roster.hear(envelope, now)
             out += self._retry(now) if envelope.kind is Kind.ALIVE else []
+            out += [self._status(now)] if _is_world(envelope) else []
         else:
             out += self.intake.take(envelope, lambda parts, message: self._hear(parts, message, now))
         return out + self._advance(now) + self._refusals(now)
@@ -137,6 +138,7 @@ class BoardService:
         time = self.clock.time(now)
         if isinstance(message, Report):
             self.participants.check_robot(message.source)
+            self.participants.hear_robot(message.source)
             message = self._hear_report(message, now, time)
             self._reports.record(message.source, message.subject, message.tick)
             self.intake.record_age(message.source, now)
@@ -192,6 +194,8 @@ class BoardService:
             raise
 
     def _hear_status(self, sub_team: str, status: Status, now: float) -> list[Envelope]:
+        if status.kind == "robot" and sub_team == self.sub_team:
+            self.participants.hear_robot(status.process)
         if status.kind == "robot" and sub_team == self.sub_team and status.phase == "reported":
             self.participants.check_robot(status.process)
             self._learn_of(status.process, status, now)
@@ -427,6 +431,11 @@ class BoardService:
             status = self.clocks.shown(status, now)
         key = keys.STATUS.key(team=self.team, sub_team=self.sub_team, process=self.name)
         return Envelope(key, encode(self.intake.counted(status, now)))
+
+
+def _is_world(envelope: Envelope) -> bool:
+    """Whether a world has come: it asks who is there, and a token alone is nobody."""
+    return envelope.kind is Kind.ALIVE and keys.WORLD.match(envelope.key) is not None
 
 
 def settings_in_force(settings: BoardSection) -> dict[str, str | float]:

@@ -18,8 +18,8 @@ import numpy as np
 
 from blackboard.bridges.stream import Stream, agreed, corner, masses
 from blackboard.errors import UserError
-from blackboard.view.fold import Event, TeamFold
-from blackboard.view.moments import Moment, Point
+from blackboard.state.fold import Event, TeamFold
+from blackboard.state.moments import Moment, Point
 from blackboard.view.taped import Taped
 
 FRAME = "map"  # where the team's grid names none

@@ -23,8 +23,8 @@ import numpy.typing as npt
 from blackboard.bridges.stream import TRAIL, agreed, masses
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
-from blackboard.view.fold import Event, TeamFold
-from blackboard.view.moments import Moment, Point
+from blackboard.state.fold import Event, TeamFold
+from blackboard.state.moments import Moment, Point
 
 NO_RERUN = "the bridge needs the extra `rerun`: pip install 'cop-blackboard[rerun]'"
 DEPTH = 9.0  # nats below the highest peak that are shown

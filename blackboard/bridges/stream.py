@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from blackboard.state.fold import Event, TeamFold
+from blackboard.state.moments import About, Moment
+from blackboard.state.told import STEP, Drawn
 from blackboard.view.feed import Source
-from blackboard.view.fold import Event, TeamFold
-from blackboard.view.moments import About, Moment
-from blackboard.view.told import STEP, Drawn
 
 TRAIL = 60.0  # seconds of team time
 

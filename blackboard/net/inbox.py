@@ -21,9 +21,7 @@ STRANGERS = ""  # the source of everything whose writer holds no token
 MAX_TOKENS = 4096  # liveliness tokens that are known at a time; changes of further ones are dropped
 CHANGES = 4  # of one token that wait; more are dropped in pairs, so that the newest state stays, and that it changed
 STRANGERS_BATCH = 32  # envelopes of strangers that are handed out at once; where more wait, they are a flood
-STRANGERS_PAUSE = (
-    0.01  # seconds for which others are waited for first, while strangers flood: to refuse them costs time
-)
+STRANGERS_PAUSE = 0.01  # seconds for which others are waited for first, while strangers flood: refusing costs time
 
 
 @dataclass(slots=True)
@@ -44,7 +42,10 @@ class Source:
 
 
 class Inbox:
-    """Queues in order of arrival. Overflow drops the oldest of the key that the source floods, else its oldest key, and is counted."""
+    """Queues in order of arrival. Overflow, which is counted, drops the oldest of the key that a source floods, else its oldest key.
+
+    Of strangers it drops what comes last.
+    """
 
     def __init__(
         self,
@@ -60,10 +61,11 @@ class Inbox:
         self.most, self.most_bytes, self.batch = most, most_bytes, batch
         self.quota, self.quota_bytes = quota, quota_bytes
         self.received = self.dropped = self.bytes_received = 0
+        self.strangers = 0  # envelopes that have come of those who hold no token
+        self.tokens: frozenset[str] = frozenset()  # that are held
         self._known: deque[Slot] = deque()
         self._strange: deque[Slot] = deque()
         self._sources: dict[str, Source] = {}
-        self._tokens: set[str] = set()
         self._identities: Counter[str] = Counter()  # as whom somebody may write, by how many tokens
         self._changes: dict[str, int] = {}  # token -> its changes that wait
         self._count = self._bytes = 0
@@ -81,6 +83,18 @@ class Inbox:
                 self._put_sample(envelope)
             if self._waits() or self._strangers() <= STRANGERS_BATCH:  # a flood wakes nobody
                 self._arrived.notify()
+
+    def turns_away(self, key: str, size: int) -> bool:
+        """Whether an envelope on this key is a stranger's for whom there is no room: then it is counted as dropped."""
+        if not self._is_full():
+            return False
+        with self._arrived:
+            if not self._is_full() or self._source_of(key) != STRANGERS:
+                return False
+            self.received += 1
+            self.bytes_received += size
+            self.strangers, self.dropped = self.strangers + 1, self.dropped + 1
+            return True
 
     def poke(self) -> None:
         """Let a `drain` that waits, or the next one, return at once."""
@@ -106,6 +120,11 @@ class Inbox:
 
     # --- inside, all under the lock -----------------------------------------------------------------------------------
 
+    def _is_full(self) -> bool:
+        """Whether strangers have used up their quota."""
+        strange = self._sources.get(STRANGERS)
+        return strange is not None and (strange.count >= self.quota or strange.size >= self.quota_bytes)
+
     def _strangers(self) -> int:
         """How many envelopes of strangers wait."""
         strange = self._sources.get(STRANGERS)
@@ -117,15 +136,15 @@ class Inbox:
 
     def _put_change(self, envelope: Envelope) -> None:
         token, here = envelope.key, envelope.kind is Kind.ALIVE
-        if here and token not in self._tokens:
-            if len(self._tokens) >= MAX_TOKENS:
+        if here and token not in self.tokens:
+            if len(self.tokens) >= MAX_TOKENS:
                 self.dropped += 1
                 return
-            self._tokens.add(token)
+            self.tokens |= {token}
             self._identities.update(identities(token))
             self._introduce()
-        elif not here and token in self._tokens:
-            self._tokens.discard(token)
+        elif not here and token in self.tokens:
+            self.tokens -= {token}
             self._identities.subtract(identities(token))
             self._identities += Counter()  # without those that nobody holds any more
         waiting = self._changes.get(token, 0)
@@ -140,6 +159,11 @@ class Inbox:
 
     def _put_sample(self, envelope: Envelope) -> None:
         name = self._source_of(envelope.key)
+        if name == STRANGERS:
+            self.strangers += 1
+            if self._is_full():
+                self.dropped += 1
+                return
         slot, source = Slot(envelope, name), self._sources.setdefault(name, Source())
         (self._strange if name == STRANGERS else self._known).append(slot)
         self._file(slot, source, envelope)

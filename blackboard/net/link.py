@@ -1,14 +1,14 @@
 """Link: the Zenoh session of a process.
 
 Callbacks only enqueue into one bounded inbox, so that one thread owns all state. What is sent is kept, newest per key, and
-answered to queries.
+answered to queries. Long, because a session, what is declared in it and how it is opened are one thing.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Any
@@ -18,6 +18,7 @@ import zenoh
 from blackboard.access.identity import Identity
 from blackboard.access.probe import fault
 from blackboard.errors import UserError
+from blackboard.net.flood import WINDOW, Flood, narrowed
 from blackboard.net.inbox import TOO_LARGE, Inbox
 from blackboard.net.knock import LARGEST, Knock
 from blackboard.net.settings import LinkConfig, endpoints, plain, priority
@@ -30,6 +31,9 @@ log = logging.getLogger(__name__)
 
 ENCODING = "application/msgpack;cop.v1"
 MAX_KEYS = 4096  # keys of which the newest is kept; the one that was not sent for longest is given up
+MAX_SUBSCRIBERS = (
+    512  # while strangers flood, each with a thread of its own; where it would take more, all are listened to
+)
 PAUSE, LOG_AFTER = 0.1, 5.0  # seconds between tries to connect, and until the log says that it is waiting
 
 
@@ -57,9 +61,15 @@ class Link:
         self._newest: dict[str, bytes] = {}
         self._publishers: dict[str, Any] = {}
         self._answered: set[str] = set()
+        self._listens: dict[str, None] = {}  # what was subscribed to, in this order
+        self._subscribers: dict[str, Any] = {}  # what is subscribed to at this moment: while strangers flood, less
+        self._flood, self._clock = Flood(), clock
+        self._tokens: frozenset[str] = frozenset()  # by which the subscriptions were narrowed last
+        self._narrowed_at = 0.0  # Unix seconds
         self._kept = ExitStack()  # what was declared; Zenoh undeclares what Python collects
         # called last; an open session with callbacks keeps a process from ending
         self._kept.callback(self._session.close)
+        self._kept.callback(lambda: [subscriber.undeclare() for subscriber in self._subscribers.values()])
         self._sent = 0
         self._knock = None if identity is None else Knock(name, identity, clock)
         if self._knock is not None and config.who != "router":
@@ -82,7 +92,10 @@ class Link:
 
     @property
     def counters(self) -> dict[str, int]:
-        """Envelopes sent, received and dropped here, and bytes of payload received; with keys, what the router has denied so far."""
+        """Envelopes sent, received and dropped here, bytes of payload received, and "floods" by strangers, if there were any.
+
+        With keys also what the router has denied so far.
+        """
         inbox = self._inbox
         knock = self._knock
         if knock is not None:
@@ -92,6 +105,7 @@ class Link:
             "received": inbox.received,
             "dropped": inbox.dropped,
             "bytes": inbox.bytes_received,
+            **({"floods": self._flood.count} if self._flood.count else {}),
             **({"denied": knock.denied} if knock is not None and knock.denied else {}),
         }
 
@@ -100,8 +114,11 @@ class Link:
 
         The order of sending is kept within a subscription. Two of them may overtake each other: Zenoh gives each a queue and a thread
         of its own, and calling us in its receiving thread instead would lose large messages while this process computes.
+
+        While those flood who hold none of the tokens that are watched, only the holders are listened to (`blackboard.net.flood`).
         """
-        self._keep(self._session.declare_subscriber(key_expr, self._arrived, allowed_origin=zenoh.Locality.REMOTE))
+        self._listens[key_expr] = None
+        self._declare({*self._subscribers, key_expr})
 
     def watch(self, key_expr: str) -> None:
         """Deliver the liveliness tokens on a key expression as ALIVE and GONE, those already there first.
@@ -116,6 +133,7 @@ class Link:
 
     def receive(self, timeout: float) -> list[Envelope]:
         """The oldest of what has arrived, waiting up to `timeout` seconds for the first; empty if nothing came."""
+        self._withstand()
         return self._inbox.drain(timeout)
 
     def send(self, envelope: Envelope) -> None:
@@ -153,6 +171,29 @@ class Link:
         """With keys: what the router has denied this process of late, in one line; None where nothing was."""
         return None if self._knock is None else self._knock.denials(self.get)
 
+    # --- floods ---------------------------------------------------------------------------------------------------------------
+
+    def _withstand(self) -> None:
+        """Listen to less where strangers have begun to flood, and to all again after a while."""
+        now, tokens, flood, floods = self._clock.now(), self._inbox.tokens, self._flood, self._flood.count
+        changed = flood.look(now, self._inbox.strangers)
+        if flood.count > floods:
+            log.warning("strangers flood: only who holds a liveliness token is listened to, until they stop")
+        if changed or (flood.on and tokens != self._tokens and now >= self._narrowed_at + WINDOW):
+            self._tokens, self._narrowed_at = tokens, now
+            fewer = narrowed(self._listens, tokens, zenoh.KeyExpr) if flood.on and tokens else frozenset()
+            self._declare(fewer if 0 < len(fewer) <= MAX_SUBSCRIBERS else self._listens)
+
+    def _declare(self, wanted: Collection[str]) -> None:
+        """Subscribe to these key expressions and no others; first what is new, so that nothing is missed between the two."""
+        for key_expr in wanted:
+            if key_expr not in self._subscribers:
+                self._subscribers[key_expr] = self._session.declare_subscriber(
+                    key_expr, self._arrived, allowed_origin=zenoh.Locality.REMOTE
+                )
+        for key_expr in [it for it in self._subscribers if it not in wanted]:
+            self._subscribers.pop(key_expr).undeclare()
+
     # --- what is declared, and its callbacks: they run in other threads, so they only enqueue or look up ----------------------
 
     def _keep(self, declared: Any) -> None:
@@ -183,8 +224,10 @@ class Link:
                     query.reply(key, payload, encoding=ENCODING)
 
     def _arrived(self, sample: Any) -> None:
-        kind = Kind.DELETE if sample.kind == zenoh.SampleKind.DELETE else Kind.PUT
-        self._inbox.put(_envelope(sample, kind), len(sample.payload))
+        key, size = str(sample.key_expr), len(sample.payload)
+        if not self._inbox.turns_away(key, size):  # then its payload need not be copied
+            kind = Kind.DELETE if sample.kind == zenoh.SampleKind.DELETE else Kind.PUT
+            self._inbox.put(_envelope(sample, kind), size)
 
     def _lively(self, sample: Any) -> None:
         kind = Kind.GONE if sample.kind == zenoh.SampleKind.DELETE else Kind.ALIVE

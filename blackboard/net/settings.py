@@ -10,7 +10,7 @@ from typing import Any
 
 import zenoh
 
-from blackboard.access.identity import Identity, find
+from blackboard.access.identity import Identity, find, find_link
 from blackboard.errors import UserError
 from blackboard.wire.keys import parse
 
@@ -64,6 +64,14 @@ class LinkConfig:
         """The certificate of this process, or None without keys. UserError: the directory has none that can be used."""
         return None if self.keys is None else find(self.keys, self.who)
 
+    def _link_settings(self) -> dict[str, Any]:
+        """The certificate with which a router with keys connects to another one; nothing where it connects to none."""
+        if self.keys is None or self.who != "router" or not self.connect:
+            return {}
+        link, tls = find_link(self.keys), "transport/link/tls/"
+        names = {"connect_certificate": str(link.certificate), "connect_private_key": str(link.key)}
+        return {f"{tls}{name}": value for name, value in names.items()} | {f"{tls}verify_name_on_connect": True}
+
     def build(self, name: str) -> zenoh.Config:
         """The configuration of a session called `name`. UserError: Zenoh does not accept a setting; the text names it."""
         try:
@@ -74,7 +82,7 @@ class LinkConfig:
             ) from error
         identity = self.identity()
         if identity is not None:
-            for key, value in identity.settings().items():
+            for key, value in (identity.settings() | self._link_settings()).items():
                 _insert(config, key, json.dumps(value), f"{identity.folder}: {key}")
         flags = {
             "mode": self.mode,
@@ -134,10 +142,8 @@ def _check_shut(config: zenoh.Config, *, is_router: bool) -> None:
             raise UserError(
                 f"{endpoint}: with --keys write tls/{endpoint.partition('/')[2]}, which carries certificates"
             )
-    if is_router and endpoints(config):
-        raise UserError(
-            "--connect: with --keys a router is linked to no other router; its certificate is for listening alone"
-        )
+    if is_router and endpoints(config) and not config.get_json("transport/link/tls/connect_certificate").strip('"'):
+        raise UserError("connect/endpoints: with --keys name the other router with --connect (-e)")
     if not is_router and (json.loads(config.get_json("mode")) != "client" or listening):
         raise UserError(
             "--mode, --listen: with --keys only `blackboard router` listens, because it decides who may do what"

@@ -83,7 +83,8 @@ def add(
     kind
         What it is.
     sub_team
-        Of a robot or a board: the sub-team whose keys it may write; may be given again [default: the team's first].
+        Of a robot or a board: the sub-team whose keys it may write; of a link: one whose members are at its site. May be given
+        again [default: the team's first].
     days
         How long its certificate is valid.
     """
@@ -91,6 +92,13 @@ def add(
         raise UserError(f"{name}: a team has one {kind}, `blackboard keys add {kind} --kind {kind}`")
     team, member = directory.add(dir, kind, name, tuple(sub_team or ()), UnixClock().now(), _days(days))
     where = " and ".join(team.named(member.who).sub_teams)
+    if kind == "link":
+        _say(
+            f"{dir / member.folder}: a certificate with which the router of site {name} connects to another one, for sub-team {where}",
+            f"its host gets this folder and {dir}/router; there: blackboard router --keys {dir} -l tls/HERE:7447 -e tls/THERE:7447",
+            f"restart the other routers with {dir}/router: they do not let it in before",
+        )
+        return 0
     _say(
         f"{dir / member.folder}: a certificate for {member.who}" + (f" in sub-team {where}" if where else ""),
         f"restart the router with {dir}/router, which says who may do what: it does not let {member.who} in before",

@@ -13,22 +13,21 @@ import sys
 import tempfile
 import threading
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from blackboard.config import Scenario
-from blackboard.errors import Refused, RunFailed, UserError
+from blackboard.errors import RunFailed, UserError
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
-from blackboard.process.roster import Roster
+from blackboard.process.clock import UnixClock
 from blackboard.run.recording import recording
 from blackboard.run.supervisor import Process, Supervisor, print_line
+from blackboard.state.fold import WORLD, Fold, TeamFold
 from blackboard.wire import keys
-from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock
 
 READY_SECONDS = 60.0  # for all processes to show their tokens, on a machine that may be slow
 SCORE_SECONDS = 10.0  # for the world to give the scorecard of a run that was interrupted
@@ -211,18 +210,17 @@ async def _run(
 
 
 class Observer:
-    """What a launcher sees of a running team: the tokens that are alive, among them the world's, and the world's clock."""
+    """What a launcher sees of a running team, by the one fold: who is alive, the world among them, and the world's clock."""
 
     def __init__(
         self, link: Link, scenario: Scenario, on_world_alive: Callable[[], None], progress: Progress | None
     ) -> None:
         self._link, self._on_world_alive, self._progress = link, on_world_alive, progress
-        self._ticks = scenario.time.ticks
-        self._roster = Roster()
+        self._name, self._ticks = scenario.team.name, scenario.time.ticks
+        self._fold, self._clock = Fold(), UnixClock()
         self._changed = asyncio.Event()
-        team = scenario.team.name
-        self._world = keys.WORLD.key(team=team)
-        link.watch(self._world)
+        team = self._name
+        link.watch(keys.WORLD.key(team=team))
         link.watch(keys.BOARD.key(team=team, sub_team="*", board="*"))
         link.watch(keys.MEMBER.key(team=team, sub_team="*", robot="*"))
         if progress is not None:
@@ -232,29 +230,37 @@ class Observer:
         """Take in what arrives, until cancelled."""
         while True:
             for envelope in await asyncio.to_thread(self._link.receive, 0.2):
-                self._take(envelope)
+                self.take(envelope)
 
-    def _take(self, envelope: Envelope) -> None:
+    def take(self, envelope: Envelope) -> None:
+        """Take in one envelope."""
+        self._fold.take(envelope, self._clock.now())
+        team = self._team
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
-            self._roster.hear(envelope, 0.0)
             self._changed.set()
-            if self._world in self._roster.tokens:
+            if WORLD in team.processes and team.processes[WORLD].alive:
                 self._on_world_alive()
-        elif self._progress is not None:
-            with suppress(Refused):
-                _, _, message = open_envelope(envelope)
-                if isinstance(message, Clock):
-                    self._progress(message.tick, self._ticks)
+        elif self._progress is not None and team.clock is not None:
+            self._progress(team.clock.tick, self._ticks)
+
+    @property
+    def _team(self) -> TeamFold:
+        """The state of the team; that of nobody before anything was heard."""
+        return self._fold.teams.get(self._name) or TeamFold(self._name)
+
+    def missing(self, tokens: frozenset[str]) -> frozenset[str]:
+        """Those of these tokens that are not alive."""
+        return tokens.difference(*(process.tokens for process in self._team.processes.values()))
 
     async def until_alive(self, tokens: frozenset[str]) -> None:
         """Wait until all these tokens are alive. RunFailed: some are not after READY_SECONDS."""
         try:
             async with asyncio.timeout(READY_SECONDS):
-                while not tokens <= self._roster.tokens:
+                while self.missing(tokens):
                     await self._changed.wait()
                     self._changed.clear()
         except TimeoutError:
-            late = ", ".join(sorted(token.rsplit("/", 1)[1] for token in tokens - self._roster.tokens))
+            late = ", ".join(sorted(token.rsplit("/", 1)[1] for token in self.missing(tokens)))
             raise RunFailed(f"not ready after {READY_SECONDS:g} s: {late}; their output is above") from None
 
 

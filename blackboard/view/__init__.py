@@ -1,1 +1,1 @@
-"""For people: one pure fold from envelopes to the state of a team, and what is shown of it (why, status, frames of the live page)."""
+"""For people: what is shown of the state of a team (why, status, frames of the live page)."""

@@ -19,10 +19,10 @@ from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags
+from blackboard.state.fold import TeamFold
+from blackboard.state.moments import Moment
 from blackboard.view.echo import Rates, key_expression, line
 from blackboard.view.feed import Feed
-from blackboard.view.fold import TeamFold
-from blackboard.view.moments import Moment
 from blackboard.view.summary import summary, text
 from blackboard.view.taped import Taped
 from blackboard.view.why import explain

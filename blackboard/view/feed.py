@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from typing import Protocol
 
+from blackboard.state.fold import Fold
 from blackboard.view.echo import in_order
-from blackboard.view.fold import Fold
 from blackboard.wire.envelope import Envelope, Kind
 
 WAIT = 0.1  # seconds that a look waits for the next envelope

@@ -2,7 +2,7 @@
 
     4 bytes   length of the header, little-endian
     header    JSON, UTF-8
-    rest      the levels of all beliefs, one box after the other, C order; `blackboard.view.told.Drawn` says what a level means
+    rest      the levels of all beliefs, one box after the other, C order; `blackboard.state.told.Drawn` says what a level means
 
 The beliefs stand in the header in the order of their bytes; each takes box[0] * box[1] of them.
 """
@@ -15,10 +15,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from blackboard.view.fold import Event, TeamFold
-from blackboard.view.moments import About, Moment
+from blackboard.state.fold import Event, TeamFold
+from blackboard.state.moments import About, Moment
+from blackboard.state.told import REGION, STEP, Drawn, Told
 from blackboard.view.summary import processes
-from blackboard.view.told import REGION, STEP, Drawn, Told
 from blackboard.wire.messages import Consensus, Report
 
 MAX_EVENTS = 30

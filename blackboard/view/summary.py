@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from blackboard.view.fold import Fold, TeamFold
-from blackboard.view.moments import About, Moment
-from blackboard.view.processes import Process
-from blackboard.view.told import REGION
+from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.moments import About, Moment
+from blackboard.state.processes import Process
+from blackboard.state.told import REGION
 
 Table = dict[str, Any]
 STALE = 5.0  # seconds without a word after which a process counts as silent

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
+from blackboard.state.fold import TeamFold
+from blackboard.state.moments import Moment
 from blackboard.view.feed import TapeFeed
-from blackboard.view.fold import TeamFold
-from blackboard.view.moments import Moment
 from blackboard.wire.envelope import Envelope
 
 

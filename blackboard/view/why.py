@@ -20,9 +20,9 @@ from blackboard.errors import OpinionError, UserError
 from blackboard.opinion.agreement import kullback_leibler
 from blackboard.opinion.belief import Belief, blur
 from blackboard.opinion.grid import Grid
-from blackboard.view.fold import TeamFold
-from blackboard.view.moments import About, Moment, scored
-from blackboard.view.told import REGION, Told, read
+from blackboard.state.fold import TeamFold
+from blackboard.state.moments import About, Moment, scored
+from blackboard.state.told import REGION, Told, read
 from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.messages import Consensus, PackedBelief, Used
 

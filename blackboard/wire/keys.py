@@ -128,13 +128,17 @@ TOPICS = (
 )
 
 
+#: The word by which a topic's keys are told from those of all others.
+_WORD_AT = 3
+_BY_WORD = {topic.pattern.split("/")[_WORD_AT]: topic for topic in TOPICS}
+
+
 def parse(key: str) -> tuple[Topic, dict[str, str]] | None:
     """The topic of a key and its parts, or None for a key of no topic (or with a wildcard)."""
-    for topic in TOPICS:
-        parts = topic.match(key)
-        if parts is not None:
-            return topic, parts
-    return None
+    chunks = key.split("/", _WORD_AT + 1)
+    topic = _BY_WORD.get(chunks[_WORD_AT]) if len(chunks) > _WORD_AT else None
+    parts = None if topic is None else topic.match(key)
+    return None if topic is None or parts is None else (topic, parts)
 
 
 @lru_cache(1 << 12)
@@ -165,6 +169,20 @@ def identities(token: str) -> tuple[str, ...]:
     if topic is BOARD:
         return f"{parts['team']}/{parts['sub_team']}/{parts['board']}", f"{parts['team']}/{parts['sub_team']}/"
     return ()
+
+
+@lru_cache(1 << 12)
+def written_by(token: str) -> tuple[str, ...]:
+    """The key expressions of all that the holder of a token writes under its own name; readings are those of a robot's drivers."""
+    topic, parts = parse(token) or (None, {}) if len(token) <= LONGEST else (None, {})
+    if topic is None or topic.message != "token":
+        return ()
+    (role,), named = topic.writers, parts.get(topic.owner, "")
+    mine = (
+        it for it in TOPICS if role in it.writers and it.message != "token" and (it.owner == "") == (role == "world")
+    )
+    names = parts | dict.fromkeys(("source", "process"), named) | {"subject": "**"}
+    return tuple(it.key(**{"robot": "*", **names}) for it in mine)
 
 
 def table() -> str:

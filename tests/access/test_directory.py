@@ -177,7 +177,7 @@ def test_one_hosts_folder_is_all_that_its_process_needs(tmp_path: Path) -> None:
         ({"who": "router", "mode": "router", "listen": ("tcp/0.0.0.0:7447",)}, "with --keys write tls/0.0.0.0:7447"),
         (
             {"who": "router", "mode": "router", "connect": ("tls/127.0.0.1:1",)},
-            "with --keys a router is linked to no other",
+            "with --keys a router connects to that of another site",
         ),
     ],
 )

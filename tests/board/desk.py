@@ -89,6 +89,12 @@ def reported(source: str, tick: int, *subjects: str) -> Envelope:
     return Envelope(keys.STATUS.key(team="t", sub_team="a", process=source), encode(status))
 
 
+def idle(robot: str) -> Envelope:
+    """What a robot says before its first tick."""
+    status = Status(process=robot, kind="robot", tick=0, time=0.0, phase="idle", subjects=[])
+    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=robot), encode(status))
+
+
 def theirs(sub_team: str, tick: int, name: str | None = None, **more: object) -> Envelope:
     """What the board of another sub-team says of the ball, from a robot r4."""
     fields = {

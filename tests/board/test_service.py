@@ -108,7 +108,7 @@ def test_a_sub_team_whose_boards_are_gone_is_not_waited_for() -> None:
 
 def test_each_board_of_another_sub_team_is_waited_for_and_they_count_once() -> None:
     desk = exchanging()
-    desk.tell(board_of("b", name="b2"), settled("b", 0, "object/ball"))
+    desk.tell(board_of("b", name="b2"), settled("b", 0, name="b2", phase="idle"), settled("b", 0, "object/ball"))
     assert levels(desk.tell(theirs("b", 0))) == []
     said = desk.tell(settled("b", 0, "object/ball", name="b2"), theirs("b", 0, name="b2", belief=pack(ball(20))))
     assert levels(said) == ["agreed"]
@@ -117,6 +117,12 @@ def test_each_board_of_another_sub_team_is_waited_for_and_they_count_once() -> N
     alone = exchanging()
     other = decode(Consensus, alone.tell(settled("b", 0, "object/ball"), theirs("b", 0))[0].payload)
     assert agreed.belief == other.belief
+
+
+def test_a_board_that_holds_a_token_and_says_nothing_is_not_waited_for() -> None:
+    desk = exchanging()
+    desk.tell(board_of("b", name="a-first"), settled("b", 0, "object/ball"))
+    assert levels(desk.tell(theirs("b", 0))) == ["agreed"]
 
 
 def test_a_board_that_the_world_names_is_heard_before_its_token_arrives() -> None:

@@ -8,7 +8,7 @@ from blackboard.process.team_clock import WORLD_SILENT
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus
-from tests.board.desk import NOW, WORLD, Desk, clock, levels, report, reported
+from tests.board.desk import NOW, WORLD, Desk, clock, idle, levels, report, reported
 
 
 def test_without_a_world_it_settles_by_unix_time() -> None:
@@ -54,7 +54,7 @@ def test_a_board_goes_on_by_unix_time_when_its_world_dies(mode: str, caplog: pyt
     """A world that held its token and died, while a robot runs on by its own clock."""
     desk = Desk(period=0.5)
     desk.register("r1", "r2")
-    desk.tell(clock(10, "r1", "r2", mode=mode))
+    desk.tell(idle("r1"), idle("r2"), clock(10, "r1", "r2", mode=mode))
     desk.tell(report("r2", 10), reported("r2", 10, "object/ball"), report("r1", 10), reported("r1", 10, "object/ball"))
     assert levels(desk.said) == ["consensus", "agreed"]
     desk.tell(Envelope(WORLD.key, kind=Kind.GONE))
@@ -76,10 +76,19 @@ def test_a_board_goes_on_by_unix_time_when_its_world_dies(mode: str, caplog: pyt
 def test_in_real_time_a_silent_robot_is_waited_for_half_a_period() -> None:
     desk = Desk(period=1.0)
     desk.register("r1", "r2")
-    desk.tell(clock(4, mode="realtime"), report("r1", 4), reported("r1", 4, "object/ball"))
+    desk.tell(idle("r1"), idle("r2"), clock(4, mode="realtime"))
+    desk.tell(report("r1", 4), reported("r1", 4, "object/ball"))
     assert levels(desk.wait(0.45)) == []
     assert levels(desk.wait(0.1)) == ["consensus", "agreed"]
     assert desk.status().counters["late"] == 1
+
+
+def test_in_real_time_a_token_whose_holder_says_nothing_is_not_waited_for() -> None:
+    desk = Desk(period=1.0)
+    desk.register("r1", *(f"x{i}" for i in range(100)))
+    desk.tell(idle("r1"), clock(4, mode="realtime"), report("r1", 4))
+    assert levels(desk.tell(reported("r1", 4, "object/ball"))) == ["consensus", "agreed"]
+    assert "late" not in desk.status().counters
 
 
 def test_a_world_that_is_alive_may_take_its_time() -> None:

@@ -14,8 +14,8 @@ from mcap.reader import make_reader
 
 from blackboard.bridges.foxglove import CELL
 from blackboard.errors import UserError
+from blackboard.state.fold import Fold, TeamFold
 from blackboard.tape.file import read
-from blackboard.view.fold import Fold, TeamFold
 from blackboard.wire.arrays import unpack
 from tests.tape.test_door import GOLDEN, call
 

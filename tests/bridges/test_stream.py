@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from blackboard.bridges.stream import Stream, agreed, corner, masses
+from blackboard.state.fold import Event, TeamFold
+from blackboard.state.moments import Moment
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
-from blackboard.view.fold import Event, TeamFold
-from blackboard.view.moments import Moment
 from blackboard.wire.arrays import unpack
 from tests.tape.test_door import GOLDEN
 

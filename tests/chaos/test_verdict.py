@@ -43,8 +43,8 @@ def test_a_good_run_holds_every_line() -> None:
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"gauges": gauges(rate=4 * GROWTH)}, "memory flat"),
-        ({"gauges": gauges() + gauges("r1", rate=4 * GROWTH)}, "memory flat"),
+        ({"gauges": gauges(rate=2 * GROWTH)}, "memory flat"),
+        ({"gauges": gauges() + gauges("r1", rate=2 * GROWTH)}, "memory flat"),
         ({"gauges": gauges(threads=MORE + 1)}, "threads flat"),
         ({"gauges": gauges(descriptors=MORE + 1)}, "descriptors flat"),
         ({"looks": looks(AGAIN + 0.2)}, "every surviving subject settled again within 5 s"),
@@ -70,8 +70,13 @@ def test_the_world_s_lists_would_have_failed() -> None:
 def test_growth_is_of_one_life_without_its_beginning() -> None:
     warming = [Gauge(t, "r1", 2, 30.0 + 0.5 * min(t, 60), 9, 20) for t in range(150)]
     judged = lives(warming)
-    assert growth(judged["r1", 2]) == pytest.approx((0.0, 0.0))
-    assert growth(gauges(rate=3.0)) == pytest.approx((5.0, 3.0))
+    assert growth(judged["r1", 2]) == pytest.approx((0.0, 0.75))
+    assert growth(gauges(rate=3.0)) == pytest.approx((5.0, 5 / 3))
+
+
+def test_a_long_life_may_grow_by_no_more_than_a_short_one() -> None:
+    assert failed(gauges=gauges(rate=0.5)) == []  # too short a life to show it
+    assert failed(gauges=gauges(rate=0.5, until=600)) == ["memory flat"]
 
 
 def test_the_longest_time_without_a_belief_is_of_one_belief() -> None:

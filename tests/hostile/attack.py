@@ -33,6 +33,7 @@ class Attack:
         self.team = Team(scenario)
         self.newest: dict[str, Envelope] = {}
         self.team.bus.spies.append(self._remember)
+        self.card: dict[str, Any] = {}  # the scorecard, at the end
         self.team.run_until(lambda: self.team.world.tick == tick)
 
     def _remember(self, envelope: Envelope) -> None:
@@ -65,7 +66,7 @@ class Attack:
 
     def goes_on(self) -> None:
         """Run to the end: the world did all ticks, no service met an exception, and every board settled the last tick."""
-        self.team.run()
+        self.card = self.team.run()
         assert self.team.world.why == ""
         services: list[Any] = [*self.team.boards.values(), *self.team.robots.values(), self.team.world]
         assert {service.counters["failed"] for service in services} == {0}

@@ -68,6 +68,19 @@ def test_a_stranger_displaces_nobody_and_is_read_last() -> None:
     assert drain(inbox)[:41] == [member("r1"), *(said("r1", i) for i in range(40))]
 
 
+def test_of_strangers_what_comes_last_is_turned_away_before_it_is_read() -> None:
+    inbox = Inbox(quota=3)
+    inbox.put(member("r1"), 0)
+    for i in range(5):
+        inbox.put(said("x", i), 1)
+    assert inbox.turns_away(said("x", 9).key, 1000)
+    assert not inbox.turns_away(said("r1", 1).key, 1)
+    inbox.put(said("r1", 1), 1)
+    assert drain(inbox) == [member("r1"), said("r1", 1), *(said("x", i) for i in range(3))]
+    assert (inbox.strangers, inbox.dropped, inbox.received, inbox.bytes_received) == (6, 3, 8, 1006)
+    assert not inbox.turns_away(said("x", 9).key, 1)
+
+
 def test_while_strangers_flood_others_are_waited_for_first() -> None:
     inbox = Inbox(pause=30.0)
     inbox.put(member("r1"), 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -116,3 +117,49 @@ def test_it_stops_trying_when_asked_to() -> None:
 def test_a_port_in_use_is_a_mistake_at_once(endpoint: str) -> None:
     with pytest.raises(UserError, match=r"Address already in use.*-l"):
         Link(LinkConfig(mode="router", listen=(endpoint,)), "second", patience=LONG)
+
+
+# --- floods --------------------------------------------------------------------------------------------------------------
+
+
+def flood(board: Link, stranger: Link) -> None:
+    """Send in invented names until the board has noticed."""
+
+    def noticed() -> bool:
+        for i in range(500):
+            stranger.send(Envelope(f"cop/t/a/status/x{i}", b"!"))
+        board.receive(0.01)
+        return "floods" in board.counters
+
+    wait_until(noticed, "they are too many")
+
+
+def test_while_strangers_flood_the_router_carries_only_what_members_say(connect: Connect) -> None:
+    board, member, stranger = connect("board"), connect("member"), connect("stranger")
+    board.watch("cop/t/*/member/*")
+    board.subscribe("cop/t/*/status/*")
+    member.token("cop/t/a/member/r1")
+    said = itertools.count()
+    flood(board, stranger)
+
+    def alone() -> bool:
+        """Whether what a stranger says before a member does not come, and what the member says does."""
+        before, mine = board.counters["received"], Envelope("cop/t/a/status/r1", str(next(said)).encode())
+        stranger.send(Envelope("cop/t/a/status/x", b"late"))
+        member.send(mine)
+        wait_until(lambda: mine in board.receive(0.05), "the member is heard")
+        return board.counters["received"] - before == 1
+
+    wait_until(alone, "nobody else is heard")
+    assert board.counters["floods"] == 1
+
+
+def test_who_shows_a_token_while_strangers_flood_is_heard(connect: Connect) -> None:
+    board, stranger, late = connect("board"), connect("stranger"), connect("late")
+    board.watch("cop/t/*/member/*")
+    board.subscribe("cop/t/*/status/*")
+    connect("early").token("cop/t/a/member/r1")
+    flood(board, stranger)
+    late.token("cop/t/a/member/r2")
+    said = Envelope("cop/t/a/status/r2", b"here")
+    wait_until(lambda: late.send(said) or said in board.receive(0.05), "it is heard")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -80,10 +80,15 @@ class Desk:
     def tokens(
         self, kind: Kind, robots: Mapping[str, list[str]] | None = None, boards: list[str] | None = None
     ) -> None:
+        """Tokens come, each with the first status of its holder, or go."""
+        here = kind is Kind.ALIVE
         for sub_team, names in (self.teams if robots is None else robots).items():
-            self.tell(*(Envelope(keys.MEMBER.key(team="demo", sub_team=sub_team, robot=r), kind=kind) for r in names))
+            for r in names:
+                self.tell(Envelope(keys.MEMBER.key(team="demo", sub_team=sub_team, robot=r), kind=kind))
+                self.tell(*([self.idle("robot", sub_team, r)] if here else []))
         for sub_team in list(self.teams) if boards is None else boards:
             self.tell(Envelope(keys.BOARD.key(team="demo", sub_team=sub_team, board=sub_team), kind=kind))
+            self.tell(*([self.idle("board", sub_team, sub_team)] if here else []))
 
     def heard(self, out: list[Envelope]) -> list[Envelope]:
         """The team's answers to what the world sent."""
@@ -139,6 +144,11 @@ class Desk:
     def status(self, sub_team: str, phase: str, subjects: list[str], tick: int) -> Envelope:
         said = Status(process=sub_team, kind="board", tick=tick, time=0, phase=phase, subjects=subjects)  # type: ignore[arg-type]
         return Envelope(keys.STATUS.key(team="demo", sub_team=sub_team, process=sub_team), encode(said))
+
+    def idle(self, kind: Literal["robot", "board"], sub_team: str, process: str) -> Envelope:
+        """What a process says before its first tick."""
+        said = Status(process=process, kind=kind, tick=0, time=0, phase="idle", subjects=[])
+        return Envelope(keys.STATUS.key(team="demo", sub_team=sub_team, process=process), encode(said))
 
     # --- what was seen ----------------------------------------------------------------------------------------------
 

@@ -193,3 +193,15 @@ def test_the_verdict_says_which_regions_do_not_hold_what_they_claim() -> None:
 def test_robots_that_lost_themselves_are_a_fail_though_they_say_so() -> None:
     assert run(4.0, 4.0, error=4.0, solo=4.0)[0].startswith("robots: solo rmse 6")
     assert run(2.0, 2.0, solo=4.0) == []
+
+
+def test_of_a_run_of_hours_neighbouring_blocks_become_one_and_nothing_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    long = judged(1.0, 1.0, 41)
+    monkeypatch.setattr("sim_world.calibration.MOST", 10)
+    bounded = judged(1.0, 1.0, 41)
+    assert (len(long._blocks), len(bounded._blocks)) == (41, 6)
+    assert bounded.rmse() == pytest.approx(long.rmse(), rel=1e-12)
+    assert [at.share for at in bounded.coverage()] == pytest.approx([at.share for at in long.coverage()], rel=1e-12)
+    together = Calibration.merged([long, bounded])
+    assert len(together._blocks) == 6
+    assert together.rmse() == pytest.approx(long.rmse(), rel=1e-12)

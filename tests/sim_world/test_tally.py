@@ -7,8 +7,10 @@ import pytest
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.scores import Score
+from blackboard.opinion.scores import Score, errors
+from sim_world.distances import KEPT, Distances
 from sim_world.tally import Tally
+from tests.holdings import holdings
 
 GRID = Grid((8, 8))
 
@@ -49,10 +51,45 @@ def test_of_nothing_there_are_no_numbers() -> None:
     assert Tally.merged([]).summary() == Score().summary()
 
 
-def test_an_entry_takes_eight_bytes() -> None:
-    """A run of 1000 ticks of a robot and an object takes 16 kB at each level, not the objects of lists."""
-    import pickle
+def test_many_entries_take_no_more_room_and_their_quantile_is_off_by_a_thousandth_at_most() -> None:
+    rng = np.random.default_rng(7)
+    distances, it = rng.gamma(2.0, 1.5, 3 * KEPT), Distances()
+    for distance in distances[:KEPT]:
+        it.add(distance)
+    assert it.summary() == errors(distances[:KEPT])
+    for distance in distances[KEPT : 2 * KEPT]:
+        it.add(distance)
+    half = holdings(it, "it")
+    for distance in distances[2 * KEPT :]:
+        it.add(distance)
+    assert holdings(it, "it") == half
+    assert len(it) == 3 * KEPT
+    found, asked = it.summary(), errors(distances)
+    assert found["p95"] == pytest.approx(asked["p95"], rel=0.0011)
+    assert found["max"] == asked["max"]
+    assert {name: found[name] for name in ("rmse", "mean")} == pytest.approx(
+        {name: asked[name] for name in ("rmse", "mean")}, rel=1e-12
+    )
 
-    one = scores(1)[0]
-    few, many = tally([one] * 1000), tally([one] * 3000)
-    assert len(pickle.dumps(many)) - len(pickle.dumps(few)) < 2000 * 9
+
+@pytest.mark.parametrize("sizes", [(10, KEPT), (KEPT, 10), (KEPT + 5, 10), (10, KEPT + 5), (2 * KEPT, 2 * KEPT)])
+def test_what_is_kept_and_what_is_counted_are_taken_together(sizes: tuple[int, int]) -> None:
+    rng = np.random.default_rng(1)
+    parts = [rng.gamma(2.0, 1.5, size) for size in sizes]
+    whole = Distances()
+    for part in parts:
+        one = Distances()
+        for distance in part:
+            one.add(distance)
+        whole.take(one)
+    assert len(whole) == sum(sizes)
+    assert whole.summary() == pytest.approx(errors(np.concatenate(parts)), rel=0.0011)
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e-9, 1e9])
+def test_distances_beyond_the_bins_are_counted_too(distance: float) -> None:
+    it = Distances()
+    for _ in range(KEPT + 1):
+        it.add(distance)
+    assert it.summary()["mean"] == pytest.approx(distance)
+    assert it.summary()["p95"] <= max(distance, 1.1e4)

@@ -221,6 +221,7 @@ def test_each_board_of_a_sub_team_is_waited_for_and_one_that_stays_silent_is_giv
     desk.lose = lambda envelope: "/solo/" in envelope.key
     desk.tokens(Kind.ALIVE)
     desk.tell(Envelope(keys.BOARD.key(team="demo", sub_team="a", board="b"), kind=Kind.ALIVE))
+    desk.tell(desk.idle("board", "a", "b"))
     desk.lose = lambda envelope: False
     desk.wait(9.0)
     assert set(desk.ticks) == {0}

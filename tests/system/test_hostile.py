@@ -7,7 +7,10 @@ import json
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,6 +19,7 @@ from blackboard.errors import UserError
 from blackboard.lab.team import Team
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
+from blackboard.process.clock import UnixClock
 from blackboard.run.launch import free_port
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
@@ -24,7 +28,8 @@ from blackboard.wire.messages import Status
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 4.0
-BURST, PAUSE = 20, 0.01  # envelopes, and seconds between them: about 2000 a second
+BURST, PAUSE = 200, 0.01  # envelopes, and seconds between them: up to 20 000 a second
+ENDS = 300.0  # seconds: a deadline that only a run misses that does not go on
 
 
 def flood() -> list[Envelope]:
@@ -41,27 +46,63 @@ def flood() -> list[Envelope]:
     return found
 
 
-def test_a_stranger_s_flood_changes_not_a_bit() -> None:
+def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None]) -> dict[str, Any]:
+    """The scorecard of a demo of real processes, while a stranger does something on a link of its own; stopped at the latest."""
     at = f"tcp/127.0.0.1:{free_port()}"
     command = [sys.executable, "-m", "blackboard", "demo", "--seconds", f"{SECONDS:g}", "--json", "-l", at]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
-        sent, pause = 0, threading.Event()
         try:
             with Link(LinkConfig(connect=(at,)), "stranger", patience=30.0) as link:
-                envelopes = itertools.cycle(flood())
-                while running.poll() is None:
-                    for envelope in itertools.islice(envelopes, BURST):
-                        link.send(envelope)
-                    sent += BURST
-                    pause.wait(PAUSE)
+                disturb(link, running)
         except UserError:
             pytest.fail("no router answered")
         finally:
             if running.poll() is None:
                 running.terminate()
         out, _ = running.communicate(timeout=60)
-    card = json.loads(out)
+    card: dict[str, Any] = json.loads(out)
     assert card["ticks"] == round(SECONDS / load("demo").time.tick)
+    return card
+
+
+@cache
+def undisturbed() -> str:
+    """The hash of the same run in one process, without a network."""
+    found: str = Team(load("demo").changed("time", seconds=SECONDS)).run()["hash"]
+    return found
+
+
+def test_a_stranger_s_flood_changes_not_a_bit() -> None:
+    sent, pause, clock = 0, threading.Event(), UnixClock()
+
+    def disturb(link: Link, running: subprocess.Popen[str]) -> None:
+        nonlocal sent
+        envelopes, end = itertools.cycle(flood()), clock.now() + ENDS
+        while running.poll() is None and clock.now() < end:
+            for envelope in itertools.islice(envelopes, BURST):
+                link.send(envelope)
+            sent += BURST
+            pause.wait(PAUSE)
+
+    card = disturbed(disturb)
     assert sum(card["messages"]["refused"].values()) > 0
+    assert card["counters"]["floods"] > 0
     assert sent > 1000
-    assert card["hash"] == Team(load("demo").changed("time", seconds=SECONDS)).run()["hash"]
+    assert card["hash"] == undisturbed()
+
+
+def test_tokens_of_processes_that_say_nothing_change_not_a_bit() -> None:
+    """100 robots' tokens, and those of two boards."""
+    team = load("demo").team
+
+    def disturb(link: Link, running: subprocess.Popen[str]) -> None:
+        first, *_ = team.sub_teams
+        for i in range(100):
+            link.token(keys.MEMBER.key(team=team.name, sub_team=first, robot=f"x{i}"))
+        for name in ("a-first", "z-last"):
+            link.token(keys.BOARD.key(team=team.name, sub_team=first, board=name))
+        running.wait(ENDS)
+
+    card = disturbed(disturb)
+    assert card["counters"].get("given_up", 0) == 0
+    assert card["hash"] == undisturbed()

@@ -7,7 +7,7 @@ from functools import cache
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
 from blackboard.process.service import Service
-from blackboard.view.fold import Fold, TeamFold
+from blackboard.state.fold import Fold, TeamFold
 from blackboard.wire.envelope import Envelope, Kind
 from tests.flow.test_team import SCENARIO
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.moments import Moment
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
-from blackboard.view.fold import Fold, TeamFold
-from blackboard.view.moments import Moment
 from blackboard.wire.arrays import unpack
 from blackboard.wire.envelope import Envelope, Kind
 from tests.view.browser import FOUND, MISSING, Browser, browser

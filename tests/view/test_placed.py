@@ -6,7 +6,7 @@ import pytest
 
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Anchor, Grid
-from blackboard.view.fold import Fold
+from blackboard.state.fold import Fold
 from blackboard.view.frame import frame
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack, packed_grid
@@ -14,7 +14,7 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import PackedAnchor, PackedGrid, Status
 from blackboard.wire.types import Message
-from tests.view.test_told import read
+from tests.state.test_told import read
 from tests.wire.messages import CONSENSUS
 
 GRID = Grid((9, 7), 0.5, (1.0, -2.0), "m", "map")

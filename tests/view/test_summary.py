@@ -7,9 +7,9 @@ import json
 import pytest
 
 from blackboard.errors import UserError
+from blackboard.state.fold import Fold
+from blackboard.state.processes import Process
 from blackboard.view.echo import Rates, in_order, key_expression, line
-from blackboard.view.fold import Fold
-from blackboard.view.processes import Process
 from blackboard.view.summary import summary, text
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from blackboard.errors import RunFailed, UserError
+from blackboard.state.fold import Fold
 from blackboard.tape.file import create, read
 from blackboard.tape.table import rows
 from blackboard.view.feed import Feed, TapeFeed, newest
-from blackboard.view.fold import Fold
 from blackboard.wire.envelope import Envelope, Kind
 from tests.tape.test_door import GOLDEN, call
 from tests.view.recorded import recorded

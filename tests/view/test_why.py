@@ -12,7 +12,7 @@ from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import UserError
 from blackboard.opinion.agreement import kullback_leibler
-from blackboard.view.fold import Fold
+from blackboard.state.fold import Fold
 from blackboard.view.summary import summary, text
 from blackboard.view.why import explain
 from blackboard.view.words import sentences

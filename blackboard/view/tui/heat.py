@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.opinion.grid import Grid
-from blackboard.view.moments import Moment, Point
-from blackboard.view.told import STEP, Drawn
+from blackboard.state.moments import Moment, Point
+from blackboard.state.told import STEP, Drawn
 
 BACK = (13, 17, 23)
 #: Okabe and Ito's colours, brighter where they are too faint on black.

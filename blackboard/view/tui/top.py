@@ -18,9 +18,9 @@ from textual.widget import Widget
 from textual.widgets import Footer, Static
 
 from blackboard.errors import UserError
+from blackboard.state.fold import TeamFold
+from blackboard.state.moments import Moment
 from blackboard.view.feed import Source
-from blackboard.view.fold import TeamFold
-from blackboard.view.moments import Moment
 from blackboard.view.summary import process_lines, subject_lines, team_line, team_summary
 from blackboard.view.tui.heat import Heat, heat
 from blackboard.view.why import explain

@@ -6,7 +6,7 @@ import json
 from collections import deque
 from dataclasses import dataclass
 
-from blackboard.view.fold import Fold, TeamFold
+from blackboard.state.fold import Fold, TeamFold
 from blackboard.view.frame import frame, line, slim
 
 LEAST_GAP = 0.1  # seconds between two frames at least; of ticks that come faster the newest is shown

@@ -51,7 +51,7 @@ class Told(Generic[M]):
     size: int  # bytes on the wire
 
     def __getstate__(self) -> dict[str, object]:
-        """What is packed of it (`blackboard.view.moments`): without what can be drawn again."""
+        """What is packed of it (`blackboard.state.moments`): without what can be drawn again."""
         return {"message": self.message, "at": self.at, "size": self.size}
 
     @cached_property

@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Anchor, Grid
-from blackboard.view.moments import MAX_BYTES, About, Moment, Moments, Point
-from blackboard.view.processes import MAX_PROCESSES, Process
-from blackboard.view.told import M, Told
+from blackboard.state.moments import MAX_BYTES, About, Moment, Moments, Point
+from blackboard.state.processes import MAX_PROCESSES, Process
+from blackboard.state.told import M, Told
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.codec import open_envelope
@@ -60,7 +60,7 @@ class Fold:
     """All teams that are heard of. `take` never raises for what arrives: it counts what it refuses."""
 
     def __init__(self, most_bytes: int = MAX_BYTES) -> None:
-        """`most_bytes` are those of the moments of each team (`blackboard.view.moments`)."""
+        """`most_bytes` are those of the moments of each team (`blackboard.state.moments`)."""
         self._most_bytes = most_bytes
         self.teams: dict[str, TeamFold] = {}
         self.refused: Counter[str] = Counter()  # by reason, as `blackboard.wire.messages.REASONS`

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blackboard.view.moments import About, Moment, Moments
+from blackboard.state.moments import About, Moment, Moments
 from tests.view.recorded import team_of
 
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from blackboard.errors import Refused
 from blackboard.opinion.scores import Score
-from blackboard.view import fold as room
-from blackboard.view.fold import Fold, TeamFold
-from blackboard.view.processes import MAX_PROCESSES
+from blackboard.state import fold as room
+from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.processes import MAX_PROCESSES
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode

@@ -15,8 +15,8 @@ from hypothesis.extra.numpy import arrays
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import hdr_level, region_area
+from blackboard.state.told import DEPTH, STEP, draw
 from blackboard.view.frame import frame
-from blackboard.view.told import DEPTH, STEP, draw
 from tests.view.recorded import team_of
 
 GRID = Grid((7, 5), 0.5, (1.0, -2.0))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from blackboard.opinion.scores import LEAST_PROBABILITY, border_mass, hdr_level, held, log_score
-from blackboard.view.told import REGION, Told, read
+from blackboard.state.told import REGION, Told, read
 from blackboard.wire.messages import Consensus, PackedBelief, Report
 
 MAX_MOMENTS = 20_000

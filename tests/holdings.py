@@ -1,0 +1,64 @@
+"""What an object holds: how many entries each container has that can be reached from it, so that growth can be told from a table that is full."""
+
+from __future__ import annotations
+
+import gc
+import types
+from array import array
+from collections import Counter, deque
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+OPAQUE = (
+    type,
+    types.ModuleType,
+    types.FunctionType,
+    types.BuiltinFunctionType,
+    str,
+    bytes,
+    int,
+    float,
+    bool,
+    type(None),
+)
+
+
+def holdings(root: object, name: str) -> Counter[str]:
+    """Entries by path of attributes; keys of tables and places in lists are left out of a path."""
+    found: Counter[str] = Counter()
+    seen: set[int] = set()
+    waiting: list[tuple[str, Any]] = [(name, root)]
+    while waiting:
+        path, it = waiting.pop()
+        if isinstance(it, OPAQUE) or id(it) in seen:
+            continue
+        seen.add(id(it))
+        if isinstance(it, np.ndarray | array):
+            found[path] += it.size if isinstance(it, np.ndarray) else len(it)
+        elif isinstance(it, dict | list | tuple | set | frozenset | deque):
+            found[path] += len(it)
+            entries = [*it.keys(), *it.values()] if isinstance(it, dict) else list(it)
+            waiting += [(f"{path}[]", entry) for entry in entries]
+        else:
+            waiting += [(f"{path}.{key}", value) for key, value in attributes(it)]
+    return found
+
+
+def attributes(it: object) -> Iterator[tuple[str, Any]]:
+    """Names and values of an object's own attributes, also of slots; of a function's bindings and the like what the collector sees."""
+    slots = [slot for kind in type(it).__mro__ for slot in getattr(kind, "__slots__", ())]
+    own = {
+        **getattr(it, "__dict__", {}),
+        **{slot: getattr(it, slot) for slot in slots if hasattr(it, slot) and slot != "__dict__"},
+    }
+    if own:
+        yield from own.items()
+    elif type(it).__module__ not in ("builtins", "numpy.random._generator"):
+        yield from ((type(other).__name__, other) for other in gc.get_referents(it))
+
+
+def grown(before: Counter[str], after: Counter[str]) -> dict[str, tuple[int, int]]:
+    """The paths that hold more than before, with both counts."""
+    return {path: (before[path], count) for path, count in after.items() if count > before[path]}
