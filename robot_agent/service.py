@@ -131,7 +131,7 @@ class AgentService:
     def _hear(self, message: Message, now: float) -> list[Envelope]:
         if isinstance(message, Clock):
             news = self.clock.hear(message, now)
-            return [] if message.end else self._follow(news, now)  # the last Clock of a run begins no tick
+            return [] if message.end else self._follow(news, now, message)  # the last Clock of a run begins no tick
         if isinstance(message, Readings):
             return self._hear_readings(message, now)
         if isinstance(message, Consensus):
@@ -183,8 +183,8 @@ class AgentService:
         self._take(readings, now)
         return out
 
-    def _follow(self, news: News, now: float) -> list[Envelope]:
-        """React to what is new about the team clock; a tick itself begins with its readings."""
+    def _follow(self, news: News, now: float, heard: Clock | None = None) -> list[Envelope]:
+        """React to what is new about the team clock, by the Clock that was heard; a tick itself begins with its readings."""
         clock = self.clock.followed
         if news is News.FREE:
             log.warning("%s: the world is gone; going by Unix time", self.robot)
@@ -197,7 +197,8 @@ class AgentService:
             self._forget_agreed(clock.tick)
         if clock is not None and news is not News.TICK and clock.tick == self.tick:
             self.counters["repeated"] += 1  # the Clock is repeated, or the first one came after this tick was done
-            return self._answers(now)
+            wanted = "answers" if heard is None else heard.wants(f"robot/{self.robot}")
+            return self._answers(now) if wanted == "answers" else self._statuses(now) if wanted == "status" else []
         return []
 
     def _forget_agreed(self, tick: int) -> None:

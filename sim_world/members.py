@@ -81,6 +81,12 @@ class Members:
         waited_for = {robot for sub_team, robots in teams.items() for robot in robots if robot in alive[sub_team]}
         return boards | {f"robot/{robot}" for robot in waited_for - set(instant.solos)}
 
+    def names(self) -> set[str]:
+        """Who takes part and is alive."""
+        teams = self.teams()
+        boards = {f"board/{sub_team}/{board}" for sub_team in teams for board in self._boards(sub_team)}
+        return boards | {f"robot/{robot}" for robots in teams.values() for robot in robots}
+
     def give_up(self, instant: Instant) -> int:
         """Wait no longer for those who are missing in a tick, until they answer one; how many they are."""
         missing = self.missing(instant)
@@ -98,3 +104,11 @@ class Members:
 
     def _boards(self, sub_team: str) -> list[str]:
         return [b for b in self.roster.boards.get(sub_team, []) if f"board/{sub_team}/{b}" not in self.given_up]
+
+
+def who(key: str) -> str:
+    """The name of the process whose token has this key; empty where it is none of a robot or a board."""
+    if member := keys.MEMBER.match(key):
+        return f"robot/{member['robot']}"
+    board = keys.BOARD.match(key)
+    return f"board/{board['sub_team']}/{board['board']}" if board else ""

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.opinion.components import log_components
+from blackboard.opinion.components import log_components, memberships
 from blackboard.opinion.grid import Array
+from blackboard.opinion.vectors import positive
 
 ROUNDING = 53 * math.log(2.0)  # nats from 1 to the rounding of a double
 MANY = 0.5  # of all cells: where more are left, they are not copied out
@@ -68,6 +70,78 @@ class Cells:
             full[self.others] = values[-1]
         full[self.where] = values
         return full
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """What COP makes of opinions in the cells that can matter: arrays (N, cells), or from q = first on, (N - first + 1, cells).
+
+    opinions: as they count in the choice. logs: ln C_q. terms: ln C_q^(1/alpha_q).
+    """
+
+    opinions: Array
+    weights: Array | None
+    first: int
+    logs: Array
+    terms: Array
+    cells: Cells
+
+    @cached_property
+    def mass(self) -> Array:
+        """C_q^(1/alpha_q) relative to the largest of all."""
+        return np.asarray(np.exp(self.terms - self.terms.max()))
+
+    @cached_property
+    def masses(self) -> Array:
+        """The sum of `mass` over the grid, shape (N - first + 1,)."""
+        return np.asarray(self.cells.counted(self.mass).sum(axis=1))
+
+    def belief(self) -> Array:
+        """COP itself, on the whole grid, shape (size,)."""
+        return self.cells.spread(self.cells.normalised(self.mass.sum(axis=0)))  # (V-.2)
+
+    def members(self) -> Array:
+        """The mass of the coalitions that each opinion is in, shape (N,)."""
+        return memberships(self.opinions, self.weights, self.cells.counted(self.mass), self.first, self.cells.size)
+
+    def shares(self) -> Array:
+        """The share of each component in all mass, shape (N,)."""
+        return np.concatenate([np.zeros(self.first - 1), self.masses / self.masses.sum()])
+
+
+def choose(
+    opinions: Array,
+    weights: Array | None,
+    alpha: Array,
+    cell_ratio: float,
+    *,
+    scale: Array | None = None,
+    exponents: Array | None = None,
+    power: float = 1.0,
+) -> Chosen:
+    """What COP makes of checked opinions (N, *grid shape), each times its scale, in the cells that can matter.
+
+    To C_q^(power / alpha_q), and where exponents e (N,) are given, to norm(C_q^(e_q)).
+    """
+    p = opinions.reshape(len(opinions), -1)
+    large = p.shape[1] > SMALL
+    # norm(C_q^(e_q)) is wide, and only cells that are alike can be left out of it; C_q^(1/alpha_q) is far narrower than its opinions
+    cells = unlike(p) if large and exponents is not None else Cells(p.shape[1])
+    taken = cells.of(p)
+    if scale is not None:
+        taken = taken * scale[:, np.newaxis]
+    first = 1
+    if large:
+        within = bounds(taken, weights, alpha, positive(cell_ratio, "cell_ratio"))
+        least = within.heavy(power)
+        if exponents is not None:
+            least = min(least, within.wanted(exponents))
+        first, chosen = within.first, np.flatnonzero(within.top >= least)
+        if len(chosen) <= MANY * len(within.top):
+            cells, taken = cells.only(chosen), taken.take(chosen, axis=1)
+    logs = log_components(taken, weights, cell_ratio, first)
+    terms = logs / alpha[first - 1 :, np.newaxis]  # (V-.2): ln C_q^(1/alpha_q)
+    return Chosen(taken, weights, first, logs, terms, cells)
 
 
 @dataclass(frozen=True, eq=False)

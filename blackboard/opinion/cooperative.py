@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.opinion.components import alphas, log_components, memberships, to_peak, triangular_alphas
-from blackboard.opinion.considered import MANY, SMALL, Cells, bounds, unlike
+from blackboard.opinion.components import alphas, to_peak, triangular_alphas
+from blackboard.opinion.considered import Chosen, choose
 from blackboard.opinion.grid import Array
 from blackboard.opinion.rules import EntropyWeighted, Pooled, parameter, pooled, rule
-from blackboard.opinion.vectors import checked, checked_weights, positive
+from blackboard.opinion.vectors import checked, checked_weights
 
 #: The independence of a coalition of which nothing is known.
 CAUTIOUS = 0.2
@@ -35,8 +34,8 @@ class Cooperative(EntropyWeighted):
     def belief(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Array:
         return self._choose(opinions, weights, cell_ratio).belief().reshape(opinions.shape[1:])
 
-    def _choose(self, opinions: Array, weights: Array | None, cell_ratio: float) -> _Chosen:
-        return _choose(opinions, weights, alphas(len(opinions), self.gamma), cell_ratio)
+    def _choose(self, opinions: Array, weights: Array | None, cell_ratio: float) -> Chosen:
+        return choose(opinions, weights, alphas(len(opinions), self.gamma), cell_ratio)
 
 
 @rule("calibrated")
@@ -52,7 +51,7 @@ class Calibrated(EntropyWeighted):
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
         alpha = alphas(len(opinions), self.gamma)
         power = float(alpha[-1]) if self.power is None else self.power
-        chosen = _choose(opinions, weights, alpha, cell_ratio, power=power)
+        chosen = choose(opinions, weights, alpha, cell_ratio, power=power)
         # (sum_q C_q^(1/alpha_q))^power
         logs = power * np.logaddexp.reduce(chosen.terms, axis=0)
         p = chosen.cells.spread(chosen.cells.normalised(np.exp(logs - logs.max())))
@@ -100,7 +99,7 @@ class Coalition(EntropyWeighted):
     def _independence(self) -> float:
         return CAUTIOUS if self.independence == "learn" else self.independence
 
-    def _choose(self, opinions: Array, weights: Array | None, cell_ratio: float) -> _Chosen:
+    def _choose(self, opinions: Array, weights: Array | None, cell_ratio: float) -> Chosen:
         """The coalitions, in the cells that can matter to them and to norm(C_q^(e_q)).
 
         With a gate every opinion counts relative to its own peak, with mass exp(-gate) there, so that a flat one is compatible
@@ -111,9 +110,9 @@ class Coalition(EntropyWeighted):
         n = len(opinions)
         exponents = _exponents(n, self._independence())
         if self.gate is None:
-            return _choose(opinions, weights, alphas(n, self.gamma or 0.5), cell_ratio, exponents=exponents)
+            return choose(opinions, weights, alphas(n, self.gamma or 0.5), cell_ratio, exponents=exponents)
         scale = to_peak(opinions, self.gate)
-        return _choose(opinions, weights, triangular_alphas(n), 1.0, scale=scale, exponents=exponents)
+        return choose(opinions, weights, triangular_alphas(n), 1.0, scale=scale, exponents=exponents)
 
 
 def cooperative_pool(
@@ -174,84 +173,12 @@ def cooperative_components(
     return it._choose(stack, given, cell_ratio).shares()
 
 
-@dataclass(frozen=True, eq=False)
-class _Chosen:
-    """What COP makes of opinions in the cells that can matter: arrays (N, cells), or from q = first on, (N - first + 1, cells).
-
-    opinions: as they count in the choice. logs: ln C_q. terms: ln C_q^(1/alpha_q).
-    """
-
-    opinions: Array
-    weights: Array | None
-    first: int
-    logs: Array
-    terms: Array
-    cells: Cells
-
-    @cached_property
-    def mass(self) -> Array:
-        """C_q^(1/alpha_q) relative to the largest of all."""
-        return np.asarray(np.exp(self.terms - self.terms.max()))
-
-    @cached_property
-    def masses(self) -> Array:
-        """The sum of `mass` over the grid, shape (N - first + 1,)."""
-        return np.asarray(self.cells.counted(self.mass).sum(axis=1))
-
-    def belief(self) -> Array:
-        """COP itself, on the whole grid, shape (size,)."""
-        return self.cells.spread(self.cells.normalised(self.mass.sum(axis=0)))  # (V-.2)
-
-    def members(self) -> Array:
-        """The mass of the coalitions that each opinion is in, shape (N,)."""
-        return memberships(self.opinions, self.weights, self.cells.counted(self.mass), self.first, self.cells.size)
-
-    def shares(self) -> Array:
-        """The share of each component in all mass, shape (N,)."""
-        return np.concatenate([np.zeros(self.first - 1), self.masses / self.masses.sum()])
-
-
-def _choose(
-    opinions: Array,
-    weights: Array | None,
-    alpha: Array,
-    cell_ratio: float,
-    *,
-    scale: Array | None = None,
-    exponents: Array | None = None,
-    power: float = 1.0,
-) -> _Chosen:
-    """What COP makes of checked opinions (N, *grid shape), each times its scale, in the cells that can matter.
-
-    To C_q^(power / alpha_q), and where exponents e (N,) are given, to norm(C_q^(e_q)).
-    """
-    p = opinions.reshape(len(opinions), -1)
-    large = p.shape[1] > SMALL
-    # norm(C_q^(e_q)) is wide, and only cells that are alike can be left out of it; C_q^(1/alpha_q) is far narrower than its opinions
-    cells = unlike(p) if large and exponents is not None else Cells(p.shape[1])
-    taken = cells.of(p)
-    if scale is not None:
-        taken = taken * scale[:, np.newaxis]
-    first = 1
-    if large:
-        within = bounds(taken, weights, alpha, positive(cell_ratio, "cell_ratio"))
-        least = within.heavy(power)
-        if exponents is not None:
-            least = min(least, within.wanted(exponents))
-        first, chosen = within.first, np.flatnonzero(within.top >= least)
-        if len(chosen) <= MANY * len(within.top):
-            cells, taken = cells.only(chosen), taken.take(chosen, axis=1)
-    logs = log_components(taken, weights, cell_ratio, first)
-    terms = logs / alpha[first - 1 :, np.newaxis]  # (V-.2): ln C_q^(1/alpha_q)
-    return _Chosen(taken, weights, first, logs, terms, cells)
-
-
 def _exponents(n: int, independence: float) -> Array:
     """e_1..e_N, e_q = q^-(1 - independence), shape (N,)."""
     return np.array([float(q) ** (independence - 1.0) for q in range(1, n + 1)])
 
 
-def _mixed(chosen: _Chosen, independence: float, *, shape: tuple[int, ...]) -> Array:
+def _mixed(chosen: Chosen, independence: float, *, shape: tuple[int, ...]) -> Array:
     """sum_q m_q norm(C_q^(e_q)) with e_q = q^-(1 - independence), as `shape`."""
     mass, cells = chosen.masses, chosen.cells
     exponents = _exponents(len(chosen.opinions), independence)[chosen.first - 1 :]

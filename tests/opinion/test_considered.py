@@ -50,7 +50,7 @@ KINDS = ("near", "apart", "sent", "sent apart", "dense", "flat but one", "sparse
 def whole(rule: Rule, opinions: Array, monkeypatch: pytest.MonkeyPatch) -> tuple[Array, ...]:
     """Pooled with every cell and every component."""
     with monkeypatch.context() as patch:
-        patch.setattr("blackboard.opinion.cooperative.SMALL", 10**9)
+        patch.setattr("blackboard.opinion.considered.SMALL", 10**9)
         it = fuse(rule, opinions, GRID)
         return it.p, it.weights, it.components, it.claim()
 
