@@ -153,7 +153,7 @@ class WorldService:
         sub_team = parts.get("sub_team", "")
         if isinstance(message, Status):
             self.traffic.hear(sub_team, message)
-            if self._rounds_asked and self._is_waiting_for_answers:
+            if self._rounds_asked and self._is_waiting_for_answers and self.tick in self._open:
                 return self._hear_asked(sub_team, message, payload)
             if message.kind != "board" or message.phase not in PHASES:
                 return []

@@ -70,6 +70,10 @@ class Contacts:
     # robot -> - ln(the share of its first error that is left)
     _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
 
+    def copy(self) -> Contacts:
+        """The same, which may be changed without changing this one."""
+        return Contacts(dict(self._pairs), self._corrected.copy())
+
     def correct(self, robot: str, belief: Moments, increment: Increment | None) -> None:
         """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place."""
         if increment is not None:  # I - K = 1 - P I, where P is the posterior and I the information gained
