@@ -49,3 +49,16 @@ def test_no_symbolic_link_is_part_of_the_sources() -> None:
         pytest.skip("not a git checkout")
     listed = subprocess.run(["git", "ls-files", "--stage"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert [line for line in listed.splitlines() if line.startswith("120000")] == []
+
+
+def test_the_rules_are_known_to_whoever_reads_a_scenario_and_nothing_else() -> None:
+    """`import blackboard` loads no rule by itself, and a scenario names one."""
+    code = (
+        "import blackboard, sys\n"
+        "assert 'numpy' not in sys.modules\n"
+        "from blackboard.opinion.rules import find, names\n"
+        "print(find('coalition').name, *names())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[:3] == ["coalition", "linear", "logarithmic"]

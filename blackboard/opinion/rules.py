@@ -179,24 +179,31 @@ def rule(name: str) -> Callable[[type[R]], type[R]]:
     return register
 
 
+def _registered() -> dict[str, type[Rule]]:
+    """The rules by name: those that come with the package register where they stand, and all of them with `pools`."""
+    import blackboard.opinion.pools  # noqa: F401
+
+    return _RULES
+
+
 def find(name: str) -> type[Rule]:
     """The class of a rule by its name, from a plug-in where none is registered; RuleError for an unknown name."""
     from blackboard import plugins
 
-    if name not in _RULES:
+    if name not in _registered():
         offered = plugins.load(plugins.POOLS, name)
         if offered is None:
             raise RuleError("rule", f"{name!r} is none of {', '.join(sorted(names()))}")
-        if _RULES.get(name) is not offered:
+        if _registered().get(name) is not offered:
             raise UserError(f"plug-in {name!r} of {plugins.POOLS}: offers {offered!r}, which is no Rule of this name")
-    return _RULES[name]
+    return _registered()[name]
 
 
 def names() -> list[str]:
     """All rules: those that are registered, in this order, then those of plug-ins, which are not loaded for it."""
     from blackboard import plugins
 
-    return list(dict.fromkeys([*_RULES, *plugins.names(plugins.POOLS)]))
+    return list(dict.fromkeys([*_registered(), *plugins.names(plugins.POOLS)]))
 
 
 def read_rule(table: Mapping[str, Any]) -> Rule:
