@@ -15,7 +15,7 @@ ONLY         ?=
 COUNT        ?= 100000
 MINUTES      ?= 10
 
-.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz soak figures docs bridges screenshots wheels venv clean
+.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz soak bench figures docs bridges screenshots wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -64,6 +64,9 @@ fuzz: $(VENV)/.dev ## every attack, and changed messages of every type, on a tea
 
 soak: $(VENV)/.run ## a team in real time that is killed, frozen, restarted and cut off, and must stay as it is: MINUTES=10 SEED=1
 	@$(BIN)/python -m blackboard.chaos soak --minutes $(MINUTES) --seed $(SEED)
+
+bench: $(VENV)/.dev ## one table of ratios, pools, wire, team and processes, in about two minutes; python benchmarks/bench.py --json
+	@$(BIN)/python benchmarks/bench.py
 
 figures: $(VENV)/.plot ## the paper's figures, into figures/
 	$(BIN)/blackboard figures --out figures

@@ -6,10 +6,12 @@ Where the boards keep a joint, `robot_agent.gaussian.agent` is the agent, and th
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
@@ -47,6 +49,33 @@ class Agreed:
         return cls(consensus.tick, consensus.time, unpack(consensus.belief, grid), consensus.ancestors, state)
 
 
+class Unpacked(Mapping[str, Agreed]):
+    """Consensuses by subject as `Agreed`, each unpacked when it is asked for: a robot hears of all subjects and uses few.
+
+    What cannot be unpacked is not there.
+    """
+
+    def __init__(self, said: Mapping[str, Consensus], grid: Grid) -> None:
+        self._said, self._grid = said, grid
+        self._found: dict[str, Agreed | None] = {}
+
+    def __getitem__(self, subject: str) -> Agreed:
+        if subject not in self._found:
+            self._found[subject] = None
+            with suppress(Refused):
+                self._found[subject] = Agreed.unpacked(self._said[subject], self._grid)
+        found = self._found[subject]
+        if found is None:
+            raise KeyError(subject)
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return (subject for subject in self._said if self.get(subject) is not None)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """The informed estimator after a tick, the readings and mates of that tick, and what the robot then reported of its own place."""
@@ -72,6 +101,10 @@ class Agent:
         self.firsthand = self.informed = Estimator.begin(settings, grid, robot)
         self.mates: dict[str, Mate] = {}
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
+
+    def uses(self, subject: str) -> bool:
+        """Whether a tick takes in what is agreed about a subject: about itself, and about mates that it may see."""
+        return subject == self.subject or (self.settings.vision.mates and subject.startswith("robot/"))
 
     def tick(self, readings: Readings, agreed: Mapping[str, Agreed]) -> tuple[list[Report], Solo]:
         """Fold the agreed beliefs (by subject) back, predict, update, and report.

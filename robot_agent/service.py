@@ -26,7 +26,7 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Readings, Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
-from robot_agent.agent import Agent, Agreed, Feedback
+from robot_agent.agent import Agent, Agreed, Feedback, Unpacked
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.agent import JointAgent
 
@@ -77,7 +77,7 @@ class AgentService:
         self._speeds: deque[float] = deque(maxlen=LATELY)  # unit per second, by the odometry
         self._doubted: Readings | None = None  # the newest that did not go on with those before
         self._failed = 0  # ticks in a row that the agent could not do
-        self._agreed: dict[tuple[str, str, str], Agreed] = {}  # by sub-team, board and subject, since the last tick
+        self._agreed: dict[tuple[str, str, str], Consensus] = {}  # by sub-team, board and subject, since the last tick
         self._arrived: RollCall[str] = RollCall()  # agreed beliefs by sub-team
         self._reports: list[Report] = []  # of the newest tick; sent again when the world repeats its Clock
         self._solo: Solo | None = None
@@ -130,7 +130,7 @@ class AgentService:
     def _hear(self, message: Message, now: float) -> list[Envelope]:
         if isinstance(message, Clock):
             news = self.clock.hear(message, now)
-            return [] if message.end else self._follow(news, now)  # the last Clock of a run begins no tick
+            return [] if message.end else self._follow(news, now, message)  # the last Clock of a run begins no tick
         if isinstance(message, Readings):
             return self._hear_readings(message, now)
         if isinstance(message, Consensus):
@@ -182,8 +182,8 @@ class AgentService:
         self._take(readings, now)
         return out
 
-    def _follow(self, news: News, now: float) -> list[Envelope]:
-        """React to what is new about the team clock; a tick itself begins with its readings."""
+    def _follow(self, news: News, now: float, heard: Clock | None = None) -> list[Envelope]:
+        """React to what is new about the team clock, by the Clock that was heard; a tick itself begins with its readings."""
         clock = self.clock.followed
         if news is News.FREE:
             log.warning("%s: the world is gone; going by Unix time", self.robot)
@@ -196,7 +196,8 @@ class AgentService:
             self._forget_agreed(clock.tick)
         if clock is not None and news is not News.TICK and clock.tick == self.tick:
             self.counters["repeated"] += 1  # the Clock is repeated, or the first one came after this tick was done
-            return self._answers(now)
+            wanted = "answers" if heard is None else heard.wants(f"robot/{self.robot}")
+            return self._answers(now) if wanted == "answers" else self._statuses(now) if wanted == "status" else []
         return []
 
     def _forget_agreed(self, tick: int) -> None:
@@ -221,7 +222,9 @@ class AgentService:
         if before is None and len(self._agreed) >= MAX_AGREED:
             raise Refused("too-many", f"{consensus.subject} would be one more than {MAX_AGREED} agreed beliefs")
         if before is None or (before.tick, before.time) < (consensus.tick, consensus.time):
-            self._agreed[key] = Agreed.unpacked(consensus, self.grid)
+            if self.agent.uses(consensus.subject):
+                Agreed.unpacked(consensus, self.grid)  # Refused: what is wrong with it
+            self._agreed[key] = consensus
             self._arrived.record(consensus.sub_team, consensus.subject, consensus.tick)
 
     def _on_time(self, consensus: Consensus, now: float) -> Consensus:
@@ -264,7 +267,7 @@ class AgentService:
         assert readings is not None, "this phase follows the one that waits for readings"
         if self.clock.pace is Pace.FREE and self.tick < 0:
             log.info("%s: no world gives the clock; going by its readings and Unix time", self.robot)
-        newest: dict[str, Agreed] = {}
+        newest: dict[str, Consensus] = {}
         for (_, _, subject), agreed in sorted(self._agreed.items()):
             if subject not in newest or agreed.tick > newest[subject].tick:
                 newest[subject] = agreed
@@ -275,7 +278,7 @@ class AgentService:
         self._reports, self._solo = [], Solo(robot=self.robot, tick=self.tick, time=self.time, beliefs={})
         self._failed += 1
         with self.intake.failures.survive("the robot's tick"):
-            self._reports, self._solo = self.agent.tick(readings, newest)
+            self._reports, self._solo = self.agent.tick(readings, Unpacked(newest, self.grid))
             self._failed = 0
         if self._failed >= FAILURES:
             self.agent, self._failed = self._new_agent(), 0

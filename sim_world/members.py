@@ -11,6 +11,7 @@ import logging
 from blackboard.config import TeamSection
 from blackboard.errors import Refused
 from blackboard.process.roster import Roster
+from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Solo, Status
 from sim_world.instant import Instant
@@ -95,6 +96,12 @@ class Members:
         waited_for = {robot for sub_team, robots in teams.items() for robot in robots if robot in alive[sub_team]}
         return boards | {f"robot/{robot}" for robot in waited_for - set(instant.solos) - self._newcomers}
 
+    def names(self) -> set[str]:
+        """Who takes part and is alive."""
+        teams = self.teams()
+        boards = {f"board/{sub_team}/{board}" for sub_team in teams for board in self._boards(sub_team)}
+        return boards | {f"robot/{robot}" for robots in teams.values() for robot in robots}
+
     def give_up(self, instant: Instant) -> int:
         """Wait no longer for those who are missing in a tick that is over, newcomers too, until they answer one; how many they are."""
         asked = {robot for robots in instant.teams.values() for robot in robots} & self._newcomers
@@ -115,3 +122,11 @@ class Members:
         """The boards of a sub-team that take part."""
         here = [board for board in self.roster.boards.get(sub_team, []) if (sub_team, board) in self._heard]
         return [board for board in here if f"board/{sub_team}/{board}" not in self.given_up]
+
+
+def who(key: str) -> str:
+    """The name of the process whose token has this key; empty where it is none of a robot or a board."""
+    if member := keys.MEMBER.match(key):
+        return f"robot/{member['robot']}"
+    board = keys.BOARD.match(key)
+    return f"board/{board['sub_team']}/{board['board']}" if board else ""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
+from collections.abc import Sequence
 
 from blackboard.config import Scenario
 from blackboard.process.intake import Intake
@@ -19,9 +20,9 @@ from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Solo, Status
-from blackboard.wire.types import Message
+from blackboard.wire.types import MAX_OPINIONS, Message
 from sim_world.instant import PHASES, Instant, who_saw_landmarks
-from sim_world.members import Members
+from sim_world.members import Members, who
 from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
 from sim_world.scorecard import RunResult
@@ -30,6 +31,7 @@ from sim_world.traffic import Traffic
 
 log = logging.getLogger(__name__)
 
+LONGEST = 5  # times that the wait until asking again is doubled
 SHOWN_TICKS = 3000  # a run without end logs its progress ten times in so many ticks
 
 
@@ -52,8 +54,11 @@ class WorldService:
         self.traffic, self.rounds = Traffic(), Rounds(WORLD, waits, "start")
         self.run, self.tick = "", -1
         self._open: dict[int, Instant] = {}  # ticks that are not over
-        self._sent: list[Envelope] = []  # what was sent in the newest tick
+        self._sent: list[Envelope] = []  # the readings of the newest tick
+        self._clock: Clock | None = None  # of the newest tick
         self._news_at = 0.0  # Unix seconds of the newest first answer to the tick, or of asking again
+        self._rounds_asked = 0  # how often in this tick who was missing was asked
+        self._told_again: set[str] = set()  # who was asked for its answers since then
         self._elapsed = 0.0  # seconds of the tick that had passed when too few were there to go on
         self._began = self._now = 0.0  # Unix seconds of the first tick, and of the newest event
         self._end: str | None = None  # why it ended; "" when all ticks are done
@@ -89,7 +94,8 @@ class WorldService:
         out: list[Envelope] = []
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             if self.members.hear(envelope, now) and self._open:
-                out += self._sent
+                name = who(envelope.key)  # none: it was the router that had gone
+                out += self._ask(asked=[name] if name else sorted(self.members.missing(self._open[max(self._open)])))
         else:
             out = self.intake.take(envelope, lambda parts, message: self._hear(parts, message, envelope.payload))
         return out + self._advance(now)
@@ -102,7 +108,7 @@ class WorldService:
         if self._end is not None:
             return None
         due = min(self.rounds.ends_at(self.pace), self.roster.changes_at())
-        return min(due, self._news_at + self.settings.patience) if self._is_waiting_for_answers else due
+        return min(due, self._asks_at) if self._is_waiting_for_answers else due
 
     # --- for the scorecard --------------------------------------------------------------------------------------------
 
@@ -148,17 +154,52 @@ class WorldService:
             self.members.hear_status(sub_team, message)
             if self.members.strangers:
                 self.counters["strangers"] = len(self.members.strangers)
+            if self._rounds_asked and self._is_waiting_for_answers and self.tick in self._open:
+                return self._hear_asked(sub_team, message, payload)
             if message.kind != "board" or message.phase not in PHASES:
                 return []
-        if not isinstance(message, Solo | Consensus | Status):
-            return []
+        if isinstance(message, Solo | Consensus | Status):
+            self._hear_answer(sub_team, message, payload)
+        return []
+
+    def _hear_answer(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> None:
         instant = self._open.get(message.tick)
         self.members.hear_answer(sub_team, message, in_time=instant is not None)
         if instant is not None and instant.hear(sub_team, message, payload):
             self._news_at = self._now
         elif instant is None and not isinstance(message, Status):  # statuses are sent again once a second
             self.counters["late"] += 1
-        return []
+
+    # --- asking again -------------------------------------------------------------------------------------------------
+
+    @property
+    def _asks_at(self) -> float:
+        """When who is missing is asked next, Unix seconds: after `patience` without an answer, then after twice as long, and so on."""
+        return self._news_at + self.settings.patience * 2.0 ** min(self._rounds_asked, LONGEST)
+
+    def _hear_asked(self, sub_team: str, status: Status, payload: bytes) -> list[Envelope]:
+        """A status, after who is missing was asked: whose messages it lacks, and its own where some were lost, are asked for once."""
+        name = f"robot/{status.process}" if status.kind == "robot" else f"board/{sub_team}/{status.process}"
+        if status.kind == "board" and status.phase in PHASES:
+            self._hear_answer(sub_team, status, payload)
+        wanted = set(status.lacks) if status.kind == "board" else set()
+        if status.tick == self.tick and status.phase in ("reported", "agreed"):
+            wanted |= {name} & self.members.missing(self._open[self.tick])
+        wanted &= self.members.names() - self._told_again
+        self._told_again |= wanted
+        return self._ask(again=sorted(wanted)) if wanted else []
+
+    def _ask(self, asked: Sequence[str] = (), again: Sequence[str] = ()) -> list[Envelope]:
+        """The Clock once more, which says who shall tell its status, after their readings, and who shall send its answers again."""
+        assert self._clock is not None, "a tick has begun"
+        self.counters["repeated"] += 1
+        robots = {name.removeprefix("robot/") for name in asked if name.startswith("robot/")}
+        mine = {keys.READING.key(team=self.team.name, robot=robot) for robot in robots}
+        clock = self._clock.model_copy(
+            update={"asked": list(asked)[:MAX_OPINIONS], "again": list(again)[:MAX_OPINIONS]}
+        )
+        readings = [envelope for envelope in self._sent if envelope.key in mine]
+        return [*readings, Envelope(keys.CLOCK.key(team=self.team.name), encode(clock))]
 
     # --- when a tick is over ------------------------------------------------------------------------------------------
 
@@ -185,10 +226,11 @@ class WorldService:
             elif phase != "start":
                 out += self._finish_tick(began, now)
             began = self.rounds.began
-        if self._end is None and self._is_waiting_for_answers and now - self._news_at >= self.settings.patience:
+        if self._end is None and self._is_waiting_for_answers and now >= self._asks_at:
             self._news_at = now
-            self.counters["repeated"] += 1
-            out += self._sent
+            self._rounds_asked += 1
+            self._told_again.clear()
+            out += self._ask(asked=sorted(self.members.missing(self._open[self.tick])))
         return out
 
     def _holds(self, fact: str) -> bool:
@@ -241,7 +283,7 @@ class WorldService:
         truth, readings = self.sensors.advance(self.run, self.tick)
         teams = self.members.teams()
         self._open[self.tick] = Instant(truth, teams, began=now, landmark_seen=who_saw_landmarks(readings))
-        self._news_at = now
+        self._news_at, self._rounds_asked = now, 0
         if self.pace is Pace.REALTIME and self.tick == self.ticks:
             self.rounds.enter("last", now)
         else:
@@ -250,9 +292,9 @@ class WorldService:
         clock = Clock(run=self.run, tick=self.tick, time=truth.time, mode=self.time.mode, robots=named, settled=settled)
         team = self.team.name
         self._sent = [Envelope(keys.READING.key(team=team, robot=r.robot), encode(r)) for r in readings]
-        self._sent.append(Envelope(keys.TRUTH.key(team=team), encode(truth)))
-        self._sent.append(Envelope(keys.CLOCK.key(team=team), encode(clock)))
-        return list(self._sent)
+        self._clock = clock
+        told = [Envelope(keys.TRUTH.key(team=team), encode(truth)), Envelope(keys.CLOCK.key(team=team), encode(clock))]
+        return [*self._sent, *told]
 
     def _stop(self, why: str) -> list[Envelope]:
         """End, and send a last Clock that says so; `why` is empty where all ticks are done."""

@@ -20,7 +20,7 @@ from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.chernoff import chernoff
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.pools import fuse, linear_pool
+from blackboard.opinion.pools import fuse, fuse_belief, linear_pool
 from blackboard.opinion.rules import Outcome, Rule
 from blackboard.opinion.vectors import tempered
 from blackboard.opinion.weights import entropy, entropy_weights
@@ -106,7 +106,7 @@ def fuse_opinions(
     counted = [opinion for opinion, is_here in zip(independent, here, strict=True) if is_here]
     firsthand = uniform(grid)
     if counted:
-        firsthand = Belief(grid, pooled.p if all(here) else fuse(rule, stack[np.array(here)], grid).p)
+        firsthand = Belief(grid, pooled.p if all(here) else fuse_belief(rule, stack[np.array(here)], grid))
     fused, more, contradicted = _pool_overlapping(pooled.p, overlapping)
     kept = 1.0 - sum(share.weight for share in more)  # the share of `pooled` in `fused`
     shares = [Share(o, float(w) * kept, "independent") for o, w in zip(independent, pooled.weights, strict=True)]
@@ -126,7 +126,7 @@ def fuse_opinions(
 
 
 def _pooled(rule: Rule, opinions: Sequence[Opinion], grid: Grid) -> Belief:
-    return Belief(grid, fuse(rule, np.stack([opinion.belief.p for opinion in opinions]), grid).p)
+    return Belief(grid, fuse_belief(rule, np.stack([opinion.belief.p for opinion in opinions]), grid))
 
 
 def _faded(opinions: Sequence[Opinion], dissent: Dissent) -> list[Opinion]:

@@ -8,6 +8,7 @@ The table `blackboard.process.rounds.BOARD` says when a phase is over (docs/desi
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import TypeVar
@@ -132,7 +133,7 @@ class BoardService:
 
     def _hear(self, parts: dict[str, str], message: Message, now: float) -> list[Envelope]:
         if isinstance(message, Clock):
-            return self._follow(self._hear_clock(message, now), now)
+            return self._follow(self._hear_clock(message, now), now, message)
         if self.clock.pace is Pace.WAITING:
             raise TooEarly  # its stamp cannot be judged before the world's clock is known
         time = self.clock.time(now)
@@ -249,12 +250,15 @@ class BoardService:
 
     # --- when to settle ---------------------------------------------------------------------------------------------------
 
-    def _follow(self, news: News, now: float) -> list[Envelope]:
-        """React to what is new about the team clock, and return what is to be sent."""
+    def _follow(self, news: News, now: float, heard: Clock | None = None) -> list[Envelope]:
+        """React to what is new about the team clock, by the Clock that was heard, and return what is to be sent."""
         if news is News.NOTHING:
             return []
         if news is News.REPEATED:
             self.counters["repeated"] += 1
+            wanted = "answers" if heard is None else heard.wants(f"board/{self.sub_team}/{self.name}")
+            if wanted != "answers":
+                return [self._status(now, self._lacks())] if wanted == "status" else []
             return list(self._sent) if self.lead.leads else [self._followed(said, now) for said in self._said]
         if news is not News.TICK:
             self._begin()
@@ -302,6 +306,20 @@ class BoardService:
         if boards is None or not all(self._consensuses.complete(board, tick) for board in boards):
             return False
         return self._joint is None or all(self._joint.has_heard(board, tick) for board in boards)
+
+    def _lacks(self) -> list[str]:
+        """Whose messages of this tick are waited for, as a Clock names them."""
+        tick, phase = self.clock.tick, self.rounds.phase
+        if phase == "reports":
+            return [f"robot/{name}" for name in self.participants.robots() if not self._reports.complete(name, tick)]
+        if phase != "exchange":
+            return []
+        return [
+            f"board/{sub_team}/{name}"
+            for sub_team, name in self.participants.boards() or ()
+            if not self._consensuses.complete((sub_team, name), tick)
+            or (self._joint is not None and not self._joint.has_heard((sub_team, name), tick))
+        ]
 
     # --- sending ----------------------------------------------------------------------------------------------------------
 
@@ -422,10 +440,10 @@ class BoardService:
             if sub_team == self.sub_team
         ]
 
-    def _status(self, now: float) -> Envelope:
+    def _status(self, now: float, lacks: Sequence[str] = ()) -> Envelope:
         """What was settled last, at the time of that tick, with the counters as they stand; "idle" before the first tick."""
         status = self._settled or self._plain_status(self.clock.tick, self.clock.time(now))
-        part = {"follows": not self.lead.leads, "term": self.lead.term, "since": self.lead.since}
+        part = {"follows": not self.lead.leads, "term": self.lead.term, "since": self.lead.since, "lacks": list(lacks)}
         status = status.model_copy(update=part)
         if self.clock.pace is Pace.FREE:
             status = self.clocks.shown(status, now)

@@ -178,7 +178,7 @@ class Member:
     def _hear(self, message: Message, now: float) -> list[Envelope]:
         if isinstance(message, Clock):
             news = self.clock.hear(message, now)
-            return [] if message.end else self._follow(news, now)  # the last Clock of a run begins no tick
+            return [] if message.end else self._follow(news, now, message)  # the last Clock of a run begins no tick
         if isinstance(message, Consensus | Refusal):
             if message.board not in self.roster.boards.get(message.sub_team, []):
                 who = f"board {message.board} holds no liveliness token in sub-team {message.sub_team}"
@@ -212,7 +212,7 @@ class Member:
             out += self._follow(news, now)
         return out
 
-    def _follow(self, news: News, now: float) -> list[Envelope]:
+    def _follow(self, news: News, now: float, heard: Clock | None = None) -> list[Envelope]:
         """At each tick of a world say what still stands; stamps of another run, or of Unix time, are forgotten."""
         if news is News.NOTHING:
             return []
@@ -221,7 +221,11 @@ class Member:
             self._judge = Board("judge", self.robot, self.grid, self._judge.settings)
         if self.clock.followed is None:
             return []
-        if news is not News.REPEATED:
+        if news is News.REPEATED and heard is not None:
+            wanted = heard.wants(f"robot/{self.robot}")
+            if wanted != "answers":
+                return self._statuses(now) if wanted == "status" else []
+        else:
             oldest = self.clock.time(now) - STANDS
             self._tick = self.clock.tick
             standing = {s: r for s, r in self._reports.items() if r.time >= oldest}

@@ -21,7 +21,7 @@ from blackboard.lab.estimates import FEWEST, Estimate, resamples
 from blackboard.opinion.components import alphas, log_components, relative_to_peak, triangular_alphas
 from blackboard.opinion.cooperative import Calibrated, Coalition
 from blackboard.opinion.grid import Array
-from blackboard.opinion.pools import POOLS, fuse
+from blackboard.opinion.pools import POOLS, fuse_belief
 from blackboard.opinion.rules import Rule, find, read_rule
 from blackboard.opinion.scores import LEAST_PROBABILITY, held
 from blackboard.opinion.weights import entropy_weights
@@ -179,7 +179,7 @@ def _beliefs(rule: str, case: Case) -> Iterator[Array]:
     """The fused beliefs of all candidates in their order, those that differ in the last parameter together."""
     if rule not in SPACES:
         for candidate in candidates(rule, case.grid.cell):
-            yield fuse(candidate, case.opinions, case.grid).p.reshape(1, -1)
+            yield fuse_belief(candidate, case.opinions, case.grid).reshape(1, -1)
         return
     n = len(case.opinions)
     for k, edge in itertools.product(K, REFERENCE):

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from blackboard.errors import OpinionError
 from blackboard.opinion.grid import Array
 from blackboard.opinion.vectors import checked
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy, entropy_of
 
 Distance = Callable[[npt.ArrayLike, npt.ArrayLike], float]
 
@@ -64,7 +64,7 @@ def conflict(opinions: npt.ArrayLike, fused: npt.ArrayLike) -> bool:
 
     opinions (N, *grid shape), fused in the grid's shape; differences of rounding do not count.
     """
-    return min(entropy(p) for p in checked(opinions)) < entropy(fused) - SLACK  # (III-B.1) is broken
+    return min(entropy_of(p) for p in checked(opinions)) < entropy(fused) - SLACK  # (III-B.1) is broken
 
 
 def _pair(p: npt.ArrayLike, q: npt.ArrayLike) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ run backwards (reverse differentiation) gives it for all opinions at once, again
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,8 @@ from blackboard.opinion.vectors import logarithm, positive, shares
 
 TINY = 5e-324  # the smallest positive float: x / max(x, TINY) is 1, and 0 for x = 0
 LEAST_PRODUCT = 1e-280  # of a cell's ratios, for the simple scaling: 1e-308 is where floats end
-BLOCK = 1024  # cells worked on at a time, so that they stay in the processor's cache
+CACHED = 1 << 15  # values of E_q worked on at a time, 256 kB, so that they stay in the processor's cache
+BLOCK = 1024  # cells worked on at a time where all steps are kept
 NEGLIGIBLE = 1e-9  # of all mass, in a cell: cells with less are left out when members are counted
 
 
@@ -44,8 +45,13 @@ def alphas(n: int, gamma: float = 0.5) -> Array:
 
 def relative_to_peak(opinions: Array, gate: float) -> Array:
     """Opinions (N, *grid shape), each with mass exp(-gate) at its own peak; gate in nats."""
+    return np.asarray(opinions * to_peak(opinions, gate).reshape(-1, *(1,) * (opinions.ndim - 1)))
+
+
+def to_peak(opinions: Array, gate: float) -> Array:
+    """What each of opinions (N, *grid shape) is multiplied with in `relative_to_peak`, shape (N,)."""
     peaks = opinions.reshape(len(opinions), -1).max(axis=1)
-    return np.asarray(opinions * (math.exp(-positive(gate, "gate")) / peaks).reshape(-1, *(1,) * (opinions.ndim - 1)))
+    return np.asarray(math.exp(-positive(gate, "gate")) / peaks)
 
 
 def triangular_alphas(n: int) -> Array:
@@ -66,23 +72,41 @@ def powered_components(
     return np.asarray(log_components(opinions, weights, cell_ratio) / np.reshape(alpha, (len(opinions), 1)))
 
 
-def log_components(opinions: Array, weights: npt.ArrayLike | None, cell_ratio: float = 1.0) -> Array:
-    """The logarithms of C_1..C_N, shape (N, cells), as mass per reference cell."""
+def log_components(opinions: Array, weights: npt.ArrayLike | None, cell_ratio: float = 1.0, first: int = 1) -> Array:
+    """The logarithms of C_first..C_N, from C_1 on unless said otherwise, shape (N - first + 1, cells), as mass per reference cell."""
     n = len(opinions)
     p, w = opinions.reshape(n, -1), shares(weights, n)
-    logs = np.empty_like(p)
-    for start in range(0, p.shape[1], BLOCK):
-        block = slice(start, start + BLOCK)
-        logs[:, block] = _log_components(p[:, block], w)
-    # as mass per reference cell each of the q factors of C_q is v_ref / v_cell times as large
-    return np.asarray(logs + np.arange(1, n + 1)[:, np.newaxis] * math.log(positive(cell_ratio, "cell_ratio")))
+    make = _log_products if first == n else _log_components
+    logs = np.empty((n - first + 1, p.shape[1]))
+    for block in _blocks(n, p.shape[1]):
+        logs[:, block] = make(p[:, block], w)[first - n - 1 :]
+    if cell_ratio != 1.0:  # as mass per reference cell each of the q factors of C_q is v_ref / v_cell times as large
+        logs += np.arange(first, n + 1)[:, np.newaxis] * math.log(positive(cell_ratio, "cell_ratio"))
+    return logs
+
+
+def _blocks(n: int, cells: int) -> Iterator[slice]:
+    """So many cells at a time that what the recursion keeps of them for n opinions stays in the processor's cache."""
+    size = max(64, CACHED // (n + 1))
+    return (slice(start, start + size) for start in range(0, cells, size))
+
+
+def _log_products(p: Array, weights: Array) -> Array:
+    """The logarithm of C_N alone, the product of the opinions (N, cells), shape (1, cells)."""
+    product = p.prod(axis=0)
+    logs = logarithm(product)
+    small = ~(product > LEAST_PRODUCT)  # it may have lost digits on the way
+    if small.any():
+        logs[small] = logarithm(p[:, small]).sum(axis=0)
+    return np.asarray(logs[np.newaxis])
 
 
 def _log_components(p: Array, weights: Array) -> Array:
     """The logarithms of C_1..C_N for opinions (N, cells), shape (N, cells); see the top of this file."""
     top = p.max(axis=0)
     ratios = p / np.maximum(top, TINY)
-    logs = np.arange(1, len(p) + 1)[:, np.newaxis] * logarithm(top) + logarithm(_subset_sums(ratios, weights, len(top)))
+    logs = logarithm(_subset_sums(ratios, weights, len(top)))
+    logs += np.arange(1, len(p) + 1)[:, np.newaxis] * logarithm(top)
     wide = ~(np.where(ratios > 0, ratios, 1.0).prod(axis=0) > LEAST_PRODUCT)
     if wide.any():
         logs[:, wide] = _log_components_sorted(p[:, wide], weights)
@@ -110,48 +134,63 @@ def _subset_sums(ratios: Iterable[Array], weights: Array, cells: int) -> Array:
     """
     products, weighted = np.zeros((2, len(weights) + 1, cells))  # E_q, W_q
     products[0] = 1.0
+    room = np.empty((len(weights), cells))
     for j, (ratio, weight) in enumerate(zip(ratios, weights, strict=True)):
-        # W_q += P_j (W_{q-1} + w_j E_{q-1}), then E_q += P_j E_{q-1}
-        weighted[1 : j + 2] += ratio * (weighted[: j + 1] + weight * products[: j + 1])
-        products[1 : j + 2] += ratio * products[: j + 1]
+        _take_in(products, weighted, room, j, ratio, weight)
     return np.asarray(weighted[1:])
 
 
-def memberships(opinions: Array, weights: npt.ArrayLike | None, mass: Array) -> Array:
-    """The mass of the coalitions that each opinion is in, shape (N,), for a mass (N, cells) of each component q in each cell.
+def _take_in(products: Array, weighted: Array, room: Array, j: int, ratio: Array, weight: Array) -> None:
+    """One step of both recursions in place, from j opinions to j + 1; `room` is overwritten."""
+    below, step = slice(j + 1), room[: j + 1]
+    np.multiply(products[below], weight, out=step)
+    step += weighted[below]
+    step *= ratio
+    weighted[1 : j + 2] += step  # W_q += P_j (W_{q-1} + w_j E_{q-1})
+    np.multiply(products[below], ratio, out=step)
+    products[1 : j + 2] += step  # E_q += P_j E_{q-1}
+
+
+def memberships(
+    opinions: Array, weights: npt.ArrayLike | None, mass: Array, first: int = 1, size: int | None = None
+) -> Array:
+    """The mass of the coalitions that each opinion is in, shape (N,), for a mass of each component from `first` on in each cell.
 
     The mass of a component in a cell falls to the subsets of q opinions in proportion to their terms of C_q (V-.2): an opinion is
-    given that of all subsets with it. opinions (N, *grid shape) and weights as they were given to `log_components`.
+    given that of all subsets with it. opinions (N, *grid shape) and weights as they were given to `log_components`, mass
+    (N - first + 1, cells). size: the number of cells of the grid, where those without mass are left out.
     """
     n = len(opinions)
+    if first == n > 1:  # all of it is held by all of them
+        return np.ones(n)
     in_cell = mass.sum(axis=0)
-    heavy = np.flatnonzero(in_cell > NEGLIGIBLE / len(in_cell) * in_cell.sum())
-    p, w, mass = opinions.reshape(n, -1)[:, heavy], shares(weights, n), mass[:, heavy] / in_cell[heavy].sum()
+    heavy = np.flatnonzero(in_cell > NEGLIGIBLE / (size or len(in_cell)) * in_cell.sum())
+    p, w = opinions.reshape(n, -1).take(heavy, axis=1), shares(weights, n)
+    mass = mass.take(heavy, axis=1) / in_cell[heavy].sum()
     found = np.zeros(n)
     for start in range(0, len(heavy), BLOCK):
         block = slice(start, start + BLOCK)
-        found += _memberships(p[:, block], w, mass[:, block])
+        found += _memberships(p[:, block], w, mass[:, block], first)
     return found
 
 
-def _memberships(p: Array, weights: Array, mass: Array) -> Array:
+def _memberships(p: Array, weights: Array, mass: Array, first: int) -> Array:
     """The memberships in a block of cells, for opinions (N, cells): the recursion with its steps kept, then backwards."""
     n, cells = p.shape
     order, ratios = _sorted_ratios(p)
     w = weights[order]
-    steps = [(np.zeros((n + 1, cells)), np.zeros((n + 1, cells)))]  # E_q and W_q before each opinion
-    steps[0][0][0] = 1.0
+    steps = np.zeros((2, n + 1, n + 1, cells))  # E_q and W_q before each opinion, and after the last
+    steps[0, 0, 0] = 1.0
+    room = np.empty((n, cells))
     for j, ratio in enumerate(ratios):
-        products, weighted = (values.copy() for values in steps[-1])
-        weighted[1 : j + 2] += ratio * (weighted[: j + 1] + w[j] * products[: j + 1])  # as in `_subset_sums`
-        products[1 : j + 2] += ratio * products[: j + 1]
-        steps.append((products, weighted))
+        steps[:, j + 1] = steps[:, j]
+        _take_in(steps[0, j + 1], steps[1, j + 1], room, j, ratio, w[j])
     at_products, at_weighted = np.zeros((2, n + 1, cells))  # derivatives of the mass in E_q and W_q
-    last = steps[-1][1][1:]
-    np.divide(mass, last, out=at_weighted[1:], where=last > LEAST_PRODUCT)
+    last = steps[1, n, first:]
+    np.divide(mass, last, out=at_weighted[first:], where=last > LEAST_PRODUCT)
     found = np.zeros((n, cells))
     for j in range(n - 1, -1, -1):
-        products, weighted = steps[j]
+        products, weighted = steps[:, j]
         # P_j dC_q/dP_j: the part of C_q (V-.2) that comes from subsets with opinion j
         to_products, to_weighted = ratios[j] * at_products[1 : j + 2], ratios[j] * at_weighted[1 : j + 2]
         found[j] = (to_weighted * (weighted[: j + 1] + w[j] * products[: j + 1]) + to_products * products[: j + 1]).sum(

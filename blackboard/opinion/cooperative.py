@@ -8,17 +8,11 @@ from typing import ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.opinion.components import (
-    alphas,
-    log_components,
-    memberships,
-    powered_components,
-    relative_to_peak,
-    triangular_alphas,
-)
+from blackboard.opinion.components import alphas, to_peak, triangular_alphas
+from blackboard.opinion.considered import Chosen, choose
 from blackboard.opinion.grid import Array
 from blackboard.opinion.rules import EntropyWeighted, Pooled, parameter, pooled, rule
-from blackboard.opinion.vectors import checked, from_logarithm
+from blackboard.opinion.vectors import checked, checked_weights
 
 #: The independence of a coalition of which nothing is known.
 CAUTIOUS = 0.2
@@ -35,10 +29,14 @@ class Cooperative(EntropyWeighted):
     "[factor] Ratio of the alphas (V-C): how much a larger coalition is preferred."
 
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
-        mass = _mass(powered_components(opinions, weights, alphas(len(opinions), self.gamma), cell_ratio))
-        p = mass.sum(axis=0)  # (V-.2)
-        belief = np.asarray((p / p.sum()).reshape(opinions.shape[1:]))
-        return Pooled(belief, memberships(opinions, weights, mass), _shares(mass))
+        chosen = self._choose(opinions, weights, cell_ratio)
+        return Pooled(chosen.belief().reshape(opinions.shape[1:]), chosen.members(), chosen.shares())
+
+    def belief(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Array:
+        return self._choose(opinions, weights, cell_ratio).belief().reshape(opinions.shape[1:])
+
+    def _choose(self, opinions: Array, weights: Array | None, cell_ratio: float) -> Chosen:
+        return choose(opinions, weights, alphas(len(opinions), self.gamma), cell_ratio)
 
 
 @rule("calibrated")
@@ -55,12 +53,12 @@ class Calibrated(EntropyWeighted):
 
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
         alpha = alphas(len(opinions), self.gamma)
-        terms = powered_components(opinions, weights, alpha, cell_ratio)
         power = float(alpha[-1]) if self.power is None else self.power
+        chosen = choose(opinions, weights, alpha, cell_ratio, power=power)
         # (sum_q C_q^(1/alpha_q))^power
-        p = from_logarithm(power * np.logaddexp.reduce(terms, axis=0), self.name).reshape(opinions.shape[1:])
-        mass = _mass(terms)
-        return Pooled(p, memberships(opinions, weights, mass), _shares(mass))
+        logs = power * np.logaddexp.reduce(chosen.terms, axis=0)
+        p = chosen.cells.spread(chosen.cells.normalised(np.exp(logs - logs.max())))
+        return Pooled(p.reshape(opinions.shape[1:]), chosen.members(), chosen.shares())
 
 
 @rule("coalition")
@@ -91,16 +89,36 @@ class Coalition(EntropyWeighted):
             object.__setattr__(self, "gate", 4.0)
 
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
-        relative, logs, alpha = _choice(opinions, weights, self.gamma, self.gate, cell_ratio)
-        mass = _mass(logs / alpha[:, np.newaxis])  # (V-.2): C_q^(1/alpha_q)
-        mixed = partial(_mixed, logs, mass.sum(axis=1), shape=opinions.shape[1:])
-        independence = CAUTIOUS if self.independence == "learn" else self.independence
+        chosen = self._choose(opinions, weights, cell_ratio)
+        mixed = partial(_mixed, chosen, shape=opinions.shape[1:])
+        independence = self._independence()
         return Pooled(
             mixed(independence),
-            memberships(relative, weights, mass),
-            _shares(mass),
+            chosen.members(),
+            chosen.shares(),
             if_independent=None if independence == 1.0 else partial(mixed, 1.0),
         )
+
+    def belief(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Array:
+        return _mixed(self._choose(opinions, weights, cell_ratio), self._independence(), shape=opinions.shape[1:])
+
+    def _independence(self) -> float:
+        return CAUTIOUS if self.independence == "learn" else self.independence
+
+    def _choose(self, opinions: Array, weights: Array | None, cell_ratio: float) -> Chosen:
+        """The coalitions, in the cells that can matter to them and to norm(C_q^(e_q)).
+
+        With a gate every opinion counts relative to its own peak, with mass exp(-gate) there, so that a flat one is compatible
+        with every other; and alpha_q grows as the triangular numbers. Then C_q^(1/alpha_q) falls behind C_{q-1}^(1/alpha_{q-1})
+        where it costs the q-th opinion more than `gate` nats below its own peak to agree with the others, whatever N
+        (docs/paper.md).
+        """
+        n = len(opinions)
+        exponents = _exponents(n, self._independence())
+        if self.gate is None:
+            return choose(opinions, weights, alphas(n, self.gamma or 0.5), cell_ratio, exponents=exponents)
+        scale = to_peak(opinions, self.gate)
+        return choose(opinions, weights, triangular_alphas(n), 1.0, scale=scale, exponents=exponents)
 
 
 def cooperative_pool(
@@ -155,41 +173,26 @@ def cooperative_components(
     Most of it in C_N means that all agree, in C_q that the best coalition has q members. With a gate these are the m_q of
     `Coalition`.
     """
-    _, logs, alpha = _choice(checked(opinions), weights, gamma, gate, cell_ratio)
-    return _shares(_mass(logs / alpha[:, np.newaxis]))
+    it = Coalition(gamma=gamma if gate is None else None, gate=gate)
+    stack = checked(opinions)
+    given = None if weights is None else checked_weights(weights, len(stack))
+    return it._choose(stack, given, cell_ratio).shares()
 
 
-def _choice(
-    opinions: Array, weights: npt.ArrayLike | None, gamma: float | None, gate: float | None, cell_ratio: float
-) -> tuple[Array, Array, Array]:
-    """What chooses the coalitions: the opinions as they count in it, the logarithms of C_1..C_N (N, cells) and the alphas (N,).
-
-    With a gate every opinion counts relative to its own peak, with mass exp(-gate) there, so that a flat one is compatible
-    with every other; and alpha_q grows as the triangular numbers. Then C_q^(1/alpha_q) falls behind C_{q-1}^(1/alpha_{q-1}) where it
-    costs the q-th opinion more than `gate` nats below its own peak to agree with the others, whatever N (docs/paper.md).
-    """
-    n = len(opinions)
-    if gate is not None:
-        relative = relative_to_peak(opinions, gate)
-        return relative, log_components(relative, weights), triangular_alphas(n)
-    return opinions, log_components(opinions, weights, cell_ratio), alphas(n, 0.5 if gamma is None else gamma)
+def _exponents(n: int, independence: float) -> Array:
+    """e_1..e_N, e_q = q^-(1 - independence), shape (N,)."""
+    return np.array([float(q) ** (independence - 1.0) for q in range(1, n + 1)])
 
 
-def _mixed(logs: Array, mass: Array, independence: float, *, shape: tuple[int, ...]) -> Array:
-    """sum_q m_q norm(C_q^(e_q)) with e_q = q^-(1 - independence), from ln C_q (N, cells) and the masses (N,), as `shape`."""
-    mixed = np.zeros(logs.shape[1])
+def _mixed(chosen: Chosen, independence: float, *, shape: tuple[int, ...]) -> Array:
+    """sum_q m_q norm(C_q^(e_q)) with e_q = q^-(1 - independence), as `shape`."""
+    mass, cells = chosen.masses, chosen.cells
+    exponents = _exponents(len(chosen.opinions), independence)[chosen.first - 1 :]
+    mixed, total = np.zeros(chosen.logs.shape[1]), mass.sum()
     for q in np.flatnonzero(mass):
-        exponent = (q + 1.0) ** (independence - 1.0)  # e_q = q^-(1 - independence), q counting from 1
-        mixed += mass[q] / mass.sum() * from_logarithm(exponent * logs[q], "coalition")
-    return np.asarray((mixed / mixed.sum()).reshape(shape))
-
-
-def _mass(terms: Array) -> Array:
-    """The powered components relative to the largest cell of all, shape (N, cells)."""
-    return np.asarray(np.exp(terms - terms.max()))
-
-
-def _shares(mass: Array) -> Array:
-    """The share of each component (N, cells) in all mass, shape (N,)."""
-    each = mass.sum(axis=1)
-    return np.asarray(each / each.sum())
+        part = exponents[q] * chosen.logs[q]
+        part -= part.max()
+        part = cells.normalised(np.exp(part, out=part))
+        part *= mass[q] / total
+        mixed += part
+    return cells.spread(cells.normalised(mixed)).reshape(shape)

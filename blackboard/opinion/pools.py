@@ -51,6 +51,7 @@ __all__ = [
     "chernoff",
     "cooperative_pool",
     "fuse",
+    "fuse_belief",
     "linear_pool",
     "logarithmic_pool",
 ]
@@ -109,15 +110,31 @@ def fuse(rule: Rule, opinions: npt.ArrayLike, grid: Grid) -> Pooled:
     Where a veto leaves no cell, all hypotheses stay: the linear pool with weights 1 / H^2 (III-A.1), and `outcome` says so. Raises
     OpinionError for bad opinions, or those of another grid; ValueError where the rule returns what is no `Pooled` of them.
     """
-    stack = checked(opinions)
-    if stack.shape[1:] != grid.shape:
-        raise OpinionError(f"opinions of shape {stack.shape} for a grid of {grid.shape}; give (N, *grid shape)")
-    ratio = rule.cell_ratio(grid)
+    stack, ratio = _on(grid, opinions), rule.cell_ratio(grid)
     try:
         return _checked_result(rule, rule.pool(stack, rule.weigh(stack, ratio), cell_ratio=ratio), stack)
     except VetoError:
         instead = Linear()
         return replace(instead.pool(stack, instead.weigh(stack, 1.0)), outcome="veto: linear")
+
+
+def fuse_belief(rule: Rule, opinions: npt.ArrayLike, grid: Grid) -> Array:
+    """The belief of `fuse` alone, in the grid's shape; faster where the story is not wanted. Raises as `fuse`."""
+    stack, ratio = _on(grid, opinions), rule.cell_ratio(grid)
+    try:
+        p = rule.belief(stack, rule.weigh(stack, ratio), cell_ratio=ratio)
+    except VetoError:
+        instead = Linear()
+        return instead.belief(stack, instead.weigh(stack, 1.0))
+    return _checked_result(rule, Pooled(p, np.zeros(len(stack))), stack).p
+
+
+def _on(grid: Grid, opinions: npt.ArrayLike) -> Array:
+    """The opinions, checked, which are on this grid; OpinionError otherwise."""
+    stack = checked(opinions)
+    if stack.shape[1:] != grid.shape:
+        raise OpinionError(f"opinions of shape {stack.shape} for a grid of {grid.shape}; give (N, *grid shape)")
+    return stack
 
 
 def _checked_result(rule: Rule, found: Pooled, stack: Array) -> Pooled:

@@ -19,11 +19,12 @@ LEAST_ENTROPY = 0.5 * math.log(2 * math.pi * math.e / 12)
 def entropy(p: npt.ArrayLike) -> float:
     """Shannon's entropy of one opinion of any shape, in nats, with 0 ln 0 = 0. OpinionError if p is no PV."""
     (opinion,) = checked(np.asarray(p)[np.newaxis])
-    return _entropy(opinion)
+    return entropy_of(opinion)
 
 
-def _entropy(p: Array) -> float:
-    some = p[p > 0]
+def entropy_of(p: Array) -> float:
+    """As `entropy`, of an opinion that is checked already."""
+    some = p if p.min() > 0 else p[p > 0]
     return max(0.0, -float((some * np.log(some)).sum()))  # (III-.2)
 
 
@@ -39,6 +40,6 @@ def entropy_weights(opinions: npt.ArrayLike, k: float = 1.0, *, cell_ratio: floa
     if not (math.isfinite(k) and k >= 0):
         raise OpinionError(f"k {k}: give a finite exponent of at least 0")
     offset = math.log(positive(cell_ratio, "cell_ratio"))  # H + ln(v_cell / v_ref) is H - offset
-    bounded = np.maximum([_entropy(p) - offset for p in stack], LEAST_ENTROPY)
+    bounded = np.maximum([entropy_of(p) - offset for p in stack], LEAST_ENTROPY)
     weights = (bounded.min() / bounded) ** k  # (III-A.1)
     return np.asarray(weights / weights.sum())

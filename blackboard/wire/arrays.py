@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -61,7 +61,13 @@ def unpacked_grid(packed: PackedGrid) -> Grid:
     """The grid that a message names; Refused "fields": it is none, or too large."""
     if len(packed.shape) != len(packed.origin) or math.prod(packed.shape) > MAX_CELLS:
         raise Refused("fields", f"a grid of {packed.shape} from {packed.origin}; at most {MAX_CELLS} cells are taken")
-    return Grid(packed.shape, packed.cell, packed.origin, packed.unit, packed.frame)
+    return _grid(tuple(packed.shape), packed.cell, tuple(packed.origin), packed.unit, packed.frame)
+
+
+@lru_cache(maxsize=64)
+def _grid(shape: tuple[int, ...], cell: float, origin: tuple[float, ...], unit: str, frame: str) -> Grid:
+    """Made once: every belief of a team names the same."""
+    return Grid(shape, cell, origin, unit, frame)
 
 
 def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
@@ -72,7 +78,7 @@ def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
     """
     own = _own_grid(packed)
     if grid is not None:
-        if replace(own, frame=grid.frame) != grid:
+        if (own.shape, own.cell, own.origin, own.unit) != (grid.shape, grid.cell, grid.origin, grid.unit):
             raise Refused("grid", f"a belief on {_told(own)}, the team's is {_told(grid)}")
         if own.frame and grid.frame and own.frame != grid.frame:
             raise Refused("frame", f"a belief in frame {own.frame!r}, the team's is {grid.frame!r}")
@@ -188,10 +194,12 @@ def _slices(lo: tuple[int, ...], box: tuple[int, ...]) -> tuple[slice, ...]:
     return tuple(slice(a, a + n) for a, n in zip(lo, box, strict=True))
 
 
+@lru_cache(maxsize=8)
 def _table(step: float) -> Array:
     """Level -> mass relative to the peak's, shape (256,)."""
     table: Array = np.exp((np.arange(TOP + 1) - TOP) * step)
     table[0] = 0.0
+    table.flags.writeable = False
     return table
 
 

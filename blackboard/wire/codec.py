@@ -19,6 +19,9 @@ MAX_TEXT = 4096  # bytes of the longest text
 M = TypeVar("M", bound=Message)
 
 
+TEXT = frozenset({str})
+
+
 def encode(message: Message) -> bytes:
     """A message as one msgpack map: the version first, fields in the order of the model, defaults left out."""
     fields = message.model_dump(exclude_defaults=True, exclude_none=True)
@@ -94,9 +97,9 @@ def _unpack(payload: bytes) -> dict[str, Any]:
     return fields
 
 
-def _map(pairs: list[tuple[object, Any]]) -> dict[str, Any]:
-    found = {key: value for key, value in pairs if isinstance(key, str)}
-    if len(found) != len(pairs):
+def _map(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
+    found: dict[Any, Any] = dict(pairs)
+    if len(found) != len(pairs) or not set(map(type, found)) <= TEXT:
         raise ValueError("a key of a map is no text, or comes twice")
     return found
 

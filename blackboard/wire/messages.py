@@ -235,6 +235,8 @@ class Status(Message):
     dissent: Annotated[list[Dissent], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)  # of a board
     grid: PackedGrid | None = None  # of a board: the team's
     anchor: PackedAnchor | None = None  # of a board: where the grid's frame is on Earth
+    #: of a board that is asked while it waits: whose messages of the tick are not here, as in Clock.asked
+    lacks: Annotated[list[Text], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
 
 
 class Refusal(Message):
@@ -291,6 +293,15 @@ class Clock(Message):
     #: sub-team -> subjects agreed in tick - 1
     settled: Annotated[dict[Name, Subjects], Field(max_length=MAX_OPINIONS)] = Field(default_factory=dict)
     end: bool = False
+    #: of a Clock that is repeated, who is asked for its status, and who for its answers to this tick; None: all for their answers
+    asked: Annotated[list[Text], Field(max_length=MAX_OPINIONS)] | None = None
+    again: Annotated[list[Text], Field(max_length=MAX_OPINIONS)] | None = None
+
+    def wants(self, name: str) -> Literal["status", "answers"] | None:
+        """What this Clock, which is repeated, asks of a process, named `robot/<robot>` or `board/<sub-team>/<board>`."""
+        if (self.asked is None and self.again is None) or name in (self.again or ()):
+            return "answers"
+        return "status" if name in (self.asked or ()) else None
 
 
 class Odometry(Part):

@@ -44,7 +44,7 @@ def capped(ancestors: Mapping[str, float], first: Callable[[], Collection[str]])
 
 
 class Part(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)  # most processes use few of the messages
 
 
 class Message(Part):

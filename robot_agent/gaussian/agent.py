@@ -57,6 +57,10 @@ class JointAgent:
         self._steps: deque[Step] = deque(maxlen=SNAPSHOTS)
         self._time: float | None = None  # team time of the newest readings, seconds
 
+    def uses(self, subject: str) -> bool:
+        """Whether a tick takes in what is agreed about a subject: about itself, and while it searches, what an `Agent` uses."""
+        return subject == self.subject or (self.searching is not None and self.searching.uses(subject))
+
     def tick(self, readings: Readings, agreed: Mapping[str, Agreed]) -> tuple[list[Report], Solo]:
         """Take the readings; report first-hand and informed beliefs, and the evidence for the boards' joint.
 

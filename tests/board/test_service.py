@@ -8,7 +8,7 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Consensus, Status
+from blackboard.wire.messages import Clock, Consensus, Status
 from tests.board.desk import (
     ANOTHER_WORLD,
     WORLD,
@@ -42,6 +42,25 @@ def test_a_repeated_clock_is_answered_with_the_same_words() -> None:
     desk.tell(clock(0, "r1"))
     said = desk.tell(report("r1", 0), reported("r1", 0, "object/ball"))
     assert desk.tell(clock(0, "r1")) == said
+
+
+def test_a_board_that_is_asked_tells_what_it_lacks_and_repeats_only_what_it_is_asked_for() -> None:
+    desk = Desk()
+    desk.register("r1", "r2")
+
+    def asked(**fields: list[str]) -> list[Envelope]:
+        again = decode(Clock, clock(0, "r1", "r2").payload).model_copy(update=fields)
+        return desk.tell(Envelope(keys.CLOCK.key(team="t"), encode(again)))
+
+    me = "board/a/a"
+    desk.tell(clock(0, "r1", "r2"), report("r1", 0), reported("r1", 0, "object/ball"))
+    assert asked(asked=["robot/r2"]) == []
+    (told,) = asked(asked=[me])
+    assert decode(Status, told.payload).lacks == ["robot/r2"]
+    said = desk.tell(report("r2", 0), reported("r2", 0, "object/ball"))
+    (told,) = asked(asked=[me])
+    assert decode(Status, told.payload).lacks == []
+    assert asked(again=[me]) == said
 
 
 def test_a_dead_robot_is_not_waited_for() -> None:

@@ -77,7 +77,7 @@ def test_the_components_are_made_once_for_a_fusion(
         calls.append(arguments)
         return original(*arguments)  # type: ignore[arg-type]
 
-    for module in ("components", "cooperative"):
+    for module in ("components", "considered"):
         monkeypatch.setattr(f"blackboard.opinion.{module}.log_components", counted)
     said = [Opinion(f"r{i}", at(10 + i, 10, 2), {f"r{i}": 0.0}) for i in range(3)]
     fuse_opinions(said, GRID, BoardSection.model_validate(settings), "object/ball")

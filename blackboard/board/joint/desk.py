@@ -13,7 +13,6 @@ import logging
 import math
 from collections import Counter, deque
 from collections.abc import Callable
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -186,7 +185,7 @@ class JointDesk:
 
         Where no single one does, the joint begins anew, and every robot enters again by its state.
         """
-        before = deepcopy(self.team)
+        before = self.team.copy()
         try:
             return self._tried(number, dt, batch)
         except BROKEN as error:
@@ -230,7 +229,7 @@ class JointDesk:
     ) -> list[Verdict] | None:
         """The step again, from the joint as it was before, without some evidence; None where that breaks it too."""
         names = {evidence.robot for evidence in left}
-        self.team = deepcopy(before)
+        self.team = before.copy()
         try:
             return self._tried(number, dt, [evidence for evidence in batch if evidence.robot not in names])
         except BROKEN:

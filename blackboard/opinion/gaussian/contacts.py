@@ -75,6 +75,10 @@ class Contacts:
     _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     _reckoned: dict[str, tuple[float, float]] = field(default_factory=dict)  # robot -> variances: reckoned, and in all
 
+    def copy(self) -> Contacts:
+        """The same, which may be changed without changing this one."""
+        return Contacts(dict(self._pairs), self._corrected.copy())
+
     def correct(self, robot: str, belief: Moments, increment: Increment | None) -> None:
         """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place.
 

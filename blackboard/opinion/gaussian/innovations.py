@@ -27,6 +27,10 @@ class Innovations:
 
     _ratios: dict[Source, deque[float]] = field(default_factory=dict)
 
+    def copy(self) -> Innovations:
+        """The same, which may be changed without changing this one."""
+        return Innovations({source: ratios.copy() for source, ratios in self._ratios.items()})
+
     def judge(self, source: Source, squared: float, freedom: int) -> None:
         """Take the squared distance of a piece of evidence as it was claimed, with its degrees of freedom."""
         self._ratios.setdefault(source, deque(maxlen=WINDOW)).append(squared / MEDIANS[freedom - 1])

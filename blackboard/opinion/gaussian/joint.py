@@ -140,8 +140,11 @@ class Joint:
         gain = np.linalg.solve(row @ cross + noise, cross.T).T
         self.mean = self.mean + gain @ residual
         left = gain @ cross.T
-        covariance = self.covariance - left - left.T + gain @ (row @ cross + noise) @ gain.T
-        self.covariance = 0.5 * (covariance + covariance.T)
+        covariance = self.covariance - left  # P - left - left^T + K S K^T, in place: a team's covariance is large
+        covariance -= left.T
+        covariance += np.matmul(gain @ (row @ cross + noise), gain.T, out=left)
+        self.covariance = covariance + covariance.T
+        self.covariance *= 0.5
 
     # --- inside ---------------------------------------------------------------------------------------------------------
 

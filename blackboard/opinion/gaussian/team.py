@@ -72,6 +72,19 @@ class TeamJoint:
     _known: dict[str, Known] = field(default_factory=dict)
     _seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
 
+    def copy(self) -> TeamJoint:
+        """The same, which may be changed without changing this one; what is not changed in place is shared."""
+        return replace(
+            self,
+            joint=self.joint.copy(),
+            tally=replace(self.tally, verdicts=list(self.tally.verdicts), choices=dict(self.tally.choices)),
+            trust=self.trust.copy(),
+            contacts=self.contacts.copy(),
+            innovations=self.innovations.copy(),
+            _known=dict(self._known),
+            _seen=dict(self._seen),
+        )
+
     # --- in -------------------------------------------------------------------------------------------------------------
 
     def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:

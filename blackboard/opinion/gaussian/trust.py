@@ -22,6 +22,10 @@ class Trust:
 
     _pairs: dict[tuple[str, str], tuple[float, int]] = field(default_factory=dict)  # share against, number of verdicts
 
+    def copy(self) -> Trust:
+        """The same, which may be changed without changing this one."""
+        return Trust(dict(self._pairs))
+
     def judge(self, observer: str, subject: str, agrees: bool) -> None:
         """Take a verdict of the gate on what an observer says of a subject."""
         against, number = self._pairs.get((observer, subject), (0.0, 0))

@@ -125,8 +125,8 @@ def correct(joint: Joint, residual: Array, jacobians: Mapping[Block, Array], noi
 def _shear(covariance: Array, first: int, moved: Array) -> None:
     """Let the position's error at `first` follow the heading's by `moved` (unit per radian), in place."""
     axes, heading = slice(first, first + 2), first + HEADING
-    covariance[axes, :] += np.outer(moved, covariance[heading, :])
-    covariance[:, axes] += np.outer(covariance[:, heading], moved)
+    covariance[axes, :] += moved[:, np.newaxis] * covariance[heading, :]
+    covariance[:, axes] += covariance[:, heading, np.newaxis] * moved
 
 
 def wrap(angle: float) -> float:

@@ -1,0 +1,125 @@
+"""What does a belief cost on the wire? `python benchmarks/wire.py`.
+
+A Gaussian of sigma 5 on 200 x 200 cells, its mean between two centres, as a Report and as a Consensus, with its first-hand part; or
+as the raw array in msgpack. And the time that Zenoh needs to carry that array to another session of the same process on
+127.0.0.1 and back (wall time, in turns with the encoding).
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import msgpack  # type: ignore[import-untyped,unused-ignore]
+import numpy as np
+import zenoh
+from ratios import Row, milliseconds, show
+
+from blackboard import Grid
+from blackboard.board.board import Board
+from blackboard.config import BoardSection
+from blackboard.opinion.agreement import kullback_leibler
+from blackboard.opinion.belief import Belief, gaussian
+from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.messages import Consensus, Report
+
+GRID = Grid((200, 200))
+ROUNDS = 40
+PORT = 17993
+
+
+def belief(x: float = 100.3) -> Belief:
+    return gaussian(GRID, (x, 87.7), 5.0)
+
+
+def report(source: str, x: float = 100.3) -> Report:
+    return Report(source=source, subject="robot/r1", tick=1, time=0.2, belief=pack(belief(x)), ancestors={source: 0.2})
+
+
+def consensus(robots: int) -> Consensus:
+    board = Board("a", "board-a", GRID, BoardSection())
+    for i in range(robots):
+        board.hear(report(f"r{i + 1}", 100.3 + i), 0.2)
+    return board.settle(1, 0.2)[0]
+
+
+def there_and_back(payload: bytes, work: Callable[[], object]) -> tuple[list[float], list[float]]:
+    """Milliseconds of wall time of each round trip of a payload through Zenoh, and of each call of `work` between them."""
+    arrived: queue.Queue[int] = queue.Queue()
+    ends = []
+    for setting in (
+        {"listen/endpoints": f'["tcp/127.0.0.1:{PORT}"]'},
+        {"connect/endpoints": f'["tcp/127.0.0.1:{PORT}"]'},
+    ):
+        config = zenoh.Config()
+        for key, value in (setting | {"mode": '"peer"', "scouting/multicast/enabled": "false"}).items():
+            config.insert_json5(key, value)
+        ends.append(zenoh.open(config))
+    here, there = ends
+    echo = there.declare_publisher("bench/back")
+    keep = [
+        there.declare_subscriber("bench/there", lambda sample: echo.put(sample.payload)),
+        here.declare_subscriber("bench/back", lambda sample: arrived.put(len(sample.payload.to_bytes()))),
+    ]
+    trips, works = [], []
+    try:
+        out = here.declare_publisher("bench/there")
+        deadline = time.monotonic() + 10.0
+        while not (_matches(out) and _matches(echo)):
+            if time.monotonic() > deadline:
+                raise RuntimeError("the two sessions do not find each other on 127.0.0.1")
+        for _ in range(ROUNDS):
+            begin = time.perf_counter()
+            out.put(payload)
+            arrived.get(timeout=10)
+            trips.append(1e3 * (time.perf_counter() - begin))
+            begin = time.perf_counter()
+            work()
+            works.append(1e3 * (time.perf_counter() - begin))
+    finally:
+        for one in keep:
+            one.undeclare()  # type: ignore[no-untyped-call]
+        for session in ends:
+            session.close()  # type: ignore[no-untyped-call]
+    return trips, works
+
+
+def _matches(publisher: Any) -> bool:
+    return bool(publisher.matching_status.matching)
+
+
+def rows() -> Iterator[Row]:
+    one = belief()
+    said = encode(report("r1"))
+    raw64, raw32 = one.p.tobytes(), one.p.astype(np.float32).tobytes()
+    yield Row("bytes of a Report of a Gaussian of sigma 5", len(said), "bytes", most=700.0)
+    loss = kullback_leibler(one.p, unpack(pack(one)).p)
+    yield Row("what is lost of it (Kullback-Leibler)", loss, "nats", most=1e-4)
+    yield Row("msgpack of float64 / a Report", len(msgpack.packb(raw64)) / len(said))
+    yield Row("msgpack of float32 / a Report", len(msgpack.packb(raw32)) / len(said))
+    for robots in (1, 4, 8):
+        size = len(encode(consensus(robots)))
+        yield Row(f"bytes of a Consensus of {robots} robots / a Report", size / len(said), most=3.0)
+
+    made = report("r1")
+
+    def own() -> None:
+        unpack(decode(Report, encode(made.model_copy(update={"belief": pack(one)}))).belief, GRID)
+
+    trips, works = there_and_back(raw64, own)
+    about = f"encode + decode a Report / Zenoh carries 320 kB there and back ({np.median(trips):.2f} ms)"
+    yield Row(about, float(np.median(works) / np.median(trips)), most=1 / 3)
+    ours, packed = milliseconds(own, partial(_msgpack, raw64))
+    yield Row("encode + decode a Report / msgpack packs and unpacks its float64", ours / packed)
+
+
+def _msgpack(raw: bytes) -> None:
+    np.frombuffer(msgpack.unpackb(msgpack.packb(raw)), np.float64).copy()
+
+
+if __name__ == "__main__":
+    show(rows())
