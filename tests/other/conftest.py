@@ -1,4 +1,4 @@
-"""Programs in Rust, built by cargo into `.cargo-target/`; a first build takes minutes and needs the crates."""
+"""Programs in Rust, built by cargo into `.cargo-target/` (or CARGO_TARGET_DIR); a first build takes minutes and needs the crates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from tests.processes import ROOT
 
-TARGET = ROOT / ".cargo-target"
+TARGET = os.environ.get("CARGO_TARGET_DIR", str(ROOT / ".cargo-target"))
 
 
 @pytest.fixture(scope="session")
@@ -25,7 +25,7 @@ def built() -> Callable[[Path], str]:
 
     @cache
     def build(folder: Path) -> str:
-        environment = {"CARGO_BUILD_JOBS": "2", **os.environ, "CARGO_TARGET_DIR": str(TARGET)}
+        environment = {"CARGO_BUILD_JOBS": "2", **os.environ, "CARGO_TARGET_DIR": TARGET}
         done = subprocess.run(
             ["nice", cargo, "build", "--quiet"],
             cwd=folder,
@@ -35,6 +35,6 @@ def built() -> Callable[[Path], str]:
             check=False,
         )
         assert done.returncode == 0, done.stderr
-        return str(TARGET / "debug" / folder.name)
+        return str(Path(TARGET, "debug", folder.name))
 
     return build
