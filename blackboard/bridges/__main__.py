@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from blackboard.bridges.stream import Stream
-from blackboard.client.member import Member
 from blackboard.config import load
 from blackboard.errors import UserError
 from blackboard.net.attached import AttachedLink
@@ -118,6 +117,7 @@ def ros(
     try:
         from blackboard.bridges.ros import names
         from blackboard.bridges.ros.service import RosBridge, Sources
+        from blackboard.client.member import Member
     except ImportError:
         raise UserError(NO_ROS) from None
     if flags.keys is not None:

@@ -112,3 +112,27 @@ def test_a_node_drives_a_robot_by_its_odometry_and_one_that_comes_late_gets_the_
         late = running.enter_context(command(node, endpoint, "late", "/t/robot/r1/pose"))
         wait_until(lambda: heard(late), lambda: f"the last pose comes without a new one: {late.out} {late.err}")
         assert heard(late) == heard(poses)[-1:]
+
+
+def test_it_goes_on_when_the_router_is_restarted_and_ends_in_order(built: Callable[[Path], str]) -> None:
+    node, endpoint = built(CRATE), f"tcp/127.0.0.1:{free_port()}"
+    member = ("--team", "t", "--sub-team", "a", "-e", endpoint)
+    robot = str(ROOT / "examples" / "minimal_robot.py")
+    with ExitStack() as running:
+        with program("-m", "blackboard", "router", "-l", endpoint) as router:
+            router.says("ready")
+            board = running.enter_context(program("-m", "blackboard", "serve", *member))
+            running.enter_context(program(robot, *member, "--id", "w"))
+            bridge = running.enter_context(program("-m", "blackboard", "ros", "--team", "t", "-e", endpoint))
+            poses = running.enter_context(command(node, endpoint, "pose", "/t/robot/w/pose"))
+            wait_until(lambda: len(heard(poses)) > 3, lambda: f"{poses.out} {poses.err} {bridge.err} {board.err}")
+        before = len(heard(poses))
+        running.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
+        wait_until(
+            lambda: len(heard(poses)) > before + 3, lambda: f"poses go on: {poses.out[-500:]} {bridge.err}", 60.0
+        )
+        graph = running.enter_context(command(node, endpoint, "graph"))
+        wait_until(lambda: "topic /t/robot/w/pose" in graph.out and "cop_blackboard" in graph.out, "it is seen again")
+        bridge.running.terminate()
+        assert bridge.ends() == 0
+        assert "Traceback" not in bridge.err

@@ -18,6 +18,7 @@ from blackboard.wire.messages import Consensus
 log = logging.getLogger(__name__)
 
 MAP_PERIOD = 1.0  # seconds between two maps of a subject: they are large
+MAX_SUBJECTS = 256  # that are ever published: each has publishers of its own
 SKEW = 30.0  # seconds by which the stamp of a team that goes by Unix time may be off
 HEADING = 2  # of the numbers of a state (docs/wire.md, "Evidence for a joint")
 
@@ -53,10 +54,10 @@ class Publisher:
         if best is None or best.message.level != "agreed" or best.message.tick <= self._shown.get(subject, -1):
             return []
         agreed = best.message
-        self._shown[subject] = agreed.tick
         belief, topic = read(agreed.belief), self._topic(subject, len(agreed.belief.grid.shape))
         if belief is None or topic is None:
             return []
+        self._shown[subject] = agreed.tick
         unix = abs(agreed.time - best.at) < SKEW  # else it is a world's, by which nodes of ROS do not go
         stamp = agreed.time if unix else best.at
         out = [self._put(f"{topic}/pose", POSE, convert.pose(belief, stamp, _heading(agreed)))]
@@ -68,14 +69,21 @@ class Publisher:
     def _topic(self, subject: str, axes: int) -> str | None:
         """What a subject's topics begin with; None for one that cannot be published."""
         topic = "/".join((self._namespace, *(part(name) for name in subject.split("/"))))
-        holder = self._holders.setdefault(topic, subject)
-        wrong = f"/{topic} is the topic of {holder}; rename one" if holder != subject else ""
-        if axes < 2:
+        holder = self._holders.get(topic, subject)
+        wrong = ""
+        if holder != subject:
+            wrong = f"/{topic} is the topic of {holder}; rename one"
+        elif axes < 2:
             wrong = "its grid has one axis, for which ROS has no message"
-        if wrong and subject not in self._silent:
+        elif topic not in self._holders and len(self._holders) >= MAX_SUBJECTS:
+            wrong = f"it would be one more than {MAX_SUBJECTS} subjects since the start"
+        if not wrong:
+            self._holders[topic] = subject
+            return topic
+        if subject not in self._silent and len(self._silent) < MAX_SUBJECTS:
             self._silent.add(subject)
             log.warning("%s is not published: %s", subject, wrong)
-        return None if wrong else topic
+        return None
 
     def _put(self, topic: str, type_name: str, message: object) -> Envelope:
         return Envelope(self._node.publisher(topic, type_name).key, convert.encode(message))

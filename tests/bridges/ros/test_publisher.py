@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
-from blackboard.bridges.ros.names import MAP, POSE, Node, key
+from blackboard.bridges.ros.names import HASHES, MAP, POSE, Node, key
+from blackboard.bridges.ros.publisher import MAX_SUBJECTS
 from blackboard.bridges.ros.service import RosBridge, Sources
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
@@ -88,6 +89,15 @@ def test_a_grid_with_one_axis_is_not_published_and_harms_no_other(caplog: pytest
     assert of(out, "t/object/b/pose", POSE)
     assert not of(out, "t/object/a/pose", POSE)
     assert caplog.text.count("object/a is not published: its grid has one axis") == 1
+
+
+def test_subjects_without_end_are_not_published_without_end(caplog: pytest.LogCaptureFixture) -> None:
+    one, published = bridge(), set[str]()
+    for first in range(0, 3 * MAX_SUBJECTS, 100):
+        told = [agreed(f"object/o{first + n}", 1 + first) for n in range(100)]
+        published |= {it.key for it in settle(one, told) if it.key.endswith(f"RIHS01_{HASHES[POSE]}")}
+    assert len(published) == MAX_SUBJECTS
+    assert caplog.text.count("is not published") == MAX_SUBJECTS  # and no more lines than that
 
 
 def agreed(subject: str, tick: int, belief: Belief | None = None) -> Consensus:
