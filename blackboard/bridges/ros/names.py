@@ -30,7 +30,7 @@ LATCHED = ":1:,1:,:,:,,"  # reliable, transient local, keep the last one: a publ
 NODE = 0  # the entity of our node
 MAX_DOMAIN = 232  # above, DDS has no ports; rmw_zenoh keeps that bound
 
-_TOPIC = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+_TOPIC = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
 def is_topic(name: str) -> bool:
@@ -40,7 +40,7 @@ def is_topic(name: str) -> bool:
 
 def part(name: str) -> str:
     """One of the team's names as a part of a topic: what ROS does not take becomes an underscore."""
-    text = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    text = re.sub(r"\W", "_", name, flags=re.ASCII)
     return text if re.match(r"[A-Za-z_]", text) else f"_{text}"
 
 
