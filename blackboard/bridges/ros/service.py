@@ -18,7 +18,7 @@ from blackboard.bridges.ros.publisher import Publisher
 from blackboard.client.member import Member
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
-from blackboard.view.fold import Fold, TeamFold
+from blackboard.view.fold import WORLD, Fold, TeamFold
 from blackboard.view.summary import Table
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
@@ -58,7 +58,7 @@ class RosBridge:
             self._listen(topic, POSE, partial(self._hear_fix, robot))
         for robot, topic in sources.poses.items():
             self._listen(topic, POSE, partial(self._hear_pose, robot))
-        self._logged: set[tuple[str, str]] = set()  # topics and reasons
+        self._logged: set[tuple[str, str]] = set()
         self._status_due = 0.0
         self._counters: dict[str, int] = {}
 
@@ -131,9 +131,7 @@ class RosBridge:
             return self._own(take(envelope.payload, now), now)
         except Refused as refusal:
             self.refused[refusal.reason] += 1
-            if (topic, refusal.reason) not in self._logged:
-                self._logged.add((topic, refusal.reason))
-                log.warning("%s: %s; not logged again for this topic and reason", topic, refusal)
+            self._log(topic, refusal.reason, f"{topic}: {refusal}; not logged again for this topic and reason")
             return []
 
     def _hear_odometry(self, robot: str, payload: bytes, now: float) -> list[Envelope]:
@@ -161,9 +159,21 @@ class RosBridge:
 
     def _drive(self, driver: Driver, now: float) -> list[Envelope]:
         found = driver.readings(now)
+        world = self._team.processes.get(WORLD)
+        if found is not None and world is not None and world.alive:
+            self._log(
+                "world", driver.robot, f"a world gives the readings of {driver.robot}; those from ROS are left out"
+            )
+            found = None
         if found is None:
             return []
         return [Envelope(keys.READING.key(team=self._name, robot=driver.robot), encode(found))]
+
+    def _log(self, where: str, what: str, text: str) -> None:
+        """Log once for each `where` and `what`, which are few: topics, robots and reasons."""
+        if (where, what) not in self._logged:
+            self._logged.add((where, what))
+            log.warning("%s", text)
 
     def _own(self, out: list[Envelope], now: float) -> list[Envelope]:
         """Show the fold what is sent to the team, too: a process does not hear itself."""

@@ -164,6 +164,21 @@ def test_what_cannot_be_used_is_counted_named_once_and_told(
     assert own.message == f"refuses messages: {reason} 3"
 
 
+def test_while_a_world_gives_the_readings_those_from_ros_are_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    one = bridge(Sources(odometry={"r1": "r1/odom"}))
+    told = [Envelope(key(0, "r1/odom", ODOMETRY), moved(100 + n / 2, n / 2)) for n in range(5)]
+    assert not one.receive(told[0], START)
+    assert len(one.receive(told[1], START + 1)) == 1
+    one.receive(Envelope("cop/t/world/alive", kind=Kind.ALIVE), START + 1)
+    assert not [it for n in (2, 3) for it in one.receive(told[n], START + n)]
+    assert caplog.text.count("a world gives the readings of r1; those from ROS are left out") == 1
+    one.receive(Envelope("cop/t/world/alive", kind=Kind.GONE), START + 3.5)
+    (again,) = one.receive(told[4], START + 4)
+    odometry = decode(Readings, again.payload).odometry
+    assert odometry is not None
+    assert odometry.distance == pytest.approx(0.5)  # what the robot did in the world is not told again
+
+
 def test_a_delete_on_its_topics_is_ignored() -> None:
     one = bridge(Sources({"r1": "r1/odom"}))
     assert one.receive(Envelope(key(0, "r1/odom", ODOMETRY), kind=Kind.DELETE), START) == []
