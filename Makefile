@@ -15,7 +15,7 @@ ONLY         ?=
 COUNT        ?= 100000
 MINUTES      ?= 10
 
-.PHONY: help demo test check lint format types imports rooms unit team system compose-test mutants fuzz soak bench figures docs bridges screenshots wheels venv clean
+.PHONY: help demo test check lint format types imports rooms unit team system compose-test rust-test mutants fuzz soak bench figures docs bridges screenshots wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -44,7 +44,7 @@ rooms: $(VENV)/.dev ## who may import whom, by what a fresh interpreter loads
 	$(PYTEST) tests/test_rooms.py
 
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
-	$(PYTEST) -m "not system and not compose and not team" --ignore tests/test_rooms.py -n 2 --durations=5
+	$(PYTEST) -m "not system and not compose and not team and not rust and not ros" --ignore tests/test_rooms.py -n 2 --durations=5
 
 team: $(VENV)/.dev ## whole teams in one process, links, the laboratory, tapes and views, in half a minute
 	$(PYTEST) -m "team and not hostile" -n 2 --durations=5
@@ -54,6 +54,9 @@ system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1
 
 compose-test: $(VENV)/.dev ## the containers; skipped with its reason where no Docker engine answers
 	$(PYTEST) -m compose --durations=5
+
+rust-test: $(VENV)/.dev ## programs in Rust beside ours, the robot of examples/robot_rust and a ROS 2 node; skipped where there is no cargo
+	$(PYTEST) tests/other -m "rust or ros" --durations=5
 
 mutants: $(VENV)/.mutants ## change the pure rooms at random places and see whether the tests notice: MUTANTS=120 SEED=1 ONLY=board
 	$(BIN)/python -m tests.mutants --count $(MUTANTS) --seed $(SEED) --only '$(ONLY)'
@@ -120,4 +123,4 @@ $(VENV)/bin/pip:
 	@$(PYTHON) -m venv $(VENV)
 
 clean: ## remove what make has made
-	rm -rf $(VENV) $(VENV)-bridges .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist docs/commands.md figures wheels
+	rm -rf $(VENV) $(VENV)-bridges .cargo-target .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist docs/commands.md figures wheels

@@ -52,6 +52,8 @@ app.command("blackboard.lab.score:score", name="score", help="Score a recorded t
 
 app.command("blackboard.chaos.__main__:chaos", name="chaos", help="Run a team under network trouble, case by case.")
 
+app.command("blackboard.bridges.__main__:ros", name="ros", help="Join a team to nodes of ROS 2 (extra `ros`).")
+
 app.command("blackboard.run.keys:app", name="keys", help="Make and revoke the certificates that shut a team's door.")
 
 for command, about in {

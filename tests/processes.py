@@ -131,11 +131,17 @@ def program(*arguments: str, keep: Sequence[str] = ()) -> Iterator[Program]:
 
     Of what the environment says about us only `keep` is passed on.
     """
-    command: Sequence[str] = (sys.executable, *arguments)
+    with command(sys.executable, *arguments, keep=keep) as running:
+        yield running
+
+
+@contextmanager
+def command(*words: str, keep: Sequence[str] = ()) -> Iterator[Program]:
+    """Run a command in the same way."""
     ours = {PARENT, "RUST_LOG", "LOG_FORMAT", "LOG_LEVEL"} - set(keep)
     environment = {key: value for key, value in os.environ.items() if key not in ours}
     with subprocess.Popen(
-        command, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        words, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as running:
         try:
             yield Program(running)

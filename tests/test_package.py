@@ -80,6 +80,8 @@ def test_every_file_and_target_that_contributing_names_is_there() -> None:
     for target in re.findall(r"`?make ([a-z-]+)`", page):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
     assert len(page.splitlines()) < 80
+
+
 def test_the_rules_are_known_to_whoever_reads_a_scenario_and_nothing_else() -> None:
     """`import blackboard` loads no rule by itself, and a scenario names one."""
     code = (

@@ -25,7 +25,7 @@ CLOCK, LOOP = "blackboard.process.clock", "blackboard.process.loop"
 BOARD, NET, RUN, LAB = "blackboard.board", "blackboard.net", "blackboard.run", "blackboard.lab"
 STATE = "blackboard.state"
 VIEW, WEB, TUI = "blackboard.view", "blackboard.view.web", "blackboard.view.tui"
-TAPE, BRIDGES = "blackboard.tape", "blackboard.bridges"
+TAPE, BRIDGES, ROS = "blackboard.tape", "blackboard.bridges", "blackboard.bridges.ros"
 ACCESS = "blackboard.access"
 FAULTS, CHAOS = "blackboard.faults", "blackboard.chaos"
 CLIENT = "blackboard.client"
@@ -62,6 +62,7 @@ ALLOWED: dict[str, set[str]] = {
     WEB: {*SHARED, STATE, VIEW},
     TUI: {*SHARED, STATE, VIEW},
     BRIDGES: {*SHARED, STATE, VIEW},
+    ROS: {*SHARED, STATE, VIEW, CLIENT},
     CHAOS: {*SHARED, NET, RUN, "sim_world"},
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
@@ -69,7 +70,7 @@ ALLOWED: dict[str, set[str]] = {
     "blackboard.__main__": {*SHARED, BOARD, TAPE, LAB, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN, "sim_world"},
     "blackboard.view.__main__": {*SHARED, STATE, VIEW, WEB, TUI, TAPE, NET, RUN, CLOCK},
-    "blackboard.bridges.__main__": {*SHARED, BRIDGES, STATE, VIEW, TAPE, NET, RUN, CLOCK},
+    "blackboard.bridges.__main__": {*SHARED, BRIDGES, ROS, STATE, VIEW, TAPE, CLIENT, NET, RUN, CLOCK, LOOP},
     "blackboard.chaos.__main__": {*SHARED, CHAOS, RUN},
     "blackboard.tape.__main__": {*SHARED, TAPE, NET, RUN, CLOCK, "sim_world"},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
@@ -83,6 +84,7 @@ LIBRARIES = {
     "zenoh": {
         NET,
         CLIENT,
+        ROS,
         RUN,
         LAB,
         "blackboard.__main__",
@@ -102,6 +104,8 @@ LIBRARIES = {
     "textual": {TUI},
     "foxglove": set[str](),
     "rerun": set[str](),
+    "rosbags": {ROS},
+    "xxhash": {ROS},
     "pyarrow": set[str](),
     "mcap": {TAPE, "blackboard.tape.__main__"},
     "cryptography": {ACCESS},
@@ -247,14 +251,18 @@ DOORS = {
 @pytest.mark.parametrize(
     ("banned", "only"),
     [
-        (("zenoh",), {"blackboard/net/link.py", "blackboard/net/settings.py"}),
+        (("zenoh",), {f"blackboard/net/{name}.py" for name in ("attached", "link", "settings")}),
         (("msgpack",), {"blackboard/wire/codec.py"}),
         (("mcap", "zstandard"), {"blackboard/tape/file.py"}),
         (("cryptography",), {"blackboard/access/authority.py"}),
         (CHANCE, DOORS | {"sim_world/sources.py"}),
         (
             ("blackboard.net.link",),
-            DOORS | {f"blackboard/{n}.py" for n in ("client/team", "run/door", "run/gate", "run/launch", "chaos/team")},
+            DOORS
+            | {
+                f"blackboard/{n}.py"
+                for n in ("client/team", "net/attached", "run/door", "run/gate", "run/launch", "chaos/team")
+            },
         ),
     ],
     ids=["zenoh", "msgpack", "mcap", "cryptography", "chance", "Link"],

@@ -1,4 +1,4 @@
-"""The doors of the bridges: `blackboard-rerun`, and `blackboard tape export`. They look on, and send nothing."""
+"""The doors of the bridges: `blackboard-rerun` and `blackboard tape export`, which look on and send nothing, and `blackboard ros`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,18 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from blackboard.bridges.stream import Stream
+from blackboard.config import load
 from blackboard.errors import UserError
+from blackboard.net.attached import AttachedLink
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
+from blackboard.process.loop import run
 from blackboard.run import door
 from blackboard.view.feed import Feed
 from blackboard.view.taped import Taped
+
+NO_ROS = "the bridge to ROS 2 needs the extra `ros`: pip install 'cop-blackboard[ros]'"
+Topics = Annotated[list[str] | None, Parameter(negative="", show_default=False)]
 
 app = App(
     name="blackboard-rerun", help="Show a team that runs, or one on a tape, in the Rerun viewer.", version=door.version
@@ -71,6 +77,102 @@ def rerun(
             stream.new(sink)
     sink.close()
     return door.DONE
+
+
+def ros(
+    *,
+    scenario: str | None = None,
+    team: str | None = None,
+    sub_team: str | None = None,
+    domain: int = 0,
+    namespace: str | None = None,
+    odometry: Topics = None,
+    fix: Topics = None,
+    pose: Topics = None,
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
+    """Join a team to the ROS 2 nodes on the same Zenoh router (rmw_zenoh), until it is stopped (extra `ros`).
+
+    Publishes what is agreed on as /TEAM/robot/r1/pose and /TEAM/robot/r1/map, and the state of the processes as /diagnostics.
+
+    Parameters
+    ----------
+    scenario
+        The team's scenario, a file or the name of one that comes with the package [default: demo].
+    team
+        Its team [default: the scenario's].
+    sub_team
+        The sub-team of the robots of --pose [default: as in the scenario].
+    domain
+        The ROS domain (ROS_DOMAIN_ID).
+    namespace
+        What the topics of beliefs begin with [default: the team's name].
+    odometry
+        ROBOT=TOPIC, may be given again: a nav_msgs/Odometry that becomes the readings of that robot's `robot-agent`.
+    fix
+        ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /initialpose, that becomes an absolute position in these readings.
+    pose
+        ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /amcl_pose, reported as that robot's own belief, without a `robot-agent`.
+    """
+    try:
+        from blackboard.bridges.ros import names
+        from blackboard.bridges.ros.service import RosBridge, Sources
+        from blackboard.client.member import Member
+    except ImportError:
+        raise UserError(NO_ROS) from None
+    if flags.keys is not None:
+        raise UserError("--keys: a router with keys gives ROS no keys of its own; run the bridge on an open router")
+    if not 0 <= domain <= names.MAX_DOMAIN:
+        raise UserError(f"--domain {domain}: give 0 to {names.MAX_DOMAIN}, as in ROS_DOMAIN_ID")
+    chosen = load(scenario or "demo")
+    name = team or chosen.team.name
+    door.check_name("--team", name)
+    space = (namespace or names.part(name)).strip("/")
+    if not names.is_topic(space):
+        raise UserError(f"--namespace {space!r}: use letters, digits, '_' and '/', as in names of ROS")
+    sources = Sources(*(_topics(*given) for given in (("--odometry", odometry), ("--fix", fix), ("--pose", pose))))
+    if both := sources.poses.keys() & {*sources.odometry, *sources.fixes}:
+        raise UserError(
+            f"--pose {min(both)}: --odometry and --fix are for a robot with a `robot-agent`, which reports by itself; give one of them"
+        )
+    if twice := {topic.strip("/") for topic in sources.fixes.values()} & {t.strip("/") for t in sources.poses.values()}:
+        raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix or by --pose")
+    members = {
+        robot: Member(
+            team=name,
+            sub_teams=(sub_team,) if sub_team else tuple(chosen.team.of(robot)),
+            robot=robot,
+            grid=chosen.grid,
+            settings=chosen.board,
+        )
+        for robot in sources.poses
+    }
+    stop, clock = door.Stop(), UnixClock()
+    with AttachedLink(flags.link(), "ros", patience=30.0, stopped=stop, clock=clock) as link:
+        node = names.Node("cop_blackboard", link.session_id, domain, clock.now)
+        service = RosBridge(name, node, sources, members, space)
+        link.outlet = node.publishers.get
+        door.log.info("ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens))
+        run(service, link, clock, stop)
+    return door.DONE
+
+
+def _topics(flag: str, given: list[str] | None) -> dict[str, str]:
+    """ROBOT=TOPIC, each robot and each topic once. UserError: another form."""
+    from blackboard.bridges.ros.names import is_topic
+
+    found: dict[str, str] = {}
+    for pair in given or ():
+        robot, equals, topic = pair.partition("=")
+        if not equals or not is_topic(topic):
+            raise UserError(
+                f"{flag} {pair}: write ROBOT=TOPIC, as r1=/r1/odom; a topic has letters, digits, '_' and '/'"
+            )
+        door.check_name(flag, robot)
+        if robot in found or topic.strip("/") in {other.strip("/") for other in found.values()}:
+            raise UserError(f"{flag} {pair}: this robot or topic was given before")
+        found[robot] = topic
+    return found
 
 
 def export(file: Path, out: Path, *, to: Literal["foxglove"] = "foxglove", team: str | None = None) -> int:

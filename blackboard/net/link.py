@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Collection
 from contextlib import ExitStack
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import zenoh
 
@@ -80,7 +80,7 @@ class Link:
                 self.close()
                 raise
 
-    def __enter__(self) -> Link:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

@@ -1,0 +1,194 @@
+"""Beliefs as messages of ROS 2, and its odometry and poses as numbers. Pure; `rosbags` has the types and the bytes (CDR).
+
+Planes are planes: z, roll and pitch are 0, and so are their variances. A grid in cells is taken as one in metres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, ODOMETRY, POSE
+from blackboard.errors import Refused
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Array
+
+ANY_HEADING = math.pi**2 / 3  # variance of a heading of which nothing is known
+MAX_BYTES = 1 << 16  # of a message that is taken; the ones we read have 1 kB and the names of two frames
+UNIT = 0.05  # by which the length of a quaternion may miss 1
+
+
+@dataclass(frozen=True)
+class Place:
+    """A pose in the plane: x, y, yaw, and their covariance, shape (3, 3), in metres and radians."""
+
+    stamp: float  # seconds
+    frame: str
+    x: float
+    y: float
+    yaw: float
+    covariance: Array
+
+    @property
+    def heading_sigma(self) -> float | None:
+        """The standard deviation of the yaw, or None where it says nothing."""
+        variance = float(self.covariance[2, 2])
+        return math.sqrt(variance) if 0 < variance < ANY_HEADING else None
+
+
+@cache
+def _store() -> Any:
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _make(type_name: str, **fields: object) -> Any:
+    return _store().types[type_name](**fields)
+
+
+def encode(message: Any) -> bytes:
+    """A message as bytes: CDR, little-endian, with its header."""
+    return bytes(_store().serialize_cdr(message, message.__msgtype__))
+
+
+def pose(belief: Belief, stamp: float, heading: tuple[float, float] | None = None) -> Any:
+    """A belief's mean and covariance, that of a cell's width included. `heading`: mean and variance, where it is known.
+
+    Without it the orientation is that of the frame, with the variance of a heading of which nothing is known.
+    """
+    flat = _plane(belief)
+    x, y = (float(value) for value in flat.mean())
+    yaw, variance = heading or (0.0, ANY_HEADING)
+    covariance = np.zeros((6, 6))
+    covariance[:2, :2] = flat.covariance() + np.eye(2) * belief.grid.cell**2 / 12
+    covariance[5, 5] = min(max(variance, 0.0), ANY_HEADING)
+    return _make(
+        POSE,
+        header=_header(stamp, belief.grid.frame),
+        pose=_make(
+            "geometry_msgs/msg/PoseWithCovariance",
+            pose=_pose(x, y, yaw),
+            covariance=np.ascontiguousarray(covariance.ravel()),
+        ),
+    )
+
+
+def occupancy(belief: Belief, stamp: float) -> Any:
+    """A belief as a map: 100 in the likeliest cell, the others in proportion, rounded; row by row along x, as ROS has it."""
+    flat = _plane(belief)
+    levels = np.rint(100.0 * flat.p / flat.p.max()).astype(np.int8)
+    info = _make(
+        "nav_msgs/msg/MapMetaData",
+        map_load_time=_time(stamp),
+        resolution=flat.grid.cell,
+        width=flat.grid.shape[0],
+        height=flat.grid.shape[1],
+        origin=_pose(flat.grid.origin[0], flat.grid.origin[1], 0.0),
+    )
+    return _make(MAP, header=_header(stamp, flat.grid.frame), info=info, data=np.ascontiguousarray(levels.T.ravel()))
+
+
+def diagnostics(processes: Iterable[dict[str, Any]], prefix: str, stamp: float) -> Any:
+    """The processes of a team (`blackboard.view.summary.processes`): gone is ERROR, silent STALE, and who refuses WARN."""
+    found = [_diagnosed(process, prefix) for process in processes]
+    return _make(DIAGNOSTICS, header=_header(stamp, ""), status=found)
+
+
+def odometry(payload: bytes) -> Place:
+    """The pose of an Odometry in its own frame. Refused: it is none, or has numbers that no robot has."""
+    return _place(payload, ODOMETRY)
+
+
+def place(payload: bytes) -> Place:
+    """A PoseWithCovarianceStamped. Refused: as there, or its covariance is none or says nothing."""
+    found = _place(payload, POSE)
+    least, most = (float(value) for value in np.linalg.eigvalsh(found.covariance[:2, :2]))
+    if least < -1e-9 * max(1.0, most) or float(found.covariance[2, 2]) < 0:
+        raise Refused("fields", f"{POSE}: the covariance of x, y and yaw is none")
+    if most <= 0:
+        raise Refused("fields", f"{POSE}: the variances of x and y are 0, which no sensor has; fill in the covariance")
+    return found
+
+
+def _place(payload: bytes, type_name: str) -> Place:
+    message = _decode(payload, type_name)
+    at, turn = message.pose.pose.position, message.pose.pose.orientation
+    full = np.asarray(message.pose.covariance, dtype=float).reshape(6, 6)
+    covariance = full[np.ix_((0, 1, 5), (0, 1, 5))]
+    numbers = np.array([at.x, at.y, turn.x, turn.y, turn.z, turn.w, *covariance.ravel()])
+    if not np.isfinite(numbers).all() or np.abs(numbers).max() > 1e7:
+        raise Refused("fields", f"{type_name}: a number is NaN, infinite or above 1e7")
+    if abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) > UNIT:
+        raise Refused("fields", f"{type_name}: the orientation is no unit quaternion")
+    yaw = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+    stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+    return Place(stamp, message.header.frame_id, at.x, at.y, yaw, (covariance + covariance.T) / 2)
+
+
+def _decode(payload: bytes, type_name: str) -> Any:
+    if len(payload) > MAX_BYTES:
+        raise Refused("too-large", f"{type_name}: more than {MAX_BYTES} bytes")
+    try:
+        return _store().deserialize_cdr(payload, type_name)
+    except Exception as error:  # whatever a foreign decoder makes of foreign bytes
+        raise Refused("fields", f"{type_name}: {len(payload)} bytes that are none ({type(error).__name__})") from None
+
+
+def _plane(belief: Belief) -> Belief:
+    """The belief about x and y alone. ValueError: its grid has one axis."""
+    grid = belief.grid
+    if grid.ndim < 2:
+        raise ValueError(f"a grid with {grid.ndim} axis has no plane")
+    if grid.ndim == 2:
+        return belief
+    flat = type(grid)(grid.shape[:2], grid.cell, grid.origin[:2], grid.unit, grid.frame)
+    return Belief(flat, belief.p.sum(axis=tuple(range(2, grid.ndim))))
+
+
+def _diagnosed(process: dict[str, Any], prefix: str) -> Any:
+    kind, refused = "diagnostic_msgs/msg/DiagnosticStatus", process["refused"]
+    levels = _store().types[kind]
+    level, text = levels.OK, "alive"
+    if process["state"] == "gone":
+        level, text = levels.ERROR, "gone: it holds no liveliness token"
+    elif process["state"] == "silent":
+        level, text = levels.STALE, "silent: it is connected and says nothing"
+    elif refused:
+        level, text = (
+            levels.WARN,
+            "refuses messages: " + ", ".join(f"{name} {count}" for name, count in refused.items()),
+        )
+    elif process["dropped"]:
+        level, text = levels.WARN, f"loses messages: {process['dropped']} so far"
+    name = process["name"] if process["name"] == process["kind"] else f"{process['kind']} {process['name']}"
+    told = {
+        "sub-teams": " ".join(process["sub_teams"]),
+        "tick": "" if process["tick"] is None else process["tick"],
+        "age [s]": "" if process["age"] is None else f"{process['age']:.1f}",
+        **{f"refused {reason}": count for reason, count in refused.items()},
+        **process["counters"],
+    }
+    values = [_make("diagnostic_msgs/msg/KeyValue", key=str(name), value=str(value)) for name, value in told.items()]
+    return _make(kind, level=level, name=f"{prefix}: {name}", message=text, hardware_id=process["name"], values=values)
+
+
+def _header(stamp: float, frame: str) -> Any:
+    return _make("std_msgs/msg/Header", stamp=_time(stamp), frame_id=frame or "map")
+
+
+def _time(stamp: float) -> Any:
+    seconds = math.floor(min(max(stamp, 0.0), 2**31 - 1))
+    return _make("builtin_interfaces/msg/Time", sec=seconds, nanosec=min(int((stamp - seconds) * 1e9), 999_999_999))
+
+
+def _pose(x: float, y: float, yaw: float) -> Any:
+    return _make(
+        "geometry_msgs/msg/Pose",
+        position=_make("geometry_msgs/msg/Point", x=x, y=y, z=0.0),
+        orientation=_make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2)),
+    )

@@ -1,0 +1,78 @@
+"""A robot's ROS odometry and absolute poses as the Readings of its `robot-agent`. Pure."""
+
+from __future__ import annotations
+
+import math
+
+from blackboard.bridges.ros.convert import Place
+from blackboard.errors import Refused
+from blackboard.wire.messages import Fix, Odometry, Readings
+
+PERIOD = 0.2  # seconds between two Readings at least
+GAP = 10.0  # seconds without odometry, or back in its stamps, after which it begins anew
+FASTEST = 50.0  # metres per second: no robot of a team is faster
+
+
+class Driver:
+    """Sums up odometry, which may come faster than Readings go; a fix goes with the next ones. `now` is Unix time in seconds."""
+
+    def __init__(self, robot: str) -> None:
+        self.robot = robot
+        self._run = ""
+        self._tick = 0
+        self._last: Place | None = None
+        self._distance = self._turn = self._time = 0.0  # since the last Readings
+        self._fix: Place | None = None
+        self._sent_at = -math.inf
+
+    def move(self, place: Place) -> None:
+        """Take a pose of the odometry, in any frame that stays. Refused "past": not newer than the last one."""
+        last, self._last = self._last, place
+        if last is None or abs(dt := place.stamp - last.stamp) > GAP:
+            return  # where it begins; a robot that did not tell how it moved is taken as one that stood
+        if dt <= 0:
+            self._last = last
+            raise Refused("past", f"odometry of {self.robot} is not newer than the last: {place.stamp:.3f}")
+        if math.hypot(place.x - last.x, place.y - last.y) > FASTEST * max(dt, 0.1):
+            return  # its source began anew, at a place of its own
+        turn = math.remainder(place.yaw - last.yaw, math.tau)
+        way = last.yaw + turn / 2
+        self._distance += (place.x - last.x) * math.cos(way) + (place.y - last.y) * math.sin(way)
+        self._turn += turn
+        self._time += dt
+
+    def fix(self, place: Place) -> None:
+        """Take an absolute pose, in the team's frame."""
+        self._fix = place
+
+    def readings(self, now: float) -> Readings | None:
+        """What is to be sent now, or None: nothing came, or too little time has passed."""
+        if now < self._sent_at + PERIOD or (self._time <= 0 and self._fix is None):
+            return None
+        self._run = self._run or f"ros since {now:.0f}"
+        moved = Odometry(distance=self._distance, turn=self._turn, dt=max(self._time, 1e-6)) if self._time > 0 else None
+        found = Readings(run=self._run, robot=self.robot, tick=self._tick, time=now, odometry=moved, fix=self._fixed())
+        self._distance = self._turn = self._time = 0.0
+        self._fix, self._sent_at = None, now
+        self._tick += 1
+        return found
+
+    def due(self) -> float | None:
+        """When the next Readings can go, in Unix seconds; None while nothing waits."""
+        return self._sent_at + PERIOD if self._time > 0 or self._fix is not None else None
+
+    def _fixed(self) -> Fix | None:
+        place = self._fix
+        if place is None:
+            return None
+        sigma = max(math.sqrt(self._variance(place)), 1e-6)
+        heading = place.heading_sigma
+        if heading is None:
+            return Fix(position=(place.x, place.y), sigma=sigma)
+        return Fix(position=(place.x, place.y), sigma=sigma, heading=place.yaw, heading_sigma=max(heading, 1e-6))
+
+    @staticmethod
+    def _variance(place: Place) -> float:
+        """The larger variance of the position: the wire's fix is round."""
+        xx, yy, xy = place.covariance[0, 0], place.covariance[1, 1], place.covariance[0, 1]
+        return float((xx + yy) / 2 + math.hypot((xx - yy) / 2, xy))

@@ -1,0 +1,100 @@
+"""What a team agrees on, and how its processes are, as messages of a ROS node: each agreed belief once. Pure."""
+
+from __future__ import annotations
+
+import logging
+
+from blackboard.bridges.ros import convert
+from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, POSE, Node, part
+from blackboard.errors import Refused
+from blackboard.state.fold import TeamFold
+from blackboard.state.moments import Moment
+from blackboard.view.summary import Table, processes
+from blackboard.state.told import read
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.evidence import unpack_state
+from blackboard.wire.messages import Consensus
+
+log = logging.getLogger(__name__)
+
+MAP_PERIOD = 1.0  # seconds between two maps of a subject: they are large
+MAX_SUBJECTS = 256  # that are ever published: each has publishers of its own
+SKEW = 30.0  # seconds by which the stamp of a team that goes by Unix time may be off
+HEADING = 2  # of the numbers of a state (docs/wire.md, "Evidence for a joint")
+
+
+class Publisher:
+    """Publishes on `node`; the topics of beliefs begin with `namespace`. Times `now` are Unix seconds."""
+
+    def __init__(self, node: Node, namespace: str) -> None:
+        self._node, self._namespace = node, namespace
+        self._moment: tuple[str, int] | None = None  # run and tick of the newest
+        self._shown: dict[str, int] = {}  # subject -> tick of the belief that was published last
+        self._mapped: dict[str, float] = {}  # subject -> when its last map was published
+        self._holders: dict[str, str] = {}  # what topics begin with -> the subject
+        self._silent: set[str] = set()  # subjects that cannot be published, and are logged
+
+    def beliefs(self, team: TeamFold, now: float) -> list[Envelope]:
+        """What the team's newest moment has that was not published."""
+        moment = team.moments.newest
+        if moment is None or (moment.run, moment.tick) == self._moment:
+            return []
+        if self._moment is None or moment.run != self._moment[0]:
+            self._shown = {}
+        self._moment = moment.run, moment.tick
+        return [envelope for subject in moment.subjects for envelope in self._belief(moment, subject, now)]
+
+    def diagnostics(self, team: TeamFold, own: Table, now: float) -> list[Envelope]:
+        """The state of the team's processes, and of this one."""
+        told = [*processes(team, now), own]
+        return [self._put("diagnostics", DIAGNOSTICS, convert.diagnostics(told, f"team {team.name}", now))]
+
+    def _belief(self, moment: Moment, subject: str, now: float) -> list[Envelope]:
+        best = moment.subjects[subject].best
+        if best is None or best.message.level != "agreed" or best.message.tick <= self._shown.get(subject, -1):
+            return []
+        agreed = best.message
+        belief, topic = read(agreed.belief), self._topic(subject, len(agreed.belief.grid.shape))
+        if belief is None or topic is None:
+            return []
+        self._shown[subject] = agreed.tick
+        unix = abs(agreed.time - best.at) < SKEW  # else it is a world's, by which nodes of ROS do not go
+        stamp = agreed.time if unix else best.at
+        out = [self._put(f"{topic}/pose", POSE, convert.pose(belief, stamp, _heading(agreed)))]
+        if now >= self._mapped.get(subject, 0.0) + MAP_PERIOD:
+            self._mapped[subject] = now
+            out.append(self._put(f"{topic}/map", MAP, convert.occupancy(belief, stamp)))
+        return out
+
+    def _topic(self, subject: str, axes: int) -> str | None:
+        """What a subject's topics begin with; None for one that cannot be published."""
+        topic = "/".join((self._namespace, *(part(name) for name in subject.split("/"))))
+        holder = self._holders.get(topic, subject)
+        wrong = ""
+        if holder != subject:
+            wrong = f"/{topic} is the topic of {holder}; rename one"
+        elif axes < 2:
+            wrong = "its grid has one axis, for which ROS has no message"
+        elif topic not in self._holders and len(self._holders) >= MAX_SUBJECTS:
+            wrong = f"it would be one more than {MAX_SUBJECTS} subjects since the start"
+        if not wrong:
+            self._holders[topic] = subject
+            return topic
+        if subject not in self._silent and len(self._silent) < MAX_SUBJECTS:
+            self._silent.add(subject)
+            log.warning("%s is not published: %s", subject, wrong)
+        return None
+
+    def _put(self, topic: str, type_name: str, message: object) -> Envelope:
+        return Envelope(self._node.publisher(topic, type_name).key, convert.encode(message))
+
+
+def _heading(agreed: Consensus) -> tuple[float, float] | None:
+    """The heading of a robot in a joint, mean and variance; None where nobody knows it."""
+    if agreed.state is None:
+        return None
+    try:
+        state = unpack_state(agreed.state)
+    except Refused:
+        return None
+    return float(state.mean[HEADING]), float(state.covariance[HEADING, HEADING])

@@ -1,0 +1,197 @@
+"""Beliefs as messages and back, read by rosbags' types of another distribution; bytes that are none are refused and harm nobody."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags.typesys: pip install '.[ros]'")
+from blackboard.bridges.ros import convert
+from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, ODOMETRY, POSE
+from blackboard.errors import Refused
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Grid
+
+HUMBLE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+GRID = Grid((40, 30), 0.5, (-4.0, 2.0), "m", "map")
+
+
+def sent(message: Any, type_name: str) -> Any:
+    payload = convert.encode(message)
+    assert payload[:4] == b"\0\1\0\0"
+    return HUMBLE.deserialize_cdr(payload, type_name)
+
+
+def pose(**changes: Any) -> bytes:
+    """A pose whose numbers are changed by name: x, y, z, w (of the quaternion), covariance."""
+    message = convert.pose(Belief.from_gaussian(GRID, (3, 9), [[2, 0.5], [0.5, 1]]), 12.25, (math.pi / 2, 0.04))
+    for name, value in changes.items():
+        where = message.pose.pose.orientation if name in ("qz", "qw") else message.pose.pose.position
+        if name == "covariance":
+            message.pose.covariance[:] = value
+        else:
+            object.__setattr__(where, name.removeprefix("q"), value)
+    return convert.encode(message)
+
+
+def test_a_belief_is_a_pose_with_the_covariance_of_its_cells() -> None:
+    belief = Belief.from_gaussian(GRID, (3, 9), [[2, 0.5], [0.5, 1]])
+    found = sent(convert.pose(belief, 12.25, (math.pi / 2, 0.04)), POSE)
+    assert (found.header.frame_id, found.header.stamp.sec, found.header.stamp.nanosec) == ("map", 12, 250_000_000)
+    at, turn = found.pose.pose.position, found.pose.pose.orientation
+    assert [at.x, at.y] == pytest.approx(belief.mean().tolist())
+    assert (at.z, turn.x, turn.y) == (0, 0, 0)
+    assert [turn.z, turn.w] == pytest.approx([math.sqrt(0.5), math.sqrt(0.5)])
+    expected = np.zeros((6, 6))
+    expected[:2, :2] = belief.covariance() + np.eye(2) * 0.25 / 12
+    expected[5, 5] = 0.04
+    assert found.pose.covariance.reshape(6, 6) == pytest.approx(expected)
+
+
+def test_a_heading_that_nobody_knows_has_the_variance_of_any_heading() -> None:
+    found = sent(convert.pose(Belief.from_gaussian(Grid((9, 9)), (3, 3), np.eye(2)), 0.0), POSE)
+    assert found.pose.covariance[35] == pytest.approx(math.pi**2 / 3)
+    assert found.pose.pose.orientation.w == 1
+    assert found.header.frame_id == "map"  # of a grid whose frame nobody named
+
+
+def test_a_pose_comes_back_as_it_went() -> None:
+    found = convert.place(pose())
+    assert (found.stamp, found.frame) == (12.25, "map")
+    assert [found.x, found.y, found.yaw] == pytest.approx([3, 9, math.pi / 2], abs=0.01)
+    assert found.covariance[:2, :2] == pytest.approx(np.array([[2, 0.5], [0.5, 1]]), abs=0.1)
+    assert found.heading_sigma == pytest.approx(0.2)
+
+
+def test_a_map_has_100_where_the_belief_is_densest_and_goes_row_by_row_along_x() -> None:
+    p = np.zeros(GRID.shape)
+    p[3, 1], p[4, 1], p[3, 2] = 0.8, 0.2, 0.004
+    found = sent(convert.occupancy(Belief(GRID, p / p.sum()), 1.0), MAP)
+    info = found.info
+    assert (info.width, info.height, info.resolution) == (40, 30, 0.5)
+    assert (info.origin.position.x, info.origin.position.y, info.origin.orientation.w) == (-4.0, 2.0, 1.0)
+    assert found.data.dtype == np.int8
+    cells = {(i % 40, i // 40): int(value) for i, value in enumerate(found.data) if value}
+    assert cells == {(3, 1): 100, (4, 1): 25}  # 0.5 of 100 is rounded to 0
+
+
+def test_of_a_grid_with_a_heading_the_plane_is_told() -> None:
+    p = np.zeros((5, 4, 8))
+    p[2, 1], p[3, 1] = 0.1, 0.025
+    belief = Belief(Grid((5, 4, 8), 1.0, (0.0, 0.0, 0.0)), p)
+    assert [*sent(convert.occupancy(belief, 0.0), MAP).data[5:10]] == [0, 0, 100, 25, 0]
+    assert sent(convert.pose(belief, 0.0), POSE).pose.pose.position.x == pytest.approx(2.7)
+    with pytest.raises(ValueError, match="one axis|1 axis"):
+        convert.pose(Belief(Grid((4,)), np.full(4, 0.25)), 0.0)
+
+
+def test_the_state_of_processes() -> None:
+    row = {
+        "kind": "robot",
+        "sub_teams": ["a"],
+        "tick": 3,
+        "age": 0.04,
+        "dropped": 0,
+        "counters": {"heard": 7},
+        "refused": {},
+    }
+    rows = [
+        {**row, "name": "r1", "state": "alive"},
+        {**row, "name": "r2", "state": "gone", "tick": None, "age": None},
+        {**row, "name": "r3", "state": "silent"},
+        {**row, "name": "r4", "state": "alive", "refused": {"future": 2}},
+        {**row, "name": "r5", "state": "alive", "dropped": 4},
+        {**row, "name": "world", "kind": "world", "state": "alive"},
+    ]
+    found = sent(convert.diagnostics(rows, "team t", 2.0), DIAGNOSTICS).status
+    assert [(it.name, it.level) for it in found] == [
+        ("team t: robot r1", 0),
+        ("team t: robot r2", 2),
+        ("team t: robot r3", 3),
+        ("team t: robot r4", 1),
+        ("team t: robot r5", 1),
+        ("team t: world", 0),
+    ]
+    assert {it.key: it.value for it in found[0].values} == {
+        "sub-teams": "a",
+        "tick": "3",
+        "age [s]": "0.0",
+        "heard": "7",
+    }
+    assert "future 2" in found[3].message
+
+
+BAD = {
+    "empty": b"",
+    "only a header": b"\0\1\0\0",
+    "big-endian": b"\0\0" + pose()[2:],
+    "cut off": pose()[:-1],
+    "too long": pose() + bytes(16),
+    "a frame of 4 GiB": b"\0\1\0\0" + bytes(8) + struct.pack("<I", 0xFFFFFFFF) + bytes(500),
+    "a frame that is no text": b"\0\1\0\0" + bytes(8) + struct.pack("<I", 4) + b"\xff\xfe\xfd\0" + bytes(344),
+    "NaN": pose(x=math.nan),
+    "infinite": pose(y=math.inf),
+    "far": pose(x=1e8),
+    "NaN covariance": pose(covariance=math.nan),
+    "no covariance": pose(covariance=0.0),
+    "negative covariance": pose(covariance=-np.eye(6).ravel()),
+    "no positive definite covariance": pose(covariance=(np.eye(6) + 3 * np.eye(6)[[1, 0, 2, 3, 4, 5]]).ravel()),
+    "no quaternion": pose(qz=0.0, qw=0.0),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_pose_is_refused(name: str) -> None:
+    with pytest.raises(Refused, match="geometry_msgs/msg/PoseWithCovarianceStamped: ") as refusal:
+        convert.place(BAD[name])
+    assert refusal.value.reason == "fields"
+    assert "\n" not in str(refusal.value)
+
+
+def test_what_is_too_large_is_not_looked_at() -> None:
+    with pytest.raises(Refused) as refusal:
+        convert.odometry(bytes(convert.MAX_BYTES + 1))
+    assert refusal.value.reason == "too-large"
+
+
+@given(st.binary(max_size=900), st.booleans())
+def test_whatever_comes_is_a_place_or_refused(payload: bytes, header: bool) -> None:
+    for read in (convert.odometry, convert.place):
+        try:
+            found = read(b"\0\1\0\0" * header + payload)
+        except Refused:
+            continue
+        assert np.isfinite([found.x, found.y, found.yaw]).all()
+
+
+@given(st.integers(0, len(pose()) - 1), st.integers(0, 255))
+def test_a_pose_with_one_byte_changed_is_a_place_or_refused(at: int, value: int) -> None:
+    changed = bytearray(pose())
+    changed[at] = value
+    try:
+        found = convert.place(bytes(changed))
+    except Refused:
+        return
+    assert np.isfinite(found.covariance).all()
+    assert found.covariance[0, 0] >= 0
+
+
+def test_odometry_needs_no_covariance() -> None:
+    types = HUMBLE.types
+    still = types["geometry_msgs/msg/TwistWithCovariance"](
+        twist=types["geometry_msgs/msg/Twist"](
+            linear=types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0),
+            angular=types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0),
+        ),
+        covariance=np.zeros(36),
+    )
+    plain = HUMBLE.deserialize_cdr(pose(covariance=0.0), POSE)
+    odometry = types[ODOMETRY](header=plain.header, child_frame_id="base_link", pose=plain.pose, twist=still)
+    found = convert.odometry(bytes(HUMBLE.serialize_cdr(odometry, ODOMETRY)))
+    assert [found.x, found.y, found.yaw] == pytest.approx([3, 9, math.pi / 2], abs=0.01)

@@ -1,0 +1,51 @@
+"""`blackboard ros`: every mistake on its command line is one line that says where, what and the cure."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from blackboard.__main__ import app
+from blackboard.errors import UserError
+
+
+def call(*arguments: str) -> object:
+    return app(["ros", *arguments], exit_on_error=False, print_error=False, result_action="return_value")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("--domain", "233"), "--domain 233: give 0 to 232"),
+        (("--domain", "-1"), "--domain -1: give 0 to 232"),
+        (("--odometry", "r1"), "--odometry r1: write ROBOT=TOPIC, as r1=/r1/odom"),
+        (("--odometry", "r1=/r1/od-om"), "--odometry r1=/r1/od-om: write ROBOT=TOPIC"),
+        (("--fix", "r 1=/initialpose"), "--fix 'r 1': use up to 64 letters"),
+        (("--pose", "r1=/a", "--pose", "r1=/b"), "--pose r1=/b: this robot or topic was given before"),
+        (("--pose", "r1=/a", "--pose", "r2=a"), "--pose r2=a: this robot or topic was given before"),
+        (
+            ("--pose", "r1=/a", "--odometry", "r1=/b"),
+            "--pose r1: --odometry and --fix are for a robot with a `robot-agent`",
+        ),
+        (("--fix", "r1=/a", "--pose", "r2=/a"), "/a: a topic is taken in once"),
+        (("--namespace", "a b"), "--namespace 'a b': use letters, digits, '_' and '/'"),
+        (("--team", "a/b"), "--team 'a/b': use up to 64 letters"),
+        (("--keys", "keys"), "--keys: a router with keys"),
+    ],
+)
+def test_a_mistake_is_one_line(arguments: tuple[str, ...], text: str) -> None:
+    pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
+    with pytest.raises(UserError) as error:
+        call(*arguments)
+    assert str(error.value).startswith(text)
+    assert "\n" not in str(error.value)
+
+
+def test_without_the_extra_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith("blackboard.bridges.ros")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    with pytest.raises(UserError, match="needs the extra `ros`: pip install 'cop-blackboard"):
+        call()

@@ -1,0 +1,121 @@
+"""Odometry as readings: every way is told once, however often it comes and however it turns."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
+from blackboard.bridges.ros.convert import ANY_HEADING, Place
+from blackboard.bridges.ros.driver import FASTEST, GAP, PERIOD, Driver
+from blackboard.errors import Refused
+from blackboard.wire.messages import Readings
+
+
+def at(stamp: float, x: float, y: float, yaw: float = 0.0, covariance: np.ndarray | None = None) -> Place:
+    return Place(stamp, "odom", x, y, yaw, np.eye(3) if covariance is None else covariance)
+
+
+def test_the_first_pose_is_where_it_begins_and_no_motion() -> None:
+    driver = Driver("r1")
+    assert driver.readings(100.0) is None
+    driver.move(at(5.0, 30.0, 40.0))
+    assert driver.readings(100.0) is None
+    assert driver.due() is None
+
+
+def test_odometry_is_summed_up_and_told_once_per_period() -> None:
+    driver = Driver("r1")
+    for n in range(5):
+        driver.move(at(5.0 + n / 10, n * 0.3, 0.0))
+    assert driver.due() == -math.inf
+    first = driver.readings(100.0)
+    assert first is not None
+    assert first.odometry is not None
+    assert (first.robot, first.run, first.tick, first.time) == ("r1", "ros since 100", 0, 100.0)
+    assert [first.odometry.distance, first.odometry.turn, first.odometry.dt] == pytest.approx([1.2, 0.0, 0.4])
+    driver.move(at(5.5, 1.5, 0.0))
+    assert driver.readings(100.0 + PERIOD / 2) is None
+    assert driver.due() == 100.0 + PERIOD
+    second = driver.readings(100.0 + PERIOD)
+    assert second is not None
+    assert second.odometry is not None
+    assert (second.run, second.tick) == (first.run, 1)
+    assert second.odometry.distance == pytest.approx(0.3)
+
+
+@given(st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(-0.4, 0.4)), min_size=1, max_size=40), st.floats(-3, 3))
+def test_the_way_comes_out_whichever_way_the_robot_looked_at_the_start(
+    steps: list[tuple[float, float]], yaw: float
+) -> None:
+    """Arcs of a forward distance and a turn, by the chord of each."""
+    driver, x, y = Driver("r1"), 2.0, -1.0
+    driver.move(at(0.0, x, y, yaw))
+    for n, (distance, turn) in enumerate(steps):
+        x, y = x + distance * math.cos(yaw + turn / 2), y + distance * math.sin(yaw + turn / 2)
+        yaw = math.remainder(yaw + turn, math.tau)
+        driver.move(at((n + 1) / 10, x, y, yaw))
+    told = driver.readings(0.0)
+    assert told is not None
+    assert told.odometry is not None
+    assert told.odometry.distance == pytest.approx(sum(distance for distance, _ in steps), abs=1e-9)
+    assert told.odometry.turn == pytest.approx(sum(turn for _, turn in steps), abs=1e-9)
+
+
+def test_what_comes_twice_or_late_is_refused_and_moves_nobody() -> None:
+    driver = Driver("r1")
+    driver.move(at(5.0, 0.0, 0.0))
+    driver.move(at(5.1, 1.0, 0.0))
+    for stamp in (5.1, 5.0):
+        with pytest.raises(Refused) as refusal:
+            driver.move(at(stamp, 0.5, 0.0))
+        assert refusal.value.reason == "past"
+    driver.move(at(5.2, 2.0, 0.0))
+    assert odometer(driver.readings(0.0)) == pytest.approx((2.0, 0.0))
+
+
+@pytest.mark.parametrize("again", [at(5.1 + GAP + 1, 9.0, 0.0), at(5.0 - GAP - 1, 9.0, 0.0)])
+def test_after_a_gap_or_where_its_stamps_begin_anew_no_motion_is_made_up(again: Place) -> None:
+    driver = Driver("r1")
+    driver.move(at(5.0, 0.0, 0.0))
+    driver.move(at(5.1, 1.0, 0.0))
+    driver.move(again)
+    driver.move(at(again.stamp + 0.1, 9.5, 0.0))
+    assert odometer(driver.readings(0.0)) == pytest.approx((1.5, 0.0))
+
+
+def test_where_its_source_begins_anew_at_zero_no_motion_is_made_up() -> None:
+    driver = Driver("r1")
+    driver.move(at(5.0, 400.0, 0.0))
+    driver.move(at(5.1, 0.0, 0.0))  # 400 m in 0.1 s
+    driver.move(at(5.2, 0.5, 0.0))
+    assert FASTEST * 0.1 < 400
+    assert odometer(driver.readings(0.0)) == pytest.approx((0.5, 0.0))
+
+
+def test_a_fix_goes_with_the_next_readings_once_as_wide_as_its_widest_axis() -> None:
+    driver, covariance = Driver("r1"), np.array([[4.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.09]])
+    driver.fix(at(1.0, 3.0, 4.0, 0.5, covariance))
+    told = driver.readings(10.0)
+    assert told is not None
+    assert told.odometry is None
+    assert told.fix is not None
+    assert told.fix.position == (3.0, 4.0)
+    assert [told.fix.sigma, told.fix.heading, told.fix.heading_sigma] == pytest.approx([2.0, 0.5, 0.3])
+    assert driver.readings(20.0) is None
+    covariance[2, 2] = ANY_HEADING
+    driver.fix(at(1.0, 3.0, 4.0, 0.5, covariance))
+    again = driver.readings(20.0)
+    assert again is not None
+    assert again.fix is not None
+    assert again.fix.heading is None
+
+
+def odometer(readings: Readings | None) -> tuple[float, float]:
+    assert readings is not None
+    assert readings.odometry is not None
+    return readings.odometry.distance, readings.odometry.turn

@@ -1,0 +1,136 @@
+"""What the bridge publishes of a recorded team: each agreed belief once, as a pose and now and then as a map, under a name that ROS takes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
+from blackboard.bridges.ros.names import HASHES, MAP, POSE, Node, key
+from blackboard.bridges.ros.publisher import MAX_SUBJECTS
+from blackboard.bridges.ros.service import RosBridge, Sources
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Grid
+from blackboard.tape.file import read
+from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Consensus, Status
+from tests.tape.test_door import GOLDEN
+
+JAZZY = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")
+START = 1.8e9  # Unix seconds
+
+
+def bridge(team: str = "t") -> RosBridge:
+    return RosBridge(team, Node("n", "ab", 0, lambda: START), Sources(), {}, team)
+
+
+def of(out: list[Envelope], topic: str, type_name: str) -> list[Any]:
+    """The messages on a topic among what was sent."""
+    return [JAZZY.deserialize_cdr(it.payload, type_name) for it in out if it.key == key(0, topic, type_name)]
+
+
+@pytest.fixture(scope="module")
+def taped() -> tuple[list[Envelope], list[Consensus]]:
+    """What the bridge sends of a recorded demo, and all that was agreed there."""
+    one, out, agreed = bridge(team="demo"), list[Envelope](), list[Consensus]()
+    for at, envelope in read(GOLDEN):
+        out += one.receive(envelope, at)
+        if envelope.kind is Kind.PUT and "/agreed/" in envelope.key:
+            agreed.append(decode(Consensus, envelope.payload))
+    return out, agreed
+
+
+def test_each_agreed_belief_is_published_once(taped: tuple[list[Envelope], list[Consensus]]) -> None:
+    out, agreed = taped
+    assert agreed
+    for subject in {it.subject for it in agreed}:
+        told = [it for it in agreed if it.subject == subject]
+        poses = of(out, f"demo/{subject}/pose", POSE)
+        assert len(poses) == len({it.tick for it in told})
+        last = max(told, key=lambda it: it.tick)
+        belief = unpack(last.belief)
+        at = poses[-1].pose.pose.position
+        assert [at.x, at.y] == pytest.approx(belief.mean().tolist(), abs=1e-6)
+        maps = of(out, f"demo/{subject}/map", MAP)
+        assert 1 <= len(maps) <= len(poses)
+        assert all(it.data.max() == 100 and it.data.min() >= 0 for it in maps)
+    assert {it.key for it in out} == {
+        key(0, f"demo/{it.subject}/{what}", kind) for it in agreed for what, kind in (("pose", POSE), ("map", MAP))
+    }
+
+
+def test_its_stamps_are_unix_time_though_a_world_has_a_time_of_its_own(
+    taped: tuple[list[Envelope], list[Consensus]],
+) -> None:
+    out, agreed = taped
+    times = [at for at, _ in read(GOLDEN)]
+    assert max(it.time for it in agreed) < 1e6
+    for found in of(out, "demo/robot/r1/pose", POSE):
+        assert times[0] - 1 < found.header.stamp.sec <= times[-1]
+
+
+def test_two_subjects_of_which_ros_makes_one_name_are_told_apart(caplog: pytest.LogCaptureFixture) -> None:
+    one = bridge()
+    told = [agreed(subject, tick) for tick in (1, 2) for subject in ("object/a-b", "object/a.b")]
+    out = settle(one, told)
+    poses = of(out, "t/object/a_b/pose", POSE)
+    assert len(poses) == 2
+    assert caplog.text.count("object/a.b is not published: /t/object/a_b is the topic of object/a-b; rename one") == 1
+
+
+def test_a_grid_with_one_axis_is_not_published_and_harms_no_other(caplog: pytest.LogCaptureFixture) -> None:
+    line = Belief(Grid((4,)), np.full(4, 0.25))
+    out = settle(bridge(), [agreed("object/a", 1, line), agreed("object/b", 1), agreed("object/a", 2, line)])
+    assert of(out, "t/object/b/pose", POSE)
+    assert not of(out, "t/object/a/pose", POSE)
+    assert caplog.text.count("object/a is not published: its grid has one axis") == 1
+
+
+def test_subjects_without_end_are_not_published_without_end(caplog: pytest.LogCaptureFixture) -> None:
+    one, published = bridge(), set[str]()
+    for first in range(0, 3 * MAX_SUBJECTS, 100):
+        told = [agreed(f"object/o{first + n}", 1 + first) for n in range(100)]
+        published |= {it.key for it in settle(one, told) if it.key.endswith(f"RIHS01_{HASHES[POSE]}")}
+    assert len(published) == MAX_SUBJECTS
+    assert caplog.text.count("is not published") == MAX_SUBJECTS  # and no more lines than that
+
+
+def agreed(subject: str, tick: int, belief: Belief | None = None) -> Consensus:
+    return Consensus(
+        board="desk",
+        sub_team="a",
+        level="agreed",
+        subject=subject,
+        tick=tick,
+        time=START + tick,
+        belief=pack(belief or Belief.from_gaussian(GRID, (3, 4), np.eye(2))),
+        ancestors={},
+        used=[],
+        entropy=1.0,
+        conflict=False,
+        rule="coalition",
+    )
+
+
+def settle(one: RosBridge, told: list[Consensus]) -> list[Envelope]:
+    """A board tells this, tick by tick."""
+    out = one.receive(Envelope("cop/t/a/board/desk", kind=Kind.ALIVE), START)
+    for tick in sorted({it.tick for it in told}):
+        now = [it for it in told if it.tick == tick]
+        for it in now:
+            out += one.receive(Envelope(f"cop/t/a/agreed/{it.subject}", encode(it)), START + tick)
+        status = Status(
+            process="desk",
+            kind="board",
+            tick=tick,
+            time=START + tick,
+            phase="agreed",
+            subjects=sorted(it.subject for it in now),
+        )
+        out += one.receive(Envelope("cop/t/a/status/desk", encode(status)), START + tick)
+    return out

@@ -1,0 +1,197 @@
+"""The bridge among a board and its robots on a bus: what it takes in from ROS, refuses, and says of itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
+from blackboard.board.service import BoardService
+from blackboard.bridges.ros import convert
+from blackboard.bridges.ros.names import DIAGNOSTICS, ODOMETRY, POSE, Node, key
+from blackboard.bridges.ros.service import RosBridge, Sources
+from blackboard.client.member import Member
+from blackboard.config import BoardSection
+from blackboard.net.bus import Bus
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Grid
+from blackboard.process.service import Service
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Readings, Status
+
+JAZZY = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")
+START = 1.8e9  # Unix seconds
+
+
+def bridge(sources: Sources) -> RosBridge:
+    members = {
+        robot: Member(team="t", sub_teams=("a",), robot=robot, grid=GRID, settings=BoardSection())
+        for robot in sources.poses
+    }
+    return RosBridge("t", Node("n", "ab", 0, lambda: START), sources, members, "t")
+
+
+def pose(x: float, y: float, variance: float = 1.0, frame: str = "map") -> bytes:
+    message = convert.pose(Belief.from_gaussian(Grid((60, 60)), (x, y), variance * np.eye(2)), START, (0.0, 0.01))
+    object.__setattr__(message.header, "frame_id", frame)
+    return convert.encode(message)
+
+
+def moved(stamp: float, x: float) -> bytes:
+    types, plain = JAZZY.types, JAZZY.deserialize_cdr(pose(10, 10), POSE)
+    plain.pose.pose.position.__dict__["x"] = x
+    object.__setattr__(plain.header.stamp, "sec", int(stamp))
+    object.__setattr__(plain.header.stamp, "nanosec", round((stamp % 1) * 1e9))
+    zero = types["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
+    twist = types["geometry_msgs/msg/TwistWithCovariance"](
+        twist=types["geometry_msgs/msg/Twist"](linear=zero, angular=zero), covariance=np.zeros(36)
+    )
+    return convert.encode(types[ODOMETRY](header=plain.header, child_frame_id="base", pose=plain.pose, twist=twist))
+
+
+def of(out: list[Envelope], topic: str, type_name: str) -> list[Any]:
+    """The messages on a topic among what was sent."""
+    return [JAZZY.deserialize_cdr(it.payload, type_name) for it in out if it.key == key(0, topic, type_name)]
+
+
+def team(*services: Service) -> tuple[Callable[[float], list[Envelope]], Bus]:
+    """Services on a bus; a call lets so many seconds pass, and returns what all of them sent."""
+    bus = Bus()
+    links = [bus.connect() for _ in services]
+    for link, service in zip(links, services, strict=True):
+        for watched in service.watches:
+            link.watch(watched)
+        for listened in service.listens:
+            link.subscribe(listened)
+        for token in service.tokens:
+            link.token(token)
+    now = START
+
+    def run(seconds: float) -> list[Envelope]:
+        nonlocal now
+        end, out = now + seconds, list[Envelope]()
+        while now < end:
+            now += 0.05
+            for link, service in zip(links, services, strict=True):
+                answers = [answer for envelope in link.receive() for answer in service.receive(envelope, now)]
+                if (due := service.wake_at(now)) is not None and due <= now:
+                    answers += service.wake(now)
+                for answer in answers:
+                    link.send(answer)
+                out += answers
+        return out
+
+    return run, bus
+
+
+def test_a_pose_is_reported_as_the_robots_own_belief_and_comes_back_as_agreed() -> None:
+    one = bridge(Sources(poses={"r7": "/amcl_pose"}))
+    board = BoardService(team="t", sub_team="a", board="desk", grid=GRID, settings=BoardSection())
+    run, bus = team(board, one)
+    assert one.tokens[0] == one.node.token
+    assert "cop/t/a/member/r7" in one.tokens
+    assert any("/MS/" in token and "%amcl_pose" in token for token in one.tokens)
+    run(1.0)
+    bus.send(Envelope(key(0, "amcl_pose", POSE), pose(12, 8, 2.0)))
+    out = run(2.0)
+    poses = of(out, "t/robot/r7/pose", POSE)
+    assert poses
+    assert [poses[-1].pose.pose.position.x, poses[-1].pose.pose.position.y] == pytest.approx([12, 8], abs=0.2)
+    assert poses[0].pose.covariance[0] == pytest.approx(2.0, rel=0.3)
+    assert poses[-1].pose.covariance[0] > poses[0].pose.covariance[0]  # an old belief spreads
+    assert poses[-1].pose.covariance[35] == pytest.approx(math.pi**2 / 3)  # a belief about a place says no heading
+    told = of(out, "diagnostics", DIAGNOSTICS)[-1].status
+    assert [(it.name, it.level) for it in told] == [
+        ("team t: board desk", 0),
+        ("team t: robot r7", 0),
+        ("team t: bridge ros", 0),
+    ]
+    assert not one.refused
+    assert board.intake.refused == {}
+
+
+def test_odometry_and_fixes_become_the_readings_of_a_robot() -> None:
+    one = bridge(Sources(odometry={"r1": "r1/odom"}, fixes={"r1": "/initialpose"}))
+    run, bus = team(one)
+    bus.send(Envelope(key(0, "initialpose", POSE), pose(5, 6)))
+    for n in range(21):
+        bus.send(Envelope(key(0, "r1/odom", ODOMETRY), moved(100 + n / 20, n / 10)))
+        if n == 0:
+            found = run(0.05)
+    found += run(1.0)
+    readings = [decode(Readings, it.payload) for it in found if it.key == "cop/t/world/reading/r1"]
+    assert [it.tick for it in readings] == list(range(len(readings)))
+    assert [None if it.fix is None else it.fix.position for it in readings if it.fix is not None] == [
+        pytest.approx((5, 6), abs=0.1)
+    ]
+    assert sum(it.odometry.distance for it in readings if it.odometry is not None) == pytest.approx(2.0)
+    assert sum(it.odometry.dt for it in readings if it.odometry is not None) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("topic", "type_name", "payload", "reason"),
+    [
+        ("r1/odom", ODOMETRY, b"", "fields"),
+        ("r1/odom", ODOMETRY, b"\0\1\0\0" + b"\xff" * 400, "fields"),
+        ("r1/odom", ODOMETRY, bytes(1 << 20), "too-large"),
+        ("initialpose", POSE, pose(5, 6, frame="odom"), "frame"),
+        ("amcl_pose", POSE, pose(5, 6, frame="odom"), "frame"),
+        ("amcl_pose", POSE, pose(50, 6), "mass"),
+        ("amcl_pose", POSE, pose(5, 6)[:-8] + b"\xff" * 8, "fields"),
+    ],
+)
+def test_what_cannot_be_used_is_counted_named_once_and_told(
+    topic: str, type_name: str, payload: bytes, reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    one = bridge(Sources({"r1": "r1/odom"}, {"r1": "/initialpose"}, {"r7": "amcl_pose"}))
+    board = BoardService(team="t", sub_team="a", board="desk", grid=GRID, settings=BoardSection())
+    run, bus = team(board, one)
+    run(2.0)  # the board tells the team's grid and its frame
+    for _ in range(3):
+        bus.send(Envelope(key(0, topic, type_name), payload))
+    out = run(2.0)
+    assert one.refused == {reason: 3}
+    assert caplog.text.count(f"{topic}: {reason}: ") == 1
+    assert not [it for it in out if it.key.startswith(("cop/t/world/", "cop/t/a/report/"))]
+    (own,) = [it for it in of(out, "diagnostics", DIAGNOSTICS)[-1].status if it.name == "team t: bridge ros"]
+    assert own.level == 1
+    assert own.message == f"refuses messages: {reason} 3"
+
+
+def test_while_a_world_gives_the_readings_those_from_ros_are_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    one = bridge(Sources(odometry={"r1": "r1/odom"}))
+    told = [Envelope(key(0, "r1/odom", ODOMETRY), moved(100 + n / 2, n / 2)) for n in range(5)]
+    assert not one.receive(told[0], START)
+    assert len(one.receive(told[1], START + 1)) == 1
+    one.receive(Envelope("cop/t/world/alive", kind=Kind.ALIVE), START + 1)
+    assert not [it for n in (2, 3) for it in one.receive(told[n], START + n)]
+    assert caplog.text.count("a world gives the readings of r1; those from ROS are left out") == 1
+    one.receive(Envelope("cop/t/world/alive", kind=Kind.GONE), START + 3.5)
+    (again,) = one.receive(told[4], START + 4)
+    odometry = decode(Readings, again.payload).odometry
+    assert odometry is not None
+    assert odometry.distance == pytest.approx(0.5)  # what the robot did in the world is not told again
+
+
+def test_a_delete_on_its_topics_is_ignored() -> None:
+    one = bridge(Sources({"r1": "r1/odom"}))
+    assert one.receive(Envelope(key(0, "r1/odom", ODOMETRY), kind=Kind.DELETE), START) == []
+    assert not one.refused
+
+
+def test_a_robot_that_it_speaks_for_answers_a_world_that_waits() -> None:
+    one = bridge(Sources(poses={"r7": "amcl_pose"}))
+    one.receive(Envelope("cop/t/world/alive", kind=Kind.ALIVE), START)
+    clocks = [Clock(run="w", tick=tick, time=tick / 5, mode="lockstep") for tick in (3, 4)]
+    one.receive(Envelope("cop/t/world/clock", encode(clocks[0])), START)
+    sent = one.receive(Envelope(key(0, "amcl_pose", POSE), pose(5, 6)), START)
+    assert [it.key for it in sent] == ["cop/t/a/report/r7/robot/r7", "cop/t/a/status/r7"]
+    answers = one.receive(Envelope("cop/t/world/clock", encode(clocks[1])), START + 0.2)
+    assert [it.key for it in answers] == ["cop/t/a/report/r7/robot/r7", "cop/t/score/solo/r7", "cop/t/a/status/r7"]
+    assert decode(Status, answers[-1].payload).tick == 4
