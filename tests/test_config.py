@@ -34,6 +34,10 @@ def board(**table: Any) -> BoardSection:
         ({"rule": "best"}, "board.rule: 'best' is none of calibrated, channel-filter"),
         ({"rule": "clique", "inner": "clique"}, "board.inner: a clique of a clique gains nothing"),
         ({"k": -1}, "board.k: give a finite value of at least 0 and at most 10 (got -1)"),
+        (
+            {"independence": 7},
+            'board.independence: give a finite value of at least 0 and at most 1, or "learn" (got 7)',
+        ),
         ({"k": "two"}, "board.k: give a finite value of at least 0 and at most 10 (got two)"),
         ({"gate": 3, "gamma": 0.5}, "board.gate: give it or gamma, not both"),
         (

@@ -144,7 +144,7 @@ def _checked_value(own: dataclasses.Field[Any], value: Any) -> Any:
     words = own.metadata.get("words", ())
     if isinstance(own.default, str | bool) and own.default not in words:
         if type(value) is not type(own.default):
-            raise RuleError(own.name, f"give a {'text' if isinstance(own.default, str) else 'boolean'}", repr(value))
+            raise RuleError(own.name, f"give {bounds_in_words(own)}", repr(value))
         return value
     if isinstance(value, str) and value in words:
         return value
@@ -158,7 +158,7 @@ def _checked_value(own: dataclasses.Field[Any], value: Any) -> Any:
 
 def bounds_in_words(own: dataclasses.Field[Any]) -> str:
     """What a parameter may be, as `a finite value of at least 0 and at most 1, or "learn"`."""
-    if isinstance(own.default, bool | str):
+    if isinstance(own.default, bool | str) and own.default not in own.metadata.get("words", ()):
         return "a text" if isinstance(own.default, str) else "a boolean"
     least, above, most = (own.metadata.get(name, bound) for name, bound in BOUNDS)
     bounds = {"of at least": least, "above": above, "at most": most}
