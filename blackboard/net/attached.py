@@ -44,12 +44,12 @@ class AttachedLink(Link):
             return
         publisher = self._publishers.get(envelope.key)
         if publisher is None:
-            publisher = self._publishers[envelope.key] = self._declare(envelope.key)
+            publisher = self._publishers[envelope.key] = self._publisher(envelope.key)
             self.token(outlet.token)
         publisher.put(envelope.payload, attachment=outlet.attach())
         self._sent += 1
 
-    def _declare(self, key: str) -> Any:
+    def _publisher(self, key: str) -> Any:
         """A publisher whose last message is asked for by who comes late, or missed it."""
         return ext.declare_advanced_publisher(
             self._session,
