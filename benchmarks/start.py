@@ -65,7 +65,7 @@ def mebibytes(pid: int) -> float:
 def rows() -> Iterator[Row]:
     numpy = cpu(sys.executable, "-c", "import numpy")
     yield Row("import blackboard, processor time", cpu(sys.executable, "-c", "import blackboard"), "s", most=0.15)
-    yield Row("of which, and of everything below, import numpy", numpy, "s")
+    yield Row("import numpy, which is in everything below", numpy, "s")
     router = started(str(BIN / "blackboard"), "router", "-l", ENDPOINT)
     try:
         ready(router, "ready")

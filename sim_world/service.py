@@ -58,7 +58,9 @@ class WorldService:
         self._clock: Clock | None = None  # of the newest tick
         self._news_at = 0.0  # Unix seconds of the newest first answer to the tick, or of asking again
         self._rounds_asked = 0  # how often in this tick who was missing was asked
-        self._told_again: set[str] = set()  # who was asked for its answers since then
+        self._spoke: set[str] = set()  # whose status of this tick came, and is not idle
+        self._done: set[str] = set()  # who said so that it is done with the tick
+        self._lacked: set[str] = set()  # whose messages boards lacked since who is missing was asked
         self._elapsed = 0.0  # seconds of the tick that had passed when too few were there to go on
         self._began = self._now = 0.0  # Unix seconds of the first tick, and of the newest event
         self._end: str | None = None  # why it ended; "" when all ticks are done
@@ -151,11 +153,15 @@ class WorldService:
         sub_team = parts.get("sub_team", "")
         if isinstance(message, Status):
             self.traffic.hear(sub_team, message)
+<<<<<<< HEAD
             self.members.hear_status(sub_team, message)
             if self.members.strangers:
                 self.counters["strangers"] = len(self.members.strangers)
             if self._rounds_asked and self._is_waiting_for_answers and self.tick in self._open:
                 return self._hear_asked(sub_team, message, payload)
+=======
+            self._note(sub_team, message)
+>>>>>>> fast
             if message.kind != "board" or message.phase not in PHASES:
                 return []
         if isinstance(message, Solo | Consensus | Status):
@@ -174,20 +180,30 @@ class WorldService:
 
     @property
     def _asks_at(self) -> float:
-        """When who is missing is asked next, Unix seconds: after `patience` without an answer, then after twice as long, and so on."""
-        return self._news_at + self.settings.patience * 2.0 ** min(self._rounds_asked, LONGEST)
+        """When to ask next, Unix seconds: twice after `patience` without an answer, then twice after twice as long, and so on."""
+        return self._news_at + self.settings.patience * 2.0 ** min(self._rounds_asked // 2, LONGEST)
 
-    def _hear_asked(self, sub_team: str, status: Status, payload: bytes) -> list[Envelope]:
-        """A status, after who is missing was asked: whose messages it lacks, and its own where some were lost, are asked for once."""
+    def _note(self, sub_team: str, status: Status) -> None:
+        """What a process says of this tick: that it has sent its answers, or at least what others wait for, and what it lacks."""
         name = f"robot/{status.process}" if status.kind == "robot" else f"board/{sub_team}/{status.process}"
-        if status.kind == "board" and status.phase in PHASES:
-            self._hear_answer(sub_team, status, payload)
-        wanted = set(status.lacks) if status.kind == "board" else set()
-        if status.tick == self.tick and status.phase in ("reported", "agreed"):
-            wanted |= {name} & self.members.missing(self._open[self.tick])
-        wanted &= self.members.names() - self._told_again
-        self._told_again |= wanted
-        return self._ask(again=sorted(wanted)) if wanted else []
+        if status.tick == self.tick and status.phase != "idle":
+            self._spoke.add(name)
+            if status.phase != "consensus":
+                self._done.add(name)
+        self._lacked.update(status.lacks)
+
+    def _ask_again(self, now: float) -> list[Envelope]:
+        """Ask who is missing for its status; and the next time, whose answers were sent and are still not here, for these.
+
+        In between there is time for what was on its way: a status may overtake the answers.
+        """
+        missing = self.members.missing(self._open[self.tick])
+        lost = (self._done & missing) | (self._spoke & self._lacked & self.members.names())
+        owing = lost if self._rounds_asked % 2 else set[str]()
+        self._rounds_asked += 1
+        self._news_at = now
+        self._lacked.clear()
+        return self._ask(again=sorted(owing)) if owing else self._ask(asked=sorted(missing))
 
     def _ask(self, asked: Sequence[str] = (), again: Sequence[str] = ()) -> list[Envelope]:
         """The Clock once more, which says who shall tell its status, after their readings, and who shall send its answers again."""
@@ -227,10 +243,7 @@ class WorldService:
                 out += self._finish_tick(began, now)
             began = self.rounds.began
         if self._end is None and self._is_waiting_for_answers and now >= self._asks_at:
-            self._news_at = now
-            self._rounds_asked += 1
-            self._told_again.clear()
-            out += self._ask(asked=sorted(self.members.missing(self._open[self.tick])))
+            out += self._ask_again(now)
         return out
 
     def _holds(self, fact: str) -> bool:
@@ -284,6 +297,8 @@ class WorldService:
         teams = self.members.teams()
         self._open[self.tick] = Instant(truth, teams, began=now, landmark_seen=who_saw_landmarks(readings))
         self._news_at, self._rounds_asked = now, 0
+        for names in (self._spoke, self._done, self._lacked):
+            names.clear()
         if self.pace is Pace.REALTIME and self.tick == self.ticks:
             self.rounds.enter("last", now)
         else:
