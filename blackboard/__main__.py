@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import sys
 from pathlib import Path
@@ -197,6 +198,7 @@ def _run(
     output: OutputFlags,
     flags: door.ZenohFlags,
 ) -> int:
+    from blackboard.run.browser import can_open
     from blackboard.run.launch import run_scenario
     from sim_world.scorecard import text
 
@@ -205,8 +207,11 @@ def _run(
         from blackboard.tape.file import check_new
 
         check_new(record)
+    opens = look.view and can_open(terminal=sys.stdout.isatty(), environment=os.environ)
     with progress(scenario.name) as show_progress:
-        status, card = run_scenario(scenario, show_progress, flags.link(), run.series, record, view=look.view)
+        status, card = run_scenario(
+            scenario, show_progress, flags.link(), run.series, record, view=look.view, open_page=opens
+        )
     output.show(card, text)
     return status
 

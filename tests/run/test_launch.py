@@ -73,6 +73,8 @@ def test_the_live_page_is_a_process_of_its_own_where_it_is_asked_for() -> None:
     (page,) = rows.viewers
     assert " ".join(arguments(page)) == "blackboard view --team t --port 0 --connect tcp/127.0.0.1:1"
     assert not page.tokens
+    (opened,) = process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1", view=True, open_page=True).viewers
+    assert " ".join(arguments(opened)) == "blackboard view --team t --port 0 --open --connect tcp/127.0.0.1:1"
     assert process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1").viewers == ()
 
 
@@ -181,6 +183,7 @@ def run(monkeypatch: pytest.MonkeyPatch, endpoint: str) -> Run:
             series: None,
             record: None,
             view: bool,
+            open_page: bool,
         ) -> ProcessTable:
             assert own_endpoint is None
             row = Process("r1", (sys.executable, "-c", member, endpoint, file), frozenset({"cop/t/a/member/r1"}))
