@@ -76,7 +76,7 @@ class Coalition(EntropyWeighted):
     gamma: float | None = parameter(default=None, above=0, most=1)
     gate: float | None = parameter(default=None, above=0, tried=(1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0))
     independence: float | Literal["learn"] = parameter(
-        default=CAUTIOUS, least=0, most=1, words=("learn",), tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+        default="learn", least=0, most=1, words=("learn",), tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
     )
 
     def __post_init__(self) -> None:
