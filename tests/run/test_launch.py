@@ -17,15 +17,11 @@ import robot_agent.__main__
 import sim_world.__main__
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
-from blackboard.net.bus import Bus
 from blackboard.net.settings import LinkConfig
 from blackboard.run import launch
 from blackboard.run.door import INTERRUPTED
-from blackboard.run.launch import Observer, ProcessTable, process_table, run_scenario
+from blackboard.run.launch import ProcessTable, process_table, run_scenario
 from blackboard.run.supervisor import Process
-from blackboard.wire.codec import encode
-from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Clock
 from tests.processes import children, program, silent_server
 
 TEAM = {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r2"]}}
@@ -103,33 +99,6 @@ def test_every_door_understands_its_row(own_endpoint: str | None) -> None:
         assert (flags.mode, flags.config, flags.cfg, flags.multicast_scouting) == (
             None if name == "blackboard" and rest[0] == "router" else "client", "z.json5", ["a:1"], True,
         )  # fmt: skip
-
-
-def test_the_launcher_sees_who_is_alive_and_the_clock_by_the_one_fold() -> None:
-    bus = Bus()
-    world, link = bus.connect(), bus.connect()
-    alive: list[int] = []
-    seen: list[tuple[int, int]] = []
-
-    def look() -> None:
-        for envelope in link.receive():
-            observer.take(envelope)
-
-    observer = Observer(link, SCENARIO, lambda: alive.append(len(seen)), lambda *at: seen.append(at))  # type: ignore[arg-type]
-    world.token("cop/t/a/member/r1")
-    look()
-    assert (alive, observer.missing(frozenset({"cop/t/a/member/r1", "cop/t/a/board/x"}))) == ([], {"cop/t/a/board/x"})
-    world.token("cop/t/world/alive")
-    for tick in (1, 2):
-        clock = Clock(run="1", tick=tick, time=0.5 * tick, mode="lockstep")
-        world.send(Envelope("cop/t/world/clock", encode(clock)))
-    world.send(Envelope("cop/t/world/clock", b"!"))
-    look()
-    assert alive
-    assert seen[:2] == [(1, 20), (2, 20)]
-    world.close()
-    look()
-    assert observer.missing(frozenset({"cop/t/a/member/r1"})) == {"cop/t/a/member/r1"}
 
 
 # --- runs with stand-ins -------------------------------------------------------------------------------------------------
