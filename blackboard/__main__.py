@@ -5,6 +5,7 @@ Long, because it is the door of many commands, each with its flags.
 
 from __future__ import annotations
 
+import os
 import socket
 import sys
 import tempfile
@@ -247,6 +248,7 @@ def _run(
     output: OutputFlags,
     flags: door.ZenohFlags,
 ) -> int:
+    from blackboard.run.browser import can_open
     from blackboard.run.launch import Interrupted, run_scenario
     from sim_world.scorecard import text
     from sim_world.table import check_table
@@ -258,10 +260,13 @@ def _run(
         from blackboard.tape.file import check_new
 
         check_new(record)
+    opens = look.view and can_open(terminal=sys.stdout.isatty(), environment=os.environ)
     with _samples(scenario, run.table, look.plot) as samples:
         with progress(scenario.name) as show_progress:
             try:
-                status, card = run_scenario(scenario, show_progress, flags.link(), samples, record, view=look.view)
+                status, card = run_scenario(
+                    scenario, show_progress, flags.link(), samples, record, view=look.view, open_page=opens
+                )
             except Interrupted as stopped:
                 status, card = door.INTERRUPTED, stopped.card
         output.show(card, text)

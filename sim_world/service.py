@@ -153,15 +153,10 @@ class WorldService:
         sub_team = parts.get("sub_team", "")
         if isinstance(message, Status):
             self.traffic.hear(sub_team, message)
-<<<<<<< HEAD
             self.members.hear_status(sub_team, message)
             if self.members.strangers:
                 self.counters["strangers"] = len(self.members.strangers)
-            if self._rounds_asked and self._is_waiting_for_answers and self.tick in self._open:
-                return self._hear_asked(sub_team, message, payload)
-=======
             self._note(sub_team, message)
->>>>>>> fast
             if message.kind != "board" or message.phase not in PHASES:
                 return []
         if isinstance(message, Solo | Consensus | Status):
@@ -186,11 +181,14 @@ class WorldService:
     def _note(self, sub_team: str, status: Status) -> None:
         """What a process says of this tick: that it has sent its answers, or at least what others wait for, and what it lacks."""
         name = f"robot/{status.process}" if status.kind == "robot" else f"board/{sub_team}/{status.process}"
+        members = self.members.names()
+        if name not in members:
+            return  # what strangers say is not kept
         if status.tick == self.tick and status.phase != "idle":
             self._spoke.add(name)
             if status.phase != "consensus":
                 self._done.add(name)
-        self._lacked.update(status.lacks)
+        self._lacked |= members.intersection(status.lacks)
 
     def _ask_again(self, now: float) -> list[Envelope]:
         """Ask who is missing for its status; and the next time, whose answers were sent and are still not here, for these.
@@ -198,7 +196,7 @@ class WorldService:
         In between there is time for what was on its way: a status may overtake the answers.
         """
         missing = self.members.missing(self._open[self.tick])
-        lost = (self._done & missing) | (self._spoke & self._lacked & self.members.names())
+        lost = (self._done & missing) | (self._spoke & self._lacked)
         owing = lost if self._rounds_asked % 2 else set[str]()
         self._rounds_asked += 1
         self._news_at = now

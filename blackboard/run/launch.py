@@ -67,11 +67,12 @@ def process_table(
     series: Path | None = None,
     record: Path | None = None,
     view: bool = False,
+    open_page: bool = False,
 ) -> ProcessTable:
     """The process table of a scenario in `file`; with `own_endpoint` it has a router of its own, which listens there too.
 
     The world writes its samples into `series`, a recorder everything onto the tape `record`. With `view` a live page is served by a
-    process of its own.
+    process of its own, which opens it in the browser where that is asked for.
     """
     python, team = (sys.executable, "-m"), scenario.team
     routers: tuple[Process, ...] = ()
@@ -96,7 +97,8 @@ def process_table(
     recorder = None
     if record is not None:
         recorder = Process("recorder", (*python, "blackboard", "record", str(record), "--team", team.name, *common))
-    page = Process("view", (*python, "blackboard", "view", "--team", team.name, "--port", "0", *_flags(config)))
+    shown = ("--port", "0", *(("--open",) if open_page else ()))
+    page = Process("view", (*python, "blackboard", "view", "--team", team.name, *shown, *_flags(config)))
     return ProcessTable(routers, tuple(members), world, (page,) if view else (), recorder)
 
 
@@ -126,12 +128,13 @@ def run_scenario(
     record: Path | None = None,
     *,
     view: bool = False,
+    open_page: bool = False,
 ) -> tuple[int, dict[str, Any]]:
     """Run every process of a scenario until its world ends: the world's exit status and scorecard.
 
     Samples go into `series`, and every message onto the tape `record`.
 
-    With `view` a live page is served beside it, and stopped with it.
+    With `view` a live page is served beside it, and stopped with it; with `open_page` it is opened in the browser.
 
     The network is the one that `config` names an endpoint or a file for, else a router of its own on 127.0.0.1.
     UserError: a process ended with one. RunFailed: the world gave no scorecard. KeyboardInterrupt: SIGINT or SIGTERM came; it is
@@ -144,7 +147,7 @@ def run_scenario(
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
         file = Path(folder) / "scenario.json"
         file.write_text(scenario.to_json(), encoding="utf-8")
-        processes = process_table(scenario, str(file), config, own_endpoint, series, record, view)
+        processes = process_table(scenario, str(file), config, own_endpoint, series, record, view, open_page)
         if own_endpoint is not None:
             config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg, keys=config.keys)
         try:

@@ -18,6 +18,7 @@ from blackboard.errors import RunFailed, UserError
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
+from blackboard.run.browser import open_page
 from blackboard.run.flags import OutputFlags
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
@@ -223,6 +224,7 @@ def view(
     port: int = 8642,
     host: str = "127.0.0.1",
     name: Annotated[list[str] | None, Parameter(negative="", show_default=False)] = None,
+    open_it: Annotated[bool, Parameter(name="--open", negative="", show_default=False)] = False,
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
     """Serve a live page of a running team, or a page of a tape, until it is stopped (extra `web`).
@@ -241,7 +243,10 @@ def view(
         The address to listen on. Others than 127.0.0.1 show the page to everybody who reaches it.
     name
         A name by which browsers may call the page; may be given again [default: any, and on 127.0.0.1 that and localhost].
+    open_it
+        Also open it in the browser, where there is one.
     """
+    ready = _ready_and_open if open_it else _ready
     if not 0 <= port < 65536:
         raise UserError(f"--port {port}: give 0 to 65535")
     try:
@@ -252,7 +257,7 @@ def view(
     if file is not None:
         taped = open_tape(file, team, flags)
         stop = door.Stop()
-        serve(taped.feed, taped.team, clock.now, Address(host, port, name), stop, _ready, taped.drift)
+        serve(taped.feed, taped.team, clock.now, Address(host, port, name), stop, ready, taped.drift)
         return door.DONE
     chosen = load(scenario or TEAM)
     of = team or chosen.team.name
@@ -261,7 +266,7 @@ def view(
     stop = door.Stop()
     with Link(flags.link(), "view", patience=30.0, stopped=stop) as link:
         feed = Feed(link, clock.now, of)
-        serve(feed, of, clock.now, Address(host, port, name), stop, _ready, chosen.board.drift)
+        serve(feed, of, clock.now, Address(host, port, name), stop, ready, chosen.board.drift)
     return door.DONE
 
 
@@ -315,6 +320,11 @@ def open_tape(file: Path, team: str | None, flags: door.ZenohFlags) -> Taped:
 
 def _ready(url: str) -> None:
     door.log.info("live page", url=url)
+
+
+def _ready_and_open(url: str) -> None:
+    _ready(url)
+    open_page(url)
 
 
 def main() -> None:

@@ -17,15 +17,11 @@ import robot_agent.__main__
 import sim_world.__main__
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
-from blackboard.net.bus import Bus
 from blackboard.net.settings import LinkConfig
 from blackboard.run import launch
 from blackboard.run.door import INTERRUPTED
-from blackboard.run.launch import Observer, ProcessTable, process_table, run_scenario
+from blackboard.run.launch import ProcessTable, process_table, run_scenario
 from blackboard.run.supervisor import Process
-from blackboard.wire.codec import encode
-from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Clock
 from tests.processes import children, program, silent_server
 
 TEAM = {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r2"]}}
@@ -73,6 +69,8 @@ def test_the_live_page_is_a_process_of_its_own_where_it_is_asked_for() -> None:
     (page,) = rows.viewers
     assert " ".join(arguments(page)) == "blackboard view --team t --port 0 --connect tcp/127.0.0.1:1"
     assert not page.tokens
+    (opened,) = process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1", view=True, open_page=True).viewers
+    assert " ".join(arguments(opened)) == "blackboard view --team t --port 0 --open --connect tcp/127.0.0.1:1"
     assert process_table(SCENARIO, "s.json", LinkConfig(), "tcp/127.0.0.1:1").viewers == ()
 
 
@@ -101,33 +99,6 @@ def test_every_door_understands_its_row(own_endpoint: str | None) -> None:
         assert (flags.mode, flags.config, flags.cfg, flags.multicast_scouting) == (
             None if name == "blackboard" and rest[0] == "router" else "client", "z.json5", ["a:1"], True,
         )  # fmt: skip
-
-
-def test_the_launcher_sees_who_is_alive_and_the_clock_by_the_one_fold() -> None:
-    bus = Bus()
-    world, link = bus.connect(), bus.connect()
-    alive: list[int] = []
-    seen: list[tuple[int, int]] = []
-
-    def look() -> None:
-        for envelope in link.receive():
-            observer.take(envelope)
-
-    observer = Observer(link, SCENARIO, lambda: alive.append(len(seen)), lambda *at: seen.append(at))  # type: ignore[arg-type]
-    world.token("cop/t/a/member/r1")
-    look()
-    assert (alive, observer.missing(frozenset({"cop/t/a/member/r1", "cop/t/a/board/x"}))) == ([], {"cop/t/a/board/x"})
-    world.token("cop/t/world/alive")
-    for tick in (1, 2):
-        clock = Clock(run="1", tick=tick, time=0.5 * tick, mode="lockstep")
-        world.send(Envelope("cop/t/world/clock", encode(clock)))
-    world.send(Envelope("cop/t/world/clock", b"!"))
-    look()
-    assert alive
-    assert seen[:2] == [(1, 20), (2, 20)]
-    world.close()
-    look()
-    assert observer.missing(frozenset({"cop/t/a/member/r1"})) == {"cop/t/a/member/r1"}
 
 
 # --- runs with stand-ins -------------------------------------------------------------------------------------------------
@@ -181,6 +152,7 @@ def run(monkeypatch: pytest.MonkeyPatch, endpoint: str) -> Run:
             series: None,
             record: None,
             view: bool,
+            open_page: bool,
         ) -> ProcessTable:
             assert own_endpoint is None
             row = Process("r1", (sys.executable, "-c", member, endpoint, file), frozenset({"cop/t/a/member/r1"}))

@@ -196,12 +196,12 @@ def test_robots_that_lost_themselves_are_a_fail_though_they_say_so() -> None:
 
 
 def test_of_a_run_of_hours_neighbouring_blocks_become_one_and_nothing_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    long = judged(1.0, 1.0, 41)
-    monkeypatch.setattr("sim_world.calibration.MOST", 10)
-    bounded = judged(1.0, 1.0, 41)
-    assert (len(long._blocks), len(bounded._blocks)) == (41, 6)
+    long = judged(1.0, 1.0, 12)
+    monkeypatch.setattr("sim_world.calibration.MOST", 5)
+    bounded = judged(1.0, 1.0, 12)
+    assert (len(long._blocks), len(bounded._blocks)) == (12, 3)
     assert bounded.rmse() == pytest.approx(long.rmse(), rel=1e-12)
     assert [at.share for at in bounded.coverage()] == pytest.approx([at.share for at in long.coverage()], rel=1e-12)
     together = Calibration.merged([long, bounded])
-    assert len(together._blocks) == 6
+    assert len(together._blocks) == 3
     assert together.rmse() == pytest.approx(long.rmse(), rel=1e-12)

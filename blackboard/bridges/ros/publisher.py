@@ -9,8 +9,8 @@ from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, POSE, Node, part
 from blackboard.errors import Refused
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
-from blackboard.view.summary import Table, processes
 from blackboard.state.told import read
+from blackboard.view.summary import Table, processes
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import unpack_state
 from blackboard.wire.messages import Consensus
