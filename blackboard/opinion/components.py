@@ -30,8 +30,8 @@ from blackboard.opinion.vectors import logarithm, positive, shares
 
 TINY = 5e-324  # the smallest positive float: x / max(x, TINY) is 1, and 0 for x = 0
 LEAST_PRODUCT = 1e-280  # of a cell's ratios, for the simple scaling: 1e-308 is where floats end
-CACHED = 1 << 15  # values of E_q worked on at a time, 256 kB, so that they stay in the processor's cache
-BLOCK = 1024  # cells worked on at a time where all steps are kept
+CACHED = 1 << 15  # values of E_q worked on at a time, 256 kB, where no steps are kept
+BLOCK = 1024  # cells worked on at a time, so that they stay in the processor's cache
 NEGLIGIBLE = 1e-9  # of all mass, in a cell: cells with less are left out when members are counted
 
 
