@@ -79,7 +79,7 @@ class Coalition(EntropyWeighted):
     gate: float | None = parameter(default=None, above=0, tried=(1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0))
     "[nats] What it may cost an opinion to agree with the others; 4 where neither this nor `gamma` is given."
     independence: float | Literal["learn"] = parameter(
-        default="learn", least=0, most=1, words=("learn",), tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+        default=CAUTIOUS, least=0, most=1, words=("learn",), tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
     )
     "[share] How independent the members of a coalition are: 0 is their geometric mean, 1 their product; learn: finds out."
 

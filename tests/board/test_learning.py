@@ -92,10 +92,10 @@ def test_only_beliefs_near_a_gaussian_are_compared() -> None:
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
-def test_without_evidence_a_board_that_learns_is_cautious(n: int) -> None:
+def test_without_evidence_a_board_does_what_it_does_by_default(n: int) -> None:
     opinions = [opinion(f"s{i}", (15 + i, 15), 1.0 + i) for i in range(n)]
     learned = fuse_opinions(opinions, GRID, LEARN, "object/ball", Learner(), 0.0)
-    default = fuse_opinions(opinions, GRID, BoardSection.model_validate({"independence": 0.2}), "object/ball")
+    default = fuse_opinions(opinions, GRID, BoardSection(), "object/ball")
     assert np.array_equal(learned.belief.p, default.belief.p)
     assert [share.weight for share in learned.shares] == [share.weight for share in default.shares]
     assert learned.rule == default.rule
