@@ -32,7 +32,7 @@ from sim_world.traffic import Traffic
 log = logging.getLogger(__name__)
 
 LONGEST = 5  # times that the wait until asking again is doubled
-SHOWN_TICKS = 3000  # a run without end logs its progress ten times in so many ticks
+SHOWN_TICKS = 1000  # a run without end logs its progress ten times in so many ticks
 
 
 class WorldService:

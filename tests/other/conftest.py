@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
@@ -18,7 +18,7 @@ TARGET = os.environ.get("CARGO_TARGET_DIR", str(ROOT / ".cargo-target"))
 
 @pytest.fixture(scope="session")
 def built() -> Callable[[Path], str]:
-    """Builds the crate in a folder and returns the path of its program, which has the folder's name. Skips where there is no cargo."""
+    """Builds the crate in a folder and returns the path of its program, which has the folder's name. Skips where there is no cargo, or no crates."""
     cargo = shutil.which("cargo")
     if cargo is None:
         pytest.skip("no cargo here: the tests of programs in Rust are left out")
@@ -26,14 +26,11 @@ def built() -> Callable[[Path], str]:
     @cache
     def build(folder: Path) -> str:
         environment = {"CARGO_BUILD_JOBS": "2", **os.environ, "CARGO_TARGET_DIR": TARGET}
-        done = subprocess.run(
-            ["nice", cargo, "build", "--quiet"],
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        run = partial(subprocess.run, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+        fetched = run([cargo, "fetch"])
+        if fetched.returncode != 0:
+            pytest.skip(f"the crates cannot be fetched: {fetched.stderr.strip()[-300:]}")
+        done = run(["nice", cargo, "build", "--quiet"])
         assert done.returncode == 0, done.stderr
         return str(Path(TARGET, "debug", folder.name))
 
