@@ -12,10 +12,13 @@ MACHINE      ?= $(shell uname -m)
 MUTANTS      ?= 120
 SEED         ?= 1
 ONLY         ?=
-COUNT        ?= 100000
+COUNT        ?= 2000000
 MINUTES      ?= 10
 
-.PHONY: help demo test check lint format types imports rooms unit team system compose-test rust-test mutants fuzz soak bench figures docs bridges screenshots wheels venv clean
+# Markers of the tests that `make test` leaves to other targets.
+APART := long or hostile or compose or rust or ros
+
+.PHONY: help demo test check lint format types imports rooms unit team system long compose-test rust-test mutants fuzz soak bench figures docs bridges screenshots wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -24,7 +27,10 @@ help: ## this list
 demo: $(VENV)/.run ## six robots in two sub-teams localise themselves and two objects: ends with PASS or FAIL
 	@$(BIN)/blackboard demo
 
-test: check unit team system ## everything but the containers: checks, unit tests, whole teams, real processes
+# mypy runs beside the tests, which wait now and then; the longest tests come first (tests/conftest.py).
+test: $(VENV)/.dev lint format imports ## checks, unit tests, whole teams, real processes: all but `make long`, `fuzz`, `rust-test`, `compose-test`
+	@$(BIN)/mypy & types=$$!; trap 'kill $$types' INT TERM; \
+	$(PYTEST) -m "not ($(APART))" -n 2 --dist loadgroup --durations=5; tests=$$?; wait $$types && exit $$tests
 
 check: lint format types imports rooms ## ruff, mypy --strict, import-linter, who imports what
 
@@ -44,13 +50,16 @@ rooms: $(VENV)/.dev ## who may import whom, by what a fresh interpreter loads
 	$(PYTEST) tests/test_rooms.py
 
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
-	$(PYTEST) -m "not system and not compose and not team and not rust and not ros" --ignore tests/test_rooms.py -n 2 --durations=5
+	$(PYTEST) -m "not (system or team or $(APART))" --ignore tests/test_rooms.py -n 2 --durations=5
 
-team: $(VENV)/.dev ## whole teams in one process, links, the laboratory, tapes and views, in half a minute
-	$(PYTEST) -m "team and not hostile" -n 2 --durations=5
+team: $(VENV)/.dev ## whole teams in one process, links, the laboratory, tapes and views
+	$(PYTEST) -m "team and not ($(APART))" -n 2 --dist loadgroup --durations=5
 
-system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1
-	$(PYTEST) -m system --durations=5
+system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1, those of `make long` that are of this kind included
+	$(PYTEST) -m system -n 2 --dist loadgroup --durations=5
+
+long: $(VENV)/.dev ## what takes minutes: network trouble, growth, deaths, the laboratory, and the documentation followed to its last line
+	$(PYTEST) -m long --durations=5
 
 compose-test: $(VENV)/.dev ## the containers; skipped with its reason where no Docker engine answers
 	$(PYTEST) -m compose --durations=5
@@ -61,7 +70,7 @@ rust-test: $(VENV)/.dev ## programs in Rust beside ours, the robot of examples/r
 mutants: $(VENV)/.mutants ## change the pure rooms at random places and see whether the tests notice: MUTANTS=120 SEED=1 ONLY=board
 	$(BIN)/python -m tests.mutants --count $(MUTANTS) --seed $(SEED) --only '$(ONLY)'
 
-fuzz: $(VENV)/.dev ## every attack, and changed messages of every type, on a team in one process, in minutes: COUNT=100000 SEED=1
+fuzz: $(VENV)/.dev ## every attack, and changed messages of every type, on a team in one process, in an hour: COUNT=2000000 SEED=1
 	$(PYTEST) tests/hostile -m hostile
 	$(BIN)/python -m tests.hostile.fuzz --count $(COUNT) --seed $(SEED)
 

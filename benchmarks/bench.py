@@ -1,4 +1,4 @@
-"""Every ratio, as one table: `make bench`, or `python benchmarks/bench.py [--json] [pools wire team start]`.
+"""Every ratio, as one table: `make bench`, or `python benchmarks/bench.py [--json] [pools wire board team start]`.
 
 Each script beside this one answers one question. Absolute times drift on shared machines, so what counts is what was measured in
 one run against something else on the same work.
@@ -13,6 +13,7 @@ import platform
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import board
 import pools
 import start
 import team
@@ -22,6 +23,7 @@ from ratios import Row
 SCRIPTS: dict[str, Callable[[], Iterator[Row]]] = {
     "pools": pools.rows,
     "wire": wire.rows,
+    "board": board.rows,
     "team": team.rows,
     "start": start.rows,
 }

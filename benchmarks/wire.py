@@ -11,6 +11,7 @@ import queue
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import msgpack  # type: ignore[import-untyped,unused-ignore]
@@ -25,19 +26,23 @@ from blackboard.opinion.agreement import kullback_leibler
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import decode, encode
+from blackboard.wire.levels import Coding
 from blackboard.wire.messages import Consensus, Report
 
 GRID = Grid((200, 200))
 ROUNDS = 40
 PORT = 17993
+PLACES = 40
+CODINGS: tuple[Coding, ...] = ("log8", "log16")
 
 
 def belief(x: float = 100.3) -> Belief:
     return gaussian(GRID, (x, 87.7), 5.0)
 
 
-def report(source: str, x: float = 100.3) -> Report:
-    return Report(source=source, subject="robot/r1", tick=1, time=0.2, belief=pack(belief(x)), ancestors={source: 0.2})
+def report(source: str, x: float = 100.3, coding: Coding = "log8") -> Report:
+    packed = pack(belief(x), coding)
+    return Report(source=source, subject="robot/r1", tick=1, time=0.2, belief=packed, ancestors={source: 0.2})
 
 
 def consensus(robots: int) -> Consensus:
@@ -47,8 +52,8 @@ def consensus(robots: int) -> Consensus:
     return board.settle(1, 0.2)[0]
 
 
-def there_and_back(payload: bytes, work: Callable[[], object]) -> tuple[list[float], list[float]]:
-    """Milliseconds of wall time of each round trip of a payload through Zenoh, and of each call of `work` between them."""
+def there_and_back(payload: bytes, *works: Callable[[], object]) -> list[float]:
+    """Milliseconds of wall time, the medians of trips of a payload through Zenoh and back, and of calls of each of `works` between."""
     arrived: queue.Queue[int] = queue.Queue()
     ends = []
     for setting in (
@@ -65,7 +70,7 @@ def there_and_back(payload: bytes, work: Callable[[], object]) -> tuple[list[flo
         there.declare_subscriber("bench/there", lambda sample: echo.put(sample.payload)),
         here.declare_subscriber("bench/back", lambda sample: arrived.put(len(sample.payload.to_bytes()))),
     ]
-    trips, works = [], []
+    times: list[list[float]] = []
     try:
         out = here.declare_publisher("bench/there")
         deadline = time.monotonic() + 10.0
@@ -73,19 +78,20 @@ def there_and_back(payload: bytes, work: Callable[[], object]) -> tuple[list[flo
             if time.monotonic() > deadline:
                 raise RuntimeError("the two sessions do not find each other on 127.0.0.1")
         for _ in range(ROUNDS):
-            begin = time.perf_counter()
+            stamps = [time.perf_counter()]
             out.put(payload)
             arrived.get(timeout=10)
-            trips.append(1e3 * (time.perf_counter() - begin))
-            begin = time.perf_counter()
-            work()
-            works.append(1e3 * (time.perf_counter() - begin))
+            stamps.append(time.perf_counter())
+            for work in works:
+                work()
+                stamps.append(time.perf_counter())
+            times.append([1e3 * (b - a) for a, b in pairwise(stamps)])
     finally:
         for one in keep:
             one.undeclare()  # type: ignore[no-untyped-call]
         for session in ends:
             session.close()  # type: ignore[no-untyped-call]
-    return trips, works
+    return [float(median) for median in np.median(times, axis=0)]
 
 
 def _matches(publisher: Any) -> bool:
@@ -96,25 +102,41 @@ def rows() -> Iterator[Row]:
     one = belief()
     said = encode(report("r1"))
     raw64, raw32 = one.p.tobytes(), one.p.astype(np.float32).tobytes()
-    yield Row("bytes of a Report of a Gaussian of sigma 5", len(said), "bytes", most=700.0)
-    loss = kullback_leibler(one.p, unpack(pack(one)).p)
-    yield Row("what is lost of it (Kullback-Leibler)", loss, "nats", most=1e-4)
+    for coding in CODINGS:
+        size, loss = len(encode(report("r1", coding=coding))), kullback_leibler(one.p, unpack(pack(one, coding)).p)
+        yield Row(f"bytes of a Report of a Gaussian of sigma 5, {coding}", size, "bytes", most=700.0)
+        yield Row(f"what is lost of it (Kullback-Leibler), {coding}", loss, "nats", most=1e-4)
+        sizes, losses = zip(*elsewhere(coding), strict=True)
+        yield Row(f"bytes of such Reports elsewhere, mean of {PLACES}, {coding}", float(np.mean(sizes)), "bytes")
+        yield Row(f"what is lost of them, the most, {coding}", max(losses), "nats")
     yield Row("msgpack of float64 / a Report", len(msgpack.packb(raw64)) / len(said))
     yield Row("msgpack of float32 / a Report", len(msgpack.packb(raw32)) / len(said))
     for robots in (1, 4, 8):
         size = len(encode(consensus(robots)))
         yield Row(f"bytes of a Consensus of {robots} robots / a Report", size / len(said), most=3.0)
 
-    made = report("r1")
+    ways = [partial(_ours, one, report("r1"), coding) for coding in CODINGS]
+    trip, *taken = there_and_back(raw64, *ways)
+    for coding, own, mine in zip(CODINGS, ways, taken, strict=True):
+        about = f"encode + decode a Report / Zenoh carries 320 kB there and back ({trip:.2f} ms), {coding}"
+        yield Row(about, mine / trip, most=1 / 3)
+        ours, packed = milliseconds(own, partial(_msgpack, raw64))
+        yield Row(f"encode + decode a Report / msgpack packs and unpacks its float64, {coding}", ours / packed)
 
-    def own() -> None:
-        unpack(decode(Report, encode(made.model_copy(update={"belief": pack(one)}))).belief, GRID)
 
-    trips, works = there_and_back(raw64, own)
-    about = f"encode + decode a Report / Zenoh carries 320 kB there and back ({np.median(trips):.2f} ms)"
-    yield Row(about, float(np.median(works) / np.median(trips)), most=1 / 3)
-    ours, packed = milliseconds(own, partial(_msgpack, raw64))
-    yield Row("encode + decode a Report / msgpack packs and unpacks its float64", ours / packed)
+def elsewhere(coding: Coding) -> Iterator[tuple[int, float]]:
+    """The bytes of a Report, and what is lost of it, for the same Gaussian at other places."""
+    rng = np.random.default_rng(7)
+    for place in rng.uniform(60, 140, (PLACES, 2)):
+        one = gaussian(GRID, tuple(place), 5.0)
+        packed = pack(one, coding)
+        said = report("r1").model_copy(update={"belief": packed})
+        yield len(encode(said)), kullback_leibler(one.p, unpack(packed).p)
+
+
+def _ours(one: Belief, made: Report, coding: Coding) -> None:
+    said = encode(made.model_copy(update={"belief": pack(one, coding)}))
+    unpack(decode(Report, said).belief, GRID)
 
 
 def _msgpack(raw: bytes) -> None:

@@ -12,10 +12,8 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import tomllib
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -24,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from blackboard.errors import RuleError, UnknownKeyError, UserError
 from blackboard.opinion.grid import Anchor, Grid
 from blackboard.opinion.rules import Rule, find, merged, read_rule
+from blackboard.tables import read_tables
 from blackboard.wire.mistakes import KEY, first_mistake, nearest
 from blackboard.wire.names import MAX_FRAME, NAME, SUBJECT_KINDS
 
@@ -143,6 +142,8 @@ class BoardSection(Section):
     "[s] How long it waits, in wall time, for a registered robot or another board in one tick."
     period: Positive = 0.2
     "[s] Time between settlements where no world gives the clock."
+    coding: Literal["log8", "log16"] = "log8"
+    "How boards write beliefs: log16 once every member and viewer of the team reads it (docs/wire.md, Versions)."
 
     @model_validator(mode="after")
     def _rules_are_sound(self) -> Self:
@@ -168,6 +169,11 @@ class BoardSection(Section):
         for pattern in sorted(self.subjects):
             found |= {f"{pattern}.{name}": value for name, value in self.of(pattern).in_force().items()}
         return found
+
+    @property
+    def learns(self) -> bool:
+        """Whether the rule of any subject has the independence "learn"."""
+        return any(name.split(".")[-1] == "independence" and it == "learn" for name, it in self.in_force().items())
 
     def subjects_under(self, rule: str) -> dict[str, dict[str, Any]]:
         """`subjects` for a board with another rule: tables that name no rule lose the parameters that they would not have there."""
@@ -284,18 +290,4 @@ def first_fault(error: ValidationError, where: str, model: type[BaseModel], belo
 
 def load(name: str | Path) -> Scenario:
     """A scenario from a file, or by the name of one that comes with the package (`demo`, `mrclam`, ...)."""
-    path = Path(name)
-    if not path.suffix:
-        shipped = resources.files("sim_world") / "scenarios" / f"{path}.toml"
-        if not shipped.is_file():
-            raise UserError(f"{name}: no scenario of this name comes with the package; give a file that ends in .toml")
-        return Scenario(tomllib.loads(shipped.read_text(encoding="utf-8")), f"{name} (shipped)")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: cannot be read ({error}); give an existing TOML file") from error
-    try:
-        tables = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except ValueError as error:
-        raise UserError(f"{path}: not valid TOML ({error})") from error
-    return Scenario(tables, str(path))
+    return Scenario(*read_tables(name))

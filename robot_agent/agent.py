@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from blackboard.errors import Refused
-from blackboard.opinion.belief import Belief
+from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.evidence import unpack_state
 from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings, Report, Solo
+from robot_agent.budget import Said
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
 from robot_agent.sensing import trackable
@@ -78,7 +79,7 @@ class Unpacked(Mapping[str, Agreed]):
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """The informed estimator after a tick, the readings and mates of that tick, and what the robot then reported of its own place."""
+    """The informed estimator after a tick, the readings and mates of that tick, and what the boards then had of its own place."""
 
     readings: Readings
     mates: Mapping[str, Mate]
@@ -117,13 +118,23 @@ class Agent:
         self.firsthand = self.firsthand.advance(readings)
         self.informed = self.firsthand if self._is_alone() else self.informed.advance(readings, self.mates)
         first = beliefs(self.firsthand)
-        packed = {subject: pack(belief) for subject, belief in sorted(first.items())}
+        packed = {subject: pack(belief, self.settings.coding) for subject, belief in sorted(first.items())}
         informed = self._informed(first)
         reports = [self._report(readings, subject, own, informed.get(subject)) for subject, own in packed.items()]
         reported = informed.get(self.subject, packed[self.subject])
         self._snapshots.append(Snapshot(readings, self.mates, self.informed, reported))
         solo = {s: own for s, own in packed.items() if s == self.subject or s not in self.firsthand.seen}
         return reports, Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=solo)
+
+    def said(self, said: Said) -> None:
+        """What of the newest reports was sent: what the team agrees on rests on that, or on what was sent before it."""
+        sent = {report.subject: report for report in said.reports}
+        if self.subject in sent:
+            report = sent[self.subject]
+            packed = report.belief if report.informed is None else report.informed.belief
+        else:
+            packed = pack(said.kept.get(self.subject) or uniform(self.grid))
+        self._snapshots[-1] = replace(self._snapshots[-1], reported=packed)
 
     # --- what the team agreed on --------------------------------------------------------------------------------------
 
@@ -181,7 +192,7 @@ class Agent:
         if self.informed is self.firsthand:
             return {}
         return {
-            subject: pack(belief)
+            subject: pack(belief, self.settings.coding)
             for subject, belief in beliefs(self.informed).items()
             if subject == self.subject
             or (subject in first and entropy(belief.p) < entropy(first[subject].p) - LEAST_GAIN)

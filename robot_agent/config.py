@@ -81,6 +81,17 @@ class ObjectsSection(Section):
     "[share] A belief is dropped once its entropy exceeds this share of ln m, the entropy of a uniform one."
 
 
+class SendSection(Section):
+    """How much a robot says on a poor link (docs/operations.md, "A poor link")."""
+
+    budget: Annotated[float, Field(gt=0)] | None = None
+    "[B/s] Bytes a second of team time for reports, keys included, over all its sub-teams; none: everything in every tick."
+    burst: Positive = 2.0
+    "[s] How many seconds of the budget may be saved up."
+    longest: Positive = 4.0
+    "[s] About what it believes it says something at least so often, as far as the budget allows; less than `[board] max_age`."
+
+
 class RobotSection(Section):
     """What the robots believe about themselves and their sensors."""
 
@@ -96,6 +107,10 @@ class RobotSection(Section):
     "Its model of the odometry."
     objects: ObjectsSection = Field(default_factory=ObjectsSection)
     "How it tracks what is neither robot nor landmark."
+    coding: Literal["log8", "log16"] = "log8"
+    "How it writes beliefs: log16 once every member and viewer of the team reads it (docs/wire.md, Versions)."
+    send: SendSection = Field(default_factory=SendSection)
+    "What it says on a poor link."
 
     @field_validator("localizer")
     @classmethod

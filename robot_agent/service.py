@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
@@ -27,6 +27,7 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Readings, Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
 from robot_agent.agent import Agent, Agreed, Feedback, Unpacked
+from robot_agent.budget import Budget, Known
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.agent import JointAgent
 
@@ -36,6 +37,7 @@ MAX_AGREED = 512  # agreed beliefs that are kept between two ticks, over all boa
 JUMP = 100  # ticks: readings that are further ahead, or behind, are believed with the second ones in succession
 FASTEST = 1e6  # unit per second that is told at most
 LATELY = 50  # ticks of which the speed is told
+SPAN = 5  # ticks over which the speed is averaged where a robot is often silent
 FAILURES = 3  # ticks in a row that the agent could not do until it begins anew
 
 
@@ -52,8 +54,10 @@ class AgentService:
         settings: RobotSection,
         feedback: Feedback = "guarded",
         joint: bool = False,
+        drift: float = 1.0,
     ) -> None:
-        """`joint`: the boards of the team keep a joint belief ([board] fusion)."""
+        """`joint`: the boards keep a joint belief ([board] fusion); `drift`: how they let reports spread ([board] drift)."""
+        self.drift = drift
         self.team, self.sub_teams, self.robot = team, tuple(sub_teams), robot
         self.grid, self.settings, self.feedback, self.joint = grid, settings, feedback, joint
         self._membership = Membership(self.team, self.sub_teams, robot)
@@ -79,12 +83,28 @@ class AgentService:
         self._failed = 0  # ticks in a row that the agent could not do
         self._agreed: dict[tuple[str, str, str], Consensus] = {}  # by sub-team, board and subject, since the last tick
         self._arrived: RollCall[str] = RollCall()  # agreed beliefs by sub-team
+        self.budget = self._new_budget()
+        self._team: dict[str, Known] = {}  # what was agreed last, by subject
+        self._kept: list[str] = []  # subjects of which the boards keep what was reported before
         self._reports: list[Report] = []  # of the newest tick; sent again when the world repeats its Clock
         self._solo: Solo | None = None
 
     def _new_agent(self) -> JointAgent | Agent:
         kind = JointAgent if self.joint else Agent
         return kind(self.robot, self.settings, self.grid, self.feedback)
+
+    def _new_budget(self) -> Budget | None:
+        if self.settings.send.budget is None:
+            return None
+        return Budget(self.settings.send, self.grid, self.robot, self.drift, self._size)
+
+    def _size(self, report: Report) -> int:
+        """Bytes of a report on the wire, keys included, over all sub-teams."""
+        payload = len(encode(report))
+        return sum(payload + len(self._report_key(sub_team, report.subject)) for sub_team in self.sub_teams)
+
+    def _report_key(self, sub_team: str, subject: str) -> str:
+        return keys.REPORT.key(team=self.team, sub_team=sub_team, source=self.robot, subject=subject)
 
     # --- what the loop needs ------------------------------------------------------------------------------------------
 
@@ -275,15 +295,40 @@ class AgentService:
         self.tick, self.time = readings.tick, readings.time
         if readings.odometry is not None:
             self._speeds.append(abs(readings.odometry.distance) / readings.odometry.dt)
+        self._kept = []
         self._reports, self._solo = [], Solo(robot=self.robot, tick=self.tick, time=self.time, beliefs={})
         self._failed += 1
         with self.intake.failures.survive("the robot's tick"):
             self._reports, self._solo = self.agent.tick(readings, Unpacked(newest, self.grid))
+            self._choose(newest)
             self._failed = 0
         if self._failed >= FAILURES:
             self.agent, self._failed = self._new_agent(), 0
         self.counters["ticks"] += 1
         return self._answers(now)
+
+    def _choose(self, agreed: Mapping[str, Consensus]) -> None:
+        """On a poor link: leave out, or say more coarsely, what is worth less than its bytes."""
+        if self.budget is None:
+            return
+        self._team.update({s: Known(c.entropy, c.rule == "joint") for s, c in agreed.items()})
+        said = self.budget.choose(self._reports, self.time, self._speed, self._team)
+        wanted = {report.subject for report in self._reports}
+        self._team = {subject: it for subject, it in self._team.items() if subject in wanted}
+        self._reports, self._kept = said.reports, sorted(said.kept)
+        self.agent.said(said)
+
+    @property
+    def _speed(self) -> float | None:
+        """The greatest speed of late that a status tells, unit per second: boards let this robot's old reports spread by it."""
+        if not self._speeds:
+            return None
+        speeds = list(self._speeds)
+        if self.budget is not None and self.budget.saves:
+            # Reports grow old before the next one, and the noise of a single tick's odometry would let them spread too far.
+            ticks = min(SPAN, len(speeds))
+            speeds = [sum(speeds[i : i + ticks]) / ticks for i in range(len(speeds) - ticks + 1)]
+        return min(max(speeds), FASTEST)
 
     # --- sending ------------------------------------------------------------------------------------------------------
 
@@ -293,8 +338,7 @@ class AgentService:
         encoded = [(report.subject, encode(report)) for report in self._reports]
         for sub_team in self.sub_teams:
             for subject, payload in encoded:
-                key = keys.REPORT.key(team=self.team, sub_team=sub_team, source=self.robot, subject=subject)
-                out.append(Envelope(key, payload))
+                out.append(Envelope(self._report_key(sub_team, subject), payload))
         if self._solo is not None and self.roster.world:
             out.append(Envelope(keys.SOLO.key(team=self.team, robot=self.robot), encode(self._solo)))
         return out + self._statuses(now)
@@ -313,7 +357,8 @@ class AgentService:
                 "feedback": self.feedback,
                 "pace": self.clock.pace.value,
             },
-            speed=min(max(self._speeds), FASTEST) if self._speeds else None,
+            kept=self._kept,
+            speed=self._speed,
         )
         if self.clock.pace is Pace.FREE:
             status = status.model_copy(update={"sent": now, "echo": self._echoes.held(now)})

@@ -23,6 +23,7 @@ def robot_of(
         "settings": scenario.section("robot", RobotSection),
         "feedback": scenario.board.feedback,
         "joint": scenario.board.fusion == "joint",
+        "drift": scenario.board.drift,
     }
     faults = [fault for fault in faults_of(scenario) if robot in fault.names and not is_of_sensors(fault)]
     if not faults:

@@ -37,14 +37,20 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Folders mark their tests, so that only what takes milliseconds runs among the unit tests (Makefile)."""
+    """Folders mark their tests, so that only what takes milliseconds runs among the unit tests (Makefile).
+
+    Real processes come first, then whole teams: on several cores nobody waits for one long test at the end.
+    """
     here = Path(__file__).parent
     for item in items:
         room = item.path.relative_to(here).parts[0]
-        if room in ("system", "compose"):
+        if room in ("system", "compose", "long"):
             item.add_marker(room)
         elif room in ("bridges", "flow", "hostile", "lab", "net", "state", "tape", "view"):
             item.add_marker("team")
+    items.sort(
+        key=lambda item: next((k for k, name in enumerate(("system", "team")) if item.get_closest_marker(name)), 2)
+    )
 
 
 @pytest.fixture

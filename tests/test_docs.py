@@ -24,7 +24,9 @@ APPS: dict[str, App] = {
     "robot-agent": robot_agent.__main__.app,
     "sim-world": sim_world.__main__.app,
 }
-COMMAND = re.compile(r"^    (?:\.venv/bin/)?((?:blackboard|robot-agent|sim-world) .+)$", re.MULTILINE)
+COMMAND = re.compile(
+    r"^    (?:[a-z][\w-]*\$ +)?(?:\.venv/bin/)?((?:blackboard|robot-agent|sim-world) .+)$", re.MULTILINE
+)
 
 
 def lines() -> list[tuple[str, str]]:

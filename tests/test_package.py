@@ -19,6 +19,14 @@ def test_the_version_is_the_one_of_the_metadata() -> None:
     assert blackboard.__version__ == version("cop-blackboard")
 
 
+def test_the_newest_release_of_the_changelog_is_this_version() -> None:
+    (told,) = re.findall(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE)
+    heads = re.findall(r"^## \[(.+?)\](?: - (.+))?$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert heads[0] == ("Unreleased", "")
+    assert heads[1][0] == told
+    assert all(re.fullmatch(r"\d{4}-\d\d-\d\d", date) for _, date in heads[1:])
+
+
 def test_reading_the_metadata_waits_until_it_is_asked_for() -> None:
     """`import blackboard` loads neither the metadata nor the entry points of plug-ins, which `importlib.metadata` reads."""
     assert "importlib.metadata" not in loaded_by("blackboard")
@@ -80,7 +88,8 @@ def test_every_file_and_target_that_contributing_names_is_there() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"`?make ([a-z-]+)`", page):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
-    assert len(page.splitlines()) < 80
+    told = re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL)  # but the code of its recipes
+    assert len(told.splitlines()) < 80
 
 
 def test_the_rules_are_known_to_whoever_reads_a_scenario_and_nothing_else() -> None:

@@ -29,10 +29,12 @@ TAPE, BRIDGES, ROS = "blackboard.tape", "blackboard.bridges", "blackboard.bridge
 ACCESS = "blackboard.access"
 FAULTS, CHAOS = "blackboard.faults", "blackboard.chaos"
 CLIENT = "blackboard.client"
+TABLES, COMMANDS = "blackboard.tables", "blackboard.commands"
 SHARED = {
     ERRORS,
     PLUGINS,
     CONFIG,
+    TABLES,
     FAULTS,
     OPINION,
     WIRE,
@@ -45,7 +47,8 @@ ALLOWED: dict[str, set[str]] = {
     PLUGINS: {ERRORS},
     OPINION: {ERRORS, PLUGINS},
     WIRE: {ERRORS, OPINION},
-    CONFIG: {ERRORS, OPINION, WIRE},
+    TABLES: {ERRORS},
+    CONFIG: {ERRORS, OPINION, WIRE, TABLES},
     FAULTS: {ERRORS, CONFIG, WIRE},
     PROCESS: {ERRORS, WIRE},
     CLOCK: set(),
@@ -67,7 +70,8 @@ ALLOWED: dict[str, set[str]] = {
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
     "sim_world": SHARED,
-    "blackboard.__main__": {*SHARED, BOARD, TAPE, LAB, NET, RUN, CLOCK, "robot_agent", "sim_world"},
+    "blackboard.__main__": {RUN},
+    COMMANDS: {*SHARED, BOARD, TAPE, LAB, RUN, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN, "sim_world"},
     "blackboard.view.__main__": {*SHARED, STATE, VIEW, WEB, TUI, TAPE, NET, RUN, CLOCK},
     "blackboard.bridges.__main__": {*SHARED, BRIDGES, ROS, STATE, VIEW, TAPE, CLIENT, NET, RUN, CLOCK, LOOP},
@@ -88,6 +92,7 @@ LIBRARIES = {
         RUN,
         LAB,
         "blackboard.__main__",
+        COMMANDS,
         "blackboard.lab.__main__",
         "blackboard.view.__main__",
         "blackboard.tape.__main__",
@@ -202,7 +207,14 @@ def test_a_robot_and_a_world_never_load_each_other_or_a_board(name: str, other: 
 
 
 def test_the_launchers_door_loads_robots_and_worlds_only_when_it_runs_them() -> None:
-    assert not {m for m in loaded_by("blackboard.__main__") if m.startswith(("robot_agent", "sim_world"))}
+    assert not {m for m in loaded_by(COMMANDS) if m.startswith(("robot_agent", "sim_world"))}
+
+
+def test_a_health_check_and_a_link_load_neither_arrays_nor_models() -> None:
+    """Containers ask every few seconds, and NumPy and pydantic cost a third of a second of a core each time."""
+    code = "import sys, blackboard.__main__, blackboard.run.health\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert not {"numpy", "pydantic", "asyncio", "rich"} & set(done.stdout.split())
 
 
 # --- what is named where ---------------------------------------------------------------------------------------------
@@ -240,6 +252,7 @@ def users(banned: tuple[str, ...], *folders: str) -> set[str]:
 CHANCE = ("random", "secrets", "uuid", "numpy.random.default_rng", "numpy.random.seed", "numpy.random.RandomState")
 DOORS = {
     *(f"{package}/__main__.py" for package in PACKAGES),
+    "blackboard/commands.py",
     "blackboard/lab/__main__.py",
     "blackboard/view/__main__.py",
     "blackboard/tape/__main__.py",
@@ -252,7 +265,7 @@ DOORS = {
     ("banned", "only"),
     [
         (("zenoh",), {f"blackboard/net/{name}.py" for name in ("attached", "link", "settings")}),
-        (("msgpack",), {"blackboard/wire/codec.py"}),
+        (("msgpack",), {"blackboard/wire/raw.py"}),
         (("mcap", "zstandard"), {"blackboard/tape/file.py"}),
         (("cryptography",), {"blackboard/access/authority.py"}),
         (CHANCE, DOORS | {"sim_world/sources.py"}),
@@ -261,7 +274,15 @@ DOORS = {
             DOORS
             | {
                 f"blackboard/{n}.py"
-                for n in ("client/team", "net/attached", "run/door", "run/gate", "run/launch", "chaos/team")
+                for n in (
+                    "client/team",
+                    "net/attached",
+                    "run/door",
+                    "run/gate",
+                    "run/health",
+                    "run/launch",
+                    "chaos/team",
+                )
             },
         ),
     ],

@@ -1,4 +1,4 @@
-"""What a router denied, read from its own log, because Zenoh tells it nowhere else: no counter, no query, no answer to the sender.
+"""What a router's access control denied, read from the router's log. Zenoh has no counter for it, and does not tell the sender.
 
 Zenoh's access control logs each of its decisions at the level `trace` and has no other output. Where it decides about a declared key
 for the first time, it lists all kinds of messages; only the decisions after that list are about a message that came.
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 TARGET = "zenoh::net::routing::interceptor::access_control"
 LEVELS = f"warn,{TARGET}=trace"  # for RUST_LOG
-LISTED = 9  # lines of a list that Zenoh logs when it decides about a declared key: one for each kind of message
-MAX_SESSIONS = 4096  # of which it is remembered whose certificate opened them
-MAX_WARNINGS = 100  # different ones that are passed on
+LISTED = 9  # lines that follow such a list's head: one for each kind of message
+MAX_SESSIONS = 4096  # sessions whose certificate's name is remembered; the oldest is forgotten first
+MAX_WARNINGS = 100  # different warnings of Zenoh that are passed on
 LISTS = (b"ACL (ingress): caching permissions for `", b"ACL (egress): caching permissions for `")
 TELLING = (
     b" unauthorized ",
@@ -55,9 +55,9 @@ class DenialReader:
         self.enabled = False  # whether Zenoh has said that its access control is on
         self.other: list[str] = []
         self._said: set[str] = set()
-        self._continued = False  # whether the next piece belongs to the event before
-        self._skip: Counter[bytes] = Counter()  # by thread: how many lines of a list are still to come
-        self._names: dict[bytes, str] = {}  # by session
+        self._continued = False  # whether the next piece of the log goes on with the same event
+        self._skip: Counter[bytes] = Counter()  # thread of the router -> lines of a list that it has still to log
+        self._names: dict[bytes, str] = {}  # session -> common name of its certificate
 
     def take(self, event: bytes) -> Denial | None:
         """What one event says was denied. An event that fills a `PACKET` goes on in the next ones, which are left out."""
@@ -91,7 +91,7 @@ class DenialReader:
             return None
         self._remember(text)
         session, what, flow, key = denied.groups()
-        if flow == b"egress":  # a subscriber may not read it and did not get it; nobody tried to write
+        if flow == b"egress":  # a subscriber that may not read it did not get it: nothing is wrong with its sender
             return None
         who = self._names.get(session, f"session {session.decode()[:64]}")
         return Denial(who, _plain(what.decode()), key.decode("utf-8", "replace"))

@@ -165,13 +165,7 @@ def _save(root: Path, team: Team) -> None:
 
 def router_config(team: Team, folder: Path) -> dict[str, Any]:
     """The Zenoh configuration of a team's routers: mutual TLS, and access control by the certificates' common names."""
-    tls = {
-        "root_ca_certificate": str(folder.absolute() / CA),
-        "listen_certificate": str(folder.absolute() / CERTIFICATE),
-        "listen_private_key": str(folder.absolute() / KEY),
-        "enable_mtls": True,
-        "close_link_on_expiration": True,
-    }
+    tls = _tls(folder, "listen")
     return {
         "mode": "router",
         "listen": {"endpoints": [f"tls/127.0.0.1:{PORT}"]},
@@ -183,20 +177,24 @@ def router_config(team: Team, folder: Path) -> dict[str, Any]:
 
 def member_config(team: Team, folder: Path) -> dict[str, Any]:
     """The Zenoh configuration of a member, a client that checks the router's certificate and the name that it connects to."""
-    tls = {
-        "root_ca_certificate": str(folder.absolute() / CA),
-        "connect_certificate": str(folder.absolute() / CERTIFICATE),
-        "connect_private_key": str(folder.absolute() / KEY),
-        "enable_mtls": True,
-        "verify_name_on_connect": True,
-        "close_link_on_expiration": True,
-    }
+    tls = _tls(folder, "connect") | {"verify_name_on_connect": True}
     host = next((host for host in team.hosts if host not in LOCAL), LOCAL[0])
     return {
         "mode": "client",
         "connect": {"endpoints": [f"tls/{f'[{host}]' if ':' in host else host}:{PORT}"]},
         "scouting": {"multicast": {"enabled": False}},
         "transport": {"shared_memory": {"enabled": False}, "link": {"tls": tls}},
+    }
+
+
+def _tls(folder: Path, side: str) -> dict[str, Any]:
+    """Zenoh's mutual TLS with the certificate in a folder, for the side of a link that is `listen` or `connect`."""
+    return {
+        "root_ca_certificate": str(folder.absolute() / CA),
+        f"{side}_certificate": str(folder.absolute() / CERTIFICATE),
+        f"{side}_private_key": str(folder.absolute() / KEY),
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
     }
 
 

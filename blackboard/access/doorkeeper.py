@@ -1,4 +1,4 @@
-"""What a router says at its door: to each member what it may do and how much of it was denied, and to the operator who tried what."""
+"""Tells each member of a team how many of its messages the router denied, and the operator who was denied what. Pure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 MAX_DENIALS = 1024  # different denials (who, what, key) of which each is logged once; those beyond are only counted
 EVERY = 0.5  # seconds between two messages about one member
-CALM = 60.0  # seconds without a new denial after which a member is told that it is no longer denied anything
+CALM = 60.0  # seconds after a member's newest denial until its count is sent once more, with an empty `last`
 
 
 class Doorkeeper:
@@ -29,15 +29,15 @@ class Doorkeeper:
     def __init__(self, common_names: Iterable[str], team: str) -> None:
         self.team = team
         self.denied: Counter[str] = Counter()  # by common name; "" for who did not get in
-        self._last: dict[str, str] = {}  # member -> its newest denial, until `CALM` seconds have passed without another
-        self._told: dict[str, float] = {}  # member -> when its newest denial was told, in seconds
-        self._seen: Counter[tuple[str, str, str]] = Counter()
-        self._changed: set[str] = set()
-        self._told_at = float("-inf")
+        self._last: dict[str, str] = {}  # common name -> text of its newest denial, for `CALM` seconds
+        self._told: dict[str, float] = {}  # common name -> time in seconds at which `_last` was sent
+        self._seen: Counter[tuple[str, str, str]] = Counter()  # who, what, key -> how often it was denied
+        self._changed: set[str] = set()  # common names with a denial that was not sent yet
+        self._told_at = float("-inf")  # time in seconds of the newest message
         self._members = frozenset(common_names)
 
     def greet(self) -> list[Envelope]:
-        """What is answered to each member that asks whether it is known here."""
+        """One message for each member; a member that gets it knows that the router has its name."""
         return [self._message(name) for name in sorted(self._members)]
 
     def take(self, denials: Iterable[Denial]) -> None:
@@ -58,7 +58,7 @@ class Doorkeeper:
                 )
 
     def tell(self, now: float) -> list[Envelope]:
-        """What is to be sent now about members of whom something was denied since they were told last."""
+        """The messages that are due at a time in seconds: of members with new denials, and of those without any for `CALM` seconds."""
         if now < self._told_at + EVERY:
             return []
         calm = [name for name, told in self._told.items() if now >= told + CALM and name not in self._changed]
@@ -77,7 +77,7 @@ class Doorkeeper:
 
 
 def read(payload: bytes) -> tuple[int, str] | None:
-    """What a doorkeeper told: how many denials, and the last one ("": none of late); None for anything else."""
+    """The number of denials and the text of the newest one (empty if older than `CALM`) in a message; None if it is not one."""
     try:
         said: Any = json.loads(payload)
         return max(0, int(said["denied"])), str(said["last"])[:400]

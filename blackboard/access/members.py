@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from blackboard.config import TeamSection
 from blackboard.errors import UserError
 from blackboard.wire.keys import Role
 from blackboard.wire.names import NAME
+
+if TYPE_CHECKING:
+    from blackboard.config import TeamSection
 
 #: `viewer` looks on (why, status, echo, hz, view, the launcher of demo and up), `recorder` makes tapes, `health` only opens sessions,
 #: with a `link` the router of another site connects to this one.

@@ -66,10 +66,10 @@ def _own(topic: Topic, member: Member, subject: str) -> list[str]:
 def _read(topic: Topic, member: Member) -> list[str]:
     """The keys of a topic that a member reads: a robot's readings and refusals are its own, and it reads of its own sub-teams alone.
 
-    A board reads the reports of its own sub-team, and what boards and robots of the others say to all.
+    A board reads the reports and memories of its own sub-team, and what boards and robots of the others say to all.
     """
     robot = member.name if topic in (keys.READING, keys.REFUSED) and member.kind == "robot" else "*"
-    mine = member.kind == "robot" or (member.kind == "board" and topic is keys.REPORT)
+    mine = member.kind == "robot" or (member.kind == "board" and topic in (keys.REPORT, keys.MEMORY))
     parts = dict.fromkeys(("source", "board", "process"), "*") | {"robot": robot, "team": member.team, "subject": "**"}
     return [topic.key(**parts, sub_team=s) for s in (member.sub_teams if mine else ("*",))]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 from blackboard.board import learning
 from blackboard.board.ageing import Ageing
@@ -17,6 +17,7 @@ from blackboard.board.dissent import Dissent
 from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
 from blackboard.board.learning import Learner
+from blackboard.board.memory import packed_memory, remembered
 from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
@@ -25,6 +26,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire import messages as wire
 from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.memory import Memory, PackedMemory
 from blackboard.wire.messages import Consensus, Informed, Learned, LeftOut, Report, Used
 from blackboard.wire.types import capped
 
@@ -110,14 +112,16 @@ class Board:
             if source[0] == sub_team:
                 self._consensuses.withdraw(source, tick, subjects)
 
-    def exchange(self, tick: int, now: float) -> list[Consensus]:
-        """The agreed belief on every subject that any sub-team has a consensus on, sorted by subject.
+    def exchange(self, tick: int, now: float, known: Collection[str] = ()) -> list[Consensus]:
+        """The agreed belief on every subject that any sub-team has a consensus on, but for those `known` otherwise; by subject.
 
         A sub-team counts once, however many boards it has: by the consensus of the newest tick, then of the board whose
         name sorts first.
         """
         found = []
         for subject in self._consensuses:
+            if subject in known:
+                continue
             with self._survive(subject):
                 usable, silent = self._consensuses.usable(subject, now, self.settings.max_age)
                 newest = sorted(usable, key=lambda source: (source[0], -usable[source].tick, source[1]), reverse=True)
@@ -140,6 +144,17 @@ class Board:
     def dissent(self) -> list[wire.Dissent]:
         """Who keeps disagreeing with the others: robots, then sub-teams."""
         return [one for level in self._dissents.values() for one in level.told()]
+
+    def memory(self, level: str) -> PackedMemory:
+        """What is remembered of robots ("consensus"), or of sub-teams ("agreed")."""
+        return packed_memory(self._learners[level], self._dissents[level])
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from what another board remembered, or this one in an earlier life. Refused: "fields"."""
+        axes = self.grid.ndim
+        found = {name: remembered(getattr(memory, name), name, memory.time, axes) for name in self._learners}
+        self._learners = {level: learner for level, (learner, _) in found.items()}
+        self._dissents = {level: dissent for level, (_, dissent) in found.items()}
 
     # --- shared ---------------------------------------------------------------------------------------------------------
 
@@ -174,6 +189,11 @@ class Board:
         learner, dissent = self._learners[level], self._dissents[level]
         return fuse_opinions(opinions, self.grid, self.settings, subject, learner, now, dissent, counts)
 
+    def _part(self, fusion: Fusion) -> Informed:
+        return Informed(
+            belief=pack(fusion.firsthand, self.settings.coding), ancestors=self._capped(fusion.firsthand_ancestors)
+        )
+
     def _capped(self, ancestors: dict[str, float]) -> dict[str, float]:
         """As many ancestors as a message holds: the robots that report to this board, then the others by name."""
         return capped(ancestors, self._entries.sources)
@@ -192,11 +212,9 @@ class Board:
             subject=subject,
             tick=tick,
             time=now,
-            belief=pack(fusion.belief),
+            belief=pack(fusion.belief, self.settings.coding),
             ancestors=self._capped(fusion.ancestors),
-            firsthand=None
-            if fusion.is_firsthand
-            else Informed(belief=pack(fusion.firsthand), ancestors=self._capped(fusion.firsthand_ancestors)),
+            firsthand=None if fusion.is_firsthand else self._part(fusion),
             used=[
                 Used(
                     source=s.opinion.source,
@@ -204,6 +222,7 @@ class Board:
                     age=s.opinion.age,
                     entropy=entropy(s.opinion.belief.p),
                     how=s.how,  # type: ignore[arg-type]
+                    power=s.power,
                 )
                 for s in fusion.shares
             ],
@@ -221,15 +240,7 @@ class Board:
 
 
 def _told(level: str, it: learning.Learned) -> Learned:
-    return Learned(
-        level=level,  # type: ignore[arg-type]
-        source=it.source,
-        samples=it.samples,
-        variance=it.variance,
-        correlation=it.correlation,
-        echo=it.echo,
-        since=it.since,
-    )
+    return Learned(level=level, **asdict(it))  # type: ignore[arg-type]
 
 
 def _left_out(silent: dict[str, float]) -> list[LeftOut]:

@@ -43,7 +43,7 @@ Moments = tuple[Array, Array]  # mean (ndim,) and covariance (ndim, ndim)
 
 
 @dataclass
-class _Standing:
+class Standing:
     """What the seconds say of a source."""
 
     share: float = 0.0  # of them that speak against it, the newest counting most
@@ -68,11 +68,11 @@ class Dissent:
     level: str  # "consensus" or "agreed"
     joint: bool = False  # how much a source counts is decided by a joint, and only told here
     camps: dict[str, list[frozenset[str]]] = field(default_factory=dict)  # subject -> its opposed camps
-    _standings: dict[str, _Standing] = field(default_factory=dict)
-    _heard: dict[str, float] = field(default_factory=dict)  # source -> team time of its newest verdict
-    _judged_at: dict[str, float] = field(default_factory=dict)  # subject -> team time
-    _pending: dict[str, list[tuple[bool, float]]] = field(default_factory=dict)  # source -> contradicts, sigmas
-    _second: float = -math.inf  # team time at which the pending verdicts began
+    standings: dict[str, Standing] = field(default_factory=dict)
+    heard: dict[str, float] = field(default_factory=dict)  # source -> team time of its newest verdict
+    judged_at: dict[str, float] = field(default_factory=dict)  # subject -> team time
+    pending: dict[str, list[tuple[bool, float]]] = field(default_factory=dict)  # source -> contradicts, sigmas
+    second: float = -math.inf  # team time at which the pending verdicts began
     _left_out: frozenset[str] = frozenset()  # robots that a joint leaves out
 
     # --- opinions -------------------------------------------------------------------------------------------------------
@@ -80,16 +80,16 @@ class Dissent:
     def hear(self, subject: str, time: float, opinions: Sequence[Opinion], pool: Pool) -> None:
         """Judge independent opinions on a subject at a team time (s); `pool` is the board's rule, for the others of each source."""
         self._close_second(time)
-        if abs(time - self._judged_at.get(subject, -math.inf)) < SPACING * (1 - 1e-6):
+        if abs(time - self.judged_at.get(subject, -math.inf)) < SPACING * (1 - 1e-6):
             return
         fresh = [opinion for opinion in opinions if opinion.age < SPACING]
         if len(fresh) < 3:
             self.camps.pop(subject, None)
             return
         bells = {o.source: escort_moments(o.belief) for o in fresh if bell_shaped(o.belief)}
-        if len(self._judged_at) > 256:
-            self._judged_at = {name: at for name, at in self._judged_at.items() if time - at < SPACING}
-        self._judged_at[subject] = time
+        if len(self.judged_at) > 256:
+            self.judged_at = {name: at for name, at in self.judged_at.items() if time - at < SPACING}
+        self.judged_at[subject] = time
         pairs = {(one, other): distance(bells[one], bells[other]) for one in bells for other in bells if one < other}
         gate = DOUBT[fresh[0].belief.grid.ndim]
         verdicts = {source: _median(pairs, source) for source in bells} if len(bells) > 2 else {}
@@ -102,8 +102,8 @@ class Dissent:
                     self.camps[subject] = camps
                 return
         for source, squared in verdicts.items():
-            self._heard[source] = time
-            self._pending.setdefault(source, []).append((squared > gate, math.sqrt(squared)))
+            self.heard[source] = time
+            self.pending.setdefault(source, []).append((squared > gate, math.sqrt(squared)))
 
     @staticmethod
     def _by_the_others(fresh: Sequence[Opinion], bells: Mapping[str, Moments], pool: Pool) -> dict[str, float]:
@@ -120,16 +120,16 @@ class Dissent:
 
     def _close_second(self, time: float) -> None:
         """Count the verdicts of a second once it is over."""
-        if 0 <= time - self._second < SPACING * (1 - 1e-6):
+        if 0 <= time - self.second < SPACING * (1 - 1e-6):
             return
-        for source, verdicts in sorted(self._pending.items()):
+        for source, verdicts in sorted(self.pending.items()):
             against = 2 * sum(contradicts for contradicts, _ in verdicts) > len(verdicts)
             sigmas = float(np.mean([sigma for contradicts, sigma in verdicts if contradicts == against]))
             self._count(source, time, against, sigmas)
-        self._pending, self._second = {}, time
-        for gone in sorted(self._heard, key=lambda name: (-self._heard[name], name))[MAX_SOURCES:]:
-            del self._heard[gone]
-            self._standings.pop(gone, None)
+        self.pending, self.second = {}, time
+        for gone in sorted(self.heard, key=lambda name: (-self.heard[name], name))[MAX_SOURCES:]:
+            del self.heard[gone]
+            self.standings.pop(gone, None)
 
     # --- a joint --------------------------------------------------------------------------------------------------------
 
@@ -150,18 +150,18 @@ class Dissent:
         self.camps = {"": camps} if (camps := trust.camps()) else {}
         for it in verdicts:
             if it.freedom > 1:
-                standing = self._standings.setdefault(it.source.removeprefix("robot/"), _Standing())
+                standing = self.standings.setdefault(it.source.removeprefix("robot/"), Standing())
                 standing.taken = ACCUSED * standing.taken + (1 - ACCUSED) * it.taken
             for end in {it.source, it.subject} if it.kind == "relative" and not it.taken else ():
                 if (name := end.removeprefix("robot/")) in self._left_out:
-                    standing, sigmas = self._standings.setdefault(name, _Standing()), math.sqrt(it.squared)
+                    standing, sigmas = self.standings.setdefault(name, Standing()), math.sqrt(it.squared)
                     standing.seen = sigmas if not standing.seen else ACCUSED * standing.seen + (1 - ACCUSED) * sigmas
         self._close_second(time)
-        if not self._pending:  # the first step of a second
+        if not self.pending:  # the first step of a second
             squared = {name: distance(told[name], believed[name]) for name in sorted(told.keys() & believed.keys())}
             if 2 * sum(it > DOUBT[2] for it in squared.values()) < len(squared):
-                self._pending = {name: [(it > DOUBT[2], math.sqrt(it))] for name, it in squared.items()}
-                self._heard |= dict.fromkeys(squared, time)
+                self.pending = {name: [(it > DOUBT[2], math.sqrt(it))] for name, it in squared.items()}
+                self.heard |= dict.fromkeys(squared, time)
         for name in sorted(self._left_out):
             self._name(name, time)
 
@@ -180,7 +180,7 @@ class Dissent:
 
         In a joint: the share of its evidence that was taken.
         """
-        it = self._standings.get(source)
+        it = self.standings.get(source)
         if self.joint:
             return 0.0 if source in self._left_out else 1.0 if it is None else it.taken
         return 1.0 if it is None else it.weight
@@ -195,7 +195,7 @@ class Dissent:
                 sigmas=max(it.sigmas, it.seen if source in self._left_out else 0.0),
                 weight=self.weight(source),
             )
-            for source, it in sorted(self._standings.items())
+            for source, it in sorted(self.standings.items())
             if it.since is not None and (sources is None or source in sources)
         ]
 
@@ -204,7 +204,7 @@ class Dissent:
         return _camps(self.camps.get(subject, []), weights)
 
     def _count(self, source: str, time: float, against: bool, sigmas: float) -> None:
-        it = self._standings.setdefault(source, _Standing())
+        it = self.standings.setdefault(source, Standing())
         keep = min(ACCUSED if against else REDEEMED, it.seconds / (it.seconds + 1))  # the plain mean at first
         it.share = keep * it.share + (1 - keep) * against
         it.sigmas = keep * it.sigmas + (1 - keep) * sigmas
@@ -215,9 +215,9 @@ class Dissent:
             it.since = None
 
     def _name(self, source: str, time: float) -> None:
-        it = self._standings.setdefault(source, _Standing())
+        it = self.standings.setdefault(source, Standing())
         it.since = time if it.since is None else it.since
-        self._heard.setdefault(source, time)
+        self.heard.setdefault(source, time)
         if not it.logged:
             it.logged = True
             sigmas = max(it.sigmas, it.seen)

@@ -6,7 +6,7 @@ overlapping opinions ───────────────────�
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from blackboard.opinion.weights import entropy, entropy_weights
 #: Two overlapping beliefs whose Bhattacharyya coefficient is below this contradict each other. Equally wide Gaussians do so
 #: that are just over 6 sigma apart: exp(-6^2 / 8) = 0.011.
 CONTRADICTION = 0.01
+HOW = ("independent", "overlapping")  # multiplied by the rule, or averaged because it shares ancestors with others
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,17 @@ class Share:
     """What one opinion contributed, and by which of the two steps.
 
     weight: of an overlapping opinion its share in the fused belief; of an independent one its weight in the rule, times the share
-    that the rule's result has in the fused belief.
+    that the rule's result has in the fused belief. power: the exponent to which its belief was taken before anything was pooled.
     """
 
     opinion: Opinion
     weight: float
     how: str  # "independent" or "overlapping"
+    power: float = 1.0
+
+
+#: (source, how) -> the power to which an opinion is taken; 1 for those that are not named.
+Powers = Mapping[tuple[str, str], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +75,7 @@ def fuse_opinions(
     now: float = 0.0,
     dissent: Dissent | None = None,
     counts: Callable[[str], bool] = lambda source: True,
+    powers: Powers | None = None,
 ) -> Fusion:
     """Pool opinions about one subject, at least one, all on `grid`; the order does not matter.
 
@@ -76,47 +83,46 @@ def fuse_opinions(
     `now`, in seconds, and says how far each is to be believed; without a learner the rule is as cautious as before any evidence.
     `counts` says of a robot whether its evidence belongs to the first-hand part, or to the fused belief alone.
     With `dissent`, who keeps disagreeing with the others counts for less, where the learner does not see to that, and where
-    `feedback` is not "paper".
+    `feedback` is not "paper". `powers` are those of a fusion that is to be done again (`Share.power`), without a learner and dissent.
     """
     opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
-    if settings.feedback == "paper":  # Table I to the letter: everything is multiplied
-        independent, overlapping = list(opinions), list[Opinion]()
-    else:
-        independent, overlapping = split(opinions)
+    everything = settings.feedback == "paper"  # Table I to the letter: everything is multiplied
+    independent, overlapping = (list(opinions), list[Opinion]()) if everything else split(opinions)
     rule = settings.of(subject)
     learned = list[Learned]()
     learns = learner is not None and isinstance(rule, Coalition) and rule.independence == "learn"
-    if dissent is not None and settings.feedback != "paper":
+    powers = powers or {}
+    if dissent is not None and not everything:
         dissent.hear(subject, now, independent, lambda others: _pooled(rule, others, grid))
         if not learns:
-            independent = _faded(independent, dissent)
-            overlapping = _faded(overlapping, dissent)
-    stack = np.stack([opinion.belief.p for opinion in independent])
+            powers = {(o.source, how): dissent.weight(o.source) for o in opinions for how in HOW}
+    independent = [_tempered(o, powers.get((o.source, "independent"), 1.0)) for o in independent]
+    overlapping = [_tempered(o, powers.get((o.source, "overlapping"), 1.0)) for o in overlapping]
+    stack, exponents = np.stack([opinion.belief.p for opinion in independent]), np.ones(len(independent))
     if learner is not None and isinstance(rule, Coalition) and learns:
         sources = [opinion.source for opinion in independent]
         learner.hear(subject, now, independent)
         advice = learner.advice(sources, [width(opinion.belief) for opinion in independent])
-        learned = learner.learned(sources)
+        learned, exponents = learner.learned(sources), advice.powers
+        powers = {(source, "independent"): float(it) for source, it in zip(sources, exponents, strict=True)}
         rule, stack = as_advised(rule, stack, advice)
-        pooled = fuse(rule, stack, grid)
-        pooled = replace(pooled, weights=pooled.weights * advice.powers)
-    else:
-        pooled = fuse(rule, stack, grid)
-    here = [all(counts(name) for name in opinion.ancestors) for opinion in independent]
+    pooled = fuse(rule, stack, grid)
+    here = [all(map(counts, opinion.ancestors)) for opinion in independent]
     counted = [opinion for opinion, is_here in zip(independent, here, strict=True) if is_here]
     firsthand = uniform(grid)
     if counted:
         firsthand = Belief(grid, pooled.p if all(here) else fuse_belief(rule, stack[np.array(here)], grid))
     fused, more, contradicted = _pool_overlapping(pooled.p, overlapping)
     kept = 1.0 - sum(share.weight for share in more)  # the share of `pooled` in `fused`
-    shares = [Share(o, float(w) * kept, "independent") for o, w in zip(independent, pooled.weights, strict=True)]
+    weights = pooled.weights * exponents * kept
+    shares = [Share(o, float(w), "independent") for o, w in zip(independent, weights, strict=True)]
     return Fusion(
         belief=Belief(grid, fused),
         ancestors=union([*(independent if kept > 0 else []), *(share.opinion for share in more if share.weight > 0)]),
         firsthand=firsthand,
         firsthand_ancestors=union(counted),
         is_firsthand=all(here) and not more,
-        shares=shares + more,
+        shares=[replace(s, power=powers.get((s.opinion.source, s.how), 1.0)) for s in shares + more],
         components=[float(c) for c in pooled.components],
         conflict=contradicted or conflict(stack, pooled.claim()),
         rule=rule,
@@ -127,11 +133,6 @@ def fuse_opinions(
 
 def _pooled(rule: Rule, opinions: Sequence[Opinion], grid: Grid) -> Belief:
     return Belief(grid, fuse_belief(rule, np.stack([opinion.belief.p for opinion in opinions]), grid))
-
-
-def _faded(opinions: Sequence[Opinion], dissent: Dissent) -> list[Opinion]:
-    """The opinions, each to the power that its source has left."""
-    return [_tempered(opinion, dissent.weight(opinion.source)) for opinion in opinions]
 
 
 def _tempered(opinion: Opinion, power: float) -> Opinion:

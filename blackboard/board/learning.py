@@ -51,7 +51,10 @@ Pair = tuple[str, str]  # sorted
 
 @dataclass(frozen=True)
 class Sample:
-    """One comparison of a pair: its squared distance a, and what is needed to read it."""
+    """One comparison of a pair: its squared distance a, and what is needed to read it.
+
+    `a` is rounded to 4 bytes and the others to 2, as on the wire, so that boards hand samples on to the bit.
+    """
 
     a: float
     alike: float  # 2 s_i s_j / (s_i^2 + s_j^2): 1 where both are equally sharp
@@ -107,19 +110,33 @@ class Learner:
     """`hear` the opinions of each tick, ask for `advice` on the sources of a fusion. The order of opinions does not matter."""
 
     def __init__(self) -> None:
-        self._samples: dict[Pair, deque[Sample]] = {}
+        # what it remembers, all of it (`blackboard.board.memory`)
+        self.samples: dict[Pair, deque[Sample]] = {}
+        self.heard: dict[str, float] = {}  # source -> team time of its newest sample
+        self.last: dict[str, tuple[float, dict[str, Array]]] = {}  # subject -> time and means of its newest sample
+        self.since: dict[str, float] = {}
+        # what follows from it
         self._pairings: dict[Pair, Pairing] = {}  # of the same windows
-        self._heard: dict[str, float] = {}  # source -> team time of its newest sample
-        self._last: dict[str, tuple[float, dict[str, Array]]] = {}  # subject -> time and means of its newest sample
-        self._since: dict[str, float] = {}
         self._estimate: _Estimate | None = None  # of the samples as they are; None: to be made
+
+    def remember(
+        self,
+        samples: dict[Pair, deque[Sample]],
+        heard: dict[str, float],
+        last: dict[str, tuple[float, dict[str, Array]]],
+        since: dict[str, float],
+    ) -> None:
+        """Go on from what a learner remembered, instead of what this one did; from then on both do the same, to the bit."""
+        self.samples, self.heard, self.last, self.since = samples, heard, last, since
+        self._pairings = {pair: _pairing(window) for pair, window in samples.items()}
+        self._estimate = None
 
     def hear(self, subject: str, time: float, opinions: Sequence[Opinion]) -> None:
         """Compare the opinions on a subject at a team time, in seconds, in pairs without a common ancestor.
 
         Nothing is taken within SPACING of the subject's sample before, nor from an opinion that is as old as that.
         """
-        before, means_before = self._last.get(subject, (-math.inf, {}))
+        before, means_before = self.last.get(subject, (-math.inf, {}))
         if abs(time - before) < SPACING * (1 - 1e-6):
             return
         fresh = sorted((o for o in opinions if o.age < SPACING), key=lambda o: (o.source, len(o.ancestors)))
@@ -132,19 +149,19 @@ class Learner:
         if len(seen) < 2:
             return
         means = {source: mean for source, (_, mean, _) in seen.items()}
-        self._last.pop(subject, None)
-        while len(self._last) >= MAX_SUBJECTS:
-            del self._last[min(self._last, key=lambda name: (self._last[name][0], name))]
-        self._last[subject] = (time, means)
+        self.last.pop(subject, None)
+        while len(self.last) >= MAX_SUBJECTS:
+            del self.last[min(self.last, key=lambda name: (self.last[name][0], name))]
+        self.last[subject] = (time, means)
         self._make_room(list(seen), time)
-        sources = [source for source in seen if source in self._heard]
+        sources = [source for source in seen if source in self.heard]
         for i, one in enumerate(sources):
             for other in sources[i + 1 :]:
                 (p, mean_p, cov_p), (q, mean_q, cov_q) = seen[one], seen[other]
                 if p.ancestors.keys().isdisjoint(q.ancestors):
                     step = means_before[one] - means_before[other] if {one, other} <= means_before.keys() else None
                     sample = _compare(mean_p - mean_q, cov_p, cov_q, step)
-                    window = self._samples.setdefault((one, other), deque(maxlen=WINDOW))
+                    window = self.samples.setdefault((one, other), deque(maxlen=WINDOW))
                     window.append(sample)
                     self._pairings[one, other] = _pairing(window)
         self._estimate = None
@@ -183,7 +200,7 @@ class Learner:
                         variance=float(found.variance[i]),
                         correlation=float(correlations[i, nearest]),
                         echo=echo,
-                        since=self._since.get(name),
+                        since=self.since.get(name),
                     )
                 )
         return told
@@ -192,14 +209,14 @@ class Learner:
 
     def _make_room(self, sources: Sequence[str], time: float) -> None:
         """Note who was heard, and forget who was silent the longest beyond MAX_SOURCES."""
-        self._heard |= dict.fromkeys(sources, time)
-        for gone in sorted(self._heard, key=lambda name: (-self._heard[name], name))[MAX_SOURCES:]:
-            del self._heard[gone]
-            self._since.pop(gone, None)
-            for pair in [pair for pair in self._samples if gone in pair]:
-                del self._samples[pair], self._pairings[pair]
-        for _, means in self._last.values():
-            for gone in means.keys() - self._heard.keys():
+        self.heard |= dict.fromkeys(sources, time)
+        for gone in sorted(self.heard, key=lambda name: (-self.heard[name], name))[MAX_SOURCES:]:
+            del self.heard[gone]
+            self.since.pop(gone, None)
+            for pair in [pair for pair in self.samples if gone in pair]:
+                del self.samples[pair], self._pairings[pair]
+        for _, means in self.last.values():
+            for gone in means.keys() - self.heard.keys():
                 del means[gone]
 
     def _date(self, time: float) -> None:
@@ -207,13 +224,13 @@ class Learner:
         found = self._found()
         for i, name in enumerate(found.names):
             if found.variance[i] > 1.0 or found.echoes[i].any():
-                self._since.setdefault(name, time)
+                self.since.setdefault(name, time)
             else:
-                self._since.pop(name, None)
+                self.since.pop(name, None)
 
     def _found(self) -> _Estimate:
         if self._estimate is None:
-            self._estimate = _estimate(sorted(self._heard), self._pairings)
+            self._estimate = _estimate(sorted(self.heard), self._pairings)
         return self._estimate
 
 
@@ -253,7 +270,7 @@ def _compare(difference: Array, one: Array, other: Array, before: Array | None) 
     if before is not None:
         lengths = float(difference @ inverse @ difference) * float(before @ inverse @ before)
         turned = float(difference @ inverse @ before) / math.sqrt(lengths) if lengths > 1e-12 else math.nan
-    return Sample(a, 2.0 * math.sqrt(s * t) / (s + t), turned)
+    return Sample(float(np.float32(a)), float(np.float16(2.0 * math.sqrt(s * t) / (s + t))), float(np.float16(turned)))
 
 
 # --- from samples to variance factors and correlations -------------------------------------------------------------------

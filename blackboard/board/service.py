@@ -8,6 +8,7 @@ The table `blackboard.process.rounds.BOARD` says when a phase is over (docs/desi
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
@@ -31,7 +32,9 @@ from blackboard.wire.arrays import packed_grid
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.evidence import Forward
+from blackboard.wire.memory import Memory
 from blackboard.wire.messages import Clock, Consensus, PackedAnchor, Refusal, Report, Status
+from blackboard.wire.raw import MAX_BYTES
 from blackboard.wire.types import MAX_OPINIONS, Message
 
 log = logging.getLogger(__name__)
@@ -70,6 +73,12 @@ class BoardService:
         self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
         self._said: list[Said] = []  # in this tick, or kept, where another board leads
         self._sent: list[Envelope] = []  # in this tick; sent again when the world repeats its Clock
+        self._agreed_at: tuple[int, float] | None = None  # tick and team time of the newest tick that is settled
+        self._told_at: float | None = None  # team time in seconds of the newest Memory that this board sent
+        self._taken_over = (
+            "",
+            -math.inf,
+        )  # of the newest Memory that was taken over: the board, and its whole second of team time
         self._joint = (
             None
             if self.settings.fusion == "opinions"
@@ -92,6 +101,7 @@ class BoardService:
             keys.CONSENSUS.key(team=team, sub_team="*", subject="**"),
             *([] if self.settings.fusion == "opinions" else [keys.FORWARD.key(team=team, sub_team="*", board="*")]),
             keys.STATUS.key(team=team, sub_team="*", process="*"),
+            *([keys.MEMORY.key(team=team, sub_team=mine, board="*")] if self.settings.learns else []),
         )
 
     @property
@@ -118,10 +128,11 @@ class BoardService:
             out += [self._status(now)] if _is_world(envelope) else []
         else:
             out += self.intake.take(envelope, lambda parts, message: self._hear(parts, message, now))
-        return out + self._advance(now) + self._refusals(now)
+        out += self._advance(now, ticks=False) + self._refusals(now)
+        return out + self._memory()
 
     def wake(self, now: float) -> list[Envelope]:
-        out = self._advance(now) + self._refusals(now)
+        out = self._advance(now) + self._refusals(now) + self._memory()
         return [*out, self._status(now)] if now >= self.intake.status_due else out
 
     def wake_at(self, now: float) -> float | None:
@@ -158,6 +169,8 @@ class BoardService:
             self.board.check_time(message.time, time)
             sub_team = message.sub_team
             self._joint.hear(message, lambda robot: self.participants.has_robot(robot, sub_team), self._skew)
+        elif isinstance(message, Memory):
+            self._hear_memory(message, time)
         elif isinstance(message, Status):
             return self._hear_status(parts["sub_team"], message, now)
         return []
@@ -201,7 +214,7 @@ class BoardService:
             self.participants.check_robot(status.process)
             self._learn_of(status.process, status, now)
             self._reports.record_list(status.process, status.tick, status.subjects)
-            self.board.withdraw(status.process, status.tick, status.subjects)
+            self.board.withdraw(status.process, status.tick, {*status.subjects, *status.kept})
         elif status.kind == "board" and sub_team == self.sub_team:
             return self._hear_twin(status, now)
         elif status.kind == "board":
@@ -228,6 +241,24 @@ class BoardService:
             self.clocks.offsets.told(status.clocks)
         answers = self.lead.hear(status, now, newest, any_tick=self.clock.pace is Pace.FREE)
         return [self._status(now)] if answers else []
+
+    def _hear_memory(self, memory: Memory, time: float) -> None:
+        """Where this board follows, replace what it has learned by what its leader has: one Memory for each second of team time.
+
+        So both go on alike, whichever of them was restarted; and a leader that repeats itself costs little.
+        """
+        if memory.board not in self.roster.boards.get(self.sub_team, []):
+            raise TooEarly  # its token may be on its way
+        if self.lead.leads is not False or memory.board != self.lead.leader or memory.run != self._run:
+            return
+        self.board.check_time(memory.time, time)
+        older = self._agreed_at is not None and memory.tick < self._agreed_at[0]
+        # In lockstep one of an older tick would undo what was learned since; elsewhere it costs a sample of each pair at most.
+        board, second = self._taken_over
+        repeated = memory.board == board and math.floor(memory.time) <= second
+        if not repeated and not (older and self.clock.pace is Pace.LOCKSTEP):
+            self.board.remember(memory)
+            self._taken_over = memory.board, math.floor(memory.time)
 
     def _hear_board(self, sub_team: str, status: Status, now: float) -> None:
         """A board of another sub-team lists what it settled."""
@@ -274,12 +305,16 @@ class BoardService:
         self._said, self._sent = [], []
         return []
 
-    def _advance(self, now: float) -> list[Envelope]:
-        """Do what can be done: settle once the reports are in, exchange once the other boards' consensuses are."""
+    def _advance(self, now: float, *, ticks: bool = True) -> list[Envelope]:
+        """Do what can be done: settle once the reports are in, exchange once the other boards' consensuses are.
+
+        Without a world a tick begins when the board is woken, which is after a batch of messages. If one began with any message,
+        a board that needs longer than `period` to settle would settle for each message, and hear no more than one in that time.
+        """
         self._hold(now)
         self.roster.forget(now)
         out: list[Envelope] = []
-        while (news := self.clock.look(now)) is not News.NOTHING:
+        while (news := self.clock.look(now, ticks=ticks)) is not News.NOTHING:
             out += self._follow(news, now)
         if self.clock.pace is not self._pace:
             self._pace = self.clock.pace
@@ -335,6 +370,8 @@ class BoardService:
             with survive("what is forwarded"):
                 out += self._forward(self._joint, tick, time)
         self.counters["settled"] += len(found)
+        if level == "agreed":
+            self._agreed_at = tick, time
         status = self._plain_status(tick, time).model_copy(
             update={
                 "phase": level,
@@ -395,18 +432,17 @@ class BoardService:
 
     def _agreed(self, tick: int, time: float) -> list[Consensus]:
         """What the joint knows, and what the boards' opinions say about everything else, as much as a status can list."""
-        pooled = {consensus.subject: consensus for consensus in self.board.exchange(tick, time)}
-        first = {f"robot/{robot}" for robot in self.participants.robots()}
+        found = dict[str, Consensus]()
         if self._joint is not None:
             make = partial(
                 Consensus, board=self.name, sub_team=self.sub_team, level="agreed", tick=max(0, tick), time=time
             )
             with self.intake.failures.survive("the joint"):
-                known = {consensus.subject: consensus for consensus in self._joint.settle(time, make)}
-                pooled |= known
-                first |= known.keys()
-        kept = sorted(pooled, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
-        return [self._told_to(pooled[subject]) for subject in sorted(kept)]
+                found = {consensus.subject: consensus for consensus in self._joint.settle(time, make)}
+        first = found.keys() | {f"robot/{robot}" for robot in self.participants.robots()}
+        found |= {consensus.subject: consensus for consensus in self.board.exchange(tick, time, found.keys())}
+        kept = sorted(found, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
+        return [self._told_to(found[subject]) for subject in sorted(kept)]
 
     def _told_to(self, agreed: Consensus) -> Consensus:
         """What is agreed about a robot tells it how far its clock is ahead, where each goes by its own."""
@@ -424,6 +460,33 @@ class BoardService:
             grid=self._packed_grid,
             anchor=self._anchor,
         )
+
+    @property
+    def _run(self) -> str:
+        return "" if self.clock.followed is None else self.clock.followed.run
+
+    def _memory(self) -> list[Envelope]:
+        """What a board that leads remembers, after the first tick of each second of team time."""
+        if not (self.settings.learns and self.lead.leads) or self._agreed_at is None:
+            return []
+        tick, time = self._agreed_at
+        if self._told_at is not None and math.floor(time) == math.floor(self._told_at):
+            return []
+        self._told_at = time
+        memory = Memory(
+            board=self.name,
+            sub_team=self.sub_team,
+            run=self._run,
+            tick=max(0, tick),
+            time=time,
+            consensus=self.board.memory("consensus"),
+            agreed=self.board.memory("agreed"),
+        )
+        payload = encode(memory)
+        if len(payload) > MAX_BYTES:  # no message may be larger; who follows learns by itself then
+            self.counters["memory_too_large"] += 1
+            return []
+        return [Envelope(keys.MEMORY.key(team=self.team, sub_team=self.sub_team, board=self.name), payload)]
 
     def _refusals(self, now: float) -> list[Envelope]:
         """Tell robots of the sub-team what was refused under their names, unless this board follows one that does."""

@@ -152,7 +152,7 @@ def ros(
         node = names.Node("cop_blackboard", link.session_id, domain, clock.now)
         service = RosBridge(name, node, sources, members, space)
         link.outlet = node.publishers.get
-        door.log.info("ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens))
+        door.say("ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens))
         run(service, link, clock, stop)
     return door.DONE
 

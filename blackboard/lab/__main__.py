@@ -5,11 +5,12 @@ Long, because it is the door of four commands, each with its flags.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
@@ -18,6 +19,7 @@ from blackboard.config import Scenario, load
 from blackboard.errors import UserError
 from blackboard.lab import comparison, paper, parallel, sweep_report, tuning, tuning_report
 from blackboard.lab import streams as streams_of_fusions
+from blackboard.lab.estimates import RuleScores
 from blackboard.lab.sweep import kept_runs, run_all
 from blackboard.lab.sweep_plan import parse_seeds, plan
 from blackboard.lab.team import Team
@@ -73,22 +75,8 @@ def lab(
     teams = _teams(scenario, length, recording)
     if (ideal or agreed) and not teams:
         raise UserError("--ideal and --agreed are about a team: name a scenario or a recording too")
-    situations = {}
-    with progress("lab") as show_progress:
-        if runs:
-            trials = parallel.trial_jobs(runs, trials_rng)
-            judged = parallel.run_jobs(parallel.judge_trial, trials, show_progress)
-            for name in dict.fromkeys(job[0] for job in trials):
-                some = [scores for job, scores in zip(trials, judged, strict=True) if job[0] == name]
-                situations[name] = comparison.merged(some)
-        for one in teams:
-            jobs = [(one, number, every, parallel.Beside(agreed, ideal)) for number in range(variants)]
-            of_variants = parallel.run_jobs(parallel.judge_team, jobs, show_progress)
-            for kind in dict.fromkeys(kind for parts in of_variants for kind in parts):
-                some = [parts[kind] for parts in of_variants if kind in parts]
-                situations[f"team {one.name}{kind}"] = comparison.merged(some)
-            if not situations[f"team {one.name}"][comparison.DEFAULT_NAME].runs:
-                raise UserError(f"{one.where}: nobody ever had a second opinion; give more robots or a longer run")
+    jobs = parallel.trial_jobs(runs, trials_rng) if runs else []
+    situations = _situations(jobs, teams, variants, every, parallel.Beside(agreed, ideal))
     if not situations:
         raise UserError("--runs 0: nothing is left to judge; name a scenario or a recording too")
     found = comparison.report(situations, intervals_rng)
@@ -96,6 +84,28 @@ def lab(
         drawing.save(drawing.comparison(found), picture)
     output.show(found, comparison.text)
     return 0
+
+
+def _situations(
+    trials: Sequence[tuple[Any, ...]], teams: Sequence[Scenario], variants: int, every: float, beside: parallel.Beside
+) -> dict[str, dict[str, RuleScores]]:
+    """What is judged, by name: the trials, and for each team its variants together. UserError: nothing was ever fused in a team."""
+    situations = {}
+    with progress("lab") as show_progress:
+        if trials:
+            judged = parallel.run_jobs(parallel.judge_trial, trials, show_progress)
+            for name in dict.fromkeys(job[0] for job in trials):
+                some = [scores for job, scores in zip(trials, judged, strict=True) if job[0] == name]
+                situations[name] = comparison.merged(some)
+        for one in teams:
+            jobs = [(one, number, every, beside) for number in range(variants)]
+            of_variants = parallel.run_jobs(parallel.judge_team, jobs, show_progress)
+            for kind in dict.fromkeys(kind for parts in of_variants for kind in parts):
+                some = [parts[kind] for parts in of_variants if kind in parts]
+                situations[f"team {one.name}{kind}"] = comparison.merged(some)
+            if not situations[f"team {one.name}"][comparison.DEFAULT_NAME].runs:
+                raise UserError(f"{one.where}: nobody ever had a second opinion; give more robots or a longer run")
+    return situations
 
 
 def tune(
@@ -147,16 +157,7 @@ def tune(
         raise UserError(f"{scenario} and --mrclam: give one of the two")
     (team,) = _teams(scenario if scenario or recording.given else "demo", length, recording)
     rng = np.random.default_rng(seed)
-    rules = [rule] if rule else list(tuning.spaces())
-    for name in rules:
-        tuning.space(name)
-    with progress("tune: runs to choose from", lines=True) as show_progress:
-        jobs = [(rules, team, number, every) for number in range(variants)]
-        parts = parallel.run_jobs(parallel.try_settings, jobs, show_progress)
-    choices = {
-        name: tuning.choose(reduce(CandidateScores.merge, (p[name] for p in parts)), coverage, team.grid.cell, rng)
-        for name in rules
-    }
+    choices = _choices(rule, team, variants, every, coverage, rng)
     best = max(choices.values(), key=lambda c: (c["honest"], c["log_score"]))
     judged = {"tuned": best["setting"], "default": comparison.DEFAULT, "paper": comparison.PAPER}
     with progress("tune: held-out runs", lines=True) as show_progress:
@@ -166,6 +167,22 @@ def tune(
     found = tuning_report.tuned(choices, best, judged, checks, coverage=coverage, gain=gain, rng=rng)
     output.show(found, tuning_report.text)
     return 0 if found["recommended"]["which"] == "tuned" else 1
+
+
+def _choices(
+    rule: str | None, team: Scenario, variants: int, every: float, coverage: float, rng: np.random.Generator
+) -> dict[str, dict[str, Any]]:
+    """The best setting of one rule, or of each that can be tuned, on the first variants of a team. UserError: no such rule."""
+    rules = [rule] if rule else list(tuning.spaces())
+    for name in rules:
+        tuning.space(name)
+    with progress("tune: runs to choose from", lines=True) as show_progress:
+        jobs = [(rules, team, number, every) for number in range(variants)]
+        parts = parallel.run_jobs(parallel.try_settings, jobs, show_progress)
+    return {
+        name: tuning.choose(reduce(CandidateScores.merge, (p[name] for p in parts)), coverage, team.grid.cell, rng)
+        for name in rules
+    }
 
 
 def figures(

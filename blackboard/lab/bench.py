@@ -123,11 +123,16 @@ def measure(samples: Sequence[Sample]) -> dict[str, Any]:
     }
 
 
+def way_of(fusion: str, level: str) -> str:
+    """The way (DEFINITIONS) that a sample of a run with this fusion comes from, by the sample's level."""
+    return SOLO[fusion] if level == "solo" else fusion
+
+
 def own_places(run: Run) -> Iterator[tuple[str, Sample]]:
     """The samples of a run that are about the robots' own places, with the way that they come from (DEFINITIONS)."""
     for sample in run.samples:
         if sample.subject == f"robot/{sample.robot}" and sample.level != "consensus":
-            yield (SOLO[run.fusion] if sample.level == "solo" else run.fusion), sample
+            yield way_of(run.fusion, sample.level), sample
 
 
 def objects(run: Run) -> Iterator[tuple[str, Sample]]:

@@ -7,8 +7,9 @@ import io
 import json
 import logging
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import astuple, fields, make_dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,9 +22,15 @@ from blackboard.run.launch import run_scenario
 from blackboard.run.progress import progress
 from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS
 from sim_world.scenario import WorldSection
-from sim_world.series import read_series
+from sim_world.series import Sample, read_series
+from sim_world.table import ENDINGS, check_table, table_file
 
 log = logging.getLogger(__name__)
+
+#: A row of `--table`: a sample with the protocol and the way (`bench.DEFINITIONS`) that it comes from.
+SCORED: type[Any] = make_dataclass(
+    "Scored", [("protocol", "str"), ("way", "str"), *((one.name, one.type) for one in fields(Sample))], frozen=True
+)
 
 
 def score(
@@ -32,6 +39,7 @@ def score(
     seconds: float | None = None,
     runs: Path | None = None,
     table: Path | None = None,
+    summary: Path | None = None,
     pictures: Path | None = None,
     output: OutputFlags = OutputFlags(),
 ) -> int:
@@ -46,20 +54,29 @@ def score(
     runs
         Keep the samples and scorecards of the runs in this folder. Without --mrclam, judge the runs that are there.
     table
-        Also write the table into this file: Markdown, or CSV if its name ends in .csv.
+        Also write every sample of every run, by protocol, way, tick, subject and level: .csv, .jsonl or .parquet
+        (docs/scorecard.md).
+    summary
+        Also write what is shown into this file: Markdown, or CSV if its name ends in .csv.
     pictures
         Also draw trajectories, errors and areas of each protocol into this folder; needs the extra `plot`.
     """
     drawing = _drawing() if pictures is not None else None
-    if table is not None and table.suffix not in (".md", ".csv"):
-        raise UserError(f"--table {table}: tables are written as .md or .csv; choose one of these endings")
+    if summary is not None and summary.suffix not in (".md", ".csv"):
+        raise UserError(f"--summary {summary}: it is written as .md or .csv; choose one of these endings")
+    if table is not None and table.suffix == ".md":
+        raise UserError(f"--table {table}: samples are written as {', '.join(ENDINGS)}; what is shown is --summary")
+    if table is not None:
+        check_table(table, "--table")
     if recording.mrclam is None and runs is None:
         raise UserError("--mrclam: which recording is to be replayed? give its folder, in MRCLAM format")
     found = kept_runs(runs) if recording.mrclam is None and runs is not None else new_runs(recording, seconds, runs)
+    if table is not None:
+        write_samples(table, found)
     found += families(found)
     told = bench.report(found)
-    if table is not None:
-        _write(table, bench.markdown(told) if table.suffix == ".md" else _csv(told))
+    if summary is not None:
+        _write(summary, bench.markdown(told) if summary.suffix == ".md" else _csv(told))
     if drawing is not None and pictures is not None:
         for name in dict.fromkeys(run.protocol for run in found if run.protocol not in FAMILIES):
             for what, figure in drawing.protocol(name, [run for run in found if run.protocol == name]).items():
@@ -125,6 +142,14 @@ def _read_run(series: Path) -> bench.Run:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UserError(f"{file}: not what a run left ({error}); run it again, with --mrclam") from error
     return bench.Run(protocol, fusion, read_series(series), **about)
+
+
+def write_samples(file: Path, runs: Sequence[bench.Run]) -> None:
+    """Write the samples of all runs, each with its protocol and way, by the ending of `file`. UserError: it cannot be written."""
+    with table_file(file, SCORED, "--table") as write:
+        for run in runs:
+            for sample in run.samples:
+                write(SCORED(run.protocol, bench.way_of(run.fusion, sample.level), *astuple(sample)))
 
 
 def families(runs: list[bench.Run]) -> list[bench.Run]:

@@ -187,7 +187,7 @@ def _root(correlation: Array) -> Array:
 
 # --- judging -------------------------------------------------------------------------------------------------------------
 
-RULES = {"default": Coalition(independence=CAUTIOUS), "independence 1": Coalition(independence=1.0)}
+RULES = {"independence 0.2": Coalition(independence=CAUTIOUS), "independence 1": Coalition(independence=1.0)}
 LEARNED, ORACLE = "learned", "oracle"
 NAMES = (*STREAMS, *OTHERS, *UNSEEN, *(f"trial {name}" for name in TRIALS))
 

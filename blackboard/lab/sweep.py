@@ -7,7 +7,6 @@ processes of `blackboard up`, to the bit.
 from __future__ import annotations
 
 import json
-import logging
 import resource
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,15 +19,16 @@ from blackboard.lab import parallel
 from blackboard.lab.sweep_plan import Planned
 from blackboard.lab.team import Team
 from blackboard.run.door import version
+from blackboard.run.logs import quiet
 
 Finished = dict[str, Any]  # a line of the file of finished runs
 
 
 def run_one(key: str, scenario: Scenario) -> Finished:
     """Run a whole team in this process: its name, and its scorecard with the CPU seconds that it took."""
-    logging.getLogger("blackboard").setLevel(logging.ERROR)  # what is refused is counted in the scorecard
     before = _cpu_seconds()
-    card = Team(scenario).run()
+    with quiet():
+        card = Team(scenario).run()
     return {"key": key, "version": version(), "card": {**card, "cpu_s": round(_cpu_seconds() - before, 3)}}
 
 

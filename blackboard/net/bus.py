@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from blackboard.net.inbox import TOO_LARGE
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import MAX_BYTES
+from blackboard.wire.raw import MAX_BYTES
 
 
 @lru_cache(1 << 16)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.keys import READING, identities, writer
-from blackboard.wire.messages import MAX_BYTES
+from blackboard.wire.raw import MAX_BYTES
 
 #: Kept instead of any larger payload: it is refused for its size, and only that matters.
 TOO_LARGE = bytes(MAX_BYTES + 1)

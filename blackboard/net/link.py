@@ -25,7 +25,7 @@ from blackboard.net.settings import LinkConfig, endpoints, plain, priority
 from blackboard.process.clock import UnixClock
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import MAX_BYTES
+from blackboard.wire.raw import MAX_BYTES
 
 log = logging.getLogger(__name__)
 

@@ -76,10 +76,13 @@ def log_components(opinions: Array, weights: npt.ArrayLike | None, cell_ratio: f
     """The logarithms of C_first..C_N, from C_1 on unless said otherwise, shape (N - first + 1, cells), as mass per reference cell."""
     n = len(opinions)
     p, w = opinions.reshape(n, -1), shares(weights, n)
-    make = _log_products if first == n else _log_components
     logs = np.empty((n - first + 1, p.shape[1]))
-    for block in _blocks(n, p.shape[1]):
-        logs[:, block] = make(p[:, block], w)[first - n - 1 :]
+    if 2 * first > n:
+        for block in _blocks(2 * (n - first) + 1, p.shape[1]):
+            logs[:, block] = _log_last(p[:, block], w, first)
+    else:
+        for block in _blocks(n, p.shape[1]):
+            logs[:, block] = _log_components(p[:, block], w)[first - 1 :]
     if cell_ratio != 1.0:  # as mass per reference cell each of the q factors of C_q is v_ref / v_cell times as large
         logs += np.arange(first, n + 1)[:, np.newaxis] * math.log(positive(cell_ratio, "cell_ratio"))
     return logs
@@ -91,14 +94,49 @@ def _blocks(n: int, cells: int) -> Iterator[slice]:
     return (slice(start, start + size) for start in range(0, cells, size))
 
 
-def _log_products(p: Array, weights: Array) -> Array:
-    """The logarithm of C_N alone, the product of the opinions (N, cells), shape (1, cells)."""
+def _log_products(p: Array) -> Array:
+    """The logarithm of the product of the opinions (N, cells), shape (cells,)."""
     product = p.prod(axis=0)
     logs = logarithm(product)
     small = ~(product > LEAST_PRODUCT)  # it may have lost digits on the way
     if small.any():
-        logs[small] = logarithm(p[:, small]).sum(axis=0)
-    return np.asarray(logs[np.newaxis])
+        logs[small] = logarithm(p.compress(small, axis=1)).sum(axis=0)
+    return logs
+
+
+def _log_last(p: Array, weights: Array, first: int) -> Array:
+    """The logarithms of C_first..C_N alone for opinions (N, cells), shape (N - first + 1, cells), by those that a subset lacks.
+
+    The subsets of N - r opinions are those that lack r. With x_j = min P / P_j, and E_r the sum of all products of r of the x_j,
+
+        V_r += w_j E_r + x_j V_{r-1}        E_r += x_j E_{r-1}        for each opinion j, r downwards
+
+    sums up, for each r that are lacking, the weights of all others: C_{N-r} = P_1 ... P_N V_r / (min P)^r. Nothing cancels here
+    either.
+    """
+    n, cells = p.shape
+    lacking = n - first
+    products = _log_products(p)
+    if lacking == 0:
+        return products[np.newaxis]
+    least = p.min(axis=0)
+    ratios = least / np.maximum(p, TINY)
+    both, step, room = np.zeros((2, lacking + 1, cells)), np.empty((2, lacking, cells)), np.empty((lacking + 1, cells))
+    sums, weighted = both  # E_r, V_r
+    sums[0] = 1.0
+    for ratio, weight in zip(ratios, weights, strict=True):
+        np.multiply(sums, weight, out=room)
+        np.multiply(both[:, :-1], ratio, out=step)
+        both[:, 1:] += step
+        weighted += room
+    logs = logarithm(weighted[::-1])
+    logs += products
+    with np.errstate(invalid="ignore"):
+        logs -= np.arange(lacking, -1.0, -1.0)[:, np.newaxis] * logarithm(least)
+    wide = ~((least / np.maximum(p.max(axis=0), TINY)) ** lacking > LEAST_PRODUCT)
+    if wide.any():
+        logs[:, wide] = _log_components_sorted(p.compress(wide, axis=1), weights)[first - 1 :]
+    return logs
 
 
 def _log_components(p: Array, weights: Array) -> Array:

@@ -11,18 +11,21 @@ Beliefs that were on the wire have an even floor: cells in which every opinion i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.opinion.components import log_components, memberships
+from blackboard.opinion.components import log_components, memberships, relative_to_peak
 from blackboard.opinion.grid import Array
 from blackboard.opinion.vectors import positive
 
 ROUNDING = 53 * math.log(2.0)  # nats from 1 to the rounding of a double
+NOTHING = 1e-13  # of all mass: what a component with less can change is far below what its logarithm is rounded by
 MANY = 0.5  # of all cells: where more are left, they are not copied out
+#: Steps of the recursion: where there are fewer, one pass costs less than looking first which components have mass.
+AT_ONCE = 1 << 18
 SMALL = 4096  # a grid of so many cells is pooled as a whole: bounds would take longer than they save
 
 Places = npt.NDArray[np.intp]  # in ascending order
@@ -76,7 +79,8 @@ class Cells:
 class Chosen:
     """What COP makes of opinions in the cells that can matter: arrays (N, cells), or from q = first on, (N - first + 1, cells).
 
-    opinions: as they count in the choice. logs: ln C_q. terms: ln C_q^(1/alpha_q).
+    opinions: as they count in the choice. logs: ln C_q. terms: ln C_q^(1/alpha_q). wide: for norm(C_q^(e_q)), where that is
+    asked for and takes more cells.
     """
 
     opinions: Array
@@ -85,6 +89,7 @@ class Chosen:
     logs: Array
     terms: Array
     cells: Cells
+    wide: Wide | None = None
 
     @cached_property
     def mass(self) -> Array:
@@ -109,39 +114,67 @@ class Chosen:
         return np.concatenate([np.zeros(self.first - 1), self.masses / self.masses.sum()])
 
 
+@dataclass(frozen=True, eq=False)
+class Wide:
+    """Ln C_q, q = first..N, (N - first + 1, cells), in the cells that can matter to norm(C_q^(e_q)); q below `first` has no mass."""
+
+    first: int
+    logs: Array
+    cells: Cells
+
+
 def choose(
     opinions: Array,
     weights: Array | None,
     alpha: Array,
     cell_ratio: float,
     *,
-    scale: Array | None = None,
+    gate: float | None = None,
     exponents: Array | None = None,
     power: float = 1.0,
 ) -> Chosen:
-    """What COP makes of checked opinions (N, *grid shape), each times its scale, in the cells that can matter.
+    """What COP makes of checked opinions (N, *grid shape), in the cells that can matter.
 
-    To C_q^(power / alpha_q), and where exponents e (N,) are given, to norm(C_q^(e_q)).
+    With a gate each opinion counts with mass exp(-gate) at its peak. The cells are those that can matter to C_q^(power / alpha_q),
+    and where exponents e (N,) are given, in `wide`, to norm(C_q^(e_q)).
     """
     p = opinions.reshape(len(opinions), -1)
     large = p.shape[1] > SMALL
     # norm(C_q^(e_q)) is wide, and only cells that are alike can be left out of it; C_q^(1/alpha_q) is far narrower than its opinions
     cells = unlike(p) if large and exponents is not None else Cells(p.shape[1])
     taken = cells.of(p)
-    if scale is not None:
-        taken = taken * scale[:, np.newaxis]
-    first = 1
-    if large:
-        within = bounds(taken, weights, alpha, positive(cell_ratio, "cell_ratio"))
-        least = within.heavy(power)
-        if exponents is not None:
-            least = min(least, within.wanted(exponents))
-        first, chosen = within.first, np.flatnonzero(within.top >= least)
-        if len(chosen) <= MANY * len(within.top):
-            cells, taken = cells.only(chosen), taken.take(chosen, axis=1)
-    logs = log_components(taken, weights, cell_ratio, first)
+    if gate is not None:
+        taken = relative_to_peak(taken, gate)
+    if not large:
+        return _chosen(taken, weights, alpha, cell_ratio, 1, cells)
+    within = bounds(taken, weights, alpha, positive(cell_ratio, "cell_ratio"))
+    least = within.heavy(power)
+    at_once = exponents is not None and len(taken) * taken.size <= AT_ONCE
+    if exponents is not None and at_once:
+        least = min(least, within.wanted(exponents))
+    some, some_cells = _kept(taken, cells, within.top >= least)
+    chosen = _chosen(some, weights, alpha, cell_ratio, within.first, some_cells)
+    if exponents is None or at_once:
+        return chosen
+    first = chosen.first + int(np.argmax(chosen.masses > NOTHING * chosen.masses.sum()))
+    some, some_cells = _kept(taken, cells, within.top >= replace(within, first=first).wanted(exponents))
+    if some is chosen.opinions:
+        return replace(chosen, wide=Wide(first, chosen.logs[first - chosen.first :], some_cells))
+    return replace(chosen, wide=Wide(first, log_components(some, weights, cell_ratio, first), some_cells))
+
+
+def _chosen(
+    opinions: Array, weights: Array | None, alpha: Array, cell_ratio: float, first: int, cells: Cells
+) -> Chosen:
+    logs = log_components(opinions, weights, cell_ratio, first)
     terms = logs / alpha[first - 1 :, np.newaxis]  # (V-.2): ln C_q^(1/alpha_q)
-    return Chosen(taken, weights, first, logs, terms, cells)
+    return Chosen(opinions, weights, first, logs, terms, cells)
+
+
+def _kept(taken: Array, cells: Cells, wanted: npt.NDArray[np.bool_]) -> tuple[Array, Cells]:
+    """Opinions (N, cells) in the wanted cells, or in all where most are."""
+    chosen = np.flatnonzero(wanted)
+    return (taken, cells) if len(chosen) > MANY * len(wanted) else (taken.take(chosen, axis=1), cells.only(chosen))
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +222,11 @@ def bounds(p: Array, weights: Array | None, alpha: Array, cell_ratio: float = 1.
 
 def unlike(p: Array) -> Cells:
     """All cells, and where they are many without those that are alike: every one of the opinions (N, cells) is at its least there."""
-    same = (p == p.min(axis=1, keepdims=True)).all(axis=0)
-    if np.count_nonzero(same) < (1.0 - MANY) * len(same):
-        return Cells(len(same))
+    same = np.ones(p.shape[1], dtype=bool)
+    for opinion in p:  # one after another, as each fits in the processor's cache
+        same &= opinion == opinion.min()
+        if np.count_nonzero(same) < (1.0 - MANY) * len(same):
+            return Cells(len(same))
     others = np.flatnonzero(same)
     return Cells(len(same), np.append(np.flatnonzero(~same), others[0]), others)
 

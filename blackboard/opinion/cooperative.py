@@ -8,8 +8,8 @@ from typing import ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.opinion.components import alphas, to_peak, triangular_alphas
-from blackboard.opinion.considered import Chosen, choose
+from blackboard.opinion.components import alphas, triangular_alphas
+from blackboard.opinion.considered import Chosen, Wide, choose
 from blackboard.opinion.grid import Array
 from blackboard.opinion.rules import EntropyWeighted, Pooled, parameter, pooled, rule
 from blackboard.opinion.vectors import checked, checked_weights
@@ -79,7 +79,7 @@ class Coalition(EntropyWeighted):
     gate: float | None = parameter(default=None, above=0, tried=(1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0))
     "[nats] What it may cost an opinion to agree with the others; 4 where neither this nor `gamma` is given."
     independence: float | Literal["learn"] = parameter(
-        default=CAUTIOUS, least=0, most=1, words=("learn",), tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+        default="learn", least=0, most=1, words=("learn",), tried=(0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
     )
     "[share] How independent the members of a coalition are: 0 is their geometric mean, 1 their product; learn: finds out."
 
@@ -117,8 +117,7 @@ class Coalition(EntropyWeighted):
         exponents = _exponents(n, self._independence())
         if self.gate is None:
             return choose(opinions, weights, alphas(n, self.gamma or 0.5), cell_ratio, exponents=exponents)
-        scale = to_peak(opinions, self.gate)
-        return choose(opinions, weights, triangular_alphas(n), 1.0, scale=scale, exponents=exponents)
+        return choose(opinions, weights, triangular_alphas(n), 1.0, gate=self.gate, exponents=exponents)
 
 
 def cooperative_pool(
@@ -186,11 +185,12 @@ def _exponents(n: int, independence: float) -> Array:
 
 def _mixed(chosen: Chosen, independence: float, *, shape: tuple[int, ...]) -> Array:
     """sum_q m_q norm(C_q^(e_q)) with e_q = q^-(1 - independence), as `shape`."""
-    mass, cells = chosen.masses, chosen.cells
-    exponents = _exponents(len(chosen.opinions), independence)[chosen.first - 1 :]
-    mixed, total = np.zeros(chosen.logs.shape[1]), mass.sum()
+    wide = chosen.wide or Wide(chosen.first, chosen.logs, chosen.cells)
+    mass, total, cells = chosen.masses[wide.first - chosen.first :], chosen.masses.sum(), wide.cells
+    exponents = _exponents(len(chosen.opinions), independence)[wide.first - 1 :]
+    mixed = np.zeros(wide.logs.shape[1])
     for q in np.flatnonzero(mass):
-        part = exponents[q] * chosen.logs[q]
+        part = exponents[q] * wide.logs[q]
         part -= part.max()
         part = cells.normalised(np.exp(part, out=part))
         part *= mass[q] / total

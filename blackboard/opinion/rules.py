@@ -143,11 +143,11 @@ def _checked_value(own: dataclasses.Field[Any], value: Any) -> Any:
     """The value of a parameter, a number as float or int; RuleError where it has another type or is out of its bounds."""
     if (value is None and own.default is None) or own.default is dataclasses.MISSING:
         return value
-    if isinstance(own.default, str | bool):
+    words = own.metadata.get("words", ())
+    if isinstance(own.default, str | bool) and own.default not in words:
         if type(value) is not type(own.default):
             raise RuleError(own.name, f"give {bounds_in_words(own)}", repr(value))
         return value
-    words = own.metadata.get("words", ())
     if isinstance(value, str) and value in words:
         return value
     whole = isinstance(own.default, int)

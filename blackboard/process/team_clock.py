@@ -100,8 +100,11 @@ class TeamClock:
             return News.REPEATED
         return self._doubt(clock, self.followed, now)
 
-    def look(self, now: float) -> News:
-        """What has changed with the roster and the time; call it again until it is NOTHING."""
+    def look(self, now: float, *, ticks: bool = True) -> News:
+        """What has changed with the roster and the time; call it again until it is NOTHING.
+
+        Without `ticks` no tick begins by Unix time: a process that hears more than it can settle begins one after a batch only.
+        """
         if self._unannounced is not None and self.roster.world:
             if self.followed is None and now - self._unannounced_since > EARLY:
                 self._stranger, self._stranger_until = self._unannounced.run, now + WORLD_SILENT
@@ -115,7 +118,12 @@ class TeamClock:
         if self.followed is not None and now >= self._given_up_at():
             self.followed, self._rival, self.tick, self._has_waited = None, None, -1, self.roster.world
             return News.FREE
-        if self.pace is Pace.FREE and self.period is not None and (tick := int(now / self.period)) != self.tick:
+        if (
+            ticks
+            and self.pace is Pace.FREE
+            and self.period is not None
+            and (tick := int(now / self.period)) != self.tick
+        ):
             self.tick = tick
             return News.TICK
         return News.NOTHING

@@ -11,12 +11,10 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Literal, NoReturn
 
-import structlog
 from cyclopts import App, CycloptsError, Parameter
 
 import blackboard
@@ -26,12 +24,13 @@ from blackboard.net.settings import DEFAULT_ENDPOINT, SECURE_ENDPOINT, LinkConfi
 from blackboard.process.clock import UnixClock
 from blackboard.process.loop import run
 from blackboard.process.service import Service
+from blackboard.run import logs
 from blackboard.run.gate import keep_door
 from blackboard.run.lifeline import follow
 from blackboard.wire.keys import WORLD, parse
 from blackboard.wire.names import NAME
 
-log = structlog.get_logger()
+log = logging.getLogger(__name__)
 
 DONE, FAILED, USER_ERROR, INTERRUPTED = 0, 1, 2, 130  # exit statuses; a command may return others
 PARENT = "BLACKBOARD_PARENT"  # set for a child: the process that it must not outlive
@@ -101,7 +100,7 @@ def serve(service: Service, name: str, flags: ZenohFlags, *, patience: float = 3
     if identity is not None:
         identity.check_tokens(service.tokens)
     with Link(config, name, patience=patience, stopped=stop, clock=clock) as link:
-        log.info("ready", process=name, tokens=list(service.tokens))
+        say("ready", process=name, tokens=list(service.tokens))
         run(service, link, clock, stop)
         end = clock.now() + linger
         while clock.now() < end and (late := link.receive(0.1)):
@@ -114,7 +113,7 @@ def route(flags: ZenohFlags) -> None:
     """Run a Zenoh router until a signal comes. It is ready as soon as a session can be opened through it."""
     stop, config = Stop(), flags.link(mode="router", who="router")
     listen = flags.listen or flags.config or (SECURE_ENDPOINT if flags.keys else DEFAULT_ENDPOINT)
-    ready = partial(log.info, "ready", process="router", listen=listen)
+    ready = partial(say, "ready", process="router", listen=listen)
     if config.keys:
         keep_door(config, stop, ready)
         return
@@ -122,6 +121,11 @@ def route(flags: ZenohFlags) -> None:
         ready()
         while not stop.wait(3600.0):
             pass
+
+
+def say(event: str, **fields: object) -> None:
+    """Log an event with its fields. Launchers and tests wait for the event `ready` in a process's log."""
+    log.info(event, extra={"fields": fields})
 
 
 def _who(tokens: tuple[str, ...], name: str) -> str:
@@ -156,7 +160,8 @@ def main(app: App) -> NoReturn:
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         follow_parent()
-        _set_up_logging()
+        _zenoh_log()
+        logs.set_up(os.environ.get("LOG_LEVEL", "INFO").upper(), as_json=os.environ.get("LOG_FORMAT") == "json")
         status = app(exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UserError, RunFailed) as error:
         print("error:", *str(error).split(), file=sys.stderr)  # noqa: T201
@@ -167,35 +172,6 @@ def main(app: App) -> NoReturn:
         pass
     sys.stdout.flush()
     sys.exit(status if isinstance(status, int) else DONE)
-
-
-def _set_up_logging() -> None:
-    """Logs go to standard error, as text on a terminal and as JSON where LOG_FORMAT=json; standard output is for data."""
-    renderer: Callable[..., object] = (
-        structlog.processors.JSONRenderer()
-        if os.environ.get("LOG_FORMAT") == "json"
-        else structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty(), pad_event_to=0)
-    )
-    shared: list[structlog.typing.Processor] = [
-        structlog.stdlib.add_log_level,
-        structlog.processors.TimeStamper(fmt="%H:%M:%S", utc=False),
-    ]
-    structlog.configure(
-        processors=[*shared, structlog.stdlib.ProcessorFormatter.wrap_for_formatter],
-        logger_factory=structlog.stdlib.LoggerFactory(),
-    )
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(
-        structlog.stdlib.ProcessorFormatter(
-            foreign_pre_chain=shared,
-            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, renderer],  # type: ignore[list-item]
-        )
-    )
-    _zenoh_log()
-    level = os.environ.get("LOG_LEVEL", "INFO").upper()
-    logging.basicConfig(
-        level=level if level in logging.getLevelNamesMapping() else "INFO", handlers=[handler], force=True
-    )
 
 
 def _zenoh_log() -> None:

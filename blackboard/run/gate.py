@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import fcntl
+import logging
 import os
 import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
-
-import structlog
 
 from blackboard.access.denials import LEVELS, DenialReader
 from blackboard.access.doorkeeper import Doorkeeper, common_names
@@ -19,7 +18,7 @@ from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.process.failures import Failures
 
-log = structlog.get_logger()
+log = logging.getLogger(__name__)
 
 PIPE = 1 << 20  # bytes of Zenoh's log that wait, as far as the system allows; Zenoh waits where it is full
 PIECE = 1 << 18  # bytes, more than one event can have
@@ -101,6 +100,6 @@ class _Listening:
                 self._enabled.set()
             other, self._reader.other = self._reader.other, []
             for line in [] if self._show else other:
-                log.warning("zenoh", said=line)
+                log.warning("zenoh", extra={"fields": {"said": line}})
             if self._show:
                 sys.stderr.write(event.decode("utf-8", "replace"))

@@ -7,17 +7,25 @@ the time of the tick that was settled, so that a board which repeats its status 
 
 from __future__ import annotations
 
+import math
+import socket
+import sys
 from contextlib import suppress
-from typing import Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
+
+from cyclopts import Parameter
 
 from blackboard.errors import Refused
+from blackboard.net.link import Link
+from blackboard.process.clock import UnixClock
+from blackboard.run import door
+from blackboard.tables import read_tables
 from blackboard.wire import keys
-from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Clock, Report, Status
-from blackboard.wire.types import Message
+from blackboard.wire.raw import unpack_map
 
 ProcessKind = Literal["router", "world", "board", "robot"]
+DEFAULT_TEAM = "demo"  # as in `blackboard.config.TeamSection`
 
 
 class Querier(Protocol):
@@ -53,22 +61,67 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
 def part(link: Querier, kind: ProcessKind, name: str, *, team: str) -> str:
     """What is told of a process after "healthy": of a world its tick; of a board that it follows another one of its sub-team."""
     if kind == "world":
-        clocks = _opened(link, keys.CLOCK.key(team=team))
-        return f", tick {max(clock.tick for clock in clocks if isinstance(clock, Clock))}" if clocks else ""
+        ticks = [fields.get("tick") for fields in _answers(link, keys.CLOCK.key(team=team))]
+        known = [tick for tick in ticks if isinstance(tick, int)]
+        return f", tick {max(known)}" if known else ""
     if kind != "board":
         return ""
-    messages = _opened(link, keys.STATUS.key(team=team, sub_team="*", process=name))
-    return ", follows" if any(isinstance(message, Status) and message.follows for message in messages) else ""
+    answers = _answers(link, keys.STATUS.key(team=team, sub_team="*", process=name))
+    return ", follows" if any(fields.get("follows") for fields in answers) else ""
+
+
+def health(
+    kind: ProcessKind,
+    *,
+    process: Annotated[str | None, Parameter(name="--id")] = None,
+    team: str | None = None,
+    scenario: str | None = None,
+    max_age: float = 5.0,
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
+    """Ask a process over Zenoh whether it does its work; exit status 1 and one line where it does not.
+
+    Parameters
+    ----------
+    kind
+        What the process is.
+    process
+        Its name [default: the name of this host].
+    team
+        Its team [default: the scenario's].
+    scenario
+        The team's scenario, a file or the name of one that comes with the package [default: demo].
+    max_age
+        Seconds of team time after which a belief or a status is no longer fresh.
+    """
+    name, of = process or socket.gethostname(), team or _team_of(scenario or "demo")
+    door.check_name("--team", of)
+    # with keys it is asked as the process itself, so that it is also found out whether the router lets this certificate in
+    who = {"router": "health", "world": "world"}.get(kind, f"{kind}/{name}")
+    with Link(flags.link(who=who), f"health-{name}", patience=3.0) as link:
+        fault = link.denials() or diagnose(link, kind, name, UnixClock().now(), team=of, max_age=max_age)
+        found = fault or "healthy" + part(link, kind, name, team=of)
+    sys.stdout.write(f"{found}\n")
+    return 1 if fault else 0
 
 
 def _times(link: Querier, key_expr: str) -> list[float]:
     """The stamps of all readable answers, team time in seconds."""
-    return [message.time for message in _opened(link, key_expr) if isinstance(message, Clock | Report | Status)]
+    times = (fields.get("time") for fields in _answers(link, key_expr))
+    return [float(time) for time in times if isinstance(time, int | float) and math.isfinite(time)]
 
 
-def _opened(link: Querier, key_expr: str) -> list[Message]:
+def _answers(link: Querier, key_expr: str) -> list[dict[str, Any]]:
+    """The fields of all readable answers on keys of the team."""
     found = []
     for envelope in link.get(key_expr):
         with suppress(Refused):  # another process sent it; the one that is asked about may be well
-            found.append(open_envelope(envelope)[2])
+            found.append(unpack_map(envelope.payload))
     return found
+
+
+def _team_of(scenario: str) -> str:
+    """The name of a scenario's team. The rest of the file is not looked at: the processes that read it have said what is wrong."""
+    tables, _ = read_tables(scenario)
+    team = tables.get("team")
+    return str(team.get("name", DEFAULT_TEAM)) if isinstance(team, dict) else DEFAULT_TEAM

@@ -306,10 +306,10 @@ class TeamFold:
 
 
 def _unread(key: str) -> dict[str, Any] | None:
-    """Who sends on a key whose messages show nothing new and are large: solo beliefs and forwarded evidence; None for others."""
+    """Who sends on a key whose messages show nothing new and are large: solo beliefs, evidence, memories; None for others."""
     if (parts := keys.SOLO.match(key)) is not None:
         return {"team": parts["team"], "kind": "robot", "name": parts["robot"], "sub_team": None}
-    if (parts := keys.FORWARD.match(key)) is not None:
+    if (parts := keys.FORWARD.match(key) or keys.MEMORY.match(key)) is not None:
         return {"team": parts["team"], "kind": "board", "name": parts["board"], "sub_team": parts["sub_team"]}
     return None
 
@@ -329,7 +329,11 @@ def _keep(store: dict[str, dict[str, deque[Told[M]]]], subject: str, source: str
 def _withdraw(store: dict[str, dict[str, deque[Told[M]]]], source: str, status: Status) -> None:
     """Drop what a source told before the tick of its status on subjects that the status lists no longer."""
     for subject, by_source in store.items():
-        if subject not in status.subjects and source in by_source and by_source[source][-1].message.tick < status.tick:
+        if (
+            subject not in {*status.subjects, *status.kept}
+            and source in by_source
+            and by_source[source][-1].message.tick < status.tick
+        ):
             del by_source[source]
 
 

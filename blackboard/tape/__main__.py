@@ -5,10 +5,8 @@ Long, because it is the door of six commands, each with its flags.
 
 from __future__ import annotations
 
-import logging
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +21,7 @@ from blackboard.net.bus import intersects
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, TeamFlags
+from blackboard.run.logs import quiet
 from blackboard.tape.compare import changed_board, side_by_side, told
 from blackboard.tape.content import Tape, load_tape, summary
 from blackboard.tape.content import cut as cut_out
@@ -37,7 +36,7 @@ from blackboard.tape.replay import replay as replay_tape
 from blackboard.tape.table import rows
 from blackboard.tape.table_file import write_table
 from blackboard.tape.whatif import what_if
-from blackboard.wire.messages import VERSION
+from blackboard.wire.raw import VERSION
 from sim_world.scorecard import scorecard, text
 from sim_world.series import Sample, series_file
 from sim_world.table import check_table
@@ -171,26 +170,11 @@ def replay(
         raise UserError("--only, and where the network is, are for --speed; without it nothing is sent")
     if len(found.runs) > 1:
         sys.stderr.write(f"{file}: {len(found.runs)} runs; the last one is judged\n")
-    logging.getLogger("blackboard").setLevel(
-        logging.ERROR
-    )  # what boards refuse is counted, and was logged in the recorded run
     story = course(found, found.runs[-1] if found.runs else "")
-    with _quiet(), series_file(table) as keep:
+    with quiet(), series_file(table) as keep:
         if changes.given:
             return _what_if(found, story, changes, output, keep)
         return _again(found, story, output, keep)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Without the warnings of boards: what they refuse is counted, and was logged in the recorded run."""
-    logger = logging.getLogger("blackboard")
-    before = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(before)
 
 
 def _again(found: Tape, story: Course, output: OutputFlags, keep: Keep) -> int:

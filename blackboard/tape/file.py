@@ -21,7 +21,7 @@ from typing import Any, BinaryIO
 from blackboard.errors import UserError
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import MAX_BYTES, VERSION
+from blackboard.wire.raw import MAX_BYTES, VERSION
 
 try:
     import zstandard

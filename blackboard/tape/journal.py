@@ -15,7 +15,8 @@ from blackboard.process.service import Service
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import MAX_BYTES, MAX_JOURNAL_NAME, Journal
+from blackboard.wire.messages import MAX_JOURNAL_NAME, Journal
+from blackboard.wire.raw import MAX_BYTES
 from blackboard.wire.types import MAX_OPINIONS
 
 What = Literal["put", "delete", "alive", "gone", "wake"]
@@ -88,6 +89,7 @@ class Journaled:
             began=self._began,
             first=self._first,
             events=self._events,
+            memory=next((digest(it) for it in reversed(out) if keys.MEMORY.match(it.key)), ""),
         )
         self._first, self._events = self._first + len(self._events), []
         return [Envelope(self._key, encode(journal)), *out]
@@ -103,6 +105,8 @@ class Life:
     first: int  # number of the first event that is there; above 0 where the recorder came later
     events: list[tuple[float, What, str]] = field(default_factory=list)
     gaps: list[float] = field(default_factory=list)  # Unix seconds of the event behind each gap in the journal
+    #: after how many of `events` -> digest of the Memory that holds what the board remembered then
+    memories: dict[int, str] = field(default_factory=dict)
 
 
 def lives(journals: Iterable[Journal]) -> list[Life]:
@@ -119,6 +123,8 @@ def lives(journals: Iterable[Journal]) -> list[Life]:
             if first > expected:
                 life.gaps.append(journal.events[0][0])
             life.events += journal.events[max(0, expected - first) :]
+            if journal.memory:
+                life.memories[len(life.events)] = journal.memory
             expected = max(expected, first + len(journal.events))
         found.append(life)
     return found

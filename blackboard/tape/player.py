@@ -12,7 +12,7 @@ from blackboard.wire.envelope import Envelope, Kind
 
 Part = Literal["world", "robots", "boards"]
 OF_WORLD = (keys.CLOCK, keys.READING, keys.TRUTH, keys.WORLD)
-OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.BOARD, keys.REFUSED)
+OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.MEMORY, keys.BOARD, keys.REFUSED)
 
 
 class Player:

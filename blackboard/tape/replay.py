@@ -6,16 +6,19 @@ So it does again what it did, to the bit, in every pace: nothing of it depends o
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from blackboard.board.service import BoardService
 from blackboard.config import Scenario
-from blackboard.errors import UserError
+from blackboard.errors import Refused, UserError
 from blackboard.net.bus import intersects
 from blackboard.tape.content import Tape
 from blackboard.tape.journal import TOO_LARGE, Life
 from blackboard.wire import keys
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.memory import Memory
 
 
 @dataclass
@@ -73,19 +76,38 @@ def _live_again(tape: Tape, life: Life, found: Replay) -> None:
         for token in _held_before(tape, life):
             if any(intersects(key_expr, token) for key_expr in service.watches):
                 service.receive(Envelope(token, kind=Kind.ALIVE), life.events[0][0])
-    for at, what, name in life.events:
+    memories = _memories(tape, life)
+    for number, (at, what, name) in enumerate(life.events, 1):
         if what == "wake":
             output.take(service, service.wake(at))
-            continue
-        envelope = Envelope(name, kind=Kind(what)) if what != "put" else tape.by_digest.get(name)
-        if envelope is None:  # nothing happens but that time passes, as with one that was too large
-            found.missing += name != TOO_LARGE
-            envelope = Envelope(name, kind=Kind.DELETE)
-        output.counters["received"] += 1
-        output.counters["bytes"] += len(envelope.payload)
-        output.take(service, service.receive(envelope, at))
+        else:
+            envelope = Envelope(name, kind=Kind(what)) if what != "put" else tape.by_digest.get(name)
+            if envelope is None:  # nothing happens but that time passes, as with one that was too large
+                found.missing += name != TOO_LARGE
+                envelope = Envelope(name, kind=Kind.DELETE)
+            output.counters["received"] += 1
+            output.counters["bytes"] += len(envelope.payload)
+            output.take(service, service.receive(envelope, at))
+        if number in memories:
+            with suppress(Refused):
+                service.board.remember(memories[number])
     output.counters["dropped"] = found.missing
     output.refused += service.refused
+
+
+def _memories(tape: Tape, life: Life) -> dict[int, Memory]:
+    """After how many events a board whose beginning is missing is given what it remembered: from then on it knows as much.
+
+    It is given that again for `max_age`, while what it held before the tape may still have a part in what it learns.
+    """
+    found: dict[int, Memory] = {}
+    for number, name in life.memories.items() if life.first else ():
+        envelope = tape.by_digest.get(name)
+        if envelope is not None:
+            with suppress(Refused):
+                found[number] = decode(Memory, envelope.payload)
+    begin = next(iter(found.values())).time if found else 0.0
+    return {number: it for number, it in found.items() if 0 <= it.time - begin <= tape.scenario.board.max_age}
 
 
 def _held_before(tape: Tape, life: Life) -> list[str]:

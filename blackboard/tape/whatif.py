@@ -23,7 +23,7 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Journal
 
-OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.JOURNAL, keys.REFUSED)
+OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.JOURNAL, keys.MEMORY, keys.REFUSED)
 LONGEST = 600.0  # seconds
 LATER = 1e-6  # seconds that pass after a board was woken, so that time moves even if it is due again at once
 

@@ -319,7 +319,7 @@ def open_tape(file: Path, team: str | None, flags: door.ZenohFlags) -> Taped:
 
 
 def _ready(url: str) -> None:
-    door.log.info("live page", url=url)
+    door.say("live page", url=url)
 
 
 def _ready_and_open(url: str) -> None:

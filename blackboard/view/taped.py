@@ -48,16 +48,20 @@ class Taped:
 
     def moment(self, tick: int | None) -> Moment:
         """The moment of a tick in the last run that has it, or the newest; reads to the end. RunFailed: there is none."""
-        found: list[Moment] = []
+        found: Moment | None = None
+        seen: Moment | None = None
 
         def look() -> None:
-            found.extend(
-                moment for moment in self.fold.moments.since(-1) if moment.tick == tick and moment not in found[-1:]
-            )
+            nonlocal found, seen
+            if (
+                self.fold.moments.newest is not seen
+            ):  # old moments are packed: unpack one for each settled tick, not one for each look
+                seen = self.fold.moments.newest
+                found = (None if tick is None else self.fold.moments.at(tick)) or found
 
         self.read_on(look)
         newest = self.fold.moments.newest
-        chosen = newest if tick is None else (found[-1] if found else None)
+        chosen = newest if tick is None else found
         if chosen is None:
             others = ", ".join(sorted(name for name in self.feed.fold.teams if name != self.team))
             there = f"; there is {others}" if others else ""

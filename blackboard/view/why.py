@@ -1,7 +1,8 @@
 """Why a team believes what it believes about a subject: what each source gave, and what would be without it. Pure.
 
-The consensus of a moment is fused again from the reports of that moment, once as it was and once without each source; how far the
-first is from what was published (`recomputed`, nats) says how far the rest may be trusted. A belief of the joint is a marginal of one
+The consensus of a moment is fused again from the reports of that moment, once as it was and once without each source, both with the
+parameters and the powers that the board published; how far the first is from what was published (`recomputed`, nats) says how far
+the rest may be trusted. A belief of the joint is a marginal of one
 Gaussian of the whole team: there nobody has a weight of his own, and it is said who was used and who was not.
 """
 
@@ -9,11 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from blackboard.board.fusion import fuse_opinions
+from blackboard.board.fusion import Powers, fuse_opinions
+from blackboard.board.learning import LEAST_POWER
 from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import OpinionError, UserError
@@ -108,7 +111,7 @@ def _level(told: Told[Consensus], about: About, agreed: bool, feedback: dict[str
 def _source(used: Used, about: About, agreed: bool) -> Table:
     """A source: its part in the fusion, and whose information came with it."""
     told = about.consensus.get(used.source) if agreed else about.reports.get(used.source)
-    own: Table = {"source": used.source, "how": used.how, "weight": used.weight, "age": used.age}
+    own: Table = {"source": used.source, "how": used.how, "weight": used.weight, "power": used.power, "age": used.age}
     contains: Sequence[str] = ()
     if told is not None:
         message = told.message
@@ -131,18 +134,20 @@ def _without(
     """
     published = read(it.belief)
     ages = {used.source: used.age for used in it.used}
+    powers = {(used.source, str(used.how)): min(max(used.power, LEAST_POWER), 1.0) for used in it.used}
     opinions = {name: _opinions(name, ages[name], it, about, agreed, feedback, drift) for name in sorted(ages)}
     if published is None or not opinions or not all(opinions.values()):
         return None, {}
     try:
         settings = BoardSection.model_validate({"rule": it.rule, **it.parameters, "feedback": feedback})
-        full = _fused(list(opinions), opinions, published.grid, settings, it.subject)
+        fused = partial(
+            _fused, opinions=opinions, grid=published.grid, settings=settings, subject=it.subject, powers=powers
+        )
+        full = fused(list(opinions))
         found = {}
         for name in opinions:
             others = [other for other in opinions if other != name]
-            found[name] = (
-                _change(full, _fused(others, opinions, published.grid, settings, it.subject)) if others else {}
-            )
+            found[name] = _change(full, fused(others)) if others else {}
         return kullback_leibler(published.p, full.p), found
     except (OpinionError, UserError, ValueError):  # a rule that is not installed here, or opinions on different grids
         return None, {}
@@ -180,9 +185,16 @@ def _opinions(
 
 
 def _fused(
-    names: Sequence[str], opinions: dict[str, list[Opinion]], grid: Grid, settings: BoardSection, subject: str
+    names: Sequence[str],
+    opinions: dict[str, list[Opinion]],
+    grid: Grid,
+    settings: BoardSection,
+    subject: str,
+    powers: Powers,
 ) -> Belief:
-    return fuse_opinions([one for name in names for one in opinions[name]], grid, settings, subject).belief
+    """The opinions of these sources, pooled with the parameters and to the powers that the board published."""
+    found = fuse_opinions([one for name in names for one in opinions[name]], grid, settings, subject, powers=powers)
+    return found.belief
 
 
 def _change(full: Belief, without: Belief) -> Table:

@@ -95,7 +95,8 @@ def _pooled(level: Table, unit: str) -> list[str]:
 
 
 def _said(source: Table) -> str:
-    what = f"entropy {source['entropy']:.2f} nats, {source['age']:.1f} s old"
+    power = f", taken to the power {source['power']:.2f}" if source["power"] < 0.995 else ""
+    what = f"entropy {source['entropy']:.2f} nats, {source['age']:.1f} s old{power}"
     if source["how"] == "independent":
         return f"{source['source']}, first-hand: weight {source['weight']:.2f}, {what}."
     others = [name for name in source["contains"] if name != source["source"]]

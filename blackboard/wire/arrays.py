@@ -1,24 +1,25 @@
-"""A belief as bytes and back: cropped to its support, logarithms in one byte per cell, the mass left out spread evenly.
+"""A belief as bytes and back: cropped to its support, its logarithm in whole levels, the mass left out spread evenly.
 
-Coding "log8" (docs/wire.md): a cell of probability p becomes the level b = round(255 + ln(p / peak) / step), where b <= 0
-means "in the rest". Read back, the kept cells share 1 - rest in the proportion exp((b - 255) step), and the cells of the
-rest share `rest` evenly.
+Codings "log8" and "log16" (docs/wire.md): a cell of probability p becomes the level b = round(top + ln(p / peak) / step), where
+b <= 0 means "in the rest". Read back, the kept cells share 1 - rest in the proportion exp(b step), and the cells of the rest share
+`rest` evenly.
 
-What is lost, with step = 0.05 nats, so that 254 levels reach 12.7 nats below the peak:
+What is lost, with the step of a coding ("log8": 0.05 nats and 255 levels; "log16": 0.025 nats and 510 levels; both reach 12.7 nats
+below the peak):
 - a kept cell is off by a factor of at most exp(step / 2) before its share is normalised, exp(step) in the end;
 - the total variation between a belief and what is read back is at most step / 4 + (the mass left out), and each cell left
-  out held less than exp(-254.5 step) = 3e-6 of the peak;
+  out held less than 3e-6 of the peak;
 - a zero comes back as zero where nothing else was left out, and otherwise as the even floor.
 
-Reading is deterministic, and unpack(pack(b)) of a b that came from `pack` is b to the bit, so robots may compare beliefs.
+Reading is deterministic, and unpack(pack(b)) of a b that came from `pack` in the same coding is b to the bit, so robots may compare
+beliefs.
 """
 
 from __future__ import annotations
 
 import math
-import zlib
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,29 +27,40 @@ import numpy.typing as npt
 from blackboard.errors import OpinionError, Refused
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array, Grid
+from blackboard.wire import levels as coded
+from blackboard.wire.levels import Coding, Levels
 from blackboard.wire.messages import MAX_CELLS, PackedBelief, PackedGrid
 
-Levels = npt.NDArray[np.uint8]
-
-STEP = 0.05  # nats between two levels
-TOP = 255  # the level of the likeliest cell
-MAX_STEP = 1.0  # nats; level 1 is then e-111 of the peak, far from underflow
-COMPRESSION = 6  # zlib level
+STEP = 0.05  # nats between two levels of "log8"
+MAX_STEP = 1.0  # nats; level 1 of "log8" is then e-254 of the peak, far from underflow
 
 
-def pack(belief: Belief) -> PackedBelief:
-    """A belief in the coding "log8". One of ours that is no probability grid raises OpinionError."""
-    levels = _levels(belief)
-    lo, box = _support(levels)
-    cropped = levels[_slices(lo, box)].ravel()
-    grid = belief.grid
+@dataclass(frozen=True)
+class Scale:
+    """The levels that are written in a coding: nats between two of them, and the level of the likeliest cell."""
+
+    step: float
+    top: int
+
+
+SCALES: dict[str, Scale] = {"log8": Scale(STEP, 255), "log16": Scale(STEP / 2, 510)}
+
+
+def pack(belief: Belief, coding: Coding = "log8") -> PackedBelief:
+    """A belief in a coding. One of ours that is no probability grid raises OpinionError.
+
+    Not every member of a team reads "log16" (docs/wire.md, "Versions").
+    """
+    scale = SCALES[coding]
+    peak, lo, levels = _levels(belief, scale, coded.KIND[coding])
     return PackedBelief(
-        grid=packed_grid(grid),
+        grid=packed_grid(belief.grid),
         lo=lo,
-        box=box,
-        step=STEP,
-        rest=_rest(belief.p[levels == 0], cropped),
-        data=zlib.compress(np.diff(cropped, prepend=np.uint8(0)).tobytes(), COMPRESSION),
+        box=levels.shape,
+        coding=coding,
+        step=scale.step,
+        rest=_rest(belief.p, peak, lo, levels, scale),
+        data=coded.written(levels.ravel()),
     )
 
 
@@ -83,10 +95,8 @@ def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
         if own.frame and grid.frame and own.frame != grid.frame:
             raise Refused("frame", f"a belief in frame {own.frame!r}, the team's is {grid.frame!r}")
         own = grid
-    cells = _cells(packed)
-    weights, total = _weights(packed, cells)
-    kept = weights > 0
-    left = own.size - int(np.count_nonzero(kept))
+    weights, cells, count, total = _weights(packed)
+    left = own.size - count
     rest = packed.rest
     if not 0 <= rest <= 1 or (rest > 0 and not left):
         raise Refused("mass", f"rest {rest} is no probability mass for {left} cells")
@@ -94,43 +104,72 @@ def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
         raise Refused("mass", "no probability mass at all")
     if not total:  # no cell is kept: nothing is known
         rest = total = 1.0
-    p = np.full(own.shape, rest / left if rest else 0.0)
-    np.multiply(weights, (1.0 - rest) / total, out=p[_slices(packed.lo, packed.box)], where=kept)
+    floor = rest / left if rest else 0.0
+    p = np.full(own.shape, floor)
+    shares = np.where(weights > 0, weights * ((1.0 - rest) / total), floor)
+    p[_slices(packed.lo, packed.box)] = (shares if cells is None else shares[cells]).reshape(packed.box)
     return Belief(own, p)
 
 
 # --- writing -----------------------------------------------------------------------------------------------------------
 
 
-def _levels(belief: Belief) -> Levels:
-    """The level of each cell, 0..255, in the shape of the grid."""
+def _levels(belief: Belief, scale: Scale, kind: npt.DTypeLike) -> tuple[float, tuple[int, ...], Levels]:
+    """The peak, and the lower corner of the smallest box around all cells above level 0, with the levels of its cells."""
     p = belief.p
-    peak = p.max()
+    peak = float(p.max())
     if p.shape != belief.grid.shape or not (math.isfinite(peak) and peak > 0 and p.min() >= 0):
         raise OpinionError(
             f"a belief to pack: shape {p.shape} on a grid of {belief.grid.shape}, cells from {p.min()} to {peak}"
         )
-    below = np.log(np.maximum(p / peak, math.exp(-TOP * STEP))) / STEP
-    levels: Levels = (TOP + 0.5 + below).astype(np.uint8)  # the cast rounds down
-    return levels
+    kept = p > peak * math.exp((0.5 - scale.top) * scale.step)
+    lo, box = support(kept)
+    inside, kept = p[_slices(lo, box)] / peak, kept[_slices(lo, box)]
+    below = np.log(np.maximum(inside, math.exp(-scale.top * scale.step), out=inside), out=inside)
+    below /= scale.step
+    below += scale.top + 0.5
+    levels = below.astype(kind)  # the cast rounds down
+    np.maximum(levels, kept, out=levels)  # of one that is on the brink, `kept` decides
+    levels *= kept
+    return peak, lo, levels
 
 
-def _support(levels: Levels) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The lower corner and the shape of the smallest box around all cells above level 0."""
-    axes = range(levels.ndim)
-    hits = [np.flatnonzero(levels.any(axis=tuple(a for a in axes if a != axis))) for axis in axes]
-    return tuple(int(h[0]) for h in hits), tuple(int(h[-1] - h[0]) + 1 for h in hits)
+def support(hits: npt.NDArray[np.bool_]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The lower corner and the shape of the smallest box around all hits, of which there is one at least."""
+    spans: list[tuple[int, int]] = []
+    for axis in range(hits.ndim):
+        others = tuple(other for other in range(hits.ndim) if other != axis)
+        found = np.flatnonzero(hits.any(axis=others))
+        spans.append((int(found[0]), int(found[-1]) + 1))
+        hits = hits[(slice(None),) * axis + (slice(*spans[-1]),)]  # the other axes need not look elsewhere
+    return tuple(a for a, _ in spans), tuple(b - a for a, b in spans)
 
 
-def _rest(left: Array, levels: Levels) -> float:
+def _rest(p: Array, peak: float, lo: tuple[int, ...], levels: Levels, scale: Scale) -> float:
     """The mass left out, as a float32: recomputed from what was read back it is the same number again."""
-    if not left.size:
+    own = levels == 0
+    left = p.size - levels.size + int(np.count_nonzero(own))
+    if not left:
         return 0.0
-    rest = float(left.sum())
-    peak = (1.0 - rest) / _total(_table(STEP), levels)  # as it will be read
-    if rest / left.size > peak * math.exp((0.4 - TOP) * STEP):  # the floor would round up to level 1
-        rest = left.size * peak * math.exp(-TOP * STEP)
+    rest = _outside(p, lo, levels.shape) + float(p[_slices(lo, levels.shape)][own].sum())
+    if rest / left > peak * math.exp(
+        (0.4 - scale.top - 1.0) * scale.step
+    ):  # as it is read, the peak is less than a step off
+        peak = (1.0 - rest) / _total(*_counted(levels, scale.step)[:2])  # as it will be read
+        if rest / left > peak * math.exp((0.4 - scale.top) * scale.step):  # the floor would round up to level 1
+            rest = left * peak * math.exp(-scale.top * scale.step)
     return float(np.float32(rest))
+
+
+def _outside(p: Array, lo: tuple[int, ...], box: tuple[int, ...]) -> float:
+    """The sum of all cells outside a box: nothing is subtracted, so that zeros make a zero."""
+    total, inside = 0.0, p
+    for axis, (a, n) in enumerate(zip(lo, box, strict=True)):
+        before = (slice(None),) * axis
+        for out in (slice(0, a), slice(a + n, None)):
+            total += float(np.add.reduce(inside[(*before, out)], axis=None))
+        inside = inside[(*before, slice(a, a + n))]
+    return total
 
 
 # --- reading -----------------------------------------------------------------------------------------------------------
@@ -152,39 +191,26 @@ def _told(grid: Grid) -> str:
     return f"{grid.shape} cells of {grid.cell:g} {grid.unit} from {grid.origin}"
 
 
-def _cells(packed: PackedBelief) -> npt.NDArray[Any]:
-    """The data as an array of shape `box`: levels ("log8") or masses ("f32"); Refused "fields"."""
+def _weights(packed: PackedBelief) -> tuple[Array, Levels | None, int, float]:
+    """What the cells of the box hold in proportion, 0 for "in the rest"; how many hold something; the sum of it.
+
+    Where the cells are given as levels, the first are the weights of the levels, and the second the levels of the cells.
+    Refused: "fields", "mass".
+    """
     size = math.prod(packed.box)
     if packed.coding == "f32":
         if len(packed.data) != 4 * size:
             raise Refused("fields", f"{len(packed.data)} bytes of data for {size} cells of 4 bytes")
-        return np.frombuffer(packed.data, "<f4").reshape(packed.box)
+        masses = np.frombuffer(packed.data, "<f4")
+        if not np.isfinite(masses).all() or masses.min() < 0:
+            raise Refused("mass", "a cell holds NaN, infinite or negative mass")
+        weights = masses.astype(np.float64)
+        return weights, None, int(np.count_nonzero(weights)), float(weights.sum())
     if not 0 < packed.step <= MAX_STEP:
         raise Refused("fields", f"step {packed.step} is not above 0 and at most {MAX_STEP} nats")
-    return np.cumsum(np.frombuffer(_inflate(packed.data, size), np.uint8), dtype=np.uint8).reshape(packed.box)
-
-
-def _inflate(data: bytes, size: int) -> bytes:
-    """What zlib holds, `size` bytes exactly; never more than one byte beyond is produced, whatever the data are."""
-    stream = zlib.decompressobj()
-    try:
-        inflated = stream.decompress(data, size + 1)
-    except zlib.error as error:
-        raise Refused("fields", f"data is not zlib ({error})") from None
-    if len(inflated) != size or not stream.eof or stream.unused_data:
-        raise Refused("fields", f"data does not inflate to {size} bytes, one for each cell of the box")
-    return inflated
-
-
-def _weights(packed: PackedBelief, cells: npt.NDArray[Any]) -> tuple[Array, float]:
-    """What the cells of the box hold in proportion, 0 for "in the rest", and the sum of it; Refused "mass"."""
-    if packed.coding == "log8":
-        table = _table(packed.step)
-        return table[cells], _total(table, cells)
-    if not np.isfinite(cells).all() or cells.min() < 0:
-        raise Refused("mass", "a cell holds NaN, infinite or negative mass")
-    weights = cells.astype(np.float64)
-    return weights, float(weights.sum())
+    levels = coded.read(packed.data, size, packed.coding)
+    table, counts = _counted(levels, packed.step)
+    return table, levels, size - int(counts[0]), _total(table, counts)
 
 
 # --- both --------------------------------------------------------------------------------------------------------------
@@ -194,15 +220,21 @@ def _slices(lo: tuple[int, ...], box: tuple[int, ...]) -> tuple[slice, ...]:
     return tuple(slice(a, a + n) for a, n in zip(lo, box, strict=True))
 
 
+def _counted(levels: Levels, step: float) -> tuple[Array, npt.NDArray[np.intp]]:
+    """The weight of each level, up to the greatest that its coding has or that there is, and how many cells are at it."""
+    least = 256 if levels.dtype == np.uint8 else int(levels.max()) + 1
+    return _table(step, least), np.bincount(levels.ravel(), minlength=least)
+
+
 @lru_cache(maxsize=8)
-def _table(step: float) -> Array:
-    """Level -> mass relative to the peak's, shape (256,)."""
-    table: Array = np.exp((np.arange(TOP + 1) - TOP) * step)
+def _table(step: float, size: int) -> Array:
+    """Level -> mass relative to the last one's, shape (size,); 0 for level 0."""
+    table: Array = np.exp((np.arange(size) - (size - 1)) * step)
     table[0] = 0.0
     table.flags.writeable = False
     return table
 
 
-def _total(table: Array, levels: Levels) -> float:
+def _total(table: Array, counts: npt.NDArray[np.intp]) -> float:
     """The sum of all cells' relative masses, correctly rounded, so that it depends on no order."""
-    return math.fsum((table * np.bincount(levels.ravel(), minlength=TOP + 1)).tolist())
+    return math.fsum((table * counts).tolist())

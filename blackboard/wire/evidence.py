@@ -33,6 +33,7 @@ from blackboard.wire.types import (
 )
 
 TRIANGLE = STATES * (STATES + 1) // 2
+UPPER = np.triu_indices(STATES)  # where the numbers of a triangle stand, row by row
 MAX_RELATIVES = 64
 MAX_PROFILE = 64
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
@@ -139,7 +140,9 @@ def pack_evidence(
     increment: Increment | None,
     relatives: Sequence[Relative],
 ) -> PackedEvidence:
-    """The evidence of one tick for a Report; the relatives' common profile is sent once."""
+    """The evidence of one tick for a Report, but for a sighting with an error that no message holds; the profile is sent once."""
+    errors = [(it.range_variance, it.bearing_variance, *(bias.sigma for bias in it.biases)) for it in relatives]
+    told = [it for it, its in zip(relatives, errors, strict=True) if max(its) <= LARGEST]
     sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(travelled))), strict=True))
     return PackedEvidence(
         epoch=epoch,
@@ -170,9 +173,9 @@ def pack_evidence(
                 biases=[(bias.sigma, bias.seconds) for bias in it.biases],
                 group=it.group,
             )
-            for it in relatives[:MAX_RELATIVES]
+            for it in told[:MAX_RELATIVES]
         ],
-        profile=list(relatives[0].profile) if relatives else [],
+        profile=list(told[0].profile) if told else [],
     )
 
 
@@ -230,12 +233,12 @@ def _row(values: Array) -> tuple[float, ...]:
 
 
 def _upper(matrix: Array) -> tuple[float, ...]:
-    return _row(matrix[np.triu_indices(STATES)])
+    return _row(matrix[UPPER])
 
 
 def _symmetric(upper: Sequence[float], field: str) -> Array:
     matrix = np.zeros((STATES, STATES))
-    matrix[np.triu_indices(STATES)] = upper
+    matrix[UPPER] = upper
     matrix = matrix + np.triu(matrix, 1).T
     scale = np.sqrt(np.abs(np.diag(matrix)))
     scaled = matrix / np.outer(scale + (scale == 0), scale + (scale == 0))

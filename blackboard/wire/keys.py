@@ -93,6 +93,10 @@ JOURNAL = Topic(
     "journal", "cop/{team}/{sub_team}/journal/{board}", "Journal",
     ("board",), "board", ("operator",), "every tick", "what the board was given, in its order and when, for a replay",
 )  # fmt: skip
+MEMORY = Topic(
+    "memory", "cop/{team}/{sub_team}/memory/{board}", "Memory",
+    ("board",), "board", ("board", "operator"), "once a second", "what a board that learns remembers, for those that follow it",
+)  # fmt: skip
 MEMBER = Topic(
     "member", "cop/{team}/{sub_team}/member/{robot}", "token",
     ("robot",), "robot", EVERYBODY, "while it runs", "registration of a robot",
@@ -121,6 +125,7 @@ TOPICS = (
     AGREED,
     FORWARD,
     JOURNAL,
+    MEMORY,
     MEMBER,
     BOARD,
     REFUSED,

@@ -14,9 +14,10 @@ from pydantic import Field
 
 from blackboard.opinion.rules import Outcome
 from blackboard.wire.evidence import Forward, PackedEvidence, PackedState
+from blackboard.wire.memory import Memory
 from blackboard.wire.names import MAX_FRAME
+from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS
 from blackboard.wire.types import (
-    MAX_ITEMS,
     MAX_OPINIONS,
     Ancestors,
     Count,
@@ -37,8 +38,6 @@ from blackboard.wire.types import (
     Tick,
 )
 
-VERSION = 1
-
 #: Why a message was refused: the one table of reasons, in the order in which they are looked for.
 REASONS = {
     "wild-key": "published on a key expression with a wildcard, or on a key of no known form",
@@ -57,10 +56,8 @@ REASONS = {
     "backwards": "evidence whose summed times or variances shrink within an epoch",
 }
 
-MAX_BYTES = 1 << 20  # a 200 x 200 belief as float32 is 160 kB; anything near this bound is a mistake or an attack
 MAX_JOURNAL_NAME = 512  # characters; no key of a topic is longer
 MAX_CELLS = 1 << 20  # the largest grid that is unpacked
-MAX_TOTAL = 1 << 17  # items of all arrays and maps together
 
 
 # --- beliefs -----------------------------------------------------------------------------------------------------------
@@ -89,7 +86,8 @@ class PackedBelief(Part):
 
     `lo` and `box` are the lower corner and the shape of the box, in cells. `coding` says what `data` holds:
     "log8": one level b = 0..255 per cell in C order, each byte less the one before it (modulo 256), then zlib;
-    the cells with b > 0 share 1 - `rest` in the proportion exp((b - 255) `step`), b = 0 means "in the rest";
+    the cells with b > 0 share 1 - `rest` in the proportion exp(b `step`), b = 0 means "in the rest";
+    "log16": the same with levels up to 65535, as differences of differences (docs/wire.md);
     "f32": little-endian float32 mass per cell in C order, not compressed, 0 meaning "in the rest" (`step` unused).
     `rest` is the mass of all cells that are outside the box or in the rest, spread evenly over them.
     """
@@ -97,7 +95,7 @@ class PackedBelief(Part):
     grid: PackedGrid
     lo: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1, max_length=3), Listed]
     box: Annotated[tuple[Annotated[int, Field(ge=1, le=MAX_CELLS)], ...], Field(min_length=1, max_length=3), Listed]
-    coding: Literal["log8", "f32"] = "log8"
+    coding: Literal["log8", "log16", "f32"] = "log8"
     step: Finite = 0.0
     rest: Finite = 0.0
     data: Annotated[bytes, Field(max_length=MAX_BYTES)]
@@ -137,6 +135,7 @@ class Used(Part):
     age: Finite  # seconds
     entropy: Finite  # nats
     how: Literal["independent", "overlapping"]
+    power: NonNegative = 1.0  # to which it was taken before it was pooled: less of whom the board believes less
 
 
 class Learned(Part):
@@ -212,6 +211,8 @@ class Status(Message):
     time: Finite  # of that tick; of a board that has settled nothing yet, the time of sending
     phase: Literal["reported", "consensus", "agreed", "idle"] = "idle"
     subjects: Subjects = Field(default_factory=list)  # what it reported, or settled, in this tick and phase
+    #: of a robot: on what else what it reported before still stands, because it says nothing new to save bytes
+    kept: Subjects = Field(default_factory=list)
     counters: Counts = Field(default_factory=dict)
     refused: Counts = Field(default_factory=dict)
     ages: Annotated[dict[Text, Finite], Field(max_length=MAX_OPINIONS)] = Field(
@@ -276,6 +277,8 @@ class Journal(Message):
         ],
         Field(max_length=MAX_OPINIONS),
     ]
+    #: digest of the Memory, sent right behind this journal, that holds what the board remembered after the last of these events
+    memory: Annotated[str, Field(max_length=MAX_JOURNAL_NAME)] = ""
 
 
 # --- the world -----------------------------------------------------------------------------------------------------------
@@ -365,5 +368,5 @@ class Solo(Message):
 #: The model of each name that stands in the topic table (`keys.Topic.message`).
 MODELS: dict[str, type[Message]] = {
     model.__name__: model
-    for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status, Refusal, Journal)
+    for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status, Refusal, Journal, Memory)
 }

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from blackboard.wire.names import NAME, SUBJECT_KINDS
+from blackboard.wire.raw import MAX_ITEMS
 
-MAX_ITEMS = 1024  # the longest array or map, known or not, before any field is looked at
 MAX_OPINIONS = 256  # the longest list in a message: sources of a consensus, sightings of a tick
 
 LARGEST = 1e12  # of any number: sums, squares and their inverses stay finite when they are multiplied

@@ -25,6 +25,7 @@ from blackboard.wire.evidence import pack_evidence
 from blackboard.wire.messages import Informed, PackedBelief, Readings, Report, Solo
 from blackboard.wire.types import capped
 from robot_agent.agent import SNAPSHOTS, Agent, Agreed, Feedback
+from robot_agent.budget import Said
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand, Told
 from robot_agent.gaussian.hand_over import pose_of
@@ -72,7 +73,7 @@ class JointAgent:
         self._steps.append(Step(readings.time, told.motion, told.increment))
         self._follow(None if self.feedback == "off" else place)
         nuisance = self.filter.sensors.wheels.nuisance
-        evidence = pack_evidence(told.epoch, told.travelled, nuisance, told.belief, told.increment, told.relatives)
+        evidence = pack_evidence(told.epoch, told.travelled, nuisance, told.belief, told.unsent, told.relatives)
         if told.belief is None:
             reports, solo = self._search(readings, agreed)
         else:
@@ -80,6 +81,14 @@ class JointAgent:
             reports, solo = self._report(readings, told)
         self._time = readings.time
         return [r.model_copy(update={"evidence": evidence}) if r.subject == self.subject else r for r in reports], solo
+
+    def said(self, said: Said) -> None:
+        """What of the newest reports was sent: evidence that was not is gathered into that of the next tick."""
+        own = [report.evidence for report in said.reports if report.subject == self.subject]
+        if not any(evidence is not None and evidence.increment is not None for evidence in own):
+            self.filter.silent()
+        if self.searching is not None:
+            self.searching.said(said)
 
     # --- first-hand -----------------------------------------------------------------------------------------------------
 
@@ -95,7 +104,10 @@ class JointAgent:
         return reports, solo
 
     def _report(self, readings: Readings, told: Told) -> tuple[list[Report], Solo]:
-        first = {subject: pack(belief) for subject, belief in sorted(self._firsthand(readings, told).items())}
+        first = {
+            subject: pack(belief, self.settings.coding)
+            for subject, belief in sorted(self._firsthand(readings, told).items())
+        }
         informed = self._informed(readings)
         reports = [
             Report(
@@ -172,6 +184,7 @@ class JointAgent:
     def _informed(self, readings: Readings) -> Informed | None:
         if self.team is None:
             return None
-        belief: PackedBelief = pack(self._drawn(Moments(self.team.mean[AXES], self.team.covariance[AXES, AXES])))
+        drawn = self._drawn(Moments(self.team.mean[AXES], self.team.covariance[AXES, AXES]))
+        belief: PackedBelief = pack(drawn, self.settings.coding)
         ancestors = capped({**self._team_ancestors, self.robot: readings.time}, lambda: {self.robot})
         return Informed(belief=belief, ancestors=dict(sorted(ancestors.items())))

@@ -1,5 +1,7 @@
 """A robot's private first-hand filter: readings in; the sum of motions, an evidence increment and relative beliefs out.
 
+Long, because what a tick adds, what was not sent before and when the belief is given up are one computation.
+
 It rests on the robot's own readings alone and takes nothing back from the team. What the team believes may be given as
 the place to linearise at: that is no evidence. A robot whose heading is known and whose position is not starts with a flat
 position; one that knows neither has no Gaussian belief, and its caller keeps a grid until that has one hypothesis (`enter`).
@@ -55,6 +57,8 @@ class Told:
     increment: Increment | None
     relatives: tuple[Relative, ...]
     motion: Motion = field(default_factory=Motion)  # of the tick alone
+    #: What was gained since the evidence that was sent last; the same as `increment` if that was a tick ago.
+    unsent: Increment | None = None
 
 
 @dataclass
@@ -67,6 +71,11 @@ class FirstHand:
     joint: Joint = field(default_factory=Joint)
     travelled: Motion = field(default_factory=Motion)
     _last: Readings | None = None
+    #: The robot's block as predicted for this tick from what was sent: without this tick's evidence and any that was not sent.
+    _before: Moments | None = None
+    _unsent: Joint | None = (
+        None  # `_before` as a joint, which the next motion moves on; None if the newest evidence was sent
+    )
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
     _misses: list[tuple[int, int]] = field(
@@ -91,6 +100,7 @@ class FirstHand:
             self.restart(readings.time)
         motion = self._move(readings)
         prediction = self.belief
+        self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
         team = None if at is None or not self.known else self._ahead(at, motion)
         apart = math.inf if team is None else self._squared(team)
         linear = (
@@ -115,15 +125,25 @@ class FirstHand:
         increment = None
         if prediction is not None and self.belief is not None:
             increment = gained(prediction, self.belief)
+        unsent = increment
+        if self._unsent is not None and self._before is not None and self.belief is not None:
+            unsent = gained(self._before, self.belief)
+        self._unsent = None
         seen = tuple(r for name, r in relatives.items() if name not in places)
         if self.lost():
-            increment = None
+            increment = unsent = self._before = None
             if team is not None and apart <= ABSURD:
                 self._reopen(team)
             else:
                 self.restart(readings.time)
                 self._start(readings)
-        return Told(self.epoch, self.travelled, self.belief, increment, seen, motion)
+        return Told(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
+
+    def silent(self) -> None:
+        """The evidence of the newest tick was not sent: what is gained in the next one is gained over what was known before it."""
+        if self._before is not None and self.known:
+            self._unsent = Joint()
+            self._unsent.add(self.robot, self._before)
 
     # --- lost and found -------------------------------------------------------------------------------------------------
 
@@ -142,6 +162,7 @@ class FirstHand:
         self.epoch = max(self.epoch + 1, round(1000 * time))
         self.joint, self.travelled, self._last = Joint(), Motion(), None
         self._groups, self._misses = {}, []
+        self._before = self._unsent = None
 
     def enter(self, pose: Moments) -> None:
         """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid. ValueError: there is a belief already."""
@@ -173,6 +194,8 @@ class FirstHand:
         if self.known:
             drive(self.joint, self.robot, motion, self.sensors.wheels.nuisance)
             forget_biases(self.joint, motion.dt)
+        if self._unsent is not None:
+            drive(self._unsent, self.robot, motion, self.sensors.wheels.nuisance)
         return motion
 
     def _squared(self, at: Array) -> float:

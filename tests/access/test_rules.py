@@ -56,7 +56,7 @@ def should_write(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
     if member.kind == "board":
         if topic.name in ("consensus", "agreed", "refused"):
             return own_sub_team
-        owner = {"forward": "board", "journal": "board", "board": "board", "status": "process"}
+        owner = {"forward": "board", "journal": "board", "memory": "board", "board": "board", "status": "process"}
         return topic.name in owner and own_sub_team and parts[owner[topic.name]] == member.name
     return False
 
@@ -67,11 +67,11 @@ def should_read(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
     if member.kind in ("viewer", "recorder") or parts["team"] != "t" or member.kind in ("router", "health"):
         return member.kind in ("viewer", "recorder")
     if member.kind == "world":
-        return topic.name not in ("reading", "report", "forward", "journal", "refused")
+        return topic.name not in ("reading", "report", "forward", "journal", "memory", "refused")
     if member.kind == "board":
-        mine = topic.name in ("forward", "journal", "status") and member.name in parts.values()
-        if topic.name == "report":
-            return own_sub_team
+        mine = topic.name in ("forward", "journal", "memory", "status") and member.name in parts.values()
+        if topic.name in ("report", "memory"):
+            return own_sub_team or mine
         return mine or topic.name not in ("reading", "truth", "solo", "journal", "refused")
     if topic.name == "refused":
         return own_sub_team and parts["robot"] == member.name
@@ -80,7 +80,9 @@ def should_read(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
         and topic.owner != ""
         and parts[topic.owner] == member.name
     )
-    return mine or (topic.name not in ("reading", "truth", "solo", "report", "forward", "journal") and own_sub_team)
+    return mine or (
+        topic.name not in ("reading", "truth", "solo", "report", "forward", "journal", "memory") and own_sub_team
+    )
 
 
 @pytest.mark.parametrize("who", MEMBERS)

@@ -24,7 +24,7 @@ def board_of(sub_team: str, kind: Kind = Kind.ALIVE, name: str | None = None) ->
 
 
 class Desk:
-    """One board process under test, and what it said."""
+    """One board process under test, and what it said; what it remembers is left out, which it may say once a second."""
 
     def __init__(self, world: bool = True, **settings: object) -> None:
         """A board with no robot yet; a world is there unless `world` is False."""
@@ -37,13 +37,13 @@ class Desk:
             self.tell(WORLD)
 
     def tell(self, *envelopes: Envelope) -> list[Envelope]:
-        said = [answer for envelope in envelopes for answer in self.it.receive(envelope, self.now)]
+        said = [it for envelope in envelopes for it in self.it.receive(envelope, self.now) if not _is_memory(it)]
         self.said += said
         return said
 
     def wait(self, seconds: float) -> list[Envelope]:
         self.now += seconds
-        said = self.it.wake(self.now)
+        said = [it for it in self.it.wake(self.now) if not _is_memory(it)]
         self.said += said
         return said
 
@@ -54,6 +54,10 @@ class Desk:
         self.wait(1.5)
         found = [decode(Status, e.payload) for e in self.said if "/status/" in e.key]
         return found[-1]
+
+
+def _is_memory(envelope: Envelope) -> bool:
+    return keys.MEMORY.match(envelope.key) is not None
 
 
 def clock(tick: int, *robots: str, run: str = "one", mode: str = "lockstep", **more: object) -> Envelope:

@@ -160,8 +160,8 @@ def test_memory_is_bounded() -> None:
     for second in range(40):
         names = {f"r{second}-{k}": TRUTH for k in range(4)}
         fuse_opinions(said(names), GRID, SETTINGS, f"object/o{second}", None, float(second), dissent)
-    assert len(dissent._standings) <= 64
-    assert len(dissent._heard) <= 68
+    assert len(dissent.standings) <= 64
+    assert len(dissent.heard) <= 68
 
 
 # --- a joint ----------------------------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.board import learning
+from blackboard.board.dissent import Dissent, Standing
 from blackboard.board.fusion import as_advised, fuse_opinions
 from blackboard.board.learning import WINDOW, Learner, bell_shaped, escort_moments, width
 from blackboard.board.provenance import Opinion
@@ -92,10 +93,10 @@ def test_only_beliefs_near_a_gaussian_are_compared() -> None:
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
-def test_without_evidence_a_board_does_what_it_does_by_default(n: int) -> None:
+def test_without_evidence_a_board_that_learns_is_cautious(n: int) -> None:
     opinions = [opinion(f"s{i}", (15 + i, 15), 1.0 + i) for i in range(n)]
     learned = fuse_opinions(opinions, GRID, LEARN, "object/ball", Learner(), 0.0)
-    default = fuse_opinions(opinions, GRID, BoardSection(), "object/ball")
+    default = fuse_opinions(opinions, GRID, BoardSection.model_validate({"independence": 0.2}), "object/ball")
     assert np.array_equal(learned.belief.p, default.belief.p)
     assert [share.weight for share in learned.shares] == [share.weight for share in default.shares]
     assert learned.rule == default.rule
@@ -213,12 +214,12 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         names = [f"n{(second * 3 + i) % 11}" for i in range(4)]
         it.hear(f"object/o{second}", float(second), [opinion(name, CENTRE) for name in names])
     it.hear("object/all", 20.0, [opinion(f"n{i}", CENTRE) for i in range(9)])
-    assert len(it._heard) == 6
-    assert len(it._last) == 4
-    assert len(it._samples) <= 6 * 5 // 2
-    assert it._samples.keys() == it._pairings.keys()
-    assert all(len(means) <= 6 for _, means in it._last.values())
-    assert all(len(window) <= WINDOW for window in taught(WINDOW + 5)._samples.values())
+    assert len(it.heard) == 6
+    assert len(it.last) == 4
+    assert len(it.samples) <= 6 * 5 // 2
+    assert it.samples.keys() == it._pairings.keys()
+    assert all(len(means) <= 6 for _, means in it.last.values())
+    assert all(len(window) <= WINDOW for window in taught(WINDOW + 5).samples.values())
 
 
 SMALL = Grid((6, 4))
@@ -279,6 +280,27 @@ def test_the_board_tells_what_it_learned_and_what_it_used() -> None:
     assert consensus.parameters["independence"] > 0.5  # type: ignore[operator]
     assert it.learned() == consensus.learned
     assert decode(Consensus, encode(consensus)) == consensus
+
+
+@pytest.mark.parametrize("by", ["learned", "dissent"])
+def test_a_fusion_is_done_again_by_what_is_published_of_it(by: str) -> None:
+    """The rule with its parameters, and the powers, without learner and dissent; a share of an informed opinion among them."""
+    opinions = next(iter(stream(5, 1, seed=9, liar=12.0)))
+    informed = Opinion("s0", opinions[1].belief, {"s0": 0.0, "s1": 0.0})
+    learner, dissent, settings = None, None, BoardSection.model_validate({"independence": 0.4})
+    if by == "learned":
+        learner, settings = taught(liar=12.0), LEARN
+    else:
+        dissent = Dissent("consensus", standings={"s0": Standing(share=0.7, seconds=9, since=0.0)})
+    found = fuse_opinions([*opinions, informed], GRID, settings, "object/ball", learner, 99.0, dissent)
+    powers = {(share.opinion.source, share.how): share.power for share in found.shares}
+    assert powers["s0", "independent"] < 0.7
+    assert (powers["s0", "overlapping"] < 0.7) == (by == "dissent")
+    in_force = BoardSection.model_validate(found.rule.in_force())
+    again = fuse_opinions([*opinions, informed], GRID, in_force, "object/ball", powers=powers)
+    np.testing.assert_allclose(again.belief.p, found.belief.p, rtol=1e-9)
+    forgot = fuse_opinions([*opinions, informed], GRID, in_force, "object/ball")
+    assert not np.allclose(forgot.belief.p, found.belief.p)
 
 
 def test_older_messages_without_the_field_are_taken() -> None:

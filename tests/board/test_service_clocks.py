@@ -19,6 +19,18 @@ def test_without_a_world_it_settles_by_unix_time() -> None:
     assert levels(desk.wait(0.5)) == ["consensus", "agreed"]  # what a silent robot said last stands, and spreads
 
 
+def test_without_a_world_it_settles_no_oftener_than_it_is_woken() -> None:
+    """A board that takes longer to settle than its period still hears all that waits between two settlements."""
+    desk = Desk(world=False, period=0.1)
+    desk.register("r1")
+    for n in range(8):
+        desk.now += 0.25
+        assert levels(desk.tell(report("r1", 7 + n, time=desk.now))) == []
+    said = desk.wait(0.0)
+    assert levels(said) == ["consensus", "agreed"]
+    assert decode(Consensus, said[0].payload).used[0].age == 0.0
+
+
 def test_one_clock_of_somebody_who_leaves_freezes_no_board() -> None:
     """Without a world's token a Clock is not followed; the token is waited for, once, and then Unix time counts."""
     desk = Desk(world=False, period=0.5)

@@ -13,7 +13,8 @@ from blackboard.process.intake import MAX_EARLY_BYTES
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import MAX_BYTES, Consensus, PackedBelief, Report
+from blackboard.wire.messages import Consensus, PackedBelief, Report
+from blackboard.wire.raw import MAX_BYTES
 from tests.board.desk import GRID, NOW, Desk, ball, clock, exchanging, levels, report, reported, settled, theirs
 
 

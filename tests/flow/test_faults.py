@@ -39,6 +39,9 @@ def scenario(*faults: dict[str, Any], fusion: str = "opinions", seconds: float |
     return found.changed("time", seconds=seconds)
 
 
+pytestmark = pytest.mark.xdist_group("faults")  # runs that several tests read
+
+
 class Said:
     """A run, and the newest status of its board and consensuses by level and subject."""
 
@@ -63,18 +66,28 @@ def calm() -> Said:
     return Said(scenario())
 
 
+@pytest.fixture(scope="module")
+def short() -> Said:
+    return Said(scenario(seconds=5.0))
+
+
+@pytest.fixture(scope="module")
+def lied_to() -> Said:
+    return Said(scenario(LIE))
+
+
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault["kind"]))
 def test_the_same_seed_is_the_same_run_in_any_order_and_another_one_than_without(
-    calm: Said, fault: dict[str, Any]
+    short: Said, fault: dict[str, Any]
 ) -> None:
     one, other = (Said(scenario(fault, seconds=5.0), shuffle) for shuffle in (None, 4))
     assert one.card["hash"] == other.card["hash"]
-    assert one.card["hash"] != Said(scenario(seconds=5.0)).card["hash"]
+    assert one.card["hash"] != short.card["hash"]
 
 
 @pytest.mark.parametrize("fusion", ["opinions", "joint"])
-def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(fusion: str) -> None:
-    said = Said(scenario(LIE, fusion=fusion))
+def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(lied_to: Said, fusion: str) -> None:
+    said = lied_to if fusion == "opinions" else Said(scenario(LIE, fusion=fusion))
     assert said.status is not None
     assert {it.source for it in said.status.dissent} == {"r5"}
     levels = {it.level for it in said.status.dissent}
@@ -87,16 +100,16 @@ def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(fusion: 
     assert any("r5" in {it.source for it in c.dissent} for c in said.consensuses.values())
 
 
-def test_the_honest_are_scored_alone_and_the_liar_beside_them(calm: Said) -> None:
-    said, honest = Said(scenario(LIE)), Said(without_faults(scenario(LIE)))
+def test_the_honest_are_scored_alone_and_the_liar_beside_them(calm: Said, lied_to: Said) -> None:
+    said, honest = lied_to, Said(without_faults(scenario(LIE)))
     assert honest.card["hash"] == calm.card["hash"]
     assert list(said.card["scores"]) == ["robots", "objects", "faulty"]
     assert list(said.card["scores"]["robots"]["by_name"]) == ["r1", "r2", "r3", "r4"]
     assert list(said.card["scores"]["faulty"]["by_name"]) == ["r5"]
     assert "faulty" not in calm.card["scores"]
     assert "faulty agreed" in text(said.card)
-    lied_to, alone = (it.card["scores"]["robots"]["agreed"]["rmse"] for it in (said, honest))
-    assert alone < lied_to < said.card["scores"]["faulty"]["agreed"]["rmse"] / 3
+    misled, alone = (it.card["scores"]["robots"]["agreed"]["rmse"] for it in (said, honest))
+    assert alone < misled < said.card["scores"]["faulty"]["agreed"]["rmse"] / 3
 
 
 def test_a_silent_process_is_waited_for_and_then_no_longer_and_takes_part_again() -> None:

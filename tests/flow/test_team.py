@@ -12,7 +12,8 @@ from blackboard.lab.team import Team, board
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import MAX_BYTES, Consensus
+from blackboard.wire.messages import Consensus
+from blackboard.wire.raw import MAX_BYTES
 
 SCENARIO = Scenario(
     {

@@ -150,7 +150,7 @@ def test_who_comes_back_follows_and_takes_over_in_turn(calm: tuple[str, str, dic
     team.run_until(lambda: team.world.tick == 4)
     back = team.boards["a"] = board(team.scenario, "a", "board-a")
     team.join(back)
-    team.run_until(lambda: team.world.tick == 6)
+    team.run_until(lambda: team.world.tick == 7)  # it has what the other one remembered after tick 6
     assert (back.lead.leads, team.boards["a2"].lead.leads) == (False, True)
     team.leave(team.boards.pop("a2"))
     team.run()

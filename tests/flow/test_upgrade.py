@@ -8,6 +8,7 @@ and `camps`:
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +115,25 @@ def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
         assert {str(dict(service.refused)) for service in services} == {"{}"}
         found.append({where: it.belief for where, it in agreed(told).items()})
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("scenario", [SCENARIO, JOINT], ids=["opinions", "joint"])
+def test_members_may_change_their_coding_one_after_another(scenario: Any) -> None:
+    found = []
+    for board, robot in itertools.product(("log8", "log16"), repeat=2):
+        team, told = Team(scenario.changed("board", coding=board).changed("robot", coding=robot)), list[Envelope]()
+        team.bus.spies.append(told.append)
+        team.run()
+        services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
+        assert {str(dict(service.refused)) for service in services} == {"{}"}
+        said = agreed(told)
+        reports = [decode(Report, it.payload) for it in told if keys.REPORT.match(it.key) and it.kind is Kind.PUT]
+        assert {it.belief.coding for it in said.values()} == {board}
+        assert {it.belief.coding for it in reports} == {robot}
+        found.append({where: unpack(it.belief).mean() for where, it in said.items()})
+    for other in found[1:]:
+        assert other.keys() == found[0].keys()
+        assert all(mean == pytest.approx(found[0][where], abs=0.3) for where, mean in other.items())
 
 
 def test_a_robot_of_another_protocol_version_is_refused_by_name_and_the_others_go_on(

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import argparse
 import logging
+import multiprocessing
+import os
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import msgpack
@@ -26,6 +29,7 @@ from tests.hostile.examples import RICH
 from tests.wire.messages import TOPICS, as_map
 
 PER_RUN = 500
+TELL = 100_000  # messages between two lines that say how far it is
 SECONDS = 600.0  # of bus time until a run must have ended
 
 NUMBERS = (
@@ -75,6 +79,7 @@ WORDS = (
     "lockstep",
     "realtime",
     "log8",
+    "log16",
     "f32",
     "independent",
 )
@@ -186,21 +191,34 @@ def run(seed: int, count: int, joint: bool) -> Counter[str]:
     return found
 
 
+def one(seed: int, joint: bool) -> tuple[Counter[str], str]:
+    """What a run counted, and why it failed, if it did."""
+    logging.disable(logging.ERROR)  # what is refused is logged, and there is much of it
+    try:
+        return run(seed, PER_RUN, joint=joint), ""
+    except Exception as error:
+        return Counter(), f"{type(error).__name__}: {error}"
+
+
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes at a time")
     given = parser.parse_args()
-    logging.disable(logging.ERROR)  # what is refused is logged, and there is much of it
+    runs = range(-(-given.count // PER_RUN))
     total: Counter[str] = Counter()
     began, failed = time.monotonic(), 0
-    for i in range(-(-given.count // PER_RUN)):
-        try:
-            total += run(given.seed * 1_000_000 + i, PER_RUN, joint=i % 2 == 1)
-        except Exception as error:
-            failed += 1
-            print(f"run {i}: {type(error).__name__}: {error}")
+    with ProcessPoolExecutor(given.jobs, multiprocessing.get_context("spawn")) as pool:
+        found = pool.map(one, (given.seed * 1_000_000 + i for i in runs), (i % 2 == 1 for i in runs))
+        for i, (counted, why) in enumerate(found):
+            total += counted
+            failed += bool(why)
+            if why:
+                print(f"run {i}: {why}", flush=True)
+            if total["sent"] // TELL > (total["sent"] - counted["sent"]) // TELL:
+                print(f"{total['sent']} messages, {failed} runs failed", flush=True)
     spent = time.monotonic() - began
     print(f"{total['sent']} messages, {failed} runs failed, {spent:.0f} s; refused: {dict(total)}")
     return 1 if failed else 0

@@ -17,11 +17,12 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.process import roll_call
 from blackboard.process.roster import MAX_TOKENS, Roster
-from blackboard.wire import arrays, keys
+from blackboard.wire import keys, levels
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import MAX_BYTES, MAX_TOTAL, Informed, Report, Status
+from blackboard.wire.messages import Informed, Report, Status
+from blackboard.wire.raw import MAX_BYTES, MAX_TOTAL
 from blackboard.wire.types import MAX_OPINIONS, capped
 from sim_world.traffic import Traffic
 from tests.board.desk import Desk, clock, report
@@ -41,7 +42,7 @@ def test_a_megabyte_of_empty_lists_is_refused_before_all_of_it_is_read() -> None
 def test_a_belief_on_a_wrong_grid_is_refused_before_it_is_inflated(monkeypatch: pytest.MonkeyPatch) -> None:
     packed = pack(gaussian(Grid((1024, 1024)), (3, 3), 1.0))
     bomb = packed.model_copy(update={"box": (1024, 1024), "lo": (0, 0), "data": zlib.compress(bytes(1 << 20))})
-    monkeypatch.setattr(arrays, "_inflate", lambda data, size: pytest.fail("it was inflated"))
+    monkeypatch.setattr(levels, "_inflated", lambda data, sizes: pytest.fail("it was inflated"))
     with pytest.raises(Refused, match="grid"):
         unpack(bomb, Grid((30, 20)))
 

@@ -15,7 +15,7 @@ from blackboard.errors import UserError
 from blackboard.lab import bench, score
 from blackboard.run.flags import OutputFlags, RecordingFlags
 from sim_world.mrclam.protocols import PROTOCOLS
-from sim_world.series import series_file
+from sim_world.series import read_series, series_file
 from tests.lab.test_bench import CARD, run
 
 RECORDING = RecordingFlags("folder", 5.0, "C_blind12")
@@ -78,14 +78,33 @@ def test_a_run_that_was_stopped_is_a_failure(started: list[Scenario], capsys: py
     assert "2 ticks" in capsys.readouterr().out
 
 
-def test_the_table_is_written_as_its_ending_says(started: list[Scenario], tmp_path: Path) -> None:
+def test_the_summary_is_written_as_its_ending_says(started: list[Scenario], tmp_path: Path) -> None:
     for name in ("t.md", "t.csv"):
-        score.score(recording=RECORDING, seconds=2.0, table=tmp_path / name)
+        score.score(recording=RECORDING, seconds=2.0, summary=tmp_path / name)
     assert (tmp_path / "t.md").read_text().startswith("| protocol | who | way |")
     with (tmp_path / "t.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert float(rows[1]["rmse"]) == pytest.approx(5**0.5)
     assert rows[1]["localised_s"] == ""
+
+
+def test_the_table_has_a_row_for_each_sample_of_each_run(started: list[Scenario], tmp_path: Path) -> None:
+    score.score(recording=RECORDING, seconds=2.0, runs=tmp_path, table=tmp_path / "t.csv")
+    with (tmp_path / "t.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    names = ("protocol", "way", "tick", "subject", "level", "robot")
+    assert len({tuple(row[name] for name in names) for row in rows}) == len(rows)
+    kept = {fusion: read_series(tmp_path / f"C_blind12-{fusion}.csv") for fusion in bench.FUSIONS}
+    assert len(rows) == sum(len(samples) for samples in kept.values())
+    assert {row["way"] for row in rows if row["level"] == "solo"} == {"solo", "solo (joint)"}
+    for way in bench.FUSIONS:
+        told = [float(row["log_score"]) for row in rows if row["way"] == way]
+        assert told == [sample.log_score for sample in kept[way] if sample.level != "solo"]
+    score.score(runs=tmp_path, table=tmp_path / "t.jsonl")
+    again = [json.loads(line) for line in (tmp_path / "t.jsonl").read_text().splitlines()]
+    assert [float(row["error"]) for row in again if row["error"] is not None] == [
+        float(row["error"]) for row in rows if row["error"] != "nan"
+    ]
 
 
 def test_pictures_of_each_protocol(started: list[Scenario], tmp_path: Path) -> None:
@@ -98,7 +117,9 @@ def test_pictures_of_each_protocol(started: list[Scenario], tmp_path: Path) -> N
     ("arguments", "fault"),
     [
         ({}, "--mrclam: which recording"),
-        ({"recording": RECORDING, "table": Path("t.txt")}, r"--table t.txt: .*\.md or \.csv"),
+        ({"recording": RECORDING, "summary": Path("t.txt")}, r"--summary t.txt: .*\.md or \.csv"),
+        ({"recording": RECORDING, "table": Path("t.txt")}, r"--table t.txt: .*\.csv, \.jsonl, \.parquet"),
+        ({"recording": RECORDING, "table": Path("t.md")}, r"--table t.md: .*what is shown is --summary"),
         ({"runs": Path("/no/such/folder")}, "no runs are kept there"),
         ({"recording": RECORDING, "runs": Path("/dev/null/x")}, "cannot be made"),
     ],

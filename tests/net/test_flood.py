@@ -111,6 +111,7 @@ def test_a_board_hears_its_robots_and_other_boards_and_no_invented_names() -> No
         "cop/t/world/clock",
         "cop/t/a/report/r1/**",
         "cop/t/a/consensus/**",
+        "cop/t/a/memory/x",
         "cop/t/a/status/r1",
         "cop/t/b/status/r1",
         "cop/t/b/status/r2",

@@ -13,7 +13,7 @@ from blackboard.errors import Refused
 from blackboard.net.bus import Bus, intersects
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import MAX_BYTES
+from blackboard.wire.raw import MAX_BYTES
 from tests.processes import LONG, AnyLink, Letters, introduce, wait_until
 
 Connect = Callable[[str], AnyLink]

@@ -71,6 +71,22 @@ def test_leaving_out_what_cannot_matter_changes_nothing(kind: str, n: int, monke
         assert np.array_equal(fuse_belief(rule, opinions, GRID), it.p), table
 
 
+@pytest.mark.parametrize("n", [2, 3, 6, 11])
+@pytest.mark.parametrize("decades", [0, 10, 100, 300])
+def test_the_last_components_alone_are_those_of_the_whole_recursion(n: int, decades: int) -> None:
+    rng = np.random.default_rng(n + decades)
+    p = 10.0 ** (-decades * rng.random((n, 500))) * rng.random((n, 500))
+    p[rng.random(p.shape) < 0.1] = 0.0
+    weights = rng.random(n) + 0.01
+    every = log_components(p, weights)
+    for first in range(1, n + 1):
+        found = log_components(p, weights, first=first)
+        assert np.array_equal(np.isneginf(found), np.isneginf(every[first - 1 :]))
+        np.testing.assert_allclose(
+            np.exp(found - np.where(np.isneginf(found), 0.0, every[first - 1 :])), np.isfinite(found), rtol=1e-11
+        )
+
+
 def test_the_belief_is_the_sum_over_all_subsets_on_a_large_grid() -> None:
     opinions = stack("sent", 4)
     slow, shares = oracles.cooperative(oracles.cooperative_terms(opinions, [1.0] * 4, alphas(4).tolist()))

@@ -156,7 +156,7 @@ def test_the_rules_have_these_defaults() -> None:
         {"rule": "hoelder", "a": 0.5},
         {"rule": "cooperative", "k": 2.0, "gamma": 0.5},
         {"rule": "calibrated", "k": 2.0, "gamma": 0.5},
-        {"rule": "coalition", "k": 2.0, "gate": 4.0, "independence": 0.2},
+        {"rule": "coalition", "k": 2.0, "gate": 4.0, "independence": "learn"},
         {"rule": "clique", "inner": "logarithmic", "xi": 2.0},
     ]
 

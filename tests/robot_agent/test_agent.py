@@ -12,6 +12,7 @@ from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.levels import Coding
 from blackboard.wire.messages import Consensus, Fix, Odometry, PackedBelief, Readings, Report, Sighting
 from robot_agent.agent import Agent, Agreed, Feedback
 from robot_agent.config import RobotSection
@@ -147,9 +148,9 @@ def test_each_belief_is_marginalised_and_packed_once_a_tick(monkeypatch: pytest.
         marginals["made"] += 1
         return marginal(localizer)
 
-    def counted_pack(belief: Belief) -> PackedBelief:
+    def counted_pack(belief: Belief, coding: Coding) -> PackedBelief:
         packs["made"] += 1
-        return packed(belief)
+        return packed(belief, coding)
 
     it = agent()
     it.tick(readings(0, BALL, fix=(10, 10)), {})

@@ -48,8 +48,11 @@ KEYS: dict[str, tuple[tuple[str, str], Any]] = {
     "objects.forget": (PRINTED, 0.5),
 }
 
-#: Read by `robot_agent.service`: seconds of waiting, not beliefs.
-TIMES = {"patience"}
+#: Not about beliefs: seconds of waiting, and how a belief is written (tests/flow/test_upgrade.py).
+OTHERS = {"patience", "coding"}
+
+#: Read by `robot_agent.budget`: what is said of the beliefs; each is tried in test_budget.py.
+SAID = {"send.budget", "send.burst", "send.longest"}
 
 
 def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
@@ -121,7 +124,7 @@ def usual(setup: tuple[str, str]) -> list[np.ndarray]:
 
 
 def test_every_key_is_here() -> None:
-    assert set(keys(RobotSection)) == {*KEYS, *TIMES}
+    assert set(keys(RobotSection)) == {*KEYS, *OTHERS, *SAID}
 
 
 @pytest.mark.parametrize("key", KEYS)

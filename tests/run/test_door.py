@@ -31,6 +31,7 @@ pytestmark = pytest.mark.system
         ("blackboard demo --robots 1", "--robots 1: at least 2"),
         ("blackboard demo --start 5", "--start and --protocol are about a recording: name its folder with --mrclam"),
         ("blackboard demo --protocol A_all", "--start and --protocol are about a recording"),
+        ("blackboard chaos --only storm", "--only storm: no such case; choose from calm, "),
         ("robot_agent --sub-team a --id r/1", "--id 'r/1'"),
         ("sim_world nowhere.toml", "nowhere.toml: cannot be read"),
     ],
@@ -50,7 +51,7 @@ def test_what_only_a_child_can_find_is_one_line_too(tmp_path: Path) -> None:
     with program("-m", "blackboard", "up", str(file)) as door:
         assert door.ends() == 2
         said = [line for line in door.err.splitlines() if "waiting for a router" not in line]  # on a slow machine
-        known = "headings, localizer, objects, odometry, patience, vision"
+        known = "coding, headings, localizer, objects, odometry, patience, send, vision"
         assert said == [f"error: {file}: robot.legs: no such key; known are {known}"]
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, ClassVar
 
+import msgpack
 import pytest
 
 import blackboard.__main__
 from blackboard.errors import UserError
-from blackboard.net import link
+from blackboard.run import health
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.raw import MAX_BYTES
 
 
 class Nobody:
@@ -39,7 +42,7 @@ def call(*arguments: str) -> Any:
 def test_the_team_is_the_scenario_s_unless_it_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(link, "Link", Nobody)
+    monkeypatch.setattr(health, "Link", Nobody)
     scenario = tmp_path / "mine.toml"
     scenario.write_text('[team]\nname = "mine"\nsub_teams = { a = ["r1"] }\n')
     for arguments, team in (
@@ -52,3 +55,35 @@ def test_the_team_is_the_scenario_s_unless_it_is_named(
         assert "does not answer" in capsys.readouterr().out
     with pytest.raises(UserError, match="--team 'a/b'"):
         call("health", "board", "--team", "a/b")
+
+
+@pytest.mark.parametrize("text", ["[1]", "5", "null", '"demo"'])
+@pytest.mark.parametrize("command", [("health", "board"), ("up",)])
+def test_a_scenario_without_sections_is_one_line(command: tuple[str, ...], text: str, tmp_path: Path) -> None:
+    scenario = tmp_path / "odd.json"
+    scenario.write_text(text)
+    with pytest.raises(UserError, match="odd.json: holds no sections"):
+        call(*command, "--scenario", str(scenario))
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"\xff" * 9,
+        msgpack.packb({"version": 1}),
+        msgpack.packb({"version": 2, "time": 1.0}),
+        msgpack.packb({"version": 1, "time": "now"}),
+        msgpack.packb({"version": 1, "time": float("nan")}),
+        msgpack.packb({"version": 1, "time": float("inf"), "tick": "x"}),
+        bytes(MAX_BYTES + 1),
+    ],
+)
+def test_an_answer_that_is_no_message_is_no_answer(payload: bytes) -> None:
+    class Odd:
+        def get(self, key_expr: str) -> list[Envelope]:
+            return [Envelope("cop/t/a/status/b1", payload)]
+
+    for kind in ("world", "board", "robot"):
+        assert "answer" in (health.diagnose(Odd(), kind, "b1", 1.0, team="t", max_age=5.0) or "")
+        health.part(Odd(), kind, "b1", team="t")

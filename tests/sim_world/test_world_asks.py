@@ -70,6 +70,17 @@ def test_whose_messages_a_board_lacks_are_asked_to_repeat_them() -> None:
     assert desk.world.tick > 0
 
 
+def test_what_strangers_lack_is_not_kept() -> None:
+    desk = Quiet()
+    desk.silent = {"r1", "r2", "a"}
+    desk.tokens(Kind.ALIVE)
+    for n in range(100):
+        said = Status(process=f"x{n}", kind="board", tick=0, time=0, lacks=[f"robot/y{n}", "robot/r1"])
+        desk.tell(Envelope(keys.STATUS.key(team="demo", sub_team="a", process=f"x{n}"), encode(said)))
+    assert desk.world._lacked == set()
+    assert desk.world._spoke <= {"robot/r1", "robot/r2", "board/a/a"}
+
+
 def test_who_is_slow_repeats_nothing() -> None:
     desk = Quiet()
     desk.lacks = [""]

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from blackboard.config import load
-from blackboard.lab.bench import SOLO
 from blackboard.lab.team import Team
 from blackboard.run.door import INTERRUPTED
 from tests.processes import children, is_running, program, wait_until
@@ -29,23 +26,12 @@ def blackboard(*arguments: str, timeout: float = 110) -> subprocess.CompletedPro
     )
 
 
-@pytest.fixture
-def launched() -> Iterator[subprocess.Popen[str]]:
-    """A long run, killed at the end whatever happens."""
-    command = [*PYTHON, "blackboard", "demo", "--seconds", "600", "--json"]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        yield process
-    finally:
-        left = children(process.pid)
-        for pid in [process.pid, *left]:
-            if is_running(pid):
-                os.kill(pid, signal.SIGKILL)
-        process.communicate()
-
-
-def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit() -> None:
-    runs = [blackboard("demo", "--seconds", "4", "--seed", "7", "--json") for _ in range(2)]
+def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Path) -> None:
+    """Once as it is, once with its samples as a table and pictures, which change nothing, and once in one process."""
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`")
+    table, folder = tmp_path / "run.jsonl", tmp_path / "pictures"
+    more = ((), ("--table", str(table), "--plot", str(folder)))
+    runs = [blackboard("demo", "--seconds", "4", "--seed", "7", "--json", *flags) for flags in more]
     first, second = (json.loads(run.stdout) for run in runs)
     assert first["hash"] == second["hash"]
     assert first["ticks"] == 20
@@ -57,21 +43,17 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit() -> None:
     assert in_one_process["hash"] == first["hash"]
     assert in_one_process["scores"] == first["scores"]
 
-
-def test_the_samples_of_a_run_come_out_as_a_table_and_pictures(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra `plot`")
-    table, folder = tmp_path / "run.jsonl", tmp_path / "pictures"
-    run = blackboard("demo", "--seconds", "2", "--json", "--table", str(table), "--plot", str(folder))
-    scores = json.loads(run.stdout)["scores"]
+    scores = second["scores"]
     rows = [json.loads(line) for line in table.read_text(encoding="utf-8").splitlines()]
     assert len(rows) == sum(
         scores[group][level]["n"] for group in ("robots", "objects") for level in scores["robots"] if level != "by_name"
     )
-    drawn = [line.removeprefix("drawn: ") for line in run.stderr.splitlines() if line.startswith("drawn: ")]
+    drawn = [line.removeprefix("drawn: ") for line in runs[1].stderr.splitlines() if line.startswith("drawn: ")]
     assert sorted(drawn) == sorted(str(path) for path in folder.iterdir())
     assert len(drawn) == 4
 
 
+@pytest.mark.long
 def test_more_robots_and_real_time() -> None:
     run = blackboard("demo", "--robots", "8", "--seconds", "3", "--realtime", "--json")
     card = json.loads(run.stdout)
@@ -79,21 +61,15 @@ def test_more_robots_and_real_time() -> None:
     assert card["mode"] == "realtime"
 
 
-def test_ctrl_c_stops_all_and_leaves_no_orphan(launched: subprocess.Popen[str]) -> None:
-    wait_until(lambda: len(children(launched.pid)) == 10, "ten children run")
-    family = children(launched.pid)
-    launched.send_signal(signal.SIGINT)
-    launched.communicate(timeout=30)
-    wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
-
-
-def test_ctrl_c_in_the_middle_gives_the_scorecard_until_then() -> None:
+def test_ctrl_c_in_the_middle_gives_the_scorecard_until_then_and_leaves_no_orphan() -> None:
     with program("-m", "blackboard", "demo", "--robots", "2", "--seconds", "120", "--json") as demo:
         wait_until(lambda: len(children(demo.running.pid)) == 6, "a router, two boards, two robots and the world run")
         demo.says("tick 0 of 600")
         wait_until(lambda: "tick 60 of 600" in demo.err, "some ticks are done")
+        family = children(demo.running.pid)
         demo.running.send_signal(signal.SIGINT)
         assert demo.ends() == INTERRUPTED, demo.err
+        wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
         card = json.loads(demo.out)
         assert 60 <= card["ticks"] < 600
         assert card["verdict"] == "FAIL"
@@ -102,11 +78,12 @@ def test_ctrl_c_in_the_middle_gives_the_scorecard_until_then() -> None:
         assert "Traceback" not in demo.err
 
 
-def test_no_orphan_is_left_when_the_launcher_is_killed(launched: subprocess.Popen[str]) -> None:
-    wait_until(lambda: len(children(launched.pid)) == 10, "ten children run")
-    family = children(launched.pid)
-    launched.kill()
-    wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
+def test_no_orphan_is_left_when_the_launcher_is_killed() -> None:
+    with program("-m", "blackboard", "demo", "--robots", "2", "--seconds", "600", "--json") as demo:
+        wait_until(lambda: len(children(demo.running.pid)) == 6, "six children run")
+        family = children(demo.running.pid)
+        demo.running.kill()
+        wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
 
 
 @pytest.mark.parametrize(
@@ -124,13 +101,16 @@ def test_a_mistake_in_a_scenario_is_one_line_with_file_and_field(tmp_path: Path,
     assert run.stdout == ""
 
 
-@pytest.mark.parametrize("folder", ["", "/no/such/folder"])
-def test_a_missing_recording_is_one_line(folder: str, tmp_path: Path) -> None:
-    run = blackboard("demo", "--mrclam", folder or str(tmp_path))
-    assert run.returncode == 2
-    assert (folder or str(tmp_path)) in run.stderr.strip().splitlines()[-1]
+@pytest.mark.parametrize("door", ["blackboard demo", "sim_world"])
+def test_a_missing_recording_is_one_line(door: str, tmp_path: Path) -> None:
+    """The launcher passes on what its world says, before the team has begun."""
+    folder = str(tmp_path) if door == "sim_world" else "/no/such/folder"
+    with program("-m", *door.split(), "--mrclam", folder) as run:
+        assert run.ends() == 2
+        assert folder in run.err.strip().splitlines()[-1]
 
 
+@pytest.mark.long
 def test_the_recorded_team_runs_as_processes() -> None:
     """The first 20 seconds: five real robots, everything over Zenoh; the whole window is in benchmarks."""
     if not RECORDING.is_dir():
@@ -142,32 +122,3 @@ def test_the_recorded_team_runs_as_processes() -> None:
     assert card["scores"]["robots"]["agreed"]["n"] == 100
     assert card["team_rmse"]["agreed"] < 0.3
     assert card["team_rmse"]["agreed"] < card["team_rmse"]["solo"]
-
-
-def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
-    """Ten seconds of each fusion, as processes: the numbers of the table are the scorecards' own."""
-    if not RECORDING.is_dir():
-        pytest.skip("needs the MRCLAM recording in ../shared/mrclam/dataset7")
-    arguments = (
-        "--start",
-        "1248446200",
-        "--seconds",
-        "10",
-        "--protocol",
-        "C_blind12",
-        "--json",
-        "--runs",
-        str(tmp_path),
-    )
-    run = blackboard("score", "--mrclam", str(RECORDING), *arguments)
-    assert run.returncode == 0, run.stderr
-    scores = json.loads(run.stdout)["protocols"]["C_blind12"]["scores"]
-    assert list(scores) == ["team", "r1", "r2", "r3", "r4", "r5"]
-    for fusion in ("opinions", "joint"):
-        card = json.loads((tmp_path / f"C_blind12-{fusion}.json").read_text())["card"]
-        assert card["fusion"] == fusion
-        for level, way in (("solo", SOLO[fusion]), ("agreed", fusion)):
-            told, found = card["scores"]["robots"][level], scores["team"][way]
-            for name in ("n", "rmse", "mean", "p95", "max", "log_score"):
-                assert found[name] == pytest.approx(told[name])
-            assert {k: c["value"] for k, c in found["coverage"].items()} == pytest.approx(told["coverage"])

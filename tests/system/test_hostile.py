@@ -20,6 +20,7 @@ from blackboard.lab.team import Team
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
+from blackboard.run.flags import TeamFlags
 from blackboard.run.launch import free_port
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
@@ -27,14 +28,15 @@ from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Status
 
 ROOT = Path(__file__).parents[2]
-SECONDS = 4.0
+ROBOTS, SECONDS = 3, 4.0  # a router, two boards, a world and these: everybody who can be spoken to
+DEMO = TeamFlags(robots=ROBOTS).apply(load("demo")).changed("time", seconds=SECONDS)
 BURST, PAUSE = 200, 0.01  # envelopes, and seconds between them: up to 20 000 a second
 ENDS = 300.0  # seconds: a deadline that only a run misses that does not go on
 
 
 def flood() -> list[Envelope]:
     """What a stranger sends without any token, in the names of invented robots and boards."""
-    scenario = load("demo")
+    scenario = DEMO
     team, sub_team = scenario.team.name, next(iter(scenario.team.sub_teams))
     found = []
     for i in range(200):
@@ -49,7 +51,8 @@ def flood() -> list[Envelope]:
 def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None]) -> dict[str, Any]:
     """The scorecard of a demo of real processes, while a stranger does something on a link of its own; stopped at the latest."""
     at = f"tcp/127.0.0.1:{free_port()}"
-    command = [sys.executable, "-m", "blackboard", "demo", "--seconds", f"{SECONDS:g}", "--json", "-l", at]
+    length = ("--robots", str(ROBOTS), "--seconds", f"{SECONDS:g}")
+    command = [sys.executable, "-m", "blackboard", "demo", *length, "--json", "-l", at]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
         try:
             with Link(LinkConfig(connect=(at,)), "stranger", patience=30.0) as link:
@@ -61,17 +64,18 @@ def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None]) -> dict[st
                 running.terminate()
         out, _ = running.communicate(timeout=60)
     card: dict[str, Any] = json.loads(out)
-    assert card["ticks"] == round(SECONDS / load("demo").time.tick)
+    assert card["ticks"] == round(SECONDS / DEMO.time.tick)
     return card
 
 
 @cache
 def undisturbed() -> str:
     """The hash of the same run in one process, without a network."""
-    found: str = Team(load("demo").changed("time", seconds=SECONDS)).run()["hash"]
+    found: str = Team(DEMO).run()["hash"]
     return found
 
 
+@pytest.mark.long
 def test_a_stranger_s_flood_changes_not_a_bit() -> None:
     sent, pause, clock = 0, threading.Event(), UnixClock()
 
@@ -91,9 +95,10 @@ def test_a_stranger_s_flood_changes_not_a_bit() -> None:
     assert card["hash"] == undisturbed()
 
 
+@pytest.mark.long
 def test_tokens_of_processes_that_say_nothing_change_not_a_bit() -> None:
     """100 robots' tokens, and those of two boards."""
-    team = load("demo").team
+    team = DEMO.team
 
     def disturb(link: Link, running: subprocess.Popen[str]) -> None:
         first, *_ = team.sub_teams

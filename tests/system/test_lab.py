@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -34,26 +33,6 @@ def small(tmp_path: Path) -> str:
     return str(file)
 
 
-def without_time(found: dict[str, Any]) -> dict[str, Any]:
-    for trial in found["trials"].values():
-        for row in [*trial["rules"].values(), trial["best"]]:
-            del row["ms"]
-    return found
-
-
-def test_the_lab_twice_with_one_seed_says_the_same(small: str, tmp_path: Path) -> None:
-    picture = tmp_path / "lab.svg"
-    arguments = ("lab", small, "--runs", "3", "--variants", "2", "--json", "--picture", str(picture))
-    first, second = (blackboard(*arguments) for _ in range(2))
-    assert (first.returncode, first.stderr) == (0, "")
-    found = json.loads(first.stdout)
-    assert without_time(found) == without_time(json.loads(second.stdout))
-    assert len(found["trials"]) == 8  # five trials, the team, its robots, its objects
-    assert found["trials"]["team scenario"]["runs"] == 2
-    assert found["trials"]["team scenario"]["cases"] > 10
-    assert picture.stat().st_size > 10_000
-
-
 def test_the_lab_shows_a_table_to_people() -> None:
     told = blackboard("lab", "--runs", "2")
     assert told.returncode == 0
@@ -61,6 +40,7 @@ def test_the_lab_shows_a_table_to_people() -> None:
     assert "> coalition" in told.stdout
 
 
+@pytest.mark.long
 def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) -> None:
     done = blackboard("tune", small, "--variants", "2", "--held-out", "2", "--every", "1", "--json")
     assert done.returncode in (0, 1), done.stderr
@@ -77,40 +57,6 @@ def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) 
     scenario.write_text(SMALL + found["board"])
     team = blackboard("up", str(scenario), "--seconds", "1", "--json")
     assert json.loads(team.stdout)["rule"] == found["recommended"]["rule"], team.stderr
-
-
-def test_a_sweep_has_the_numbers_of_the_same_runs_as_processes(tmp_path: Path) -> None:
-    team = ("--robots", "2", "--seconds", "2", "--json")
-    kept = tmp_path / "runs.jsonl"
-    arguments = ("demo", "--seeds", "7", "--set", "board.rule=coalition,cooperative", "--runs", str(kept), *team)
-    done = blackboard("sweep", *arguments)
-    assert done.returncode == 0, done.stderr
-    first, second = json.loads(done.stdout)["combinations"]
-    for found, rule in ((first, ()), (second, ("--rule", "cooperative", "--fusion", "joint"))):
-        card = json.loads(blackboard("demo", "--seed", "7", *rule, *team).stdout)
-        assert found["hashes"] == {"7": card["hash"]}
-        assert found["scores"]["robots"]["agreed"]["rmse"]["value"] == card["scores"]["robots"]["agreed"]["rmse"]
-    again = blackboard("sweep", *arguments)
-    assert again.stdout == done.stdout
-    assert (again.stderr, len(kept.read_text().splitlines())) == ("", 2)
-
-
-def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
-    small = ("--seeds", "2", "--robots", "3", "--grids", "20", "--grids", "30", "--seconds", "4", "--every", "2")
-    said = []
-    for name in ("first", "second"):
-        done = blackboard("figures", "--out", str(tmp_path / name), *small, *(["--json"] if name == "first" else []))
-        assert done.returncode == 0, done.stderr
-        said.append(done.stdout)
-    told = json.loads(said[0])
-    assert set(told) == {"files", *(f"fig{n}" for n in range(1, 8))}
-    assert told["files"] == sorted(told["files"], key=lambda name: (name[:-4], name[-4:] != ".svg"))
-    assert sorted(told["files"]) == sorted(str(path) for path in (tmp_path / "first").iterdir())
-    assert said[1].splitlines() == [name.replace("/first/", "/second/") for name in told["files"]]
-    files = sorted(path.name for path in (tmp_path / "first").iterdir())
-    assert files == [f"fig{n}.{ending}" for n in range(1, 8) for ending in ("png", "svg")]
-    for file in files:
-        assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes(), file
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,8 @@ from blackboard.net.settings import LinkConfig
 from blackboard.run.launch import free_port
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import MAX_BYTES, Consensus, Status
+from blackboard.wire.messages import Consensus, Status
+from blackboard.wire.raw import MAX_BYTES
 from tests.processes import wait_until
 
 ROOT = Path(__file__).parents[2]

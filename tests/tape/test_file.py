@@ -15,7 +15,7 @@ from blackboard.errors import UserError
 from blackboard.tape.file import MAX_KEYS, About, TapeWriter, copy, create, look_through, read
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import MAX_BYTES
+from blackboard.wire.raw import MAX_BYTES
 from tests.wire.messages import CLOCK, REPORT  # a real message of each kind
 
 ENVELOPES = [

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from blackboard.tape.journal import TOO_LARGE, Journaled, digest, lives
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import MAX_BYTES, MAX_JOURNAL_NAME, Journal
+from blackboard.wire.messages import MAX_JOURNAL_NAME, Journal
+from blackboard.wire.raw import MAX_BYTES
 from blackboard.wire.types import MAX_OPINIONS
 
 

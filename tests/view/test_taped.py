@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from blackboard.bridges.__main__ import open_tape
 from blackboard.errors import RunFailed, UserError
+from blackboard.state import moments
 from blackboard.state.fold import Fold
 from blackboard.tape.file import create, read
 from blackboard.tape.table import rows
@@ -42,6 +44,21 @@ def test_why_on_a_tape_is_of_any_tick(capsys: pytest.CaptureFixture[str]) -> Non
         assert found["truth"] is not None
     assert call("why", "robot/r1", GOLDEN) == 0
     assert capsys.readouterr().out.startswith("robot/r1 in tick 15 (3.0 s of team time).")
+
+
+def test_a_moment_is_found_without_unpacking_all_at_each_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It took minutes on a tape of 30 s, which has a thousand looks and 150 ticks."""
+    unpacked: list[bytes] = []
+    whole = moments._unpacked
+
+    def count(packed: bytes) -> moments.Moment:
+        unpacked.append(packed)
+        return whole(packed)
+
+    monkeypatch.setattr(moments, "_unpacked", count)
+    taped = open_tape(GOLDEN, None)
+    assert taped.moment(3).tick == 3
+    assert len(unpacked) <= len(taped.fold.moments)
 
 
 def test_status_of_a_tape_is_how_it_ends(capsys: pytest.CaptureFixture[str]) -> None:

@@ -35,6 +35,8 @@ def on_a_tape(story: Callable[[Top, Pilot[None]], Coroutine[Any, Any, None]]) ->
     async def play() -> None:
         top = Top(feed, "demo")
         async with top.run_test(size=(160, 50)) as pilot:
+            while not top.query("#head"):
+                await pilot.pause()
             top.draw()
             await pilot.pause()
             await story(top, pilot)
@@ -95,6 +97,8 @@ def test_a_team_that_has_told_nothing_is_shown_too() -> None:
     async def play() -> None:
         top = Top(TapeFeed(iter(())), "nobody")
         async with top.run_test(size=(80, 24)) as pilot:
+            while not top.query("#head"):
+                await pilot.pause()
             top.draw()
             await pilot.press("space", "left", "right_square_bracket", "w", "l")
             assert "nothing is settled yet" in said(top, "#subjects")

@@ -20,8 +20,8 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Kind
 from blackboard.wire.messages import Camp, Consensus, Dissent
-from tests.flow.test_team import SCENARIO
-from tests.view.recorded import recorded, team_of
+from tests.flow.test_memory import LEARNS
+from tests.view.recorded import record, recorded, team_of
 
 #: What quantised logarithms on the wire cost: reports are read back before they are fused, the consensus is read back once more.
 QUANTISED = 2e-3  # nats
@@ -36,6 +36,39 @@ def test_every_pooled_belief_is_computed_again_as_it_was_published() -> None:
                 assert level["recomputed"] < QUANTISED
                 found += 1
     assert found > 20
+
+
+def test_what_a_board_learned_is_computed_again_as_well() -> None:
+    """After 10 s the weights in force are no longer those of the settings, and everything that is needed is published."""
+    fold, powers, independences, checked = Fold(), set[float](), set[object](), 0
+    for envelope, now in record(LEARNS):
+        fold.take(envelope, now)
+    team = fold.teams["t"]
+    assert team.moments.newest is not None
+    for subject in team.moments.newest.subjects:
+        for level in explain(team, team.moments.newest, subject)["levels"]:
+            assert level["recomputed"] < QUANTISED
+            powers |= {source["power"] for source in level["sources"]}
+            independences.add(level["parameters"]["independence"])
+            checked += 1
+    assert checked > 5
+    assert min(powers) < 0.95
+    assert max(independences) > 0.3  # type: ignore[type-var, operator]
+
+
+def test_a_power_that_no_board_would_say_ends_nothing() -> None:
+    for power in (0.0, 1e12):
+        fold = Fold()
+        for envelope, now in recorded():
+            if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
+                told = decode(Consensus, envelope.payload)
+                used = [one.model_copy(update={"power": power}) for one in told.used]
+                fold.take(replace(envelope, payload=encode(told.model_copy(update={"used": used}))), now)
+            else:
+                fold.take(envelope, now)
+        moment = fold.teams["t"].moments.newest
+        assert moment is not None
+        assert sentences(explain(fold.teams["t"], moment, "robot/r1"))
 
 
 def test_without_a_source_it_is_what_the_others_would_have_made() -> None:
@@ -59,9 +92,10 @@ def test_without_a_source_it_is_what_the_others_would_have_made() -> None:
         if report.informed is not None:
             opinions[name].append(Opinion(name, unpack(report.informed.belief), report.informed.ancestors))
     grid = opinions["r1"][0].belief.grid
-    both = fuse_opinions(opinions["r1"] + opinions["r2"], grid, SCENARIO.board, subject).belief
-    alone = fuse_opinions(opinions["r2"], grid, SCENARIO.board, subject).belief
-    assert isinstance(SCENARIO.board, BoardSection)
+    in_force = BoardSection.model_validate(level["parameters"])  # what the board had learned until then
+    powers = {(source["source"], source["how"]): source["power"] for source in level["sources"]}
+    both = fuse_opinions(opinions["r1"] + opinions["r2"], grid, in_force, subject, powers=powers).belief
+    alone = fuse_opinions(opinions["r2"], grid, in_force, subject, powers=powers).belief
     assert level["without"]["r1"]["nats"] == pytest.approx(kullback_leibler(both.p, alone.p))
     assert level["without"]["r1"]["shift"] == pytest.approx(math.dist(both.mean(), alone.mean()))
 

@@ -16,6 +16,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import Forward, Forwarded, pack_evidence
+from blackboard.wire.memory import Memory, PackedLearner, PackedMemory, PackedNewest, PackedStanding
 from blackboard.wire.messages import (
     Clock,
     Consensus,
@@ -120,6 +121,39 @@ JOURNAL = Journal(
     began=1e9,
     first=7,
     events=[(1e9, "alive", "cop/t/a/board/a1"), (1e9 + 0.1, "put", "0123456789abcdef"), (1e9 + 0.2, "wake", "")],
+    memory="0123456789abcdef",
+)
+MEMORY = Memory(
+    board="a1",
+    sub_team="a",
+    run="x1",
+    tick=3,
+    time=0.6,
+    consensus=PackedMemory(
+        learner=PackedLearner(
+            sources=["r1", "r2"],
+            heard={"r1": 0.6, "r2": 0.6},
+            since={"r1": 0.2},
+            counts=b"\x01",
+            samples=np.float32(0.5).tobytes() + np.float16([1.0, np.nan]).tobytes(),
+            newest=[PackedNewest(subject="object/ball", time=0.6, sources=b"\x00\x01", means=np.arange(4.0).tobytes())],
+        ),
+        standings=[
+            PackedStanding(
+                source="r1",
+                heard=0.6,
+                share=0.5,
+                seconds=3,
+                sigmas=2.0,
+                since=0.2,
+                pending=np.array([-4.0, 1.0]).tobytes(),
+            )
+        ],
+        judged={"object/ball": 0.6},
+        second=0.2,
+        camps={"object/ball": [["r1"], ["r2"]]},
+    ),
+    agreed=PackedMemory(learner=PackedLearner()),
 )
 
 #: A topic's name -> the parts of a key of it, and a message for it.
@@ -132,6 +166,7 @@ EXAMPLES: dict[str, tuple[dict[str, str], Message]] = {
     "consensus": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, CONSENSUS),
     "agreed": ({"team": "t", "sub_team": "a", "subject": "object/ball"}, AGREED),
     "forward": ({"team": "t", "sub_team": "a", "board": "a1"}, FORWARD),
+    "memory": ({"team": "t", "sub_team": "a", "board": "a1"}, MEMORY),
     "journal": ({"team": "t", "sub_team": "a", "board": "a1"}, JOURNAL),
     "refused": ({"team": "t", "sub_team": "a", "robot": "r1"}, REFUSAL),
     "status": ({"team": "t", "sub_team": "a", "process": "r1"}, STATUS),

@@ -15,7 +15,8 @@ from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode, open_envelope
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import MAX_BYTES, MODELS, REASONS, Report, Status
+from blackboard.wire.messages import MODELS, REASONS, Report, Status
+from blackboard.wire.raw import MAX_BYTES
 from blackboard.wire.types import Message
 from tests.wire.messages import CONSENSUS, EXAMPLES, REPORT, STATUS, TOPICS, as_map
 

@@ -12,16 +12,17 @@ from pydantic import BaseModel
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
-from blackboard.wire import evidence, keys, messages
+from blackboard.wire import evidence, keys, memory, messages
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.codec import MAX_TEXT, decode
-from blackboard.wire.messages import MAX_BYTES, MAX_CELLS, MAX_TOTAL, REASONS, VERSION, Report
-from blackboard.wire.types import LARGEST, LEAST, MAX_ITEMS, MAX_NAME, MAX_OPINIONS, Message, Part
+from blackboard.wire.codec import decode
+from blackboard.wire.messages import MAX_CELLS, REASONS, Report
+from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS, MAX_TEXT, MAX_TOTAL, VERSION
+from blackboard.wire.types import LARGEST, LEAST, MAX_NAME, MAX_OPINIONS, Message, Part
 
 PAGE = (Path(__file__).parents[2] / "docs" / "wire.md").read_text(encoding="utf-8")
 MODELS = [
     model
-    for model in {**vars(messages), **vars(evidence)}.values()
+    for model in {**vars(messages), **vars(evidence), **vars(memory)}.values()
     if isinstance(model, type) and issubclass(model, Part) and model not in (Part, Message)
 ]
 
@@ -46,7 +47,7 @@ def default(model: type[BaseModel], name: str) -> str:
     value = field.get_default(call_default_factory=True)
     if value is None:
         return "none"
-    if isinstance(value, bool | list | dict):
+    if isinstance(value, bool | list | dict | bytes):
         return {"False": "false"}.get(repr(value), f"`{value!r}`")
     return f'`"{value}"`' if isinstance(value, str) else f"{value:g}"
 
@@ -84,6 +85,18 @@ def test_the_limits_are_the_code_s_own() -> None:
     for limit in (MAX_BYTES, MAX_CELLS, MAX_OPINIONS, MAX_ITEMS, MAX_TEXT, MAX_TOTAL, MAX_NAME):
         assert f" {limit}" in limits
     assert f"version {VERSION}" in section("Versions")
+
+
+def test_the_worked_example_of_fine_levels_is_true() -> None:
+    text = section('Coding `"log16"`')
+    (dump,) = re.findall(r"^ {4}((?:[0-9a-f]{2} ?)+)$", text, re.MULTILINE)
+    p = np.array([[0, 0, 0, 0], [0, 0.5, 0.25, 0], [0, 0.125, 0.124999, 0.000001]])
+    packed = pack(Belief(Grid((3, 4), 0.5, (0.0, 0.0), "m"), p), "log16")
+    assert packed.data == bytes.fromhex(dump)
+    assert zlib.decompress(packed.data) == bytes.fromhex("fc33023603040000")
+    found = unpack(packed).p[1:3, 1:3].ravel()
+    told = [1, 0.496585, 0.252840, 0.252840]
+    np.testing.assert_allclose(found, np.array(told) / 2.002264 * (1 - packed.rest), rtol=3e-6)
 
 
 def test_the_worked_example_is_true() -> None:

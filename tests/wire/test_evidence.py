@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from blackboard.errors import Refused
+from blackboard.opinion.gaussian.relation import Bias, Relative
+from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.evidence import (
     Forward,
@@ -72,3 +76,12 @@ def test_a_number_that_is_none_or_too_large_is_refused(path: tuple[str | int, ..
     place[path[-1]] = value
     with pytest.raises(Refused, match="fields"):
         decode(Forward, msgpack.packb(whole))
+
+
+@pytest.mark.parametrize(
+    "error", [{"range_variance": 5e21}, {"bearing_variance": 1e13}, {"biases": (Bias(2e12, 5.0),)}]
+)
+def test_a_sighting_whose_error_no_message_holds_is_left_out(error: dict[str, Any]) -> None:
+    sound = Relative("robot/r1", "object/ball", 2.0, 0.1, 0.01, 0.001)
+    packed = pack_evidence(0, Motion(1.0), Nuisance(), None, None, [replace(sound, **error), sound])
+    assert [relative.range_variance for relative in packed.relatives] == [0.01]

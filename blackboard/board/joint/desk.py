@@ -263,7 +263,7 @@ class JointDesk:
             left_out[PREDICTION] = f"contradicted by {names(choice.members)}"
         return make(
             subject=subject,
-            belief=pack(belief),
+            belief=pack(belief, self.settings.coding),
             ancestors={name: self._until[name] for name in sorted(self._until) if f"robot/{name}" in self.team.joint},
             used=[
                 Used(

@@ -7,10 +7,9 @@ noise that is alike from one tick to the next looks smaller than it is.
 
 from __future__ import annotations
 
+import statistics
 from collections import deque
 from dataclasses import dataclass, field
-
-import numpy as np
 
 #: The medians of chi-squared, by degrees of freedom from 1 on.
 MEDIANS = (0.455, 1.386, 2.366, 3.357, 4.351, 5.348, 6.346, 7.344, 8.343)
@@ -42,7 +41,7 @@ class Innovations:
     def variance(self, source: Source) -> float:
         """The variance of a source's noise relative to what it claims, at least 1; 1 until enough is known."""
         ratios = self._ratios.get(source, ())
-        return min(MOST, max(1.0, float(np.median(ratios)))) if len(ratios) >= FEWEST else 1.0
+        return min(MOST, max(1.0, statistics.median(ratios))) if len(ratios) >= FEWEST else 1.0
 
     def forget(self, robot: str) -> None:
         """Drop what was remembered of a robot, which begins anew."""

@@ -70,6 +70,9 @@ class Joint:
 
     def moments(self, *blocks: Block) -> Moments:
         """The marginal of some blocks, in the order given."""
+        if len(blocks) == 1:
+            at = self.blocks[blocks[0]]
+            return Moments(self.mean[at].copy(), self.covariance[at, at].copy())
         index = self._index(blocks)
         return Moments(self.mean[index], self.covariance[np.ix_(index, index)])
 

@@ -115,6 +115,8 @@ class Top(App[None]):
         return found or self.fold.moments.newest
 
     def draw(self) -> None:
+        if not self.query("#head"):
+            return  # on a slow machine it is time to draw before the widgets are there
         fold, moment = self.fold, self.moment()
         table = team_summary(fold, self.source.now, moment)
         state = "" if self.tick is None else "   PAUSED"

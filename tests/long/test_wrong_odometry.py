@@ -15,7 +15,6 @@ from robot_agent.gaussian.sensors import sensors_of
 from sim_world.sources import open_sensor_source
 from tests.sim_world.datasets import DATASET7
 
-pytestmark = pytest.mark.team
 SECONDS = 420.0  # a robot that is off by 5 % in its turns has contradicted its mates three times by then
 
 

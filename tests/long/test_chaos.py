@@ -39,9 +39,3 @@ def test_two_sites_go_on_by_themselves_and_a_killed_robot_comes_back(tmp_path: P
     assert all(row["recovery"] is not None and row["samples"] > 0 for row in found.values())
     # the partition was real, and of 2 x 3 robots each site had its own all the time: at least (2 + 1) / 6
     assert 0.5 < found["sites"]["settled"] < 0.99
-
-
-def test_a_case_that_does_not_exist_is_one_line() -> None:
-    with program("-m", "blackboard", "chaos", "--only", "storm") as wrong:
-        assert wrong.ends() == 2
-    assert wrong.err.strip().splitlines()[-1].startswith("error: --only storm: no such case; choose from calm, ")

@@ -1,0 +1,158 @@
+"""What a board remembers of its sources, as bytes and back: learner and dissent of a level. Pure.
+
+Who goes on from it does what the board does, to the bit. What another board says is checked as everything is: whatever comes,
+`remembered` gives a learner within the bounds that it keeps by itself, or refuses.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import combinations
+
+import numpy as np
+
+from blackboard.board.dissent import Dissent, Standing
+from blackboard.board.learning import MAX_SOURCES, MAX_SUBJECTS, WINDOW, Learner, Sample
+from blackboard.errors import Refused
+from blackboard.opinion.grid import Array
+from blackboard.wire.memory import PackedLearner, PackedMemory, PackedNewest, PackedStanding
+from blackboard.wire.types import LARGEST
+
+SAMPLE = np.dtype([("a", "<f4"), ("alike", "<f2"), ("turned", "<f2")])
+FLOAT = np.dtype("<f8")
+
+
+# --- out -----------------------------------------------------------------------------------------------------------------
+
+
+def packed_memory(learner: Learner, dissent: Dissent) -> PackedMemory:
+    """All that the two remember, or of the judgements of more subjects than a message holds the newest."""
+    judged = sorted(dissent.judged_at.items(), key=lambda it: (-it[1], it[0]))[:MAX_SUBJECTS]
+    return PackedMemory(
+        learner=_packed_learner(learner),
+        standings=[_packed_standing(dissent, source) for source in sorted(dissent.heard)],
+        judged=dict(sorted(judged)),
+        second=dissent.second if np.isfinite(dissent.second) else None,
+        camps={subject: [sorted(camp) for camp in camps] for subject, camps in sorted(dissent.camps.items())},
+    )
+
+
+def _packed_learner(learner: Learner) -> PackedLearner:
+    sources = sorted(learner.heard)
+    place = {source: i for i, source in enumerate(sources)}
+    windows = [learner.samples.get(pair, ()) for pair in combinations(sources, 2)]
+    samples = np.array([(it.a, it.alike, it.turned) for window in windows for it in window], dtype=SAMPLE)
+    newest = [
+        PackedNewest(
+            subject=subject,
+            time=time,
+            sources=bytes(place[source] for source in sorted(means)),
+            means=np.array([means[source] for source in sorted(means)], dtype=FLOAT).tobytes(),
+        )
+        for subject, (time, means) in sorted(learner.last.items())
+    ]
+    return PackedLearner(
+        sources=sources,
+        heard=dict(sorted(learner.heard.items())),
+        since=dict(sorted(learner.since.items())),
+        counts=bytes(len(window) for window in windows),
+        samples=samples.tobytes(),
+        newest=newest,
+    )
+
+
+def _packed_standing(dissent: Dissent, source: str) -> PackedStanding:
+    it = dissent.standings.get(source, Standing())
+    pending = [-sigmas if contradicts else sigmas for contradicts, sigmas in dissent.pending.get(source, [])]
+    return PackedStanding(
+        source=source,
+        heard=dissent.heard[source],
+        share=it.share,
+        seconds=it.seconds,
+        sigmas=it.sigmas,
+        since=it.since,
+        pending=np.array(pending, dtype=FLOAT).tobytes(),
+    )
+
+
+# --- in ------------------------------------------------------------------------------------------------------------------
+
+
+def remembered(packed: PackedMemory, level: str, until: float, axes: int) -> tuple[Learner, Dissent]:
+    """A learner and a dissent that go on from a memory, on a grid of so many axes.
+
+    Refused: "fields" where a number is out of its bounds, or a time later than `until`, in seconds of team time.
+    """
+    return _learner(packed.learner, until, axes), _dissent(packed, level, until)
+
+
+def _check(holds: bool, what: str) -> None:
+    if not holds:
+        raise Refused("fields", f"Memory: {what}")
+
+
+def _check_times(times: list[float], until: float) -> None:
+    _check(all(time <= until for time in times), "a time is later than the memory's own")
+
+
+def _floats(data: bytes) -> Array:
+    _check(len(data) % FLOAT.itemsize == 0, "bytes that are no floats")
+    found = np.frombuffer(data, FLOAT).astype(float)
+    _check(bool((np.abs(found) <= LARGEST).all()), "a number is not finite, or too large")
+    return found
+
+
+def _learner(packed: PackedLearner, until: float, axes: int) -> Learner:
+    sources, n = packed.sources, len(packed.sources)
+    _check(n <= MAX_SOURCES and sources == sorted(set(sources)), f"sources are not sorted, or more than {MAX_SOURCES}")
+    _check(set(packed.heard) == set(sources) and packed.since.keys() <= set(sources), "a time of no source")
+    _check_times([*packed.heard.values(), *packed.since.values(), *(it.time for it in packed.newest)], until)
+    samples = _samples(packed, n * (n - 1) // 2)
+    last: dict[str, tuple[float, dict[str, Array]]] = {}
+    for it in packed.newest:
+        who, means = list(it.sources), _floats(it.means)
+        _check(who == sorted(set(who)) and all(i < n for i in who), "a comparison of no source")
+        _check(len(means) == axes * len(who), f"means on another number of axes than {axes}")
+        last[it.subject] = it.time, dict(zip((sources[i] for i in who), means.reshape(len(who), axes), strict=True))
+    learner = Learner()
+    learner.remember(
+        {pair: window for pair, window in zip(combinations(sources, 2), samples, strict=True) if window},
+        dict(packed.heard),
+        last,
+        dict(packed.since),
+    )
+    return learner
+
+
+def _samples(packed: PackedLearner, pairs: int) -> list[deque[Sample]]:
+    counts = list(packed.counts)
+    _check(len(counts) == pairs and all(count <= WINDOW for count in counts), f"no count up to {WINDOW} for each pair")
+    _check(len(packed.samples) == SAMPLE.itemsize * sum(counts), "another number of samples than is counted")
+    found = np.frombuffer(packed.samples, SAMPLE)
+    a, alike, turned = (found[name].astype(float) for name in ("a", "alike", "turned"))
+    _check(bool(((a >= 0) & (a <= LARGEST)).all()), "a squared distance is negative, or not finite")
+    _check(bool(((alike >= 0) & (alike <= 1)).all()), "a likeness is not between 0 and 1")
+    _check(bool((np.isnan(turned) | (np.abs(turned) <= 1)).all()), "no cosine")
+    rest = iter(zip(a.tolist(), alike.tolist(), turned.tolist(), strict=True))
+    return [deque((Sample(*next(rest)) for _ in range(count)), maxlen=WINDOW) for count in counts]
+
+
+def _dissent(packed: PackedMemory, level: str, until: float) -> Dissent:
+    standings = {it.source: it for it in packed.standings}
+    _check(len(standings) == len(packed.standings), "a source has two standings")
+    times = [time for it in packed.standings for time in (it.heard, it.since) if time is not None]
+    _check_times([*times, *packed.judged.values(), *([] if packed.second is None else [packed.second])], until)
+    _check(all(it.share <= 1 for it in packed.standings), "a share above 1")
+    dissent = Dissent(level)
+    dissent.camps = {subject: [frozenset(camp) for camp in camps] for subject, camps in packed.camps.items()}
+    dissent.judged_at = dict(packed.judged)
+    dissent.second = dissent.second if packed.second is None else packed.second
+    for source, it in standings.items():
+        dissent.heard[source] = it.heard
+        dissent.standings[source] = Standing(
+            share=it.share, seconds=it.seconds, sigmas=it.sigmas, since=it.since, logged=it.since is not None
+        )
+        pending = _floats(it.pending)
+        if len(pending):
+            dissent.pending[source] = [(bool(np.signbit(x)), abs(float(x))) for x in pending]
+    return dissent

@@ -1,0 +1,210 @@
+"""The commands of the blackboard that run processes: `blackboard demo | up | scenario | serve | router`.
+
+Long, because it is the door of many commands, each with its flags.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from blackboard.config import Scenario, load
+from blackboard.errors import UserError
+from blackboard.run import door
+from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
+from blackboard.run.progress import progress
+
+
+def demo(
+    *,
+    team: TeamFlags = TeamFlags(),
+    run: RunFlags = RunFlags(),
+    recording: RecordingFlags = RecordingFlags(),
+    look: ViewFlags = ViewFlags(),
+    record: Path | None = None,
+    output: OutputFlags = OutputFlags(),
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
+    """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team.
+
+    Parameters
+    ----------
+    record
+        Record every message of the team onto this tape (MCAP).
+    """
+    return _run(run.apply(team.apply(recording.scenario())), run, look, record, output, flags)
+
+
+def up(
+    scenario: str,
+    *,
+    team: TeamFlags = TeamFlags(),
+    run: RunFlags = RunFlags(),
+    look: ViewFlags = ViewFlags(),
+    record: Path | None = None,
+    output: OutputFlags = OutputFlags(),
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
+    """Run every process of a scenario on this machine.
+
+    Parameters
+    ----------
+    scenario
+        A scenario file (TOML), or the name of one that comes with the package.
+    record
+        Record every message of the team onto this tape (MCAP).
+    """
+    return _run(run.apply(team.apply(load(scenario))), run, look, record, output, flags)
+
+
+def scenario(section: Literal["team", "grid", "time", "board", "robot", "world", "fault"] | None = None) -> int:
+    """Print all keys of a scenario file with default, unit and meaning (Markdown).
+
+    Parameters
+    ----------
+    section
+        Of this section only.
+    """
+    from typing import get_args
+
+    from blackboard import config, faults
+    from blackboard.run import reference
+    from robot_agent.config import RobotSection
+    from sim_world.scenario import WorldSection
+
+    sections: dict[str, type[config.Section]] = {
+        "team": config.TeamSection,
+        "grid": config.GridSection,
+        "time": config.TimeSection,
+        "board": config.BoardSection,
+        "robot": RobotSection,
+        "world": WorldSection,
+    }
+    kinds = dict(zip(faults.KINDS, get_args(faults.AnyFault), strict=True))
+    if section is None:
+        text = reference.page(sections, kinds)
+    else:
+        text = reference.faults(kinds) if section == "fault" else reference.section(section, sections[section])
+    sys.stdout.write(text)
+    return 0
+
+
+def serve(
+    *,
+    team: str | None = None,
+    sub_team: str,
+    board: Annotated[str | None, Parameter(name="--id")] = None,
+    scenario: str | None = None,
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
+    """Run the board of one sub-team until it is stopped.
+
+    Parameters
+    ----------
+    team
+        Name of the team [default: the scenario's].
+    sub_team
+        The sub-team whose reports it fuses.
+    board
+        Name of the board [default: board-SUB_TEAM].
+    scenario
+        A scenario file with the grid and the board's settings, or the name of one that comes with the package.
+    """
+    from blackboard.board.service import BoardService
+    from blackboard.tape.journal import Journaled
+
+    chosen = load(scenario) if scenario else Scenario({})
+    name = board or f"board-{sub_team}"
+    for what, value in (("--team", team or chosen.team.name), ("--sub-team", sub_team), ("--id", name)):
+        door.check_name(what, value)
+    service = BoardService(
+        team=team or chosen.team.name,
+        sub_team=sub_team,
+        board=name,
+        grid=chosen.grid,
+        settings=chosen.board,
+    )
+    journaled = Journaled(service, team=service.team, sub_team=sub_team, board=name)
+    door.serve(journaled, name, flags)
+    return 0
+
+
+def router(*, flags: door.ZenohFlags = door.ZenohFlags()) -> int:
+    """Run a Zenoh router until it is stopped; listens on tcp/127.0.0.1:7447 (with --keys tls/) unless -l gives other endpoints."""
+    door.route(flags)
+    return 0
+
+
+def _run(
+    scenario: Scenario,
+    run: RunFlags,
+    look: ViewFlags,
+    record: Path | None,
+    output: OutputFlags,
+    flags: door.ZenohFlags,
+) -> int:
+    from blackboard.run.browser import can_open
+    from blackboard.run.launch import Interrupted, run_scenario
+    from sim_world.scorecard import text
+    from sim_world.table import check_table
+
+    _check(scenario)
+    if run.table is not None:
+        check_table(run.table, "--table")
+    if record is not None:
+        from blackboard.tape.file import check_new
+
+        check_new(record)
+    opens = look.view and can_open(terminal=sys.stdout.isatty(), environment=os.environ)
+    with _samples(scenario, run.table, look.plot) as samples:
+        with progress(scenario.name) as show_progress:
+            try:
+                status, card = run_scenario(
+                    scenario, show_progress, flags.link(), samples, record, view=look.view, open_page=opens
+                )
+            except Interrupted as stopped:
+                status, card = door.INTERRUPTED, stopped.card
+        output.show(card, text)
+    return status
+
+
+@contextmanager
+def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Iterator[Path | None]:
+    """Where the world writes its samples; afterwards they are drawn into `plot`, and written as `table` where that is no CSV."""
+    if plot is None:
+        yield table
+        return
+    try:
+        from blackboard.lab import run_drawing
+    except ModuleNotFoundError as error:
+        raise UserError(f"--plot: {error.name} is missing; pip install 'cop-blackboard[plot]'") from error
+    from sim_world.series import read_series, series_file
+
+    with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
+        file = table if table is not None and table.suffix == ".csv" else Path(folder) / "samples.csv"
+        yield file
+        samples = read_series(file)
+        with series_file(table if table != file else None) as record:
+            for sample in samples if record is not None else ():
+                record(sample)  # type: ignore[misc]  # not None where there are any
+        files = run_drawing.draw_run(samples, scenario.grid.unit, plot)
+        sys.stderr.writelines(f"drawn: {each}\n" for each in files)
+
+
+def _check(scenario: Scenario) -> None:
+    """Validate every section of a scenario before anything starts, also those that only robots and the world read."""
+    from blackboard.faults import faults_of
+    from robot_agent.config import RobotSection
+    from sim_world.scenario import WorldSection
+
+    _ = scenario.team, scenario.grid, scenario.time, scenario.board
+    scenario.section("robot", RobotSection)
+    scenario.section("world", WorldSection)
+    faults_of(scenario)

@@ -1,0 +1,80 @@
+"""Bytes as a bounded msgpack map and back: the only place that uses msgpack.
+
+It knows no message and loads neither NumPy nor pydantic, so that a health check and a link start quickly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgpack
+
+from blackboard.errors import Refused
+
+VERSION = 1
+MAX_BYTES = 1 << 20  # a 200 x 200 belief as float32 is 160 kB; anything near this bound is a mistake or an attack
+MAX_TOTAL = 1 << 17  # items of all arrays and maps together
+MAX_ITEMS = 1024  # the longest array or map, known or not, before any field is looked at
+MAX_TEXT = 4096  # bytes of the longest text
+
+TEXT = frozenset({str})
+
+
+def pack_map(fields: Mapping[str, Any]) -> bytes:
+    """One msgpack map, with the version first."""
+    packed: bytes = msgpack.packb({"version": VERSION, **fields})
+    return packed
+
+
+def unpack_map(payload: bytes) -> dict[str, Any]:
+    """The fields of a message of this version, not yet looked at. Refused: "too-large", "not-msgpack", "version"."""
+    if len(payload) > MAX_BYTES:
+        raise Refused("too-large", f"{len(payload)} bytes; at most {MAX_BYTES} are taken")
+    fields = _unpack(payload)
+    version = fields.get("version")
+    if type(version) is not int or version != VERSION:
+        raise Refused("version", f"version {version!r:.40}; this process speaks {VERSION}")
+    return fields
+
+
+def _unpack(payload: bytes) -> dict[str, Any]:
+    """One msgpack map with text keys, each once, and nothing behind it; bounded before anything is allocated."""
+    left = MAX_TOTAL
+
+    def count(items: list[Any]) -> list[Any]:
+        nonlocal left
+        left -= 1 + len(items)
+        if left < 0:
+            raise ValueError(f"more than {MAX_TOTAL} items in all")
+        return items
+
+    try:
+        fields = msgpack.unpackb(
+            payload,
+            strict_map_key=True,
+            object_pairs_hook=lambda pairs: _map(count(pairs)),
+            list_hook=count,
+            ext_hook=_no_extension,
+            max_str_len=MAX_TEXT,
+            max_bin_len=MAX_BYTES,
+            max_array_len=MAX_ITEMS,
+            max_map_len=MAX_ITEMS,
+            max_ext_len=0,
+        )
+    except ValueError as error:  # every fault that msgpack finds, bad UTF-8 among them
+        raise Refused("not-msgpack", str(error)[:200] or type(error).__name__) from None
+    if not isinstance(fields, dict):
+        raise Refused("not-msgpack", f"a {type(fields).__name__}, not a map")
+    return fields
+
+
+def _map(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
+    found: dict[Any, Any] = dict(pairs)
+    if len(found) != len(pairs) or not set(map(type, found)) <= TEXT:
+        raise ValueError("a key of a map is no text, or comes twice")
+    return found
+
+
+def _no_extension(code: int, _: bytes) -> None:
+    raise ValueError(f"extension type {code}")

@@ -1,0 +1,140 @@
+"""What boards learn outlives them: a board that was restarted is as its twin, and a tape that begins late is replayed to the bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from blackboard.lab.team import Team, board
+from blackboard.tape.content import Tape
+from blackboard.tape.judge import match, recorded
+from blackboard.tape.replay import replay
+from blackboard.wire import keys
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.memory import Memory, PackedLearner, PackedMemory
+from blackboard.wire.messages import Clock
+from tests.flow.test_team import SCENARIO
+from tests.flow.test_twins import Stream
+from tests.tape.teams import recorded_run
+
+LEARNS = (
+    SCENARIO.changed("team", sub_teams={"a": ["r1", "r2", "r3"], "b": ["r4"]})
+    .changed("grid", shape=[16, 16])
+    .changed("time", seconds=10.0)
+    .changed("board", independence="learn", max_age=1.0)
+)  # ticks 0 to 20
+
+
+def memory(it: Any) -> tuple[object, object]:
+    return it.board.memory("consensus"), it.board.memory("agreed")
+
+
+def test_a_board_that_was_restarted_is_as_its_twin() -> None:
+    whole = Team(LEARNS)
+    calm = Stream(whole)
+    whole.run()
+    team = Team(LEARNS.changed("team", boards=2))
+    stream = Stream(team)
+    team.run_until(lambda: team.world.tick == 8)
+    assert memory(team.boards["a"]) == memory(team.boards["a2"])
+    team.leave(team.boards["a"])
+    team.run_until(lambda: team.world.tick == 10)
+    back = team.boards["a"] = board(team.scenario, "a", "board-a")
+    team.join(back)
+    team.run_until(lambda: team.world.tick == 15)
+    assert back.lead.leads is False
+    team.leave(team.boards.pop("a2"))
+    team.run()
+    stream.check()
+    assert team.world.why == ""
+    assert stream.boards("a")[-1] == "board-a"
+    assert stream.beliefs == calm.beliefs
+    newest = calm.beliefs["a", "consensus", "robot/r1", 20]
+    assert newest.parameters["independence"] != 0.2
+    assert {one.source for one in newest.learned} >= {"r1", "r2"}
+
+
+def test_a_leader_that_repeats_its_memory_costs_its_follower_one_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Taking over the largest memory takes 0.2 s of a core."""
+    team = Team(LEARNS.changed("team", boards=2))
+    team.run_until(lambda: team.world.tick == 8)
+    follower = team.boards["a2"]
+    assert follower.lead.leads is False
+    taken: list[Memory] = []
+    monkeypatch.setattr(follower.board, "remember", taken.append)
+    said = Memory(
+        board="board-a",
+        sub_team="a",
+        run=follower.clock.followed.run if follower.clock.followed else "",
+        tick=9,
+        time=follower.clock.time(team.now) + 1.0,
+        consensus=PackedMemory(learner=PackedLearner()),
+        agreed=PackedMemory(learner=PackedLearner()),
+    )
+    key = keys.MEMORY.key(team=LEARNS.team.name, sub_team="a", board="board-a")
+    for _ in range(20):
+        follower.receive(Envelope(key, encode(said)), team.now)
+    assert taken == [said]
+
+
+def from_tick(tape: Tape, tick: int) -> Tape:
+    """What a recorder has that came when a tick began."""
+    begin = next(
+        i
+        for i, (_, e) in enumerate(tape.envelopes)
+        if keys.CLOCK.match(e.key) and decode(Clock, e.payload).tick == tick
+    )
+    held = [each for each in tape.envelopes[:begin] if each[1].kind is Kind.ALIVE]
+    return Tape(tape.scenario, held + tape.envelopes[begin:], tape.about)
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "realtime"])
+def test_a_tape_that_begins_late_is_replayed_to_the_bit(tmp_path: Path, mode: str) -> None:
+    """Once all that boards held before it is older than `max_age` (1 s, two ticks)."""
+    _, tape = recorded_run(tmp_path / "x.mcap", LEARNS.changed("time", mode=mode))
+    late = from_tick(tape, 9)
+    again = replay(late)
+    found = match(late.runs[-1], recorded(late), again.output)
+    assert again.late == ["a/board-a", "b/board-b"]
+    assert found.exact_from is not None
+    assert found.exact_from <= 9 + 4
+    without = Tape(late.scenario, [it for it in late.envelopes if not keys.MEMORY.match(it[1].key)], late.about)
+    forgot = match(late.runs[-1], recorded(late), replay(without).output)
+    assert forgot.exact_from is None  # so it is the memory that does it
+
+
+def test_only_a_board_that_leads_says_what_it_remembers_once_a_second() -> None:
+    team = Team(LEARNS.changed("team", boards=2).changed("time", seconds=3.0))
+    said: list[Memory] = []
+    team.bus.spies.append(lambda e: said.append(decode(Memory, e.payload)) if keys.MEMORY.match(e.key) else None)
+    team.run()
+    said = [it for it in said if it.run]  # before the world comes each board leads itself
+    assert [it.tick for it in said if it.board == "board-a"] == [0, 2, 4, 6]
+
+
+def test_where_nothing_learns_nothing_is_remembered() -> None:
+    team = Team(LEARNS.changed("board", independence=0.2, max_age=1.0).changed("time", seconds=1.0))
+    keys_of: set[str] = set()
+    team.bus.spies.append(lambda e: keys_of.add(e.key))
+    team.run()
+    assert not any(keys.MEMORY.match(key) for key in keys_of)
+    assert all("/memory/" not in key for it in team.boards.values() for key in it.listens)
+
+
+def test_a_memory_that_is_none_harms_nobody() -> None:
+    """From the leader's own name, of another run, and of times that are still to come."""
+    team = Team(LEARNS.changed("team", boards=2).changed("time", seconds=4.0))
+    team.run_until(lambda: team.world.tick == 4)
+    follower = team.boards["a2"]
+    before = memory(follower)
+    run = follower.clock.followed.run  # type: ignore[union-attr]
+    empty = PackedMemory(learner=PackedLearner())
+    it = Memory(board="board-a", sub_team="a", run=run, tick=9, time=99.0, consensus=empty, agreed=empty)
+    key = keys.MEMORY.key(team="t", sub_team="a", board="board-a")
+    for wrong in (it, it.model_copy(update={"run": "x", "time": 2.0}), it.model_copy(update={"board": "board-b"})):
+        follower.receive(Envelope(key, encode(wrong)), team.now)
+    assert memory(follower) == before
+    assert follower.refused == {"future": 1, "impostor": 1}

@@ -1,0 +1,188 @@
+"""The newcomer's path: README.md and docs/tutorial.md from a clone on, their commands one after the other in the clone itself.
+
+What docs/tutorial.md says runs at its full length. Of README.md what takes minutes is shortened, and what needs a recording, an
+engine or a screen is left out (`LEFT_OUT`).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import urllib.request
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from blackboard.run.launch import free_port
+from tests.processes import ROOT, Program, children, is_running, wait_until
+from tests.snippets import block, blocks
+
+pytestmark = pytest.mark.timeout(1200)
+
+#: Beginnings of README's commands under "More" -> what is added, so that they take seconds; the last word wins over one before it.
+SHORTER = {
+    "demo --realtime": "--seconds 3",
+    "demo": "--seconds 2",
+    "up my-scenario.toml": "--seconds 2",
+    "up liar": "--seconds 2",
+    "lab demo": "--runs 1 --seconds 4",
+    "sweep demo": "--seconds 1 --robots 2",
+    "tune demo": "--variants 2 --held-out 2 --seconds 4",
+    "chaos": "--only kill-robot",
+}
+LEFT_OUT = {
+    "--mrclam DIR": "a recording; tests/long/test_recorded.py scores one",
+    "ros": "runs until it is stopped, and needs an extra; tests/bridges/ros",
+    "chaos": "tests/long/test_chaos.py runs two cases",
+    "make figures": "minutes; tests/long/test_lab.py makes small ones",
+}
+
+
+def environment() -> dict[str, str]:
+    """Ours, without what would lead a program to our own sources or environment."""
+    ours = ("PYTHONPATH", "VIRTUAL_ENV", "VENV", "MAKEFLAGS", "MAKELEVEL", "BLACKBOARD_PARENT")
+    return {key: value for key, value in os.environ.items() if key not in ours}
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The files that git knows or would add, as they are now, in a folder of their own."""
+    if shutil.which("git") is None or not (ROOT / ".git").exists():
+        pytest.skip("needs git, and a clone of its own")
+    where = tmp_path_factory.mktemp("clone")
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
+    )
+    for name in filter(None, listed.stdout.decode().split("\0")):
+        if (ROOT / name).is_file():
+            (where / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, where / name)
+    return where
+
+
+def shell(clone: Path, command: str, statuses: Sequence[int] = (0,)) -> str:
+    """What a command line says on standard output."""
+    done = subprocess.run(
+        f"exec {command}", shell=True, cwd=clone, env=environment(), capture_output=True, text=True, check=False
+    )
+    assert done.returncode in statuses, f"{command}: {done.returncode}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+    return done.stdout
+
+
+@contextmanager
+def started(clone: Path, command: str) -> Iterator[Program]:
+    """A command line that runs until it is stopped by Ctrl-C."""
+    with subprocess.Popen(
+        ["/bin/sh", "-c", f"exec {command}"], cwd=clone, env=environment(), text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as running:  # fmt: skip
+        try:
+            program = Program(running)
+            yield program
+            running.send_signal(signal.SIGINT)
+            program.ends()
+        finally:
+            for pid in (running.pid, *children(running.pid)):
+                if is_running(pid):
+                    os.kill(pid, signal.SIGKILL)
+
+
+def page(program: Program) -> str:
+    """The live page of a program, at the address that it tells."""
+    told = r"http://127\.0\.0\.1:\d+/"
+    wait_until(lambda: re.search(told, program.out + program.err), lambda: f"it tells an address: {program.err}", 60.0)
+    found = re.search(told, program.out + program.err)
+    assert found
+    with urllib.request.urlopen(found[0], timeout=30) as answer:
+        text: str = answer.read().decode()
+    return text
+
+
+@pytest.fixture(scope="module")
+def made(clone: Path) -> tuple[Path, str]:
+    """The clone after its first `make demo`, and what that said."""
+    demo, test = block("README.md", "make demo").commands
+    assert (demo, test) == ("make demo", "make test")
+    return clone, shell(clone, demo)
+
+
+def test_make_demo_in_a_clone(made: tuple[Path, str]) -> None:
+    """README.md's first command ends with a PASS, and with the columns and rows that the page shows."""
+    _, said = made
+    assert "\nPASS\n" in said
+    head, unit, better, *rows = block("README.md", " " * 20).text.split("\n\n")[0].splitlines()
+    for line in (head, unit, better):
+        assert line.split() in [told.split() for told in said.splitlines()]
+    for row in rows:
+        assert re.search(rf"^{' '.join(row.split()[:2])} +\d+ ", said, re.MULTILINE)
+
+
+def test_the_tutorial_from_its_first_to_its_last_line(made: tuple[Path, str]) -> None:
+    clone, _ = made
+    for one in blocks("tutorial.md"):
+        if one.language == "toml":
+            (clone / "my-team.toml").write_text(one.text)
+        for command in one.commands if one.language == "shell" else ():
+            if command == "make demo":
+                continue  # `made`
+            if " view " in command:
+                with started(clone, f"{command} --port {free_port()}") as viewer:
+                    assert "<title>" in page(viewer)
+            else:
+                said = shell(clone, command)
+                assert said or "pip install" in command or "--out" in command, command
+    assert (clone / "run.csv").stat().st_size > 10_000
+
+
+def test_what_it_believes_and_why(made: tuple[Path, str]) -> None:
+    clone, _ = made
+    install, live, record, view, why = block("README.md", ".venv/bin/pip install -e '.[record").commands
+    shell(clone, install)
+    with started(clone, live) as demo:
+        assert "<title>" in page(demo)
+    (clone / "run.mcap").unlink(missing_ok=True)
+    shell(clone, f"{record} --seconds 13", (0, 1))  # 1: so short a run need not PASS
+    with started(clone, f"{view} --port {free_port()}") as viewer:
+        assert "<title>" in page(viewer)
+    assert "object/ball" in shell(clone, why)
+
+
+def test_each_process_by_hand(made: tuple[Path, str]) -> None:
+    """Router, board, robot: each says that it is ready. The world then runs to its end once all boards are there, so a second board joins."""
+    clone, _ = made
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router, board, robot, world = (
+        f".venv/bin/{command.replace('tcp/127.0.0.1:7447', endpoint)}"
+        for command in block("README.md", "blackboard router").commands
+    )
+    with started(clone, router) as first:
+        first.says("ready")
+        with started(clone, f"{board} -e {endpoint}") as second, started(clone, f"{robot} -e {endpoint}") as third:
+            second.says("ready")
+            third.says("ready")
+            with started(clone, f"{world} -e {endpoint}") as fourth:
+                fourth.says("ready")
+
+
+def test_what_more_there_is(made: tuple[Path, str]) -> None:
+    """In its order, because later lines use what earlier ones made."""
+    clone, _ = made
+    shell(clone, ".venv/bin/pip install --quiet -e '.[record,plot,keys]'")  # as the lines' comments say
+    (clone / "my-scenario.toml").write_text(block("tutorial.md", "[team]").text)
+    for command in block("README.md", ".venv/bin/blackboard demo --robots 10").commands:
+        words = command.removeprefix(".venv/bin/blackboard ")
+        if any(words.startswith(what) or what in words.split(" --start")[0] for what in LEFT_OUT):
+            continue
+        more = next((flags for start, flags in SHORTER.items() if words.startswith(start)), "")
+        known = command.replace(" --realtime --seconds 30", " --realtime").replace("--seeds 1..20", "--seeds 1..2")
+        if "--record run.mcap" in words:
+            (clone / "run.mcap").unlink(missing_ok=True)
+        shell(clone, f"{known} {more}", (0, 1))

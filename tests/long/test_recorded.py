@@ -1,0 +1,40 @@
+"""The recorded team as processes, scored."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from blackboard.lab.bench import SOLO
+from tests.system.test_demo import RECORDING, blackboard
+
+
+def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
+    """Ten seconds of each fusion, as processes: the numbers of the table are the scorecards' own."""
+    if not RECORDING.is_dir():
+        pytest.skip("needs the MRCLAM recording in ../shared/mrclam/dataset7")
+    arguments = (
+        "--start",
+        "1248446200",
+        "--seconds",
+        "10",
+        "--protocol",
+        "C_blind12",
+        "--json",
+        "--runs",
+        str(tmp_path),
+    )
+    run = blackboard("score", "--mrclam", str(RECORDING), *arguments)
+    assert run.returncode == 0, run.stderr
+    scores = json.loads(run.stdout)["protocols"]["C_blind12"]["scores"]
+    assert list(scores) == ["team", "r1", "r2", "r3", "r4", "r5"]
+    for fusion in ("opinions", "joint"):
+        card = json.loads((tmp_path / f"C_blind12-{fusion}.json").read_text())["card"]
+        assert card["fusion"] == fusion
+        for level, way in (("solo", SOLO[fusion]), ("agreed", fusion)):
+            told, found = card["scores"]["robots"][level], scores["team"][way]
+            for name in ("n", "rmse", "mean", "p95", "max", "log_score"):
+                assert found[name] == pytest.approx(told[name])
+            assert {k: c["value"] for k, c in found["coverage"].items()} == pytest.approx(told["coverage"])

@@ -1,0 +1,62 @@
+"""The settings and lines of Python in README.md and docs/operations.md: each is read as the programs read it."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blackboard import plugins
+from blackboard.config import Scenario
+from blackboard.faults import faults_of
+from robot_agent import localizers
+from robot_agent.config import RobotSection
+from tests.snippets import block, blocks
+
+PAGE = "operations.md"
+
+
+def tables(first: str) -> list[dict[str, Any]]:
+    """The TOML blocks of the page that begin so."""
+    return [tomllib.loads(one.text) for one in blocks(PAGE) if one.language == "toml" and one.first.startswith(first)]
+
+
+def test_the_pools_of_the_readme() -> None:
+    space: dict[str, Any] = {"opinions": np.random.default_rng(1).dirichlet(np.ones(108), 5).reshape(5, 12, 9)}
+    exec(block("README.md", "from blackboard import Grid").text, space)
+    fused = space["fused"]
+    assert fused.shape == (12, 9)
+    assert fused.sum() == pytest.approx(1.0)
+
+
+def test_a_board_as_the_page_sets_it() -> None:
+    for found in tables("[board]"):
+        board = Scenario(found).board
+        assert board.fusion == found["board"].get("fusion", "opinions")
+    rules, joint = (Scenario(found).board for found in tables("[board]"))
+    assert (rules.rule, joint.objects_drift) == ("coalition", 0.5)
+
+
+def test_a_poor_link_as_the_page_sets_it() -> None:
+    (found,) = tables("[robot.send]")
+    send = Scenario(found).section("robot", RobotSection).send
+    assert {name: getattr(send, name) for name in found["robot"]["send"]} == found["robot"]["send"]
+
+
+def test_a_fault_as_the_page_writes_it() -> None:
+    (found,) = tables("[[fault]]")
+    (fault,) = faults_of(Scenario({"team": {"sub_teams": {"a": ["r1", "r3"]}}, **found}))
+    assert fault.kind == found["fault"][0]["kind"] == "lie"
+
+
+def test_entry_points_are_of_the_groups_that_are_looked_up() -> None:
+    groups = [name for found in tables("[project") for name in found["project"]["entry-points"]]
+    assert groups == [plugins.POOLS, plugins.LOCALIZERS]
+
+
+def test_a_localizer_as_the_page_registers_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(localizers, "_registered", {})
+    exec(block(PAGE, '@localizer("mine")').text, {"localizer": localizers.localizer, "MyLocalizer": lambda *both: both})
+    assert localizers.localizer_factory("mine")("settings", "grid") == ("settings", "grid")

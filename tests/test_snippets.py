@@ -1,0 +1,167 @@
+"""Every block of code in the documentation is claimed: by a test that reads it from its page, or with the reason why none runs it."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from functools import cache
+
+import pytest
+
+from tests.processes import ROOT
+from tests.snippets import Block, blocks, pages
+
+
+@dataclass(frozen=True)
+class NotRun:
+    """Why no test runs a block. What its command lines begin with `blackboard` is parsed all the same (tests/test_docs.py)."""
+
+    why: str
+
+
+NEWCOMER = "tests/long/test_newcomer.py"
+MAINTAINER = "tests/long/test_maintainer.py"
+CLIENT = "tests/system/test_client_page.py::test_every_line_of_the_page_does_what_it_says"
+OWN_TEAM = "tests/system/test_newcomer.py::test_the_tutorial_s_own_team_runs_is_explained_and_swept"
+TAPE = "tests/view/test_tutorial.py::test_a_command_of_the_tutorial_does_what_it_says"
+RESEARCH = "tests/long/test_research_page.py::test_every_command_of_the_page_does_what_it_says"
+PLUGINS = "tests/opinion/test_plugins.py::test_the_page_s_example_is_short_and_keeps_the_laws"
+SETTINGS = "tests/test_page_settings.py"
+WIRE = "tests/wire/test_docs.py::test_the_worked_example_is_true"
+DRAWING = NotRun("a drawing of the code, or an example of what is printed")
+SITE = NotRun("`make docs` runs it, with warnings as errors")
+HOSTS = NotRun("several hosts; tests/flow and tests/access run the same services")
+MINUTES = NotRun("many minutes; a short form is tested")
+
+#: Page -> (how the first line of a block begins, who runs it), in the order of the page.
+CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
+    "README.md": (
+        ("make demo", f"{NEWCOMER}::test_make_demo_in_a_clone"),
+        ("n      RMSE", f"{NEWCOMER}::test_make_demo_in_a_clone"),
+        (".venv/bin/pip install -e '.[record,web,tui]'", f"{NEWCOMER}::test_what_it_believes_and_why"),
+        ("docker compose up --build", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
+        (".venv/bin/blackboard demo --robots 10", f"{NEWCOMER}::test_what_more_there_is"),
+        ("RMSE     p95   95 %", DRAWING),
+        ("blackboard router -l", f"{NEWCOMER}::test_each_process_by_hand"),
+        ("from blackboard import Grid", f"{SETTINGS}::test_the_pools_of_the_readme"),
+    ),
+    "CONTRIBUTING.md": (
+        (".venv/bin/python -m pytest", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
+        ("# blackboard/opinion/averages.py", f"{MAINTAINER}::test_the_new_rule_and_localizer_and_message_are_there"),
+        ("blackboard scenario > ", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
+        ("# robot_agent/localizers.py", f"{MAINTAINER}::test_the_new_rule_and_localizer_and_message_are_there"),
+        (".venv/bin/python -m pytest", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
+        ("# blackboard/wire/messages.py", f"{MAINTAINER}::test_the_new_rule_and_localizer_and_message_are_there"),
+        ("# blackboard/wire/keys.py", f"{MAINTAINER}::test_the_new_rule_and_localizer_and_message_are_there"),
+        ("### Battery", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
+        (".venv/bin/python -m pytest", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
+        ("blackboard scenario > ", f"{MAINTAINER}::test_the_golden_tape_is_made_and_its_hash_told_as_the_page_says"),
+    ),
+    "api.md": ((".. automodule::", SITE), (".. autoclass::", SITE), *[(".. automodule::", SITE)] * 4),
+    "client.md": (
+        ("blackboard router", CLIENT),
+        *[("", CLIENT)] * 13,
+        ("[grid]", "tests/system/test_client_page.py::test_its_scenario_is_one"),
+    ),
+    "design.md": (
+        *[("", DRAWING)] * 4,
+        ("process  pace", "tests/process/test_rounds.py::test_the_tables_are_printed"),
+    ),
+    "mutants.md": (("make mutants", MINUTES),),
+    "operations.md": (
+        ("base$    blackboard router", HOSTS),
+        ("r1$      python examples/feed_robot.py", "tests/system/test_real_robot.py::test_readings_reach_the_team_with_no_world_running"),
+        ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
+        ("import numpy", PLUGINS),
+        ("[project.entry-points", f"{SETTINGS}::test_entry_points_are_of_the_groups_that_are_looked_up"),
+        ("@localizer", f"{SETTINGS}::test_a_localizer_as_the_page_registers_it"),
+        ("[project.entry-points", f"{SETTINGS}::test_entry_points_are_of_the_groups_that_are_looked_up"),
+        ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
+        ("[robot.send]", f"{SETTINGS}::test_a_poor_link_as_the_page_sets_it"),
+        ("pip install", NotRun("tests/tape/test_door.py and tests/system/test_tape.py run the same commands on small tapes")),
+        ("[[fault]]", f"{SETTINGS}::test_a_fault_as_the_page_writes_it"),
+        ("blackboard up liar", NotRun("two minutes; tests/flow/test_faults.py runs small teams with and without faults")),
+        ("blackboard health", NotRun("of a team that runs; tests/run/test_health_door.py and tests/access/test_door.py")),
+        ("blackboard status", NotRun("of a team that runs, most without an end; tests/view/test_door.py runs them on a bus")),
+        ("site-a$  blackboard router", HOSTS),
+        ("blackboard chaos", NotRun("seven minutes; tests/long/test_chaos.py runs two cases")),
+        ("make soak", NotRun("ten minutes; tests/chaos/test_verdict.py")),
+    ),
+    "paper.md": (
+        ("blackboard figures", NotRun("minutes; tests/long/test_lab.py and tests/system/test_lab.py run short forms of all four")),
+        ("sum over q", DRAWING),
+    ),
+    "real-robots.md": (
+        ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
+    ),
+    "research.md": (("blackboard demo", RESEARCH), ("blackboard sweep", RESEARCH)),
+    "ros2.md": (
+        (".venv/bin/pip install", NotRun("an installation; tests/other/test_ros.py needs what it installs")),
+        ("blackboard demo", NotRun("a node of ROS 2; tests/other/test_ros.py runs both with one in Rust")),
+        ("export RMW_IMPLEMENTATION", NotRun("a full ROS 2, which no machine of ours has")),
+        ("blackboard serve", NotRun("a node of ROS 2; tests/bridges/ros/test_service.py has odometry and fixes come in")),
+        ("blackboard ros", NotRun("a node of ROS 2; tests/bridges/ros/test_service.py has poses come in")),
+    ),
+    "scorecard.md": (
+        ("blackboard demo", NotRun("tests/long/test_research_page.py and tests/tape/test_door.py run the same, shorter")),
+    ),
+    "security.md": (
+        ("pip install", NotRun("an installation; tests/access/test_team.py runs the two commands on the demo")),
+        ("base$    blackboard router", NotRun("several hosts; tests/access/test_door.py runs them on one")),
+        ("keys/authority/", DRAWING),
+        ("blackboard keys add", NotRun("several hosts; tests/access/test_sites.py runs two routers on one")),
+        ("blackboard keys init", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
+    ),
+    "tutorial.md": (
+        ("make demo", f"{NEWCOMER}::test_the_tutorial_from_its_first_to_its_last_line"),
+        *[(".venv/bin/blackboard status", TAPE)],
+        (".venv/bin/blackboard view", f"{NEWCOMER}::test_the_tutorial_from_its_first_to_its_last_line"),
+        *[(".venv/bin/blackboard why", TAPE)] * 2,
+        (".venv/bin/blackboard replay", TAPE),
+        ("[team]", OWN_TEAM),
+        (".venv/bin/blackboard up", OWN_TEAM),
+        (".venv/bin/blackboard tape", TAPE),
+    ),
+    "wire.md": (*[("", WIRE)] * 4, ("78 5e", "tests/wire/test_docs.py::test_the_worked_example_of_fine_levels_is_true")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("page", pages())
+def test_every_block_is_claimed_once_and_every_claim_is_of_a_block(page: str) -> None:
+    claims, found = CLAIMS.get(page, ()), blocks(page)
+    told = [f"{page}:{one.line}: {one.first}" for one in found]
+    assert len(claims) == len(found), told
+    for (start, _), one, line in zip(claims, found, told, strict=True):
+        assert one.first.lstrip().startswith(start), line
+
+
+@cache
+def functions(file: str) -> set[str]:
+    """The names of the functions of a test file."""
+    nodes = ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8")))
+    return {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize(
+    ("page", "claim"), sorted({(p, c) for p, cs in CLAIMS.items() for _, c in cs if isinstance(c, str)})
+)
+def test_who_claims_a_block_is_a_test_that_reads_the_page(page: str, claim: str) -> None:
+    file, _, name = claim.partition("::")
+    assert name in functions(file)
+    assert page in (ROOT / file).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("why", sorted({c.why for cs in CLAIMS.values() for _, c in cs if isinstance(c, NotRun)}))
+def test_a_test_that_a_reason_names_is_there(why: str) -> None:
+    for word in why.replace(";", " ").replace(",", " ").split():
+        assert not word.startswith("tests/") or (ROOT / word).exists()
+
+
+def test_a_shell_block_has_commands_only() -> None:
+    """What the parser takes for a table or a drawing holds no command of ours at the beginning of a line."""
+    ours = ("blackboard ", ".venv/", "make ", "robot-agent ", "sim-world ", "docker ")
+
+    def hides(one: Block) -> bool:
+        return one.language == "text" and any(line.startswith(ours) for line in one.text.splitlines())
+
+    assert [(one.page, one.line) for page in pages() for one in blocks(page) if hides(one)] == []
