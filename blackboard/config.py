@@ -129,7 +129,9 @@ class BoardSection(Section):
     fusion: Literal["opinions", "joint"] = "opinions"
     "Whether beliefs are pooled, or what robots send as evidence goes into one joint Gaussian of the team."
     objects_drift: Annotated[float, Field(ge=0)] = 0.5
-    "[unit/sqrt(s)] How objects in the joint move."
+    "[unit/sqrt(s)] How objects in the joint move: a random walk."
+    objects_drifts: dict[Name, Annotated[float, Field(ge=0, allow_inf_nan=False)]] = Field(default_factory=dict)
+    "[unit/sqrt(s)] The same of objects that move otherwise, by name: { can = 0.0 } stands still."
     max_age: Positive = 10.0
     "[s] Age, in team time, beyond which a source that fell silent is left out."
     drift: Annotated[float, Field(ge=0)] = 1.0

@@ -32,7 +32,7 @@ def joint_sizes(
     robots, time, world = scenario.team.robots, scenario.time, open_sensor_source(scenario)
     sensors = sensors_of(scenario.section("robot", RobotSection))
     filters = {robot: FirstHand(f"robot/{robot}", sensors) for robot in robots}
-    objects = Objects(drift=scenario.board.objects_drift)
+    objects = Objects(scenario.board.objects_drift, scenario.board.objects_drifts)
     sizes = {size for _, some in parts for size in some}
     joints = {team(robot, robots, size): TeamJoint(objects) for robot in robots for size in sizes}
     found = tuple(TeamSizeScores() for _ in parts)

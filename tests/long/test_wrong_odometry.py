@@ -35,7 +35,7 @@ def test_two_robots_without_landmarks_are_kept_in_place_by_their_mates(turn: flo
     world, tick = open_sensor_source(scenario), scenario.time.tick
     sensors = sensors_of(scenario.section("robot", RobotSection))
     filters = {f"robot/{name}": FirstHand(f"robot/{name}", sensors) for name in scenario.team.robots}
-    joint, squares = TeamJoint(Objects(drift=scenario.board.objects_drift)), []
+    joint, squares = TeamJoint(Objects(scenario.board.objects_drift, scenario.board.objects_drifts)), []
     for number in range(scenario.time.ticks + 1):
         truth, readings = world.advance("test", number)
         evidence = []

@@ -90,9 +90,8 @@ class JointDesk:
 
     def _begun(self) -> TeamJoint:
         rule = self.settings.of("robot/any")
-        return TeamJoint(
-            Objects(drift=self.settings.objects_drift), rule=rule if isinstance(rule, Coalition) else Coalition()
-        )
+        objects = Objects(self.settings.objects_drift, self.settings.objects_drifts)
+        return TeamJoint(objects, rule=rule if isinstance(rule, Coalition) else Coalition())
 
     def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool, skew: float = 0.0) -> None:
         """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.

@@ -40,10 +40,15 @@ WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of th
 
 @dataclass(frozen=True)
 class Objects:
-    """How objects move: a random walk (unit / sqrt(s)), and for how many seconds without a sighting they are kept."""
+    """How objects move: random walks (unit / sqrt(s)), and for how many seconds without a sighting they are kept."""
 
     drift: float = 0.5
+    drifts: Mapping[str, float] = field(default_factory=dict)  # of those that move otherwise, by name, as `can`
     kept: float = 60.0
+
+    def drift_of(self, subject: str) -> float:
+        """The random walk of an object, named as `object/can`."""
+        return self.drifts.get(subject.partition("/")[2], self.drift)
 
 
 @dataclass(frozen=True)
@@ -147,7 +152,7 @@ class TeamJoint:
         self.speaks = ""
         forget_biases(self.joint, dt)
         for name in self._seen:
-            walk = np.eye(2) * self.objects.drift**2 * dt
+            walk = np.eye(2) * self.objects.drift_of(name) ** 2 * dt
             self.joint.move(name, self.joint.moments(name).mean, np.eye(2), walk)
             self._seen[name] += dt
         return motions

@@ -232,6 +232,17 @@ def test_an_object_enters_where_it_is_seen_spreads_and_is_forgotten() -> None:
     assert "object/ball" not in team.subjects()
 
 
+def test_an_object_that_is_said_to_stand_does_not_spread() -> None:
+    belief = entering(Moments(np.array([1.0, 1.0, 0.0]), np.diag([0.01, 0.01, 0.0])), NUISANCE)
+    seen = tuple(Relative("robot/r1", f"object/{name}", 2.0, 0.0, 0.01, 0.0025) for name in ("ball", "can"))
+    team = TeamJoint(Objects(drift=0.5, drifts={"can": 0.0}))
+    team.settle(0, 1.0, [Evidence("robot/r1", 0, 0, Motion(), NUISANCE, belief, None, seen)])
+    before = {name: team.marginal(f"object/{name}").covariance.copy() for name in ("ball", "can")}
+    team.settle(1, 1.0, [])
+    assert team.marginal("object/can").covariance == pytest.approx(before["can"], rel=1e-9)
+    assert team.marginal("object/ball").covariance == pytest.approx(before["ball"] + 0.25 * np.eye(2), rel=1e-6)
+
+
 # --- the gate ------------------------------------------------------------------------------------------------------------
 
 
