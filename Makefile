@@ -32,7 +32,7 @@ test: $(VENV)/.dev lint format imports ## checks, unit tests, whole teams, real 
 	@$(BIN)/mypy & types=$$!; trap 'kill $$types' INT TERM; \
 	$(PYTEST) -m "not ($(APART))" -n 2 --dist loadgroup --durations=5; tests=$$?; wait $$types && exit $$tests
 
-check: lint format types imports rooms ## ruff, mypy --strict, import-linter, who imports what
+check: lint format types imports rooms docs ## ruff, mypy --strict, import-linter, who imports what, the documentation without a warning
 
 lint: $(VENV)/.dev ## ruff's rules
 	$(BIN)/ruff check
