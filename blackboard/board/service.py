@@ -63,6 +63,7 @@ class BoardService:
         self._anchor = None if grid.anchor is None else PackedAnchor(**asdict(grid.anchor))
         self._led: int | None = None  # the term in which it was logged that this board leads
         self._pace = self.clock.pace  # the pace at which early messages were retried last
+        self._unturned = False  # whether messages came, in real time, since it was woken
         self._begin()
 
     def _begin(self) -> None:
@@ -121,6 +122,8 @@ class BoardService:
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         out = self._look(now)
+        if self.clock.pace is Pace.REALTIME and self.rounds.phase == "exchange":
+            out += self._turn(now)  # before a Clock can cut it short
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             self._hold(now)
             self.roster.hear(envelope, now)
@@ -128,14 +131,18 @@ class BoardService:
             out += [self._status(now)] if _is_world(envelope) else []
         else:
             out += self.intake.take(envelope, lambda parts, message: self._hear(parts, message, now))
-        out += self._advance(now, ticks=False) + self._refusals(now)
+        out += self._advance(now, woken=False) + self._refusals(now)
+        self._unturned = self.clock.pace is Pace.REALTIME
         return out + self._memory()
 
     def wake(self, now: float) -> list[Envelope]:
+        self._unturned = False
         out = self._advance(now) + self._refusals(now) + self._memory()
         return [*out, self._status(now)] if now >= self.intake.status_due else out
 
     def wake_at(self, now: float) -> float | None:
+        if self._unturned:
+            return now
         rounds_end = self.rounds.ends_at(self.clock.pace)
         changes_at = min(self.clock.changes_at(), self.roster.changes_at(), self.lead.changes_at())
         return min(self.intake.status_due, rounds_end, changes_at)
@@ -301,25 +308,32 @@ class BoardService:
             return []
         if self.lead.since is None:
             self.lead.since = self.clock.time(now)
+        self.counters["skipped"] += self.rounds.phase != "settled"
         self.rounds.enter("reports", now)
         self._said, self._sent = [], []
         return []
 
-    def _advance(self, now: float, *, ticks: bool = True) -> list[Envelope]:
+    def _advance(self, now: float, *, woken: bool = True) -> list[Envelope]:
         """Do what can be done: settle once the reports are in, exchange once the other boards' consensuses are.
 
-        Without a world a tick begins when the board is woken, which is after a batch of messages. If one began with any message,
-        a board that needs longer than `period` to settle would settle for each message, and hear no more than one in that time.
+        A board is woken after each batch of messages. Only then does a tick begin without a world, and only then are the reports of
+        a tick settled in real time. Otherwise a board that needs longer than a tick to settle would settle every tick that it reads
+        of, later each time; so it goes on with the newest tick of the batch, and counts the others as skipped.
         """
         self._hold(now)
         self.roster.forget(now)
         out: list[Envelope] = []
-        while (news := self.clock.look(now, ticks=ticks)) is not News.NOTHING:
+        while (news := self.clock.look(now, ticks=woken)) is not News.NOTHING:
             out += self._follow(news, now)
         if self.clock.pace is not self._pace:
             self._pace = self.clock.pace
             out += self._retry(now)
         out += self._look(now)
+        return out + (self._turn(now) if woken or self.clock.pace is not Pace.REALTIME else [])
+
+    def _turn(self, now: float) -> list[Envelope]:
+        """End each phase of the tick that is over, and return what is published at its end."""
+        out: list[Envelope] = []
         while (ended := self.rounds.turn(self.clock.pace, now, self._holds)) is not None:
             phase, late = ended
             if late:

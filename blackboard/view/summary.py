@@ -59,6 +59,7 @@ def _process(it: Process, now: float) -> Table:
         "refused": dict(sorted(it.refused.items())),
         "dropped": counters.get("dropped", 0),
         "late": counters.get("late", 0),
+        "skipped": counters.get("skipped", 0),  # ticks that a board in real time left out, to keep up
         "counters": dict(sorted(counters.items())),
         "ages": {} if it.status is None else dict(it.status.ages),  # source -> seconds since that process heard it
         "clocks": {} if it.status is None else dict(it.status.clocks),  # source -> seconds that its clock is ahead
@@ -123,7 +124,7 @@ def team_line(it: Table) -> str:
 def process_lines(it: Table) -> list[str]:
     """The processes of a team, a line for each behind the names of the columns."""
     rows: list[tuple[str, ...]] = [
-        ("process", "kind", "sub-team", "state", "tick", "ticks/s", "heard", "dropped", "late", "refused")
+        ("process", "kind", "sub-team", "state", "tick", "ticks/s", "heard", "dropped", "late", "skipped", "refused")
     ]
     for one in it["processes"]:
         rows.append(
@@ -137,6 +138,7 @@ def process_lines(it: Table) -> list[str]:
                 _number(one["age"], ".1f"),
                 str(one["dropped"]),
                 str(one["late"]),
+                str(one["skipped"]),
                 ", ".join(f"{reason} {count}" for reason, count in one["refused"].items()) or "-",
             )
         )

@@ -37,7 +37,10 @@ class Desk:
             self.tell(WORLD)
 
     def tell(self, *envelopes: Envelope) -> list[Envelope]:
-        said = [it for envelope in envelopes for it in self.it.receive(envelope, self.now) if not _is_memory(it)]
+        """One batch of messages, after which the board is woken if that is due, as by the loop."""
+        said = [it for envelope in envelopes for it in self.it.receive(envelope, self.now)]
+        said += self.it.wake(self.now) if self.it.wake_at(self.now) == self.now else []
+        said = [it for it in said if not _is_memory(it)]
         self.said += said
         return said
 
