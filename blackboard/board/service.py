@@ -58,7 +58,7 @@ class BoardService:
         self.rounds = Rounds(BOARD, {"patience": settings.patience, "half a period": settings.period / 2}, "settled")
         self.lead = Lead(self.roster, sub_team, board, silent=2 * settings.patience + SILENT)
         self.clocks = Clocks(f"{sub_team}/{board}", settings.skew)
-        self._settings = settings_in_force(settings)
+        self._settings, self._learns = settings_in_force(settings), settings.learns
         self._packed_grid = packed_grid(grid)
         self._anchor = None if grid.anchor is None else PackedAnchor(**asdict(grid.anchor))
         self._led: int | None = None  # the term in which it was logged that this board leads
@@ -102,7 +102,7 @@ class BoardService:
             keys.CONSENSUS.key(team=team, sub_team="*", subject="**"),
             *([] if self.settings.fusion == "opinions" else [keys.FORWARD.key(team=team, sub_team="*", board="*")]),
             keys.STATUS.key(team=team, sub_team="*", process="*"),
-            *([keys.MEMORY.key(team=team, sub_team=mine, board="*")] if self.settings.learns else []),
+            *([keys.MEMORY.key(team=team, sub_team=mine, board="*")] if self._learns else []),
         )
 
     @property
@@ -481,7 +481,7 @@ class BoardService:
 
     def _memory(self) -> list[Envelope]:
         """What a board that leads remembers, after the first tick of each second of team time."""
-        if not (self.settings.learns and self.lead.leads) or self._agreed_at is None:
+        if not (self._learns and self.lead.leads) or self._agreed_at is None:
             return []
         tick, time = self._agreed_at
         if self._told_at is not None and math.floor(time) == math.floor(self._told_at):
