@@ -25,7 +25,7 @@ TEAM = "team"
 OBJECTS = "objects"
 SOLO = {"opinions": "solo", "joint": "solo (joint)"}  # fusion -> the name of what its robots believe alone
 
-BLOCK = 30.0  # seconds: what happens in different blocks is taken as independent
+BLOCK = 30.0  # seconds: what happens in blocks that are not neighbours is taken as independent
 FOUND, HOLD = 0.5, 10.0  # metres, seconds: a robot is localised once its error stays below, for so long
 GAP = 2.0  # seconds: the longest time between two judged samples that follow each other
 NO_LANDMARK = 5.0  # seconds without a landmark sighting: after that a robot has no landmark access
@@ -36,9 +36,9 @@ DEFINITIONS = (
     " each whole second.",
     "50/90/95 %: share of samples whose highest-density region of that mass holds the truth (the cells on its border count in part,"
     " as far as the mass needs them), with a 95 % Wilson interval. It"
-    f" assumes that blocks of {BLOCK:g} s of the whole team are independent of each other, and nothing about samples within a block:"
-    " it counts as many independent samples as would make a share spread like the blocks' shares, and one for each block where"
-    " these are all 0 or all 1.",
+    f" assumes that blocks of {BLOCK:g} s of the whole team share errors with their neighbours at most, and nothing about samples in"
+    " a block: it counts as many independent samples as would make a share spread like the blocks' shares, and one for each block"
+    " where these are all 0 or all 1.",
     f"found: first time (s) from which the error stays below {FOUND:g} m for {HOLD:g} s on end; the team's is its last robot's.",
     "RMSE -lm: over the samples without landmark access, that is without an allowed landmark sighting in the last"
     f" {NO_LANDMARK:g} s; in brackets their share of all.",

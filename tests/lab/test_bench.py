@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.lab import bench
-from blackboard.opinion.intervals import Z, wilson
+from blackboard.opinion.intervals import MOST_ALIKE, Z, effective_samples, student, wilson
 from sim_world.series import Sample
 
 HERE = Sample(1, 1.0, "r1", "a", "robot/r1", "agreed", 0.0, 0.0, 0.0, 0.0, -1.0, 0.25, 0.01, 2.0, 0.0)
@@ -46,12 +48,19 @@ def slow_effective_samples(hits: Sequence[bool], blocks: Sequence[int]) -> float
     share = sum(hits) / n
     if len(names) == 1 or share in (0, 1):
         return len(names)
-    total = 0.0
+    away = []
     for name in names:
         of_block = [hit for hit, block in zip(hits, blocks, strict=True) if block == name]
-        total += (sum(of_block) - share * len(of_block)) ** 2
+        away.append(sum(of_block) - share * len(of_block))
+    alike = slow_likeness(away)
+    total = sum(one**2 for one in away) * (1 + alike) / (1 - alike)
     variance = len(names) / (len(names) - 1) * total / n**2
     return min(n, share * (1 - share) / variance) if variance > 1e-30 else n
+
+
+def slow_likeness(away: Sequence[float]) -> float:
+    found = sum(a * b for a, b in itertools.pairwise(away)) / (sum(a * a for a in away) or 1.0)
+    return min(MOST_ALIKE, max(0.0, found))
 
 
 BLOCKS = st.lists(st.tuples(st.booleans(), st.integers(0, 5)), min_size=1, max_size=60)
@@ -64,10 +73,29 @@ def test_effective_samples_are_the_slow_ones(pairs: list[tuple[bool, int]]) -> N
 
 
 @given(st.lists(st.lists(st.booleans(), min_size=4, max_size=4), min_size=2, max_size=12))
-def test_equal_blocks_count_for_one_each_at_least_and_for_their_samples_at_most(parts: list[list[bool]]) -> None:
+def test_equal_blocks_that_are_not_alike_count_for_one_each_at_least_and_for_their_samples_at_most(
+    parts: list[list[bool]],
+) -> None:
     hits = [hit for part in parts for hit in part]
     found = bench.effective_samples(hits, [number for number, part in enumerate(parts) for _ in part])
-    assert len(parts) - 1 - 1e-9 <= found <= len(hits)
+    share = sum(hits) / len(hits)
+    alike = slow_likeness([sum(part) - 4 * share for part in parts])
+    assert (len(parts) - 1) * (1 - alike) / (1 + alike) - 1e-9 <= found <= len(hits)
+
+
+@pytest.mark.parametrize("likeness", [0.0, 0.5, 0.7])
+def test_an_interval_holds_the_share_also_where_neighbouring_blocks_are_alike(likeness: float) -> None:
+    """As where the error of an object that hardly moves lasts longer than a block; taken as independent, 0.7 held it in 58 %."""
+    rng, held, blocks, runs = np.random.default_rng(7), 0, 44, 400
+    for _ in range(runs):
+        course = [rng.normal()]
+        for _ in range(blocks - 1):
+            course.append(likeness * course[-1] + math.sqrt(1 - likeness**2) * rng.normal())
+        hits = 50.0 * np.clip(0.5 + 0.15 * np.array(course), 0, 1)
+        n = effective_samples(hits, np.full(blocks, 50.0))
+        low, high = wilson(float(hits.mean()) / 50, n, student(blocks - 1))
+        held += low <= 0.5 <= high
+    assert held / runs >= 0.85
 
 
 @given(BLOCKS, st.integers(2, 5))

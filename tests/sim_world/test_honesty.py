@@ -152,7 +152,7 @@ def test_sharp_beliefs_that_are_right_hold_the_truth_as_often_as_the_level_says(
 
 
 def test_samples_that_share_their_errors_make_a_wide_interval() -> None:
-    alone, together = judged(2.0, 2.0, 20).coverage()[0], judged(2.0, 2.0, 20, correlated=True).coverage()[0]
+    alone, together = judged(2.0, 2.0, 60).coverage()[0], judged(2.0, 2.0, 60, correlated=True).coverage()[0]
     assert together.high - together.low > 2 * (alone.high - alone.low)
 
 
