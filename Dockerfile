@@ -28,8 +28,8 @@ RUN /opt/venv/bin/pip install --no-cache-dir --no-compile --no-deps --force-rein
 
 FROM ${BASE}
 COPY --from=build /opt/venv /opt/venv
-# Small matrices gain nothing from threads, and a dozen processes share the cores.
-ENV PATH=/opt/venv/bin:$PATH PYTHONUNBUFFERED=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+# Small matrices gain nothing from threads, and a dozen processes share the cores; few heaps keep memory flat (blackboard/run/supervisor.py).
+ENV PATH=/opt/venv/bin:$PATH PYTHONUNBUFFERED=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MALLOC_ARENA_MAX=2
 USER nobody
 WORKDIR /tmp
 EXPOSE 7447

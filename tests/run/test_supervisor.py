@@ -83,6 +83,21 @@ def test_a_result_is_kept_and_a_log_is_passed_on() -> None:
     assert diary.lines == [("world", "a"), ("world", "b"), ("world", "end")]
 
 
+@pytest.mark.parametrize(("said", "found"), [(None, "2"), ("5", "5")])
+def test_processes_have_few_heaps_unless_the_environment_says_how_many(
+    said: str | None, found: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MALLOC_ARENA_MAX", raising=False)
+    if said is not None:
+        monkeypatch.setenv("MALLOC_ARENA_MAX", said)
+
+    async def body(supervisor: Supervisor, diary: Diary) -> None:
+        code = "import os, sys; print(os.environ['MALLOC_ARENA_MAX'], file=sys.stderr)"
+        await supervisor.run(python("world", code))
+
+    assert supervise(body).lines == [("world", found)]
+
+
 def test_a_line_without_an_end_is_broken_and_what_is_no_text_is_shown_as_such() -> None:
     code = f"import sys; sys.stderr.buffer.write(b'\\xff' + b'x' * {3 * CHUNK})"
 
