@@ -185,6 +185,8 @@ class Learner:
     def learned(self, sources: Sequence[str] | None = None) -> list[Learned]:
         """What was learned of these sources, or of all, sorted; those without a sample are left out."""
         found = self._found()
+        if not found.names:
+            return []
         correlations = _correlations(found, list(range(len(found.names))))
         np.fill_diagonal(correlations, -math.inf)
         told = []

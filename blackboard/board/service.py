@@ -394,6 +394,9 @@ class BoardService:
                 "dissent": self.board.dissent() + (self._joint.dissent.told() if self._joint is not None else []),
             }
         )
+        if not out and self.clock.pace is Pace.FREE:  # nobody waits for it: the status of each second says how far this board is
+            self._settled = status
+            return []
         said = Said(tick, level, time, tuple(out), status)
         self._said.append(said)
         if self.lead.may_say(time):
