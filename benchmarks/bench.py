@@ -1,4 +1,4 @@
-"""Every ratio, as one table: `make bench`, or `python benchmarks/bench.py [--json] [pools wire board team start]`.
+"""Every ratio, as one table: `make bench`, or `python benchmarks/bench.py [--json] [pools wire board robot team start]`.
 
 Each script beside this one answers one question. Absolute times drift on shared machines, so what counts is what was measured in
 one run against something else on the same work.
@@ -15,6 +15,7 @@ from pathlib import Path
 
 import board
 import pools
+import robot
 import start
 import team
 import wire
@@ -24,6 +25,7 @@ SCRIPTS: dict[str, Callable[[], Iterator[Row]]] = {
     "pools": pools.rows,
     "wire": wire.rows,
     "board": board.rows,
+    "robot": robot.rows,
     "team": team.rows,
     "start": start.rows,
 }
