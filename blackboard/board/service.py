@@ -394,8 +394,8 @@ class BoardService:
                 "dissent": self.board.dissent() + (self._joint.dissent.told() if self._joint is not None else []),
             }
         )
-        if not out and self.clock.pace is Pace.FREE:  # nobody waits for it: the status of each second says how far this board is
-            self._settled = status
+        if not out and self.clock.pace is Pace.FREE:
+            self._settled = status  # nobody waits for it, and it is told once a second
             return []
         said = Said(tick, level, time, tuple(out), status)
         self._said.append(said)
