@@ -1,4 +1,7 @@
-"""The bench: slow versions of its statistics, laws of its intervals, and the tables by hand."""
+"""The bench: slow versions of its statistics, laws of its intervals, and the tables by hand.
+
+Long, because the statistics and the tables are tried on the same few samples.
+"""
 
 from __future__ import annotations
 

@@ -85,6 +85,7 @@ def test_a_board_that_repeats_its_status_and_settles_nothing_is_not_healthy(mode
     board.receive(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), NOW)
     told = Clock(run="1", tick=1, time=NOW, mode=mode)  # type: ignore[arg-type]
     board.receive(Envelope(keys.CLOCK.key(team="t"), encode(told)), NOW)
+    board.wake(NOW)  # as the loop does after a batch
     assert [diagnosis(NOW + seconds) for seconds in (1.0, 2.5, 4.0)] == [None] * 3
     assert "board a settled last" in (diagnosis(NOW + 6.0) or "")
     board.receive(Envelope(keys.WORLD.key(team="t"), kind=Kind.GONE), NOW + 7.0)
