@@ -28,7 +28,7 @@ RUN /opt/venv/bin/pip install --no-cache-dir --no-compile --no-deps --force-rein
 
 FROM ${BASE}
 COPY --from=build /opt/venv /opt/venv
-# Small matrices gain nothing from threads, and a dozen processes share the cores; few heaps keep memory flat (blackboard/run/supervisor.py).
+# As the launcher sets it (blackboard/run/supervisor.py): one thread for NumPy, and two heaps, so that memory stays flat.
 ENV PATH=/opt/venv/bin:$PATH PYTHONUNBUFFERED=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MALLOC_ARENA_MAX=2
 USER nobody
 WORKDIR /tmp

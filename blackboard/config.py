@@ -29,6 +29,8 @@ from blackboard.wire.names import MAX_FRAME, NAME, SUBJECT_KINDS
 SECTIONS = ("name", "team", "grid", "time", "board", "robot", "world", "fault")
 Name = Annotated[str, Field(pattern=f"^{NAME}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+#: Of a random walk. With 1e6 the covariance of a joint is no longer positive definite in floating point, and the joint begins anew.
+Drift = Annotated[float, Field(ge=0, le=1000)]
 #: A subject, or several: each of the two chunks may be `*`, as in a key expression.
 Subjects = Annotated[str, Field(pattern=rf"^({SUBJECT_KINDS}|\*)/({NAME}|\*)$")]
 
@@ -128,10 +130,10 @@ class BoardSection(Section):
     "How robots take the team's beliefs back: as in the paper's Table I, guarded against counting anything twice, or not at all."
     fusion: Literal["opinions", "joint"] = "opinions"
     "Whether beliefs are pooled, or what robots send as evidence goes into one joint Gaussian of the team."
-    objects_drift: Annotated[float, Field(ge=0)] = 0.5
+    objects_drift: Drift = 0.5
     "[unit/sqrt(s)] How objects in the joint move: a random walk."
-    objects_drifts: dict[Name, Annotated[float, Field(ge=0, allow_inf_nan=False)]] = Field(default_factory=dict)
-    "[unit/sqrt(s)] The same of objects that move otherwise, by name: { can = 0.0 } stands still."
+    objects_drifts: dict[Name, Drift] = Field(default_factory=dict)
+    "[unit/sqrt(s)] The random walk of single objects, by name, in place of objects_drift: { can = 0.0 } stands still."
     max_age: Positive = 10.0
     "[s] Age, in team time, beyond which a source that fell silent is left out."
     drift: Annotated[float, Field(ge=0)] = 1.0

@@ -320,7 +320,7 @@ class AgentService:
 
     @property
     def _speed(self) -> float | None:
-        """The greatest speed of late that a status tells, unit per second: boards let this robot's old reports spread by it."""
+        """The speed for the status, unit per second: the greatest of the last ticks. Boards widen this robot's old reports by it."""
         if not self._speeds:
             return None
         speeds = list(self._speeds)

@@ -1,8 +1,8 @@
 """Whether beliefs are as good as they claim: errors and regions against the truth, over blocks of time. Pure.
 
-Samples that follow each other share their errors, and so do the robots of a team. So blocks of BLOCK seconds of the whole team are
-counted, of which neighbours may be alike (`intervals.likeness`); nothing is assumed about samples within a block, and nothing is
-concluded from fewer than FEWEST blocks.
+Samples that follow each other share their errors, and so do the robots of a team. So hits are counted over blocks of BLOCK seconds
+of the whole team. Neighbouring blocks may be correlated (`intervals.autocorrelation`), nothing is assumed about samples within a
+block, and nothing is concluded from fewer than FEWEST blocks.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ WORDS = [
 
 @dataclass(frozen=True)
 class Block:
-    """A block of a page: `language` is "shell", "toml", "python", another word of its fence, or "text"."""
+    """A code block of a Markdown page. `language` is the word after its ``` fence; of an indented block, "shell" or "text"."""
 
     page: str  # the file's name
     line: int  # of its first line

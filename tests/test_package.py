@@ -88,8 +88,8 @@ def test_every_file_and_target_that_contributing_names_is_there() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for target in re.findall(r"`?make ([a-z-]+)`", page):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
-    told = re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL)  # but the code of its recipes
-    assert len(told.splitlines()) < 80
+    prose = re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL)  # the page without its code blocks
+    assert len(prose.splitlines()) < 80
 
 
 def test_the_rules_are_known_to_whoever_reads_a_scenario_and_nothing_else() -> None:

@@ -63,7 +63,7 @@ class BoardService:
         self._anchor = None if grid.anchor is None else PackedAnchor(**asdict(grid.anchor))
         self._led: int | None = None  # the term in which it was logged that this board leads
         self._pace = self.clock.pace  # the pace at which early messages were retried last
-        self._unturned = False  # whether messages came, in real time, since it was woken
+        self._is_wake_due = False  # in real time: whether a message came since the board was woken
         self._begin()
 
     def _begin(self) -> None:
@@ -123,7 +123,7 @@ class BoardService:
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         out = self._look(now)
         if self.clock.pace is Pace.REALTIME and self.rounds.phase == "exchange":
-            out += self._turn(now)  # before a Clock can cut it short
+            out += self._turn(now)  # first, because a new Clock ends the exchange without publishing what is agreed
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             self._hold(now)
             self.roster.hear(envelope, now)
@@ -132,16 +132,16 @@ class BoardService:
         else:
             out += self.intake.take(envelope, lambda parts, message: self._hear(parts, message, now))
         out += self._advance(now, woken=False) + self._refusals(now)
-        self._unturned = self.clock.pace is Pace.REALTIME
+        self._is_wake_due = self.clock.pace is Pace.REALTIME
         return out + self._memory()
 
     def wake(self, now: float) -> list[Envelope]:
-        self._unturned = False
+        self._is_wake_due = False
         out = self._advance(now) + self._refusals(now) + self._memory()
         return [*out, self._status(now)] if now >= self.intake.status_due else out
 
     def wake_at(self, now: float) -> float | None:
-        if self._unturned:
+        if self._is_wake_due:
             return now
         rounds_end = self.rounds.ends_at(self.clock.pace)
         changes_at = min(self.clock.changes_at(), self.roster.changes_at(), self.lead.changes_at())
@@ -395,7 +395,8 @@ class BoardService:
             }
         )
         if not out and self.clock.pace is Pace.FREE:
-            self._settled = status  # nobody waits for it, and it is told once a second
+            # Without a world no process waits for the status of a phase, so an empty one is left to the status of each second.
+            self._settled = status
             return []
         said = Said(tick, level, time, tuple(out), status)
         self._said.append(said)

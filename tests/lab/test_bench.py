@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.lab import bench
-from blackboard.opinion.intervals import MOST_ALIKE, Z, effective_samples, student, wilson
+from blackboard.opinion.intervals import MAX_AUTOCORRELATION, Z, effective_samples, student, wilson
 from sim_world.series import Sample
 
 HERE = Sample(1, 1.0, "r1", "a", "robot/r1", "agreed", 0.0, 0.0, 0.0, 0.0, -1.0, 0.25, 0.01, 2.0, 0.0)
@@ -55,15 +55,15 @@ def slow_effective_samples(hits: Sequence[bool], blocks: Sequence[int]) -> float
     for name in names:
         of_block = [hit for hit, block in zip(hits, blocks, strict=True) if block == name]
         away.append(sum(of_block) - share * len(of_block))
-    alike = slow_likeness(away)
+    alike = slow_autocorrelation(away)
     total = sum(one**2 for one in away) * (1 + alike) / (1 - alike)
     variance = len(names) / (len(names) - 1) * total / n**2
     return min(n, share * (1 - share) / variance) if variance > 1e-30 else n
 
 
-def slow_likeness(away: Sequence[float]) -> float:
+def slow_autocorrelation(away: Sequence[float]) -> float:
     found = sum(a * b for a, b in itertools.pairwise(away)) / (sum(a * a for a in away) or 1.0)
-    return min(MOST_ALIKE, max(0.0, found))
+    return min(MAX_AUTOCORRELATION, max(0.0, found))
 
 
 BLOCKS = st.lists(st.tuples(st.booleans(), st.integers(0, 5)), min_size=1, max_size=60)
@@ -82,18 +82,18 @@ def test_equal_blocks_that_are_not_alike_count_for_one_each_at_least_and_for_the
     hits = [hit for part in parts for hit in part]
     found = bench.effective_samples(hits, [number for number, part in enumerate(parts) for _ in part])
     share = sum(hits) / len(hits)
-    alike = slow_likeness([sum(part) - 4 * share for part in parts])
+    alike = slow_autocorrelation([sum(part) - 4 * share for part in parts])
     assert (len(parts) - 1) * (1 - alike) / (1 + alike) - 1e-9 <= found <= len(hits)
 
 
-@pytest.mark.parametrize("likeness", [0.0, 0.5, 0.7])
-def test_an_interval_holds_the_share_also_where_neighbouring_blocks_are_alike(likeness: float) -> None:
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.7])
+def test_an_interval_holds_the_share_also_where_neighbouring_blocks_are_correlated(correlation: float) -> None:
     """As where the error of an object that hardly moves lasts longer than a block; taken as independent, 0.7 held it in 58 %."""
     rng, held, blocks, runs = np.random.default_rng(7), 0, 44, 400
     for _ in range(runs):
         course = [rng.normal()]
         for _ in range(blocks - 1):
-            course.append(likeness * course[-1] + math.sqrt(1 - likeness**2) * rng.normal())
+            course.append(correlation * course[-1] + math.sqrt(1 - correlation**2) * rng.normal())
         hits = 50.0 * np.clip(0.5 + 0.15 * np.array(course), 0, 1)
         n = effective_samples(hits, np.full(blocks, 50.0))
         low, high = wilson(float(hits.mean()) / 50, n, student(blocks - 1))

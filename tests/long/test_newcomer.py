@@ -96,7 +96,7 @@ def started(clone: Path, command: str) -> Iterator[Program]:
 
 
 def page(program: Program) -> str:
-    """The live page of a program, at the address that it tells."""
+    """The HTML of the live page that a program serves; its address is in the program's log."""
     told = r"http://127\.0\.0\.1:\d+/"
     wait_until(lambda: re.search(told, program.out + program.err), lambda: f"it tells an address: {program.err}", 60.0)
     found = re.search(told, program.out + program.err)
