@@ -19,7 +19,7 @@ from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, drive
-from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import pack_evidence
 from blackboard.wire.messages import Informed, PackedBelief, Readings, Report, Solo
@@ -153,10 +153,10 @@ class JointAgent:
         """The team time (s) of the newest readings of this robot that an agreed belief with a state contains."""
         return None if place is None or place.state is None else place.ancestors.get(self.robot)
 
-    def _linear(self, place: Agreed | None) -> Array | None:
-        """Where the filter may linearise: what the team believed after the tick before, which is no evidence."""
+    def _linear(self, place: Agreed | None) -> Moments | None:
+        """What the team believed after the tick before: where the filter may linearise, which is no evidence."""
         until = self._until(place)
-        return place.state.mean if place and place.state and until is not None and until == self._time else None
+        return place.state if place and until is not None and until == self._time else None
 
     def _follow(self, place: Agreed | None) -> None:
         """Take the newest state of this robot in the team's joint, and predict it to now with the measurements since.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from blackboard.opinion.gaussian.vehicle import (
 )
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Fix, Readings
+from robot_agent.gaussian.along import AlongNoise
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.sensing import unseen
 
@@ -81,6 +82,10 @@ class FirstHand:
     _misses: list[tuple[int, int]] = field(
         default_factory=list
     )  # sightings and those beyond the gate, of the last ticks
+    along: AlongNoise = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.along = AlongNoise(self.robot, self.sensors.wheels.nuisance)
 
     @property
     def known(self) -> bool:
@@ -92,16 +97,24 @@ class FirstHand:
         """The whole block, shape (9,) and (9, 9)."""
         return self.joint.moments(self.robot) if self.known else None
 
-    def step(self, readings: Readings, at: Array | None = None) -> Told:
-        """Take the readings of a tick. `at`, shape (9,): what the team believed of this robot a tick ago, to linearise at."""
+    def step(self, readings: Readings, at: Moments | None = None) -> Told:
+        """Take the readings of a tick. `at` is what the team believed a tick ago, the robot's whole block: no evidence.
+
+        The filter linearises there, and judges by it how large the error along the way is.
+        """
         if self.epoch < 0:
             self.restart(readings.time)
         if self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None:
             self.restart(readings.time)
+        if (belief := self.belief) is None:
+            self.along.give_up()
+        else:
+            by_team = at is not None and self._is_plausible(at)
+            self.along.judge(at if at is not None and by_team else belief, by_team=by_team)
         motion = self._move(readings)
         prediction = self.belief
         self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
-        team = None if at is None or not self.known else self._ahead(at, motion)
+        team = None if at is None or not self.known else self._ahead(at.mean, motion)
         apart = math.inf if team is None else self._squared(team)
         linear = (
             team if apart <= NEAR else None
@@ -163,6 +176,7 @@ class FirstHand:
         self.joint, self.travelled, self._last = Joint(), Motion(), None
         self._groups, self._misses = {}, []
         self._before = self._unsent = None
+        self.along.give_up()
 
     def enter(self, pose: Moments) -> None:
         """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid. ValueError: there is a belief already."""
@@ -175,6 +189,7 @@ class FirstHand:
         """
         pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
         self.joint, self._misses = Joint(), []
+        self.along.give_up()
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
 
     # --- inside ---------------------------------------------------------------------------------------------------------
@@ -187,7 +202,10 @@ class FirstHand:
             return Motion()
         earlier = None if before is None else before.odometry
         motion = self.sensors.wheels.motion(told, earlier)
+        self.along.move(motion)
+        motion = replace(motion, along=motion.along * self.along.variance)
         if lapse.way or lapse.turn:
+            self.along.give_up()
             motion = motion.plus(Motion(along=lapse.way**2, across=lapse.way**2, heading=lapse.turn**2))
         self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
         self.travelled = self.travelled.plus(motion)
@@ -204,6 +222,11 @@ class FirstHand:
         apart = at[POSE] - belief.mean[POSE]
         apart[HEADING] = wrap(float(apart[HEADING]))
         return float(apart @ np.linalg.solve(belief.covariance[POSE, POSE] + np.eye(3), apart))
+
+    def _is_plausible(self, at: Moments) -> bool:
+        """Whether a team's belief is near to the own one, and none of its numbers absurd."""
+        largest = max(np.abs(at.mean).max(), np.abs(at.covariance).max())
+        return bool(largest <= ABSURD) and self._squared(at.mean) <= NEAR
 
     def _ahead(self, at: Array, motion: Motion) -> Array:
         """Where the team's belief of a tick ago has come to."""

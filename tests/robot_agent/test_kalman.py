@@ -12,7 +12,7 @@ import pytest
 
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING
-from blackboard.opinion.grid import Grid
+from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.gaussian.filter import LOST, FirstHand
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated
@@ -195,15 +195,20 @@ def test_a_robot_that_may_have_turned_anywhere_begins_anew() -> None:
     assert compass.belief.mean[HEADING] == pytest.approx(0.3, abs=0.01)
 
 
+def placed(at: Array) -> Moments:
+    """What a team says of this robot's block."""
+    return Moments(at, 0.01 * np.eye(9))
+
+
 def test_a_robot_that_its_team_can_place_goes_on_in_the_same_epoch() -> None:
     robot = started()
     at = np.zeros(9)
     at[[3, 4]] = 0.9, 0.95
     for tick in range(1, 5):
-        robot.step(standing(tick, (0.0, 0.0, 0.0)), at)
+        robot.step(standing(tick, (0.0, 0.0, 0.0)), placed(at))
     at[:3] = -1.4, 1.4, 1.9  # what the mates see of it; it was carried away
     for tick in range(5, 8 + LOST):
-        told = robot.step(standing(tick, (-1.5, 1.5, 2.0)), at)
+        told = robot.step(standing(tick, (-1.5, 1.5, 2.0)), placed(at))
     assert told.epoch == 0
     assert told.increment is not None
     assert told.belief is not None
@@ -215,7 +220,7 @@ def test_where_the_team_believes_it_is_is_no_evidence() -> None:
     at = plain.belief
     assert at is not None
     one = plain.step(standing(1, (0.0, 0.0, 0.0)))
-    two = helped.step(standing(1, (0.0, 0.0, 0.0)), at.mean + 1e-4)
+    two = helped.step(standing(1, (0.0, 0.0, 0.0)), placed(at.mean + 1e-4))
     assert one.belief is not None
     assert two.belief is not None
     assert np.allclose(one.belief.covariance, two.belief.covariance, atol=1e-5)
@@ -254,7 +259,7 @@ def test_a_lie_about_where_it_is_does_not_make_a_robot_lose_itself() -> None:
     at = np.zeros(9)
     at[:5] = 1e9, -1e9, 1.0, 0.9, 0.95
     for tick in range(1, 4 + LOST):
-        told = robot.step(standing(tick, (0.0, 0.0, 0.0)), at)
+        told = robot.step(standing(tick, (0.0, 0.0, 0.0)), placed(at))
     assert told.epoch == 0
     assert told.belief is not None
     assert told.belief.mean[AXES] == pytest.approx((0.0, 0.0), abs=0.1)
