@@ -202,9 +202,12 @@ def _check(scenario: Scenario) -> None:
     """Validate every section of a scenario before anything starts, also those that only robots and the world read."""
     from blackboard.faults import faults_of
     from robot_agent.config import RobotSection
+    from sim_world.mrclam.files import recording_folder
     from sim_world.scenario import WorldSection
 
     _ = scenario.team, scenario.grid, scenario.time, scenario.board
     scenario.section("robot", RobotSection)
-    scenario.section("world", WorldSection)
+    world = scenario.section("world", WorldSection)
+    if world.kind == "mrclam":
+        recording_folder(world.dir)
     faults_of(scenario)

@@ -96,13 +96,19 @@ class Recording:
         return int(found[1])
 
 
-def read_recording(folder: str | Path | None) -> Recording:
-    """Read a folder. UserError: it or a file of it is missing, or a line is corrupt (file and line are named)."""
+def recording_folder(folder: str | Path | None) -> Path:
+    """The folder of a recording, not yet read. UserError: there is none."""
     if folder is None:
         raise UserError("world.dir: which recording is to be replayed? give its folder with --mrclam DIR")
     path = Path(folder)
     if not path.is_dir():
         raise UserError(f"world.dir: no folder {path}; give the folder of a recording in MRCLAM format")
+    return path
+
+
+def read_recording(folder: str | Path | None) -> Recording:
+    """Read a folder. UserError: it or a file of it is missing, or a line is corrupt (file and line are named)."""
+    path = recording_folder(folder)
     numbers = sorted(
         int(m[1]) for f in path.iterdir() if (m := re.fullmatch(r"Robot([0-9]{1,4})_Odometry\.dat", f.name))
     )

@@ -45,7 +45,7 @@ def sent(packed: PackedMemory) -> PackedMemory:
     ).consensus
 
 
-@pytest.mark.parametrize("handed_on", [0, 3, 37, 150])
+@pytest.mark.parametrize("handed_on", [37, *(pytest.param(n, marks=pytest.mark.long) for n in (0, 3, 150))])
 def test_who_goes_on_from_a_memory_does_the_same_to_the_bit(handed_on: int) -> None:
     """With a liar, errors that last, and four ticks a second: in the middle of a second, too."""
     learner, dissent = Learner(), Dissent("consensus")

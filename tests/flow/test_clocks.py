@@ -110,7 +110,15 @@ class Free:
         return [decode(Status, e.payload) for _, e in self.sent if e.key.endswith(f"/status/{process}")][-1]
 
 
-@pytest.mark.parametrize(("off", "fusion"), [(3.0, "opinions"), (-3.0, "joint"), (12.0, "joint"), (-25.0, "opinions")])
+@pytest.mark.parametrize(
+    ("off", "fusion"),
+    [
+        (3.0, "opinions"),
+        (12.0, "joint"),
+        pytest.param(-3.0, "joint", marks=pytest.mark.long),
+        pytest.param(-25.0, "opinions", marks=pytest.mark.long),
+    ],
+)
 def test_a_robot_whose_clock_is_seconds_off_counts_as_one_whose_clock_is_right(
     off: float, fusion: str, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -88,7 +88,7 @@ def test_a_second_board_changes_not_a_bit(calm: tuple[str, str, dict[Key, Consen
     assert set(stream.boards("a")) == {"board-a"}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_the_order_of_arrival_decides_nothing(seed: int) -> None:
     found = set()
     for shuffle in (None, np.random.default_rng(seed)):
@@ -118,7 +118,7 @@ def test_the_death_of_a_leader_costs_no_tick_in_lockstep(
     assert stream.boards("a")[-1] == "board-a2"
 
 
-@pytest.mark.parametrize("sent", [0, 5, 10])
+@pytest.mark.parametrize("sent", [5, *(pytest.param(n, marks=pytest.mark.long) for n in (0, 10))])
 def test_a_leader_may_die_in_the_middle_of_what_it_says(sent: int) -> None:
     """What was on its way from it is lost: every belief is there, by one board or by the other."""
     whole, team = pair("opinions", boards=1), pair("opinions")

@@ -31,15 +31,15 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Pat
     pytest.importorskip("matplotlib", reason="needs the extra `plot`")
     table, folder = tmp_path / "run.jsonl", tmp_path / "pictures"
     more = ((), ("--table", str(table), "--plot", str(folder)))
-    runs = [blackboard("demo", "--seconds", "4", "--seed", "7", "--json", *flags) for flags in more]
+    runs = [blackboard("demo", "--seconds", "2", "--seed", "7", "--json", *flags) for flags in more]
     first, second = (json.loads(run.stdout) for run in runs)
     assert first["hash"] == second["hash"]
-    assert first["ticks"] == 20
-    assert first["scores"]["robots"]["agreed"]["n"] == 6 * 20
+    assert first["ticks"] == 10
+    assert first["scores"]["robots"]["agreed"]["n"] == 6 * 10
     assert first["messages"]["refused"] == {}
     assert {run.returncode for run in runs} <= {0, 1}
     assert (runs[0].returncode == 0) == (first["verdict"] == "PASS")
-    in_one_process = Team(load("demo").changed("world", seed=7).changed("time", seconds=4.0)).run()
+    in_one_process = Team(load("demo").changed("world", seed=7).changed("time", seconds=2.0)).run()
     assert in_one_process["hash"] == first["hash"]
     assert in_one_process["scores"] == first["scores"]
 
@@ -62,19 +62,19 @@ def test_more_robots_and_real_time() -> None:
 
 
 def test_ctrl_c_in_the_middle_gives_the_scorecard_until_then_and_leaves_no_orphan() -> None:
-    with program("-m", "blackboard", "demo", "--robots", "2", "--seconds", "120", "--json") as demo:
+    with program("-m", "blackboard", "demo", "--robots", "2", "--seconds", "40", "--json") as demo:
         wait_until(lambda: len(children(demo.running.pid)) == 6, "a router, two boards, two robots and the world run")
-        demo.says("tick 0 of 600")
-        wait_until(lambda: "tick 60 of 600" in demo.err, "some ticks are done")
+        demo.says("tick 0 of 200")
+        wait_until(lambda: "tick 20 of 200" in demo.err, "some ticks are done")
         family = children(demo.running.pid)
         demo.running.send_signal(signal.SIGINT)
         assert demo.ends() == INTERRUPTED, demo.err
         wait_until(lambda: not any(is_running(pid) for pid in family), "all children are gone")
         card = json.loads(demo.out)
-        assert 60 <= card["ticks"] < 600
+        assert 20 <= card["ticks"] < 200
         assert card["verdict"] == "FAIL"
-        assert card["reasons"][0] == f"stopped in tick {card['ticks']} of 600"
-        assert card["scores"]["robots"]["agreed"]["n"] >= 2 * 59
+        assert card["reasons"][0] == f"stopped in tick {card['ticks']} of 200"
+        assert card["scores"]["robots"]["agreed"]["n"] >= 2 * 19
         assert "Traceback" not in demo.err
 
 
@@ -102,12 +102,18 @@ def test_a_mistake_in_a_scenario_is_one_line_with_file_and_field(tmp_path: Path,
 
 
 @pytest.mark.parametrize("door", ["blackboard demo", "sim_world"])
-def test_a_missing_recording_is_one_line(door: str, tmp_path: Path) -> None:
+def test_a_folder_without_a_recording_is_one_line(door: str, tmp_path: Path) -> None:
     """The launcher passes on what its world says, before the team has begun."""
-    folder = str(tmp_path) if door == "sim_world" else "/no/such/folder"
-    with program("-m", *door.split(), "--mrclam", folder) as run:
+    with program("-m", *door.split(), "--mrclam", str(tmp_path)) as run:
         assert run.ends() == 2
-        assert folder in run.err.strip().splitlines()[-1]
+        assert str(tmp_path) in run.err.strip().splitlines()[-1]
+
+
+def test_for_a_folder_that_is_not_there_nothing_is_started() -> None:
+    run = blackboard("demo", "--mrclam", "/no/such/folder")
+    assert run.returncode == 2
+    assert run.stderr.startswith("error: world.dir: no folder /no/such/folder; ")
+    assert len(run.stderr.splitlines()) == 1
 
 
 @pytest.mark.long

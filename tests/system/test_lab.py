@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from blackboard.__main__ import app
+from blackboard.errors import UserError
 from blackboard.run.door import INTERRUPTED
 from tests.processes import IN_THE_BACKGROUND, program, wait_until
 from tests.system.test_demo import ROOT, blackboard
@@ -77,11 +80,16 @@ def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) 
     ],
 )
 def test_mistakes_are_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
-    done = blackboard(*arguments)
+    with pytest.raises(UserError, match=re.escape(message)) as mistake:
+        app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
+    assert "\n" not in str(mistake.value)
+
+
+def test_a_mistake_is_one_line_on_standard_error_and_status_2() -> None:
+    done = blackboard("lab", "--runs", "-1")
     assert done.returncode == 2, done.stderr
-    assert message in done.stderr
+    assert done.stderr == "error: --runs -1: give at least 0\n"
     assert done.stdout == ""
-    assert len(done.stderr.strip().splitlines()) == 1
 
 
 def workers(pid: int) -> list[int]:
