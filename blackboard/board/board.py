@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from blackboard.board import learning
 from blackboard.board.ageing import Ageing
@@ -23,7 +23,7 @@ from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, blur
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy_of
 from blackboard.wire import messages as wire
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.memory import Memory, PackedMemory
@@ -220,7 +220,7 @@ class Board:
                     source=s.opinion.source,
                     weight=s.weight,
                     age=s.opinion.age,
-                    entropy=entropy(s.opinion.belief.p),
+                    entropy=entropy_of(s.opinion.belief.p),
                     how=s.how,  # type: ignore[arg-type]
                     power=s.power,
                 )
@@ -228,7 +228,7 @@ class Board:
             ],
             left_out=left_out,
             components=fusion.components,
-            entropy=entropy(fusion.belief.p),
+            entropy=entropy_of(fusion.belief.p),
             conflict=fusion.conflict or bool(camps),
             rule=str(parameters.pop("rule")),
             parameters=parameters,
@@ -240,7 +240,7 @@ class Board:
 
 
 def _told(level: str, it: learning.Learned) -> Learned:
-    return Learned(level=level, **asdict(it))  # type: ignore[arg-type]
+    return Learned(level=level, **vars(it))  # type: ignore[arg-type]
 
 
 def _left_out(silent: dict[str, float]) -> list[LeftOut]:

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from blackboard.board.learning import bell_shaped, escort_moments
 from blackboard.board.provenance import Opinion
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.bell import bell
 from blackboard.opinion.gaussian.evidence import Verdict
 from blackboard.opinion.gaussian.joint import squared_distance
 from blackboard.opinion.gaussian.trust import Trust, camps_of
@@ -86,7 +86,7 @@ class Dissent:
         if len(fresh) < 3:
             self.camps.pop(subject, None)
             return
-        bells = {o.source: escort_moments(o.belief) for o in fresh if bell_shaped(o.belief)}
+        bells = {o.source: o.bell for o in fresh if o.bell is not None}
         if len(self.judged_at) > 256:
             self.judged_at = {name: at for name, at in self.judged_at.items() if time - at < SPACING}
         self.judged_at[subject] = time
@@ -111,8 +111,7 @@ class Dissent:
         found = {}
         for source in bells:
             others = pool([opinion for opinion in fresh if opinion.source != source])
-            if bell_shaped(others):
-                told = escort_moments(others)
+            if (told := bell(others)) is not None:
                 partners = [distance(bells[other], told) <= DOUBT[len(told[0])] for other in bells if other != source]
                 if 2 * sum(partners) > len(partners):  # else it is one of them against the rest, and no consensus
                     found[source] = distance(bells[source], told)

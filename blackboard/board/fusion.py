@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blackboard.board.dissent import Dissent
-from blackboard.board.learning import Advice, Learned, Learner, width
+from blackboard.board.learning import Advice, Learned, Learner
 from blackboard.board.provenance import Opinion, split, union
 from blackboard.config import BoardSection
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief, uniform
+from blackboard.opinion.bell import width
 from blackboard.opinion.chernoff import chernoff
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Array, Grid

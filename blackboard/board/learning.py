@@ -17,6 +17,7 @@ Before any evidence the advice is the rule's default; an estimate counts with th
 from __future__ import annotations
 
 import math
+import statistics
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blackboard.board.provenance import Opinion
-from blackboard.opinion.belief import Belief
+from blackboard.opinion.bell import spread
 from blackboard.opinion.cooperative import CAUTIOUS
 from blackboard.opinion.grid import Array
 
@@ -40,7 +41,6 @@ DISAGREE = 3.0  # m, relative to what is usual in the team, from which two sourc
 LEAST_WEIGHT = 1e-3  # of an opinion that adds nothing to the others
 LEAST_POWER = 1e-6  # so that what an opinion rules out stays ruled out
 MOST_USUAL = 6.0  # the largest m that is held to be usual: all claim sigmas that are 2.4 times too small
-BELL = 0.6  # width^2 of a belief relative to that of a Gaussian with its covariance; a flat square's is 0.48, a ring's less
 ECHO = 0.95  # correlation from which a source is named an echo: one that claims thrice its sigma looks like .89
 ECHO_COUNT = 10.0  # effective samples that this takes
 #: The median of half a chi-squared of as many degrees of freedom as the grid has axes.
@@ -118,6 +118,7 @@ class Learner:
         # what follows from it
         self._pairings: dict[Pair, Pairing] = {}  # of the same windows
         self._estimate: _Estimate | None = None  # of the samples as they are; None: to be made
+        self._learned: list[Learned] | None = None  # the same, as it is told
 
     def remember(
         self,
@@ -129,7 +130,7 @@ class Learner:
         """Go on from what a learner remembered, instead of what this one did; from then on both do the same, to the bit."""
         self.samples, self.heard, self.last, self.since = samples, heard, last, since
         self._pairings = {pair: _pairing(window) for pair, window in samples.items()}
-        self._estimate = None
+        self._estimate = self._learned = None
 
     def hear(self, subject: str, time: float, opinions: Sequence[Opinion]) -> None:
         """Compare the opinions on a subject at a team time, in seconds, in pairs without a common ancestor.
@@ -142,13 +143,12 @@ class Learner:
         fresh = sorted((o for o in opinions if o.age < SPACING), key=lambda o: (o.source, len(o.ancestors)))
         first = {o.source: o for o in reversed(fresh)}  # of each source the one with the fewest ancestors
         seen = {
-            source: (opinion, *escort_moments(opinion.belief))
-            for source, opinion in sorted(first.items())
-            if bell_shaped(opinion.belief)
+            source: (opinion, *opinion.bell) for source, opinion in sorted(first.items()) if opinion.bell is not None
         }
         if len(seen) < 2:
             return
         means = {source: mean for source, (_, mean, _) in seen.items()}
+        spreads = {source: spread(covariance) for source, (_, _, covariance) in seen.items()}
         self.last.pop(subject, None)
         while len(self.last) >= MAX_SUBJECTS:
             del self.last[min(self.last, key=lambda name: (self.last[name][0], name))]
@@ -160,11 +160,11 @@ class Learner:
                 (p, mean_p, cov_p), (q, mean_q, cov_q) = seen[one], seen[other]
                 if p.ancestors.keys().isdisjoint(q.ancestors):
                     step = means_before[one] - means_before[other] if {one, other} <= means_before.keys() else None
-                    sample = _compare(mean_p - mean_q, cov_p, cov_q, step)
+                    sample = _compare(mean_p - mean_q, cov_p + cov_q, (spreads[one], spreads[other]), step)
                     window = self.samples.setdefault((one, other), deque(maxlen=WINDOW))
                     window.append(sample)
                     self._pairings[one, other] = _pairing(window)
-        self._estimate = None
+        self._estimate = self._learned = None
         self._date(time)
 
     def advice(self, sources: Sequence[str], widths: Sequence[float]) -> Advice:
@@ -184,6 +184,11 @@ class Learner:
 
     def learned(self, sources: Sequence[str] | None = None) -> list[Learned]:
         """What was learned of these sources, or of all, sorted; those without a sample are left out."""
+        if self._learned is None:
+            self._learned = self._told()
+        return [it for it in self._learned if sources is None or it.source in sources]
+
+    def _told(self) -> list[Learned]:
         found = self._found()
         if not found.names:
             return []
@@ -192,7 +197,7 @@ class Learner:
         told = []
         for i, name in enumerate(found.names):
             count = found.count[i]
-            if (sources is None or name in sources) and count.max() > 0:
+            if count.max() > 0:
                 nearest = int(np.argmax(correlations[i]))
                 echo = found.names[nearest] if found.echoes[i, nearest] else None
                 told.append(
@@ -239,38 +244,16 @@ class Learner:
 # --- one comparison ----------------------------------------------------------------------------------------------------
 
 
-def escort_moments(belief: Belief) -> tuple[Array, Array]:
-    """Mean (ndim,) and covariance (ndim, ndim) of a belief by its escort distribution p^2 / sum p^2, in the grid's unit.
-
-    Twice the escort's covariance, and cell^2 / 12 for the width of a cell: those of a Gaussian, and hardly touched by a floor.
-    """
-    escort = (belief.p / belief.p.max()) ** 2
-    it = Belief(belief.grid, escort / escort.sum())
-    mean = it.mean()
-    return mean, 2.0 * it.covariance() + np.eye(belief.grid.ndim) * belief.grid.cell**2 / 12
-
-
-def width(belief: Belief) -> float:
-    """The sigma of the Gaussian, equal on all axes, that has the same sum p^2, in the grid's unit: of any shape of belief."""
-    n = belief.grid.ndim
-    return math.pow(belief.grid.volume / float((belief.p**2).sum()), 1 / n) / math.sqrt(4 * math.pi)
-
-
-def bell_shaped(belief: Belief) -> bool:
-    """Whether a belief is near enough to a Gaussian for its mean and covariance to say what it claims; rings and flat ones are not."""
-    _, covariance = escort_moments(belief)
-    spread = math.pow(float(np.linalg.det(covariance)), 1 / belief.grid.ndim)
-    return bool(width(belief) ** 2 >= BELL * spread)
-
-
-def _compare(difference: Array, one: Array, other: Array, before: Array | None) -> Sample:
-    inverse = np.linalg.inv(one + other)
+def _compare(difference: Array, covariance: Array, spreads: tuple[float, float], before: Array | None) -> Sample:
+    """A sample of two sources: the difference of their means, the sum of their covariances, and their `spread` (s_i^2, s_j^2)."""
+    inverse = np.linalg.inv(covariance)
     n = len(difference)
-    a = 0.5 * float(difference @ inverse @ difference) * MEDIAN[2] / MEDIAN[n]
-    s, t = (float(np.linalg.det(cov)) ** (1 / n) for cov in (one, other))  # s_i^2, s_j^2
+    squared = float(difference @ inverse @ difference)
+    a = 0.5 * squared * MEDIAN[2] / MEDIAN[n]
+    s, t = spreads
     turned = math.nan
     if before is not None:
-        lengths = float(difference @ inverse @ difference) * float(before @ inverse @ before)
+        lengths = squared * float(before @ inverse @ before)
         turned = float(difference @ inverse @ before) / math.sqrt(lengths) if lengths > 1e-12 else math.nan
     return Sample(float(np.float32(a)), float(np.float16(2.0 * math.sqrt(s * t) / (s + t))), float(np.float16(turned)))
 
@@ -281,7 +264,7 @@ def _compare(difference: Array, one: Array, other: Array, before: Array | None) 
 def _pairing(window: deque[Sample]) -> Pairing:
     turns = [sample.turned for sample in window if not math.isnan(sample.turned)]
     return Pairing(
-        m=float(np.median([sample.a for sample in window])) / MEDIAN[2],
+        m=statistics.median(sample.a for sample in window) / MEDIAN[2],
         alike=sum(sample.alike for sample in window) / len(window),
         turned=sum(turns) / len(turns) if len(turns) >= LEAST_COUNT else math.nan,
         samples=len(window),

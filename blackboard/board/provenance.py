@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.bell import bell
+from blackboard.opinion.grid import Array
 
 Ancestors = Mapping[str, float]  # robot -> until which team time (seconds) its information is contained
 
@@ -26,6 +29,11 @@ class Opinion:
     ancestors: Ancestors
     age: float = 0.0
     whole: bool = False
+
+    @cached_property
+    def bell(self) -> tuple[Array, Array] | None:
+        """Mean and covariance of a belief that is shaped like a bell (`blackboard.opinion.bell`); None of others."""
+        return bell(self.belief)
 
 
 def split(opinions: Iterable[Opinion]) -> tuple[list[Opinion], list[Opinion]]:

@@ -64,7 +64,11 @@ def conflict(opinions: npt.ArrayLike, fused: npt.ArrayLike) -> bool:
 
     opinions (N, *grid shape), fused in the grid's shape; differences of rounding do not count.
     """
-    return min(entropy_of(p) for p in checked(opinions)) < entropy(fused) - SLACK  # (III-B.1) is broken
+    limit = entropy(fused) - SLACK
+    # Renyi's entropy of order 2, -ln sum p^2, is at most Shannon's, and takes no logarithm of each cell
+    return any(
+        -math.log(float(np.vdot(p, p))) < limit and entropy_of(p) < limit for p in checked(opinions)
+    )  # (III-B.1) is broken
 
 
 def _pair(p: npt.ArrayLike, q: npt.ArrayLike) -> tuple[Array, Array]:

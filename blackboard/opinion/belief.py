@@ -30,13 +30,21 @@ class Belief:
         """Expected position in the grid's unit, shape (ndim,)."""
         axes = range(self.grid.ndim)
         return np.array(
-            [self.p.sum(axis=tuple(a for a in axes if a != axis)) @ self.grid.centres(axis) for axis in axes]
+            [
+                self.p.sum(axis=tuple(a for a in axes if a != axis)) @ centres.ravel()
+                for axis, centres in zip(axes, self.grid.mesh(), strict=True)
+            ]
         )
 
     def covariance(self) -> Array:
         """Covariance of the position between cells in unit**2, shape (ndim, ndim); add cell**2 / 12 for the width of a cell."""
         away = [x - m for x, m in zip(self.grid.mesh(), self.mean(), strict=True)]
-        return np.array([[float((self.p * a * b).sum()) for b in away] for a in away])
+        found = np.empty((len(away), len(away)))
+        for i, a in enumerate(away):
+            weighted = self.p * a
+            for j, b in enumerate(away[: i + 1]):
+                found[i, j] = found[j, i] = float((weighted * b).sum())
+        return found
 
     # --- from what people have, and back: `given` and `region` say all, and are loaded when they are asked for ----------------
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.opinion.components import alphas, triangular_alphas
-from blackboard.opinion.considered import Chosen, Wide, choose
+from blackboard.opinion.considered import NOTHING, Chosen, Wide, choose
 from blackboard.opinion.grid import Array
 from blackboard.opinion.rules import EntropyWeighted, Pooled, parameter, pooled, rule
 from blackboard.opinion.vectors import checked, checked_weights
@@ -89,6 +89,8 @@ class Coalition(EntropyWeighted):
             object.__setattr__(self, "gate", 4.0)
 
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
+        if len(opinions) == 1:
+            return Pooled(_alone(opinions), np.ones(1), np.ones(1))
         chosen = self._choose(opinions, weights, cell_ratio)
         mixed = partial(_mixed, chosen, shape=opinions.shape[1:])
         independence = self._independence()
@@ -100,6 +102,8 @@ class Coalition(EntropyWeighted):
         )
 
     def belief(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Array:
+        if len(opinions) == 1:
+            return _alone(opinions)
         return _mixed(self._choose(opinions, weights, cell_ratio), self._independence(), shape=opinions.shape[1:])
 
     def _independence(self) -> float:
@@ -183,13 +187,18 @@ def _exponents(n: int, independence: float) -> Array:
     return np.array([float(q) ** (independence - 1.0) for q in range(1, n + 1)])
 
 
+def _alone(opinions: Array) -> Array:
+    """The only opinion, (1, *grid shape), which is C_1, normalised to the last digit."""
+    return np.asarray(opinions[0] / opinions[0].sum())
+
+
 def _mixed(chosen: Chosen, independence: float, *, shape: tuple[int, ...]) -> Array:
     """sum_q m_q norm(C_q^(e_q)) with e_q = q^-(1 - independence), as `shape`."""
     wide = chosen.wide or Wide(chosen.first, chosen.logs, chosen.cells)
     mass, total, cells = chosen.masses[wide.first - chosen.first :], chosen.masses.sum(), wide.cells
     exponents = _exponents(len(chosen.opinions), independence)[wide.first - 1 :]
     mixed = np.zeros(wide.logs.shape[1])
-    for q in np.flatnonzero(mass):
+    for q in np.flatnonzero(mass > NOTHING * total):
         part = exponents[q] * wide.logs[q]
         part -= part.max()
         part = cells.normalised(np.exp(part, out=part))

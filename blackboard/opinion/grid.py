@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -75,8 +76,8 @@ class Grid:
         return self.origin[axis] + (np.arange(self.shape[axis]) + 0.5) * self.cell
 
     def mesh(self) -> tuple[Array, ...]:
-        """The centres of all axes, shaped to broadcast against an array on this grid."""
-        return tuple(np.meshgrid(*(self.centres(i) for i in range(self.ndim)), indexing="ij", sparse=True))
+        """The centres of all axes, shaped to broadcast against an array on this grid; read-only, because they are kept."""
+        return _mesh(self)
 
     def index(self, point: Sequence[float]) -> tuple[int, ...] | None:
         """The cell that holds a point, or None outside the grid."""
@@ -86,3 +87,11 @@ class Grid:
     def centre(self, index: Sequence[int]) -> Array:
         """The centre of a cell, shape (ndim,)."""
         return np.asarray(self.origin) + (np.asarray(index) + 0.5) * self.cell
+
+
+@lru_cache(maxsize=64)
+def _mesh(grid: Grid) -> tuple[Array, ...]:
+    found = np.meshgrid(*(grid.centres(axis) for axis in range(grid.ndim)), indexing="ij", sparse=True)
+    for centres in found:
+        centres.flags.writeable = False
+    return tuple(found)

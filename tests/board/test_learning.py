@@ -17,11 +17,12 @@ from hypothesis import strategies as st
 from blackboard.board import learning
 from blackboard.board.dissent import Dissent, Standing
 from blackboard.board.fusion import as_advised, fuse_opinions
-from blackboard.board.learning import WINDOW, Learner, bell_shaped, escort_moments, width
+from blackboard.board.learning import WINDOW, Learner
 from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import RuleError
 from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.bell import bell, escort_moments, width
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.pools import fuse
@@ -83,10 +84,10 @@ def test_escort_moments_of_a_gaussian_are_its_own_and_withstand_a_floor() -> Non
 def test_only_beliefs_near_a_gaussian_are_compared() -> None:
     x, y = GRID.mesh()
     ring = np.exp(-0.5 * ((np.hypot(x - 20, y - 15) - 10) / 1.5) ** 2)
-    assert bell_shaped(at(10, 10, 2))
-    assert bell_shaped(at(10, 10, (1, 6)))
-    assert not bell_shaped(uniform(GRID))
-    assert not bell_shaped(Belief(GRID, ring / ring.sum()))
+    assert bell(at(10, 10, 2)) is not None
+    assert bell(at(10, 10, (1, 6))) is not None
+    assert bell(uniform(GRID)) is None
+    assert bell(Belief(GRID, ring / ring.sum())) is None
 
 
 # --- before any evidence --------------------------------------------------------------------------------------------------
