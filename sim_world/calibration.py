@@ -75,7 +75,7 @@ class Calibration:
 
     def add(self, time: float, score: Score, claimed: float) -> None:
         """Take a sample at a team time (s): its score of one entry, and the squared error that its belief claims."""
-        row = np.array([1.0, score.errors[0] ** 2, claimed, *(score.held(level)[0] for level in LEVELS)])
+        row = np.array([1.0, score.errors[0] ** 2, claimed, *score.held_first()])
         self._put(math.ceil(time / BLOCK) - 1, row)  # a sample is about the time that led to it
         if len(self._blocks) > MOST:
             self._widen(2 * self._width)

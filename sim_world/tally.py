@@ -28,7 +28,7 @@ class Tally:
     def add(self, score: Score) -> None:
         """Take in a score of one entry."""
         self._errors.add(score.errors[0])
-        self._sums += (score.entropies[0], score.log_scores[0], *(score.held(level)[0] for level in LEVELS))
+        self._sums += (score.entropies[0], score.log_scores[0], *score.held_first())
 
     @staticmethod
     def merged(parts: Iterable[Tally]) -> Tally:

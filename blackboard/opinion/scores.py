@@ -16,6 +16,7 @@ from blackboard.opinion.weights import entropy
 
 #: The highest-density regions whose coverage is given, in percent.
 LEVELS = (50, 90, 95)
+SHARES = np.array(LEVELS) / 100
 
 #: The log score counts a probability as at least this, -27.6 nats: one cell that was wrongly ruled out does not decide a mean.
 LEAST_PROBABILITY = 1e-12
@@ -31,7 +32,7 @@ def border_mass(p: Array, index: tuple[int, ...]) -> float:
     return float(p[p == p[index]].sum())
 
 
-def held(denser: npt.ArrayLike, border: npt.ArrayLike, share: float) -> Array:
+def held(denser: npt.ArrayLike, border: npt.ArrayLike, share: npt.ArrayLike) -> Array:
     """How far the highest-density region of `share` of the mass (0 to 1) holds cells, by `hdr_level` and `border_mass`: 0 to 1.
 
     1 inside, 0 outside. Cells are lumps of mass, so that the smallest region of whole cells holds more than `share`: much more
@@ -40,8 +41,9 @@ def held(denser: npt.ArrayLike, border: npt.ArrayLike, share: float) -> Array:
     Geyer and Meeden, Statistical Science 20(4), 2005).
     """
     d, b = np.asarray(denser, dtype=np.float64), np.asarray(border, dtype=np.float64)
-    part = (share - d) / np.where(b > 0, b, 1.0)
-    return np.asarray(np.where(b > 0, np.clip(part, 0.0, 1.0), d < share), dtype=np.float64)
+    missing = np.asarray(share) - d
+    part = missing / np.where(b > 0, b, 1.0)
+    return np.asarray(np.where(b > 0, np.clip(part, 0.0, 1.0), missing > 0), dtype=np.float64)
 
 
 def region_area(belief: Belief, share: float) -> float:
@@ -114,6 +116,10 @@ class Score:
     def held(self, level: int) -> Array:
         """How far the `level` % highest-density region held the truth, one number from 0 to 1 for each entry (`held`)."""
         return held(self.levels, self.borders, level / 100)
+
+    def held_first(self) -> Array:
+        """How far the regions of all LEVELS held the truth of the first entry, shape (len(LEVELS),)."""
+        return held(self.levels[0], self.borders[0], SHARES)
 
     def summary(self) -> dict[str, Any]:
         """The block S: errors in the grid's unit, entropy and log score in nats, coverage by level; None where n is 0."""

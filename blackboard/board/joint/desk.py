@@ -38,7 +38,6 @@ from blackboard.wire.evidence import (
     PackedEvidence,
     PackedState,
     pack_state,
-    unpack_state,
 )
 from blackboard.wire.messages import Consensus, LeftOut, Used
 from blackboard.wire.types import LARGEST, MAX_NAME
@@ -78,6 +77,7 @@ class JointDesk:
         self._waiting: dict[str, deque[Evidence]] = {}
         self._objects: set[str] = set()  # that the joint takes sightings of
         self._newest: dict[str, tuple[PackedEvidence, int]] = {}  # robot -> the newest that was taken, and its tick
+        self._states: dict[str, Moments | None] = {}  # robot -> its own belief in the newest
         self._until: dict[str, float] = {}  # robot -> team time until which its evidence is in the joint
         self._forward: list[Forwarded] = []
         self._heard: dict[tuple[str, str], deque[int]] = {}  # sub-team and board -> the last ticks that it forwarded
@@ -111,7 +111,7 @@ class JointDesk:
         if before is None and len(self._newest) >= MAX_ROBOTS:
             raise Refused("too-many", f"{robot} would be one more than {MAX_ROBOTS} robots in the joint")
         evidence = self._bounded(unpack(robot, tick, packed))
-        self._newest[robot] = packed, tick
+        self._newest[robot], self._states[robot] = (packed, tick), evidence.belief
         self._until[robot] = time
         waiting = self._waiting.setdefault(robot, deque())
         waiting.append(evidence)
@@ -210,9 +210,9 @@ class JointDesk:
     def _judge(self, time: float, verdicts: list[Verdict]) -> None:
         """Compare where each robot says that it is with where the joint has it."""
         told, believed = {}, {}
-        for robot, (packed, _) in self._newest.items():
-            if packed.state is not None and self.team.knows(f"robot/{robot}") and self._until[robot] >= time - SPACING:
-                state, marginal = unpack_state(packed.state), self.team.marginal(f"robot/{robot}")
+        for robot, state in self._states.items():
+            if state is not None and self.team.knows(f"robot/{robot}") and self._until[robot] >= time - SPACING:
+                marginal = self.team.marginal(f"robot/{robot}")
                 told[robot] = state.mean[AXES], state.covariance[AXES, AXES]
                 believed[robot] = marginal.mean, marginal.covariance
         self.dissent.hear_joint(time, told, believed, verdicts, self.team.trust)

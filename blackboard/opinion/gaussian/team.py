@@ -413,7 +413,8 @@ class TeamJoint:
         """Whether the joint holds a position of the subject that is not flat."""
         if subject not in self.joint:
             return False
-        return bool(np.trace(self.joint.moments(subject).covariance[AXES, AXES]) < KNOWN)
+        x, covariance = self.joint.blocks[subject].start, self.joint.covariance
+        return bool(covariance[x, x] + covariance[x + 1, x + 1] < KNOWN)
 
     def marginal(self, subject: str) -> Moments:
         """Mean and covariance of a subject's position; KeyError where it is not in the joint."""
