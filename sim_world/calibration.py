@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.bell import escort_moments
 from blackboard.opinion.grid import Array
 from blackboard.opinion.intervals import effective_samples, student, wilson
 from blackboard.opinion.scores import LEVELS, Score
@@ -61,9 +62,7 @@ def claimed_error(belief: Belief) -> float:
     It is twice that of its escort distribution p^2 / sum p^2: a Gaussian's own, and hardly touched by the even floor that robots
     keep below their beliefs. A cell is as wide as it is: cell^2 / 12 more on each axis.
     """
-    grid, escort = belief.grid, (belief.p / belief.p.max()) ** 2
-    variance = np.trace(Belief(grid, escort / escort.sum()).covariance())
-    return 2.0 * float(variance) + grid.ndim * grid.cell**2 / 12
+    return float(np.trace(escort_moments(belief)[1]))
 
 
 @dataclass

@@ -33,7 +33,7 @@ WORDS = [
 
 @dataclass(frozen=True)
 class Block:
-    """A code block of a Markdown page. `language` is the word after its ``` fence; of an indented block, "shell" or "text"."""
+    """A code block of a Markdown page. `language` is the word after its opening fence; that of an indented block is guessed."""
 
     page: str  # the file's name
     line: int  # of its first line

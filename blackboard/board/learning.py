@@ -118,7 +118,9 @@ class Learner:
         # what follows from it
         self._pairings: dict[Pair, Pairing] = {}  # of the same windows
         self._estimate: _Estimate | None = None  # of the samples as they are; None: to be made
-        self._learned: list[Learned] | None = None  # the same, as it is told
+        self._learned: list[Learned] | None = (
+            None  # the same estimate as consensus and status show it; None: to be made
+        )
 
     def remember(
         self,

@@ -24,13 +24,11 @@ from blackboard.opinion.grid import Array
 SPAN = 16.0  # seconds of motion, at least
 LONGEST = 64.0  # seconds of motion after which a span is begun anew: too little was seen
 INFORMED = 0.25  # of the variance along the way by odometry alone: P' must be smaller for a span to be judged
-FARTHEST = (
-    9.0  # of a squared correction, in variances by the present s: a larger one, as by a misread barcode, counts as this
-)
+FARTHEST = 9.0  # variances (by the present s): a larger squared correction, as by a misread barcode, counts as this
 MEMORY = 40.0  # spans after which what was seen has faded to 1 / e
 LOGS = np.arange(-3.0, 3.01, 0.25)  # binary logarithms of s
-SURE = 2.0  # sigmas of the logarithm beyond which wheels are taken for worse than the physics say
-PRIOR = -0.5 * LOGS**2  # of its logarithm: one sigma is a factor of 2
+SURE = 2.0  # sigmas of log s above 0 from which on s is used: before, it may be luck
+PRIOR = -0.5 * LOGS**2  # the logarithm of the log-normal prior of s: one sigma is a factor of 2
 
 
 @dataclass

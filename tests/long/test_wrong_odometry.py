@@ -1,4 +1,7 @@
-"""The recorded robots with odometry that is worse than their model of it: mates correct them, the model follows, nobody is a liar."""
+"""The recorded robots with odometry that is worse than their model of it.
+
+Their mates correct them, their own model of the odometry adapts, and nobody is left out as a liar.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +29,14 @@ Spoil = Callable[[Odometry, np.random.Generator], Odometry]
 
 
 def turned(turn: float, drift: float) -> Spoil:
-    """All turns told larger by a factor, and by a drift (rad/s) while the robot moves."""
+    """Odometry that reports each turn as `turn` times what it measured, and `drift` rad/s more while the robot moves."""
     return lambda told, rng: told.model_copy(
         update={"turn": turn * told.turn + (drift * told.dt if moving(told) else 0.0)}
     )
 
 
 def slipping(along: float) -> Spoil:
-    """A fresh error of every way, metres per square root of a second of motion."""
+    """Odometry with white noise of `along` metres per square root of a second of motion on the distance."""
     return lambda told, rng: told.model_copy(
         update={"distance": told.distance + (along * np.sqrt(told.dt) * rng.normal() if moving(told) else 0.0)}
     )
