@@ -2,20 +2,29 @@
 
 The demo's robots, boards and world as services in one process, without Zenoh: processor milliseconds a tick of all of them together,
 which is what the machine has to do, however many cores it has. Two sub-teams, joint fusion, as `blackboard demo`.
+
+In one arena more robots also see more of each other, so that what they say grows faster than they do. So the growth is told twice: in
+the arena of the demo, and in one that has as much room for each robot.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from ratios import Row, show
 
 from blackboard.config import Scenario, load
 from blackboard.lab.team import Team
+from blackboard.wire import keys
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Readings
 
-ROBOTS = (6, 12, 24)
+ROBOTS = (6, 12, 24, 48)
+FIRST = ROBOTS[0]
 TICKS = {6: 15, 12: 10, 24: 6, 48: 4}
 
 
@@ -27,39 +36,47 @@ def demo(robots: int, side: int = 50) -> Scenario:
     return scenario.changed("time", seconds=TICKS.get(robots, 4) * scenario.time.tick)
 
 
-def tick(scenario: Scenario) -> tuple[float, float]:
-    """Processor milliseconds a tick, and messages a tick."""
-    team, sent = Team(scenario), [0]
+@dataclass(frozen=True)
+class Tick:
+    """The means over the ticks of a run, all processes together."""
 
-    def count(_: object) -> None:
+    ms: float  # processor time
+    messages: float  # that were sent
+    seen: float  # sightings of robots and objects, of which each board takes all
+
+
+def tick(scenario: Scenario) -> Tick:
+    team, sent, seen = Team(scenario), [0], [0]
+
+    def count(envelope: Envelope) -> None:
         sent[0] += 1
+        if envelope.kind is Kind.PUT and keys.READING.match(envelope.key):
+            seen[0] += sum(it.landmark is None for it in decode(Readings, envelope.payload).sightings)
 
     team.bus.spies.append(count)
     begin = time.process_time()
     ticks = team.run()["ticks"]
-    return 1e3 * (time.process_time() - begin) / ticks, sent[0] / ticks
+    return Tick(1e3 * (time.process_time() - begin) / ticks, sent[0] / ticks, seen[0] / ticks)
 
 
 def rows() -> Iterator[Row]:
-    measured = {robots: tick(demo(robots)) for robots in ROBOTS}
-    first = measured[ROBOTS[0]]
-    yield Row(f"a tick of {ROBOTS[0]} robots on 50 x 50, all processes", first[0], "ms")
-    for robots in ROBOTS[1:]:
-        share = robots / ROBOTS[0]
-        yield Row(
-            f"a tick of {robots} robots / {share:g} times that of {ROBOTS[0]}", measured[robots][0] / first[0] / share
-        )
-        yield Row(
-            f"messages of {robots} robots / {share:g} times those of {ROBOTS[0]}",
-            measured[robots][1] / first[1] / share,
-        )
-    times = [measured[robots][0] for robots in ROBOTS]
-    slope = float(np.polyfit(np.log(ROBOTS), np.log(times), 1)[0])
-    yield Row(f"a tick grows as the robots to the power of, {ROBOTS[0]} to {ROBOTS[-1]}", slope, "", most=1.0)
-    large = tick(demo(6, 200))[0]
-    yield Row("a tick of 6 robots on 200 x 200 / on 50 x 50", large / first[0])
+    first = tick(demo(FIRST))
+    yield Row(f"a tick of {FIRST} robots on 50 x 50, all processes", first.ms, "ms")
+    for where, side in (("in the same arena", lambda share: 50), ("in room for each", lambda share: 50 * share**0.5)):
+        measured = {FIRST: first} | {n: tick(demo(n, round(side(n / FIRST)))) for n in ROBOTS[1:]}
+        for robots in ROBOTS[1:]:
+            share, it = robots / FIRST, measured[robots]
+            yield Row(f"a tick of {robots} robots / {share:g} times that of {FIRST}, {where}", it.ms / first.ms / share)
+            yield Row(f"its messages / {share:g} times those of {FIRST}", it.messages / first.messages / share)
+            yield Row(f"its sightings / {share:g} times those of {FIRST}", it.seen / first.seen / share)
+        for last in (24, 48):
+            some = [n for n in ROBOTS if n <= last]
+            power = float(np.polyfit(np.log(some), np.log([measured[n].ms for n in some]), 1)[0])
+            yield Row(f"a tick grows as the robots to the power of, {where}, {FIRST} to {last}", power, "", most=1.0)
+    large = tick(demo(FIRST, 200)).ms
+    yield Row(f"a tick of {FIRST} robots on 200 x 200 / on 50 x 50", large / first.ms)
     yield Row(
-        "6 robots on 200 x 200: team time / processor time, so at most twice that on 2 cores", 200.0 / large, most=None
+        f"{FIRST} robots on 200 x 200: team time / processor time, so at most twice that on 2 cores", 200.0 / large
     )
 
 

@@ -13,6 +13,8 @@ from blackboard.net.inbox import TOO_LARGE
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.raw import MAX_BYTES
 
+MAX_KEYS = 1 << 16  # whose receivers are remembered
+
 
 @lru_cache(1 << 16)
 def intersects(one: str, other: str) -> bool:
@@ -43,10 +45,12 @@ class Bus:
         self.waiting: list[tuple[BusLink, Envelope]] = []  # receiver and envelope, in the order of sending
         self.spies: list[Callable[[Envelope], None]] = []  # called with each PUT and DELETE before it is delivered
         self.lose: Callable[[Envelope], bool] = lambda envelope: False  # True for a PUT or DELETE that is to be lost
+        self._receivers: dict[str, list[BusLink]] = {}  # of a key, as long as no link comes, goes or subscribes
 
     def connect(self) -> BusLink:
         """A new link on this bus."""
         self.links.append(BusLink(self))
+        self.forget_receivers()
         return self.links[-1]
 
     def send(self, envelope: Envelope, sender: BusLink | None = None) -> None:
@@ -55,9 +59,19 @@ class Bus:
             spy(envelope)
         if self.lose(envelope):
             return
-        for link in self.links:
+        if envelope.key not in self._receivers:
+            if len(self._receivers) >= MAX_KEYS:
+                self.forget_receivers()
+            self._receivers[envelope.key] = [
+                link for link in self.links for key_expr in link.subscribed if intersects(key_expr, envelope.key)
+            ]
+        for link in self._receivers[envelope.key]:
             if link is not sender:
-                self._deliver_matching(link, link.subscribed, envelope)
+                self.deliver(link, envelope)
+
+    def forget_receivers(self) -> None:
+        """Some link has come, gone or subscribed: who receives what is to be found anew."""
+        self._receivers = {}
 
     def holds(self, token: str) -> bool:
         """Whether some link holds a liveliness token."""
@@ -66,7 +80,9 @@ class Bus:
     def announce(self, token: str, kind: Kind) -> None:
         """Deliver the change of a liveliness token to all links that watch it, once for each watch."""
         for link in self.links:
-            self._deliver_matching(link, link.watched, Envelope(token, kind=kind))
+            for key_expr in link.watched:
+                if intersects(key_expr, token):
+                    self.deliver(link, Envelope(token, kind=kind))
 
     def deliver(self, link: BusLink, envelope: Envelope) -> None:
         """Put an envelope on its way to one link."""
@@ -75,11 +91,6 @@ class Bus:
         if len(envelope.payload) > MAX_BYTES:
             envelope = Envelope(envelope.key, TOO_LARGE, envelope.kind)
         self.waiting.append((link, envelope))
-
-    def _deliver_matching(self, link: BusLink, key_exprs: list[str], envelope: Envelope) -> None:
-        for key_expr in key_exprs:
-            if intersects(key_expr, envelope.key):
-                self.deliver(link, envelope)
 
 
 class BusLink:
@@ -101,6 +112,7 @@ class BusLink:
     def subscribe(self, key_expr: str) -> None:
         """Deliver what others publish on a key expression; what this link publishes itself is not delivered."""
         self.subscribed.append(key_expr)
+        self._bus.forget_receivers()
 
     def watch(self, key_expr: str) -> None:
         """Deliver the liveliness tokens on a key expression as ALIVE and GONE, those already there first."""
@@ -148,6 +160,7 @@ class BusLink:
         if self not in self._bus.links:
             return
         self._bus.links.remove(self)
+        self._bus.forget_receivers()
         self._bus.waiting = [(link, envelope) for link, envelope in self._bus.waiting if link is not self]
         for token in dict.fromkeys(self.tokens):
             if not self._bus.holds(token):

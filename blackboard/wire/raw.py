@@ -18,8 +18,6 @@ MAX_TOTAL = 1 << 17  # items of all arrays and maps together
 MAX_ITEMS = 1024  # the longest array or map, known or not, before any field is looked at
 MAX_TEXT = 4096  # bytes of the longest text
 
-TEXT = frozenset({str})
-
 
 def pack_map(fields: Mapping[str, Any]) -> bytes:
     """One msgpack map, with the version first."""
@@ -40,20 +38,13 @@ def unpack_map(payload: bytes) -> dict[str, Any]:
 
 def _unpack(payload: bytes) -> dict[str, Any]:
     """One msgpack map with text keys, each once, and nothing behind it; bounded before anything is allocated."""
-    left = MAX_TOTAL
-
-    def count(items: list[Any]) -> list[Any]:
-        nonlocal left
-        left -= 1 + len(items)
-        if left < 0:
-            raise ValueError(f"more than {MAX_TOTAL} items in all")
-        return items
-
+    # Each item takes a byte at least, so that a short payload cannot have too many.
+    count = None if len(payload) <= MAX_TOTAL else _Counter()
     try:
         fields = msgpack.unpackb(
             payload,
             strict_map_key=True,
-            object_pairs_hook=lambda pairs: _map(count(pairs)),
+            object_pairs_hook=_map if count is None else lambda pairs: _map(count(pairs)),
             list_hook=count,
             ext_hook=_no_extension,
             max_str_len=MAX_TEXT,
@@ -69,9 +60,22 @@ def _unpack(payload: bytes) -> dict[str, Any]:
     return fields
 
 
+class _Counter:
+    """Counts the items of a payload, and raises ValueError where they are more than `MAX_TOTAL`."""
+
+    def __init__(self) -> None:
+        self.left = MAX_TOTAL
+
+    def __call__(self, items: list[Any]) -> list[Any]:
+        self.left -= 1 + len(items)
+        if self.left < 0:
+            raise ValueError(f"more than {MAX_TOTAL} items in all")
+        return items
+
+
 def _map(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
     found: dict[Any, Any] = dict(pairs)
-    if len(found) != len(pairs) or not set(map(type, found)) <= TEXT:
+    if len(found) != len(pairs) or bytes in map(type, found):  # a strict key of msgpack's is text or bytes
         raise ValueError("a key of a map is no text, or comes twice")
     return found
 

@@ -163,11 +163,10 @@ class Contacts:
         ) and last.misread < MISREAD:
             return replace(last, misread=last.misread + 1)
         else:
-            variances = [float(np.trace(claim.lasting)) for claim in claims]
+            variances = [float(claim.lasting[0, 0] + claim.lasting[1, 1]) for claim in claims]
             left = [math.exp(then - it) for then, it in zip(last.corrected, corrected, strict=True)]
-            new = (
-                1.0 - float(np.average(left, weights=variances)) if sum(variances) > 0 and not beyond else float(beyond)
-            )
+            kept = sum(share * variance for share, variance in zip(left, variances, strict=True))
+            new = 1.0 - kept / sum(variances) if sum(variances) > 0 and not beyond else float(beyond)
             if new < RENEWED:
                 n = last.claims + 1
                 average, noise = last.apart + (apart - last.apart) / n, (last.fresh * (n - 1) ** 2 + fresh) / n**2

@@ -32,7 +32,11 @@ def squared_distance(apart: Array, covariance: Array) -> float:
     A difference that is claimed to have no error, so that the covariance is singular, is as far as can be.
     """
     try:
-        squared = float(apart @ np.linalg.solve(covariance, apart))
+        if len(apart) == 2:  # by hand, because a team asks this for every sighting and every pair
+            (dx, dy), ((a, b), (c, d)) = apart.tolist(), covariance.tolist()
+            squared = (d * dx * dx - (b + c) * dx * dy + a * dy * dy) / (a * d - b * c)
+        else:
+            squared = float(apart @ np.linalg.solve(covariance, apart))
     except (ArithmeticError, np.linalg.LinAlgError):
         squared = FARTHEST if apart.any() else 0.0
     return max(0.0, squared) if squared < FARTHEST else FARTHEST
@@ -52,12 +56,16 @@ class Innovation:
 
 
 class Joint:
-    """Mutable: blocks come and go, and keep their order of arrival. KeyError where a block is not there."""
+    """Mutable: blocks come and go, and keep their order of arrival. KeyError where a block is not there.
+
+    The covariance is symmetric to the bit, whatever is done to it.
+    """
 
     def __init__(self) -> None:
         self.blocks: dict[Block, slice] = {}
         self.mean: Array = np.zeros(0)
         self.covariance: Array = np.zeros((0, 0))
+        self._firsts: dict[int, Array] = {}  # what `firsts` found since the blocks changed last
 
     def __contains__(self, block: Block) -> bool:
         return block in self.blocks
@@ -66,7 +74,15 @@ class Joint:
         """The same belief, which may be changed without changing this one."""
         other = Joint()
         other.blocks, other.mean, other.covariance = dict(self.blocks), self.mean.copy(), self.covariance.copy()
+        other._firsts = dict(self._firsts)
         return other
+
+    def firsts(self, states: int) -> Array:
+        """The index of the first state of every block that has so many states, shape (blocks,)."""
+        if states not in self._firsts:
+            wide = [place.start for place in self.blocks.values() if place.stop - place.start == states]
+            self._firsts[states] = np.array(wide, dtype=np.intp)
+        return self._firsts[states]
 
     def moments(self, *blocks: Block) -> Moments:
         """The marginal of some blocks, in the order given."""
@@ -84,9 +100,10 @@ class Joint:
         if block in self.blocks:
             raise ValueError(f"{block!r} is in the joint already")
         covariance = np.zeros((n + m, n + m))
-        covariance[:n, :n], covariance[n:, n:] = self.covariance, moments.covariance
+        covariance[:n, :n], covariance[n:, n:] = self.covariance, _symmetric(moments.covariance)
         self.mean, self.covariance = np.concatenate([self.mean, moments.mean]), covariance
         self.blocks[block] = slice(n, n + m)
+        self._firsts = {}
 
     def drop(self, block: Block) -> None:
         """Remove a block (marginalise it out): the other blocks keep their means and covariances."""
@@ -97,6 +114,7 @@ class Joint:
         for name, place in self.blocks.items():
             if place.start > gone.start:
                 self.blocks[name] = slice(place.start - width, place.stop - width)
+        self._firsts = {}
 
     # --- time -----------------------------------------------------------------------------------------------------------
 
@@ -104,9 +122,22 @@ class Joint:
         """A block goes to a new mean; `transition` is the derivative of new by old, `noise` the covariance that is added."""
         at = self.blocks[block]
         self.mean[at] = mean
-        self.covariance[at, :] = transition @ self.covariance[at, :]
-        self.covariance[:, at] = self.covariance[:, at] @ transition.T
-        self.covariance[at, at] += noise
+        rows = transition @ self.covariance[at, :]
+        rows[:, at] = _symmetric(rows[:, at] @ transition.T + noise)
+        self.covariance[at, :] = rows
+        self.covariance[:, at] = rows.T
+
+    def shear(self, to: Array, by: Array, factors: Array) -> None:
+        """Add `factors` times the states `by` to the states `to`; indices and factors have shape (k,), none is in both.
+
+        The means stay, because a mean that has moved is what calls for this (`vehicle.correct`).
+        """
+        added = factors[:, np.newaxis] * self.covariance[by, :]
+        half = added[:, to] + 0.5 * added[:, by] * factors
+        rows = self.covariance[to, :] + added
+        rows[:, to] = self.covariance[to[:, np.newaxis], to] + (half + half.T)
+        self.covariance[to, :] = rows
+        self.covariance[:, to] = rows.T
 
     def decay(self, keep: Mapping[Block, float], variance: float = 1.0) -> None:
         """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary `variance`."""
@@ -121,8 +152,9 @@ class Joint:
 
     def innovation(self, residual: Array, jacobians: Mapping[Block, Array], noise: Array) -> Innovation:
         """A measurement's residual with its covariance; `jacobians` are the derivatives of what is expected, by block."""
-        row = self._row(jacobians, len(residual))
-        return Innovation(residual, row @ self.covariance @ row.T + noise)
+        index = self._index(jacobians)
+        rows = np.concatenate(list(jacobians.values()), axis=1)
+        return Innovation(residual, rows @ self.covariance[index[:, np.newaxis], index] @ rows.T + noise)
 
     def innovation_of(self, measurements: Sequence[tuple[Array, Mapping[Block, Array], Array]]) -> tuple[float, int]:
         """The squared Mahalanobis distance of several measurements together, and its degrees of freedom."""
@@ -137,17 +169,20 @@ class Joint:
         return Innovation(residual, covariance).squared, len(residual)
 
     def update(self, residual: Array, jacobians: Mapping[Block, Array], noise: Array) -> None:
-        """Kalman's update (Joseph's form, so that the covariance stays positive)."""
-        row = self._row(jacobians, len(residual))
-        cross = self.covariance @ row.T
-        gain = np.linalg.solve(row @ cross + noise, cross.T).T
-        self.mean = self.mean + gain @ residual
-        left = gain @ cross.T
-        covariance = self.covariance - left  # P - left - left^T + K S K^T, in place: a team's covariance is large
-        covariance -= left.T
-        covariance += np.matmul(gain @ (row @ cross + noise), gain.T, out=left)
-        self.covariance = covariance + covariance.T
-        self.covariance *= 0.5
+        """Kalman's update, as P - W^T W with W = L^-1 H P, where L L^T is the innovation's covariance H P H^T + R.
+
+        LinAlgError: that is not positive.
+        """
+        places = [(self.blocks[block], rows) for block, rows in jacobians.items()]
+        cross = np.zeros((len(residual), len(self.mean) + 1))  # H P, and the residual beside it
+        for place, rows in places:
+            cross[:, :-1] += rows @ self.covariance[place, :]
+        spread = noise + sum(cross[:, place] @ rows.T for place, rows in places)
+        cross[:, -1] = residual
+        white = np.linalg.solve(np.linalg.cholesky(spread), cross)
+        gained = white[:, :-1]
+        self.mean = self.mean + white[:, -1] @ gained
+        self.covariance -= gained.T @ gained  # of which NumPy computes one triangle
 
     # --- inside ---------------------------------------------------------------------------------------------------------
 
@@ -159,3 +194,7 @@ class Joint:
         for block, part in jacobians.items():
             whole[:, self.blocks[block]] += part
         return whole
+
+
+def _symmetric(matrix: Array) -> Array:
+    return np.asarray(0.5 * (matrix + matrix.T))

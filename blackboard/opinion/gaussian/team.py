@@ -435,9 +435,8 @@ def claimed(observer: Moments, relative: Relative, motion: Motion | None) -> Cla
     pair = Joint()
     pair.add(relative.observer, observer)
     pair.add(relative.subject, Moments(np.zeros(2), np.eye(2) * FLAT))
-    expectation = expect(pair, relative, {} if motion is None else {relative.observer: motion})
-    correct(pair, expectation.residual, expectation.jacobians, expectation.noise)
-    place = pair.moments(relative.subject)
-    back = np.linalg.inv(expectation.jacobians[relative.subject][:, AXES])
-    fresh = back @ expectation.noise @ back.T
-    return Claim(place.mean, place.covariance - fresh, fresh)
+    seen = expect(pair, relative, {} if motion is None else {relative.observer: motion})
+    back = np.linalg.inv(seen.jacobians.pop(relative.subject))  # of nothing known, the sighting alone decides
+    lasting = pair.innovation(seen.residual, seen.jacobians, np.zeros((2, 2))).covariance
+    place = pair.mean[pair.blocks[relative.subject]] + back @ seen.residual
+    return Claim(place, back @ lasting @ back.T, back @ seen.noise @ back.T)

@@ -115,18 +115,14 @@ def correct(joint: Joint, residual: Array, jacobians: Mapping[Block, Array], noi
     """
     before = joint.mean
     joint.update(residual, jacobians, noise)
-    for place in joint.blocks.values():
-        if place.stop - place.start == STATES:
-            dx, dy = joint.mean[place][AXES] - before[place][AXES]
-            if dx or dy:
-                _shear(joint.covariance, place.start, np.array([-dy, dx]))
-
-
-def _shear(covariance: Array, first: int, moved: Array) -> None:
-    """Let the position's error at `first` follow the heading's by `moved` (unit per radian), in place."""
-    axes, heading = slice(first, first + 2), first + HEADING
-    covariance[axes, :] += moved[:, np.newaxis] * covariance[heading, :]
-    covariance[:, axes] += covariance[:, heading, np.newaxis] * moved
+    first, moved = joint.firsts(STATES), joint.mean - before
+    dx, dy = moved[first + X], moved[first + Y]
+    first, dx, dy = (it[(dx != 0) | (dy != 0)] for it in (first, dx, dy))
+    if len(first):
+        heading = first + HEADING
+        joint.shear(
+            np.concatenate([first + X, first + Y]), np.concatenate([heading, heading]), np.concatenate([-dy, dx])
+        )
 
 
 def wrap(angle: float) -> float:

@@ -77,6 +77,41 @@ def test_an_update_is_the_product_of_prior_and_likelihood(seed: int) -> None:
     assert np.allclose(joint.mean, mean, atol=1e-8)
 
 
+@given(SEEDS)
+def test_a_correction_is_josephs_update_and_then_each_position_follows_its_heading(seed: int) -> None:
+    chance, joint = np.random.default_rng(seed), team(seed, robots=4)
+    joint.add("object/ball", Moments(chance.normal(size=2), np.eye(2)))
+    rows = {"robot/r1": chance.normal(size=(2, STATES)), "object/ball": chance.normal(size=(2, 2))}
+    noise, residual, before = random_covariance(chance, 2), chance.normal(size=2), joint.copy()
+    correct(joint, residual, rows, noise)
+    whole = np.zeros((2, len(before.mean)))
+    for block, part in rows.items():
+        whole[:, before.blocks[block]] = part
+    gain = before.covariance @ whole.T @ np.linalg.inv(whole @ before.covariance @ whole.T + noise)
+    left, turn = np.eye(len(before.mean)) - gain @ whole, np.eye(len(before.mean))
+    for k in range(4):
+        first = before.blocks[f"robot/r{k}"].start
+        dx, dy = (gain @ residual)[first : first + 2]
+        turn[first : first + 2, first + HEADING] = -dy, dx
+    expected = turn @ (left @ before.covariance @ left.T + gain @ noise @ gain.T) @ turn.T
+    assert np.allclose(joint.mean, before.mean + gain @ residual, atol=1e-9)
+    assert np.allclose(joint.covariance, expected, atol=1e-9 * max(1.0, np.abs(expected).max()))
+
+
+@given(SEEDS)
+def test_a_covariance_stays_symmetric_to_the_bit(seed: int) -> None:
+    chance, joint = np.random.default_rng(seed), team(seed, robots=3)
+    for _ in range(8):
+        robot = f"robot/r{chance.integers(3)}"
+        motion = Motion(chance.uniform(), chance.normal(), 1.0, 1.0, 0.01, 0.01, 0.001)
+        drive(joint, robot, motion, NUISANCE)
+        seen = expect(joint, sighting(biases=(Bias(0.1, 7.0),)), {robot: motion})  # type: ignore[arg-type]
+        correct(joint, seen.residual, seen.jacobians, seen.noise)
+        forget_biases(joint, 1.0)
+        assert np.array_equal(joint.covariance, joint.covariance.T)
+        assert np.linalg.eigvalsh(joint.covariance).min() > -1e-12 * np.abs(joint.covariance).max()
+
+
 def test_a_dropped_block_leaves_the_others_as_they_were() -> None:
     joint = team(3, robots=3)
     before = joint.moments("robot/r0", "robot/r2")
