@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -103,7 +104,8 @@ def fuse_opinions(
     if learner is not None and isinstance(rule, Coalition) and learns:
         sources = [opinion.source for opinion in independent]
         learner.hear(subject, now, independent)
-        advice = learner.advice(sources, [width(opinion.belief) for opinion in independent])
+        widths = [width(opinion.belief) for opinion in independent] if len(independent) > 1 else [1.0]
+        advice = learner.advice(sources, widths)
         learned, exponents = learner.learned(sources), advice.powers
         powers = {(source, "independent"): float(it) for source, it in zip(sources, exponents, strict=True)}
         rule, stack = as_advised(rule, stack, advice)
@@ -145,7 +147,12 @@ def _tempered(opinion: Opinion, power: float) -> Opinion:
 
 def as_advised(rule: Coalition, opinions: Array, advice: Advice) -> tuple[Coalition, Array]:
     """The rule and the opinions (N, *grid shape) that a learner advises to pool."""
-    return replace(rule, independence=advice.independence), tempered(opinions, advice.powers)
+    return _with_independence(rule, advice.independence), tempered(opinions, advice.powers)
+
+
+@lru_cache(256)
+def _with_independence(rule: Coalition, independence: float) -> Coalition:
+    return replace(rule, independence=independence)
 
 
 def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array, list[Share], bool]:

@@ -144,6 +144,8 @@ class Learner:
             return
         fresh = sorted((o for o in opinions if o.age < SPACING), key=lambda o: (o.source, len(o.ancestors)))
         first = {o.source: o for o in reversed(fresh)}  # of each source the one with the fewest ancestors
+        if len(first) < 2:
+            return
         seen = {
             source: (opinion, *opinion.bell) for source, opinion in sorted(first.items()) if opinion.bell is not None
         }

@@ -14,6 +14,7 @@ import math
 import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, ClassVar, Literal, TypeVar, dataclass_transform
 
 import numpy as np
@@ -233,7 +234,16 @@ def read_rule(table: Mapping[str, Any]) -> Rule:
             raise UnknownKeyError(
                 key, f"rule {cls.name!r} has no such key; it has {', '.join(sorted(known)) or 'none'}"
             )
-    return cls.read(own)
+    try:
+        return _read(cls, tuple((key, type(value), value) for key, value in own.items()))
+    except TypeError:  # a value that cannot be hashed is wrong, and the rule says why
+        return cls.read(own)
+
+
+@lru_cache(256)
+def _read(cls: type[Rule], items: tuple[tuple[str, type, Any], ...]) -> Rule:
+    """Rules do not change, and a board asks for that of a subject in every tick. The types are told because True == 1."""
+    return cls.read({key: value for key, _, value in items})
 
 
 def merged(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
