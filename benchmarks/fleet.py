@@ -1,11 +1,11 @@
 """What do a board, a router and a link carry, and how far does that go? `python benchmarks/fleet.py`.
 
-Long, because what is measured, what is simulated with it and the comparison of the two belong to one question.
+Long, because what is measured, and the comparison with what is simulated from it, belong to one question.
 
 1. *costs*: processor time of a board's work by kind (hear, settle, exchange), in this process, without Zenoh: a least-squares fit.
 2. *drive*: real boards as processes behind a real Zenoh router on 127.0.0.1, with generated robots, slower to faster: processor time
    of boards and router, what arrived, how old the answers are. So the costs of the network are known too.
-3. *simulate*: a discrete-event simulation of robots, router and boards with these costs, to 10 000 robots.
+3. *simulate* (`fleet_simulation.py`): a discrete-event simulation of robots, router and boards with these costs, to 10 000 robots.
 
 Nobody gives a world's clock, so that boards settle every `period` whatever has arrived: the way of real robots. Processor time counts,
 not wall time, because the machine may be shared; a share of 1 is one busy core.
@@ -14,7 +14,6 @@ not wall time, because the machine may be shared; a share of 1 is one busy core.
 from __future__ import annotations
 
 import argparse
-import heapq
 import json
 import math
 import os
@@ -23,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
@@ -31,6 +30,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fleet_simulation import Costs, Fleet, Simulation
 from ratios import ROOT
 
 from blackboard.board.service import BoardService
@@ -47,30 +47,8 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, PackedBelief, Report, Status
 
 GRID = Grid((50, 50))
-OBJECTS = 2
-MATES = 2  # that a robot sees of its own sub-team
+FULL = 0.8  # of a core: a board that is busier than that may have left work undone, and tells no costs
 CORES = os.sysconf("SC_CLK_TCK")
-
-
-@dataclass(frozen=True)
-class Fleet:
-    """A team: every robot reports itself, `MATES` mates and one object, `rate` times a second; boards settle every `period` s."""
-
-    robots: int
-    sub_teams: int
-    rate: float = 5.0
-    period: float = 0.2
-
-    def members(self) -> dict[str, list[str]]:
-        found: dict[str, list[str]] = {f"s{i}": [] for i in range(self.sub_teams)}
-        for i in range(self.robots):
-            found[f"s{i % self.sub_teams}"].append(f"r{i}")
-        return found
-
-    def subjects(self, robot: str, mates: list[str]) -> list[str]:
-        at = mates.index(robot)
-        seen = {mates[(at + 1 + i) % len(mates)] for i in range(MATES)} - {robot}
-        return [f"robot/{robot}", *(f"robot/{mate}" for mate in sorted(seen)), f"object/o{at % OBJECTS}"]
 
 
 BELIEFS = [pack(gaussian(GRID, (5 + 8 * (i % 5), 5 + 8 * (i // 5)), 1.0 + 0.1 * i)) for i in range(25)]
@@ -100,22 +78,6 @@ def tokens(fleet: Fleet, sub_team: str) -> list[str]:
 
 
 # --- 1. costs ----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Costs:
-    """Processor milliseconds of a board's work, and of the network's for each message; bytes of the messages."""
-
-    hear: float  # a report or a status
-    hear_consensus: float
-    settle: float  # a subject
-    opinion: float  # an opinion in it, beyond that
-    agree: float  # a subject in the exchange
-    part: float  # a sub-team's consensus in it, beyond that
-    take: float = 0.05  # Zenoh and the loop around a message that a board receives
-    route: float = 0.02  # the router, for each message in and each delivery out
-    report: int = 400  # bytes, key included
-    consensus: int = 900
 
 
 def costs() -> Costs:
@@ -236,9 +198,12 @@ class Driven:
     seconds: float
     sent: float  # reports and statuses a second that were really published
     board: float  # share of a core, the busiest
+    boards: float  # all of them
     router: float
     heard: float  # share of what was sent to the busiest board that it has handled
-    age: float  # seconds, median: from a settlement's stamp until the consensus arrived here
+    settled: float  # settlements of the first board, as a share of those that were due
+    age: float  # seconds, median: from a settlement's stamp until the consensus arrived here, in the first third of the run
+    age_last: float  # the same in the last third
 
 
 def drive(fleet: Fleet, seconds: float) -> Driven:
@@ -260,214 +225,122 @@ def drive(fleet: Fleet, seconds: float) -> Driven:
         for name in members:
             for token in tokens(fleet, name):
                 link.token(token)
-        link.subscribe(keys.CONSENSUS.key(team="fleet", sub_team="*", subject="**"))
+        link.subscribe(keys.CONSENSUS.key(team="fleet", sub_team="s0", subject="**"))
         link.subscribe(keys.STATUS.key(team="fleet", sub_team="*", process="*"))
         _say(link, fleet, 2.0)
         before = [processor(pid) for pid in (router, *boards)]
-        began = time.time()
-        sent, ages, handled = _say(link, fleet, seconds)
-        wall = time.time() - began
+        spoken = _say(link, fleet, seconds)
         after = [processor(pid) for pid in (router, *boards)]
-    spent = [(b - a) / wall for a, b in zip(before, after, strict=True)]
-    mine = sent / len(members)
+    spent = [(b - a) / spoken.wall for a, b in zip(before, after, strict=True)]
+    mine = spoken.sent / spoken.wall / len(members)
+    thirds = [[age for at, age in spoken.ages if int(3 * at / spoken.wall) == third] for third in (0, 2)]
+    first, last = (float(np.median(it)) if it else math.nan for it in thirds)
     return Driven(
-        fleet, wall, sent / wall, max(spent[1:]), spent[0], min(1.0, handled / mine) if mine else 0.0,
-        float(np.median(ages)) if ages else math.nan,
+        fleet, spoken.wall, spoken.sent / spoken.wall, max(spent[1:]), sum(spent[1:]), spent[0],
+        min(1.0, spoken.heard() / mine), min(1.0, spoken.answers * fleet.period / spoken.wall), first, last,
     )  # fmt: skip
 
 
-def _say(link: Link, fleet: Fleet, seconds: float) -> tuple[int, list[float], float]:
-    """Speak for all robots: messages sent, ages of consensuses in seconds, and reports and statuses that the best board handled."""
-    end, tick, sent, ages = time.time() + seconds, 0, 0, []
-    heard: dict[str, list[int]] = defaultdict(list)
-    due = time.time()
+@dataclass
+class Spoken:
+    """What was said for all robots, and what came back."""
+
+    wall: float = 0.0  # seconds
+    sent: int = 0  # messages
+    answers: int = 0  # consensuses of the first board about one robot
+    ages: list[tuple[float, float]] = field(default_factory=list)  # when a consensus came, and its age then; seconds
+    #: Of each board, from its statuses: when they came, in seconds, and how many messages it had handled.
+    counted: dict[str, list[tuple[float, int]]] = field(default_factory=dict)
+
+    def heard(self) -> float:
+        """Messages a second that the board which handled most has handled."""
+        ends = [(of[0], of[-1]) for of in self.counted.values() if len(of) > 1]
+        return max(((b[1] - a[1]) / (b[0] - a[0]) for a, b in ends), default=0.0)
+
+
+def _say(link: Link, fleet: Fleet, seconds: float) -> Spoken:
+    """Speak for all robots."""
+    began = due = time.time()
+    end, tick, found = began + seconds, 0, Spoken()
     while time.time() < end:
         now = time.time()
         for sub_team in fleet.members():
             for envelope in said(fleet, sub_team, tick, now):
                 link.send(envelope)
-                sent += 1
+                found.sent += 1
         tick, due = tick + 1, max(due + 1 / fleet.rate, time.time() - 1.0)
         while True:
             for envelope in link.receive(max(0.0, min(due, end) - time.time())):
+                arrived = time.time()
                 if "/consensus/" in envelope.key:
-                    ages.append(time.time() - decode(Consensus, envelope.payload).time)
+                    found.ages.append((arrived - began, arrived - decode(Consensus, envelope.payload).time))
+                    found.answers += envelope.key.endswith("/robot/r0")
                 elif "/status/board" in envelope.key:
-                    heard[envelope.key].append(decode(Status, envelope.payload).counters.get("heard", 0))
+                    handled = decode(Status, envelope.payload).counters.get("heard", 0)
+                    found.counted.setdefault(envelope.key, []).append((arrived - began, handled))
             if time.time() >= min(due, end):
                 break
-    return sent, ages, float(max((max(h) - min(h) for h in heard.values() if h), default=0))
-
-
-# --- 3. simulate -------------------------------------------------------------------------------------------------------
-
-
-@dataclass
-class Server:
-    """One core that works on one thing after the other."""
-
-    free: float = 0.0  # when it has done all that it was given, seconds
-    busy: float = 0.0  # seconds of work in all
-
-    def work(self, now: float, seconds: float) -> float:
-        """When something that comes now is done."""
-        self.free, self.busy = max(self.free, now) + seconds, self.busy + seconds
-        return self.free
-
-
-@dataclass
-class Simulated:
-    """What a fleet would need; shares of a core."""
-
-    fleet: Fleet
-    board: float  # the busiest
-    router: float
-    router_mbit: float  # in and out together
-    robot_mbit: float  # into one robot: what is agreed, and the clock
-    latency: float  # seconds from the beginning of a period until its agreed beliefs are out, the last 20 %
-
-
-@dataclass
-class Simulation:
-    """Robots, one router and the boards of a fleet as servers; what happens next comes from one queue.
-
-    `fanout` None: each board hears all others, as today. A number: boards form a tree with so many children each, in which a board
-    hears its children and its parent, on `shared` subjects alone, and no other sub-team's robots.
-    """
-
-    fleet: Fleet
-    costs: Costs
-    fanout: int | None = None
-    shared: int = OBJECTS
-    seconds: float = 4.0
-    queue: list[tuple[float, int, str, int]] = field(default_factory=list)
-    router: Server = field(default_factory=Server)
-    bytes: float = 0.0
-    _number: int = 0
-
-    def run(self) -> Simulated:
-        fleet, count = self.fleet, self.fleet.sub_teams
-        size = math.ceil(fleet.robots / count)
-        self.boards, self.settled = [Server() for _ in range(count)], [0.0] * count
-        latencies: deque[float] = deque()
-        for i in range(count):
-            self._at(0.0, "reports", i)
-            self._at(fleet.period * (0.5 + 0.5 * i / count), "settle", i)
-        while self.queue:
-            now, _, what, i = heapq.heappop(self.queue)
-            if now > self.seconds:
-                break
-            if what == "reports":
-                self._reports(now, i, size)
-                self._at(now + 1 / fleet.rate, "reports", i)
-            elif what == "settle":
-                latencies.append(self._settle(now, i, size) - now)
-                self._at(now + fleet.period, "settle", i)
-        late = sorted(latencies)[-max(1, len(latencies) // 5) :]
-        return Simulated(
-            fleet,
-            max(board.busy for board in self.boards) / self.seconds,
-            self.router.busy / self.seconds,
-            8e-6 * self.bytes / self.seconds,
-            8e-6 * self._subjects(size) * self.costs.consensus / fleet.period,
-            float(np.median(late)),
-        )
-
-    def _at(self, time: float, what: str, i: int) -> None:
-        self._number += 1
-        heapq.heappush(self.queue, (time, self._number, what, i))
-
-    def _carry(self, now: float, messages: int, receivers: int, size: int) -> float:
-        """When the router has passed messages on to all their receivers."""
-        self.bytes += messages * (1 + receivers) * size
-        return self.router.work(now, 1e-3 * self.costs.route * messages * (1 + receivers))
-
-    def _reports(self, now: float, i: int, size: int) -> None:
-        """Every robot of a sub-team says a round of reports and its status, which all boards hear."""
-        costs, messages = self.costs, size * (MATES + 2)
-        came = self._carry(now, messages, 1, costs.report)
-        self._carry(now, size, len(self.boards) if self.fanout is None else 1, 150)
-        self.boards[i].work(came, 1e-3 * (messages + size) * (costs.take + costs.hear))
-        if self.fanout is None:
-            per = 1e-3 * size * (costs.take + costs.hear)
-            for j, board in enumerate(self.boards):
-                if j != i:
-                    board.work(came, per)
-
-    def _hearers(self, i: int) -> list[int]:
-        """The boards that hear the consensuses of a board."""
-        if self.fanout is None:
-            return [j for j in range(len(self.boards)) if j != i]
-        children = range(i * self.fanout + 1, min(len(self.boards), (i + 1) * self.fanout + 1))
-        return [*children, *([(i - 1) // self.fanout] if i else [])]
-
-    def _subjects(self, size: int) -> int:
-        """About how many subjects a board publishes what was agreed."""
-        return self.fleet.robots + OBJECTS if self.fanout is None else size + self.shared
-
-    def _settle(self, now: float, i: int, size: int) -> float:
-        """Settle and exchange; when what was agreed has been sent."""
-        costs, own = self.costs, size + OBJECTS
-        done = self.boards[i].work(now, 1e-3 * (own * costs.settle + size * (MATES + 2) * costs.opinion))
-        hearers = self._hearers(i)
-        passed = own if self.fanout is None else self.shared
-        came = self._carry(done, passed, len(hearers), costs.consensus)
-        for j in hearers:
-            self.boards[j].work(came, 1e-3 * passed * (costs.take + costs.hear_consensus))
-        subjects = self._subjects(size)
-        parts = own + len(hearers) * passed
-        done = self.boards[i].work(done, 1e-3 * (subjects * costs.agree + parts * costs.part))
-        return self._carry(done, subjects, size, costs.consensus)
+    found.wall = time.time() - began
+    return found
 
 
 # --- all together -----------------------------------------------------------------------------------------------------------
 
 
-def fitted(costs: Costs, driven: list[Driven]) -> Costs:
-    """The network's costs, from the smaller half of the real runs: what their processes spent beyond the boards' own work."""
-    half = driven[: max(1, len(driven) // 2)]
-    routes, takes = [], []
-    for it in half:
+def fitted(costs: Costs, curve: list[Driven]) -> Costs:
+    """The network's costs and those of idling, from the real runs of one board: what its process spent beyond its own work."""
+    rows, beyond, routes = [], [], []
+    for it in curve:
         bare = Simulation(it.fleet, replaced(costs, take=0.0, route=1.0)).run()
-        routes.append(it.router / bare.router)
         unit = Simulation(it.fleet, replaced(costs, take=1.0)).run().board - bare.board
-        takes.append(max(0.0, it.board - bare.board) / unit)
-    return replaced(costs, route=float(np.median(routes)), take=float(np.median(takes)))
+        rows.append([unit / it.board, 1e-3 / it.board])  # so that errors count by their share
+        beyond.append((it.board - bare.board) / it.board)
+        routes.append(it.router / bare.router)
+    take, idle = _non_negative(np.array(rows), np.array(beyond))
+    return replaced(costs, take=take, idle=idle, route=float(np.median(routes[-3:])))
 
 
 def replaced(costs: Costs, **changes: float) -> Costs:
     return Costs(**{**asdict(costs), **changes})
 
 
-def saturation(seconds: float) -> list[Driven]:
-    """One board of 8 robots, which report and are settled faster and faster."""
-    return [drive(Fleet(8, 1, rate, 1 / rate), max(seconds, 4 / rate)) for rate in (0.5, 1, 2, 4, 8, 16)]
+#: Driven in turn: one board of 8 robots, which report and are settled faster and faster.
+CURVE = tuple(Fleet(8, 1, rate, 1 / rate) for rate in (0.5, 1, 2, 4, 8, 16, 32, 64))
+#: Compared with the simulation, which was fitted to the curve alone: robots, sub-teams, and reports and settlements a second.
+COMPARED = (
+    (6, 2, 1.0),
+    (12, 2, 1.0),
+    (24, 2, 1.0),
+    (48, 2, 1.0),
+    (24, 4, 2.0),
+    (64, 8, 1.0),
+    (64, 8, 2.0),
+    (64, 8, 10.0),
+)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=5.0, help="of each real run")
-    parser.add_argument(
-        "--robots", type=int, nargs="*", default=[6, 12, 24, 48], help="of the real runs with two boards"
-    )
+    parser.add_argument("--seconds", type=float, default=9.0, help="of each real run")
     parser.add_argument("--rows", type=Path, help="write all numbers here as JSON")
     parser.add_argument("--picture", type=Path, help="draw them (needs the extra `plot`)")
     told = parser.parse_args()
     found = costs()
     print("costs, ms:", {k: round(v, 4) for k, v in asdict(found).items()}, flush=True)
-    curve = saturation(told.seconds)
-    for it in curve:
-        print(f"one board, {it.fleet.rate:g} Hz: {_shown(it)}", flush=True)
-    runs = [drive(Fleet(robots, 2, 1.0, 1.0), told.seconds) for robots in told.robots]
-    found = fitted(found, runs)
+    curve = []
+    for fleet in CURVE:
+        curve.append(drive(fleet, max(told.seconds, 4 / fleet.rate)))
+        print(f"one board, {fleet.rate:g} Hz: {_shown(curve[-1])}", flush=True)
+    found = fitted(found, [it for it in curve if it.board < FULL])
     print("with the network, ms:", {k: round(v, 4) for k, v in asdict(found).items()}, flush=True)
     compared = []
-    for it in runs:
-        expected = Simulation(it.fleet, found).run()
-        compared.append({"robots": it.fleet.robots, "real": asdict(it), "simulated": asdict(expected)})
+    for robots, sub_teams, rate in COMPARED:
+        real = drive(Fleet(robots, sub_teams, rate, 1 / rate), told.seconds)
+        expected = Simulation(real.fleet, found).run()
+        compared.append({"robots": robots, "sub_teams": sub_teams, "real": asdict(real), "simulated": asdict(expected)})
         print(
-            f"{it.fleet.robots} robots, 2 boards, real: {_shown(it)}; simulated: board {expected.board:.3f}, "
-            f"router {expected.router:.3f}",
+            f"{robots} robots, {sub_teams} boards, {rate:g} Hz, real: {_shown(real)}; simulated: "
+            f"busiest board {expected.board:.3f}, all boards {expected.boards:.3f}, router {expected.router:.3f}",
             flush=True,
         )
     carried = simulated(found)
@@ -481,7 +354,10 @@ def main() -> None:
 
 
 def _shown(it: Driven) -> str:
-    return f"{it.sent:.0f} messages/s, board {it.board:.3f}, router {it.router:.3f}, heard {it.heard:.2f}, age {it.age:.2f} s"
+    return (
+        f"{it.sent:.0f} messages/s, busiest board {it.board:.3f}, all boards {it.boards:.3f}, router {it.router:.3f}, "
+        f"heard {it.heard:.2f}, settled {it.settled:.2f}, age {it.age:.3f} then {it.age_last:.3f} s"
+    )
 
 
 def simulated(costs: Costs) -> list[dict[str, object]]:
