@@ -235,14 +235,15 @@ def read_rule(table: Mapping[str, Any]) -> Rule:
                 key, f"rule {cls.name!r} has no such key; it has {', '.join(sorted(known)) or 'none'}"
             )
     try:
-        return _read(cls, tuple((key, type(value), value) for key, value in own.items()))
+        return _read((cls, tuple((key, type(value), value) for key, value in own.items())))
     except TypeError:  # a value that cannot be hashed is wrong, and the rule says why
         return cls.read(own)
 
 
 @lru_cache(256)
-def _read(cls: type[Rule], items: tuple[tuple[str, type, Any], ...]) -> Rule:
+def _read(told: tuple[type[Rule], tuple[tuple[str, type, Any], ...]]) -> Rule:
     """Rules do not change, and a board asks for that of a subject in every tick. The types are told because True == 1."""
+    cls, items = told
     return cls.read({key: value for key, _, value in items})
 
 
