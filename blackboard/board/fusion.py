@@ -20,7 +20,7 @@ from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.bell import width
 from blackboard.opinion.chernoff import chernoff
-from blackboard.opinion.cooperative import Coalition
+from blackboard.opinion.cooperative import CAUTIOUS, Coalition
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import fuse, fuse_belief, linear_pool
 from blackboard.opinion.rules import Outcome, Rule
@@ -98,6 +98,8 @@ def fuse_opinions(
         dissent.hear(subject, now, independent, lambda others: _pooled(rule, others, grid))
         if not learns:
             powers = {(o.source, how): dissent.weight(o.source) for o in opinions for how in HOW}
+    if len(opinions) == 1 and learner is not None and isinstance(rule, Coalition) and learns:
+        return _alone(opinions[0], rule, learner, counts)
     independent = [_tempered(o, powers.get((o.source, "independent"), 1.0)) for o in independent]
     overlapping = [_tempered(o, powers.get((o.source, "overlapping"), 1.0)) for o in overlapping]
     stack, exponents = np.stack([opinion.belief.p for opinion in independent]), np.ones(len(independent))
@@ -131,6 +133,26 @@ def fuse_opinions(
         rule=rule,
         outcome=pooled.outcome,
         learned=learned,
+    )
+
+
+def _alone(only: Opinion, rule: Coalition, learner: Learner, counts: Callable[[str], bool]) -> Fusion:
+    """The only opinion about a subject: what the coalition makes of it, without asking what is true of one opinion."""
+    grid, one = only.belief.grid, only.belief.p[np.newaxis]
+    belief = Belief(grid, rule.belief(one))
+    is_counted = all(map(counts, only.ancestors))
+    return Fusion(
+        belief=belief,
+        ancestors=union([only]),
+        firsthand=belief if is_counted else uniform(grid),
+        firsthand_ancestors=union([only] if is_counted else []),
+        is_firsthand=is_counted,
+        shares=[Share(only, 1.0, "independent")],
+        components=[1.0],
+        conflict=False,
+        rule=_with_independence(rule, CAUTIOUS),
+        outcome="pooled",
+        learned=learner.learned([only.source]),
     )
 
 

@@ -338,3 +338,28 @@ def test_the_status_of_a_board_shows_what_it_learned_until_a_new_run_begins() ->
     desk.tell(*ANOTHER_WORLD, clock(0, mode="realtime", run="two"))
     desk.wait(0.3)
     assert desk.status().learned == []
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("mine", [True, False])
+def test_a_single_opinion_is_fused_as_by_the_rule_with_the_independence_that_is_in_force(
+    known: bool, mine: bool
+) -> None:
+    only = opinion("s1" if known else "stranger", (12.5, 9.0), 3.0)
+    fused = fuse_opinions([only], GRID, LEARN, "robot/r1", taught(), 41.0, Dissent("consensus"), lambda _: mine)
+    cautious = BoardSection.model_validate({"independence": 0.2})
+    plain = fuse_opinions([only], GRID, cautious, "robot/r1", counts=lambda _: mine)
+    for told, belief in ((fused.belief, plain.belief), (fused.firsthand, plain.firsthand)):
+        assert np.array_equal(told.p, belief.p)
+    for name in (
+        "ancestors",
+        "firsthand_ancestors",
+        "is_firsthand",
+        "shares",
+        "components",
+        "conflict",
+        "outcome",
+        "rule",
+    ):
+        assert getattr(fused, name) == getattr(plain, name), name
+    assert [it.source for it in fused.learned] == (["s1"] if known else [])
