@@ -16,6 +16,7 @@ import numpy as np
 from blackboard.opinion.belief import blur
 from blackboard.opinion.grid import Array, Grid
 from robot_agent.raster import shifted
+from robot_agent.window import bounds
 
 #: Slices and cells with a smaller share of the mass than this are treated as empty.
 FAINT = 1e-7
@@ -58,11 +59,7 @@ class PoseGrid:
         """The cells in which those slices hold mass, with a margin of two cells for what is shifted."""
         xy = self.p[active].sum(axis=0)
         held = xy > FAINT * xy.max()
-        box = []
-        for axis in (0, 1):
-            hits = np.flatnonzero(held.any(axis=1 - axis))
-            box.append(slice(max(0, int(hits[0]) - 2), int(hits[-1]) + 3))
-        return box[0], box[1]
+        return bounds(held).grown(2, self.grid.shape).slices
 
     def empty(self) -> Array:
         """An array like `p` without mass."""
