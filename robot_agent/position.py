@@ -1,4 +1,10 @@
-"""The paper's localizer: a grid over (x, y); the heading is a number, from the compass or from odometry alone."""
+"""The paper's localizer: a grid over (x, y); the heading is a number, from the compass or from odometry alone.
+
+On a grid of more than `SMALL` cells only a window of cells is worked on. What is left out is at most `FAINT` a cell, 4e-11 of the
+mass on 200 x 200 cells; each of these cells counts as holding `FILL`, and comes in again where evidence raises it above `FAINT`,
+so that a robot that is wrong finds itself again. Evidence that meets the share s of a belief makes of what was left out FAINT / s a
+cell at most, a belief to a power (`tempered`) FAINT to that power of its peak.
+"""
 
 from __future__ import annotations
 
@@ -12,83 +18,120 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
-from robot_agent.raster import diffused, log_ratio, resampled, sampled, squared_distance, whole_shift, with_outlier
+from robot_agent.evidence import LEAST_MET, Evidence, gaussian_evidence
+from robot_agent.raster import (
+    common_floor,
+    convolved,
+    diffused,
+    reach_of,
+    resampled,
+    sampled,
+    squared_distance,
+    whole_shift,
+    with_outlier,
+)
 from robot_agent.sensing import (
+    NODES,
     SEEN_TO,
     Motion,
-    bearing_variance,
-    motion_since,
+    displacement,
+    displacement_covariance,
+    place_likelihood,
     position_likelihood,
-    range_variance,
-    uncertain_likelihood,
 )
+from robot_agent.window import Window, around, bounds, embedded, whole
+
+#: A window of so few cells is not made smaller: finding a smaller one would cost as much as it saves.
+SMALL = 4096
+
+#: The mass of a cell below which it may be left out of the window. The Fourier transforms leave 1e-17 at most where nothing is.
+FAINT = 1e-15
+
+#: The mass that a cell beside the window counts as.
+FILL = FAINT / 4
 
 
 @dataclass(frozen=True, eq=False)
 class PositionLocalizer:
-    """Mass `p` on the team's grid shifted by `offset` (unit).
+    """Mass `p` on a window of the team's grid shifted by `offset` (unit).
 
     Motion moves `p` by whole cells and leaves the remainder in `offset`, because interpolating at every step would blur.
     """
 
     settings: RobotSection
     grid: Grid
-    p: Array
+    p: Array  # (nx, ny), of the window whose first cell is `corner`; of the whole grid at first
+    corner: tuple[int, int] = (0, 0)
     offset: tuple[float, float] = (0.0, 0.0)
     heading: float = 0.0  # radians
-    pending_covariance: tuple[float, float, float] = (
-        0.0,
-        0.0,
-        0.0,
-    )  # xx, yy, xy in unit ** 2: motion noise not yet in `p`
+    # xx, yy, xy in unit ** 2: motion noise not yet in `p`
+    pending_covariance: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @classmethod
     def unknown(cls, settings: RobotSection, grid: Grid) -> PositionLocalizer:
         return cls(settings, grid, uniform(grid).p)
+
+    @property
+    def window(self) -> Window:
+        """The cells of `p`."""
+        (x, y), (nx, ny) = self.corner, self.p.shape
+        return Window(x, x + nx, y, y + ny)
 
     def predict(self, motion: Motion, compass: float | None) -> PositionLocalizer:
         heading = self.heading + motion.turn if compass is None else compass
         c, s = math.cos(heading), math.sin(heading)
         x, y = self.offset[0] + motion.distance * c, self.offset[1] + motion.distance * s
         cell = self.grid.cell
-        whole = round(x / cell), round(y / cell)
-        p = whole_shift(whole_shift(self.p, whole[0], 0), whole[1], 1)
+        steps = round(x / cell), round(y / cell)
+        moved = self._trimmed()._moved(steps)
         xx, yy, xy = self.pending_covariance  # R diag(along, across) R^T for each step, R turning by the heading
         pending = (
             xx + motion.along * c * c + motion.across * s * s,
             yy + motion.along * s * s + motion.across * c * c,
             xy + (motion.along - motion.across) * c * s,
         )
-        offset = x - whole[0] * cell, y - whole[1] * cell
-        after = replace(self, p=p, offset=offset, heading=heading, pending_covariance=pending)
-        if (
-            max(pending[:2]) <= (cell / 3) ** 2
-        ):  # a smaller blur hardly moves mass between cells: it is added to the next
-            return after
-        return replace(after, p=after._spread(), pending_covariance=(0.0, 0.0, 0.0))
+        offset = x - steps[0] * cell, y - steps[1] * cell
+        after = replace(moved, offset=offset, heading=heading, pending_covariance=pending)
+        # a smaller blur hardly moves mass between cells: it is added to the next
+        return after if max(pending[:2]) <= (cell / 3) ** 2 else after._spread()
 
     def update_with_fix(self, fix: Fix) -> PositionLocalizer:
         variance = fix.sigma**2 + self.grid.cell**2 / 12  # that of a uniform place within the cell
-        x, y = self._centres()
-        # ln N((x, y); fix, variance I)
-        logs = -0.5 * ((x - fix.position[0]) ** 2 + (y - fix.position[1]) ** 2) / variance
+
+        def likelihood(window: Window) -> Array:
+            x, y = self._centres(window)
+            # ln N((x, y); fix, variance I)
+            logs = -0.5 * ((x - fix.position[0]) ** 2 + (y - fix.position[1]) ** 2) / variance
+            return np.asarray(np.exp(logs))
+
         turned = self if fix.heading is None else replace(self, heading=fix.heading)
-        return turned._update_with_likelihood(np.exp(logs))
+        mean = self._on_grid(*fix.position)
+        return turned._update(gaussian_evidence(likelihood, self.grid, mean, np.eye(2) * variance))
 
     def update_with_sighting(
         self, sighting: Sighting, motion: Motion | None, place: Array, covariance: Array
     ) -> PositionLocalizer:
-        x, y = self._centres()
-        dx, dy = place[0] - x, place[1] - y
-        seen = self._seen(sighting, motion)
-        if self.settings.vision.kind != "position":
+        vision, seen = self.settings.vision, displacement(sighting, motion, self.heading)
+        misread = math.exp(-vision.misread)
+        if vision.kind != "position":
             noise = self._noise(sighting) + covariance
-            likelihood = np.exp(-0.5 * squared_distance(dx - seen[0], dy - seen[1], noise))
-        elif covariance.any():
-            likelihood = uncertain_likelihood(dx, dy, seen, covariance, self.settings.vision)
-        else:
-            likelihood = position_likelihood(dx, dy, seen, self.settings.vision)
-        return self._update_with_likelihood(likelihood + math.exp(-self.settings.vision.misread) * likelihood.max())
+
+            def likelihood(window: Window) -> Array:
+                x, y = self._centres(window)
+                dx, dy = place[0] - x, place[1] - y
+                return np.asarray(np.exp(-0.5 * squared_distance(dx - seen[0], dy - seen[1], noise)))
+
+            mean = self._on_grid(place[0] - seen[0], place[1] - seen[1])
+            return self._update(gaussian_evidence(likelihood, self.grid, mean, noise, misread))
+
+        def seen_from(window: Window) -> Array:
+            x, y = self._centres(window)
+            return place_likelihood(place[0] - x, place[1] - y, seen, covariance, vision)
+
+        # nothing is seen from further away, at no node of the place's uncertainty
+        reach = SEEN_TO + float(NODES[0].max()) * math.sqrt(np.trace(covariance))
+        near = around(self.grid, self._on_grid(*place), (reach, reach))
+        return self._update(Evidence(seen_from, near, near, misread))
 
     def tempered(self, power: float) -> PositionLocalizer:
         p = self.p**power
@@ -98,69 +141,108 @@ class PositionLocalizer:
         return entropy(self.p)
 
     def marginal(self) -> Belief:
-        p = self._spread() if any(self.pending_covariance) else self.p
-        p = resampled(p, self.offset[0] / self.grid.cell, self.offset[1] / self.grid.cell)
-        return Belief(self.grid, p / p.sum())
+        it = self._spread() if any(self.pending_covariance) else self
+        it = it._over(it.window.grown(2, self.grid.shape))  # so far `resampled` moves mass
+        p = resampled(it.p, self.offset[0] / self.grid.cell, self.offset[1] / self.grid.cell)
+        total = p.sum() + FILL * (self.grid.size - p.size)
+        return Belief(self.grid, embedded(p / total, it.window, whole(self.grid.shape), FILL / total))
 
     def fold(self, agreed: Belief, reported: Belief) -> PositionLocalizer:
-        logs = log_ratio(agreed, reported)
-        if logs is None:
-            return replace(self, p=agreed.p, offset=(0.0, 0.0), pending_covariance=(0.0, 0.0, 0.0))
+        floor = common_floor(agreed, reported)
+        if floor is None:
+            return replace(self, p=agreed.p, corner=(0, 0), offset=(0.0, 0.0), pending_covariance=(0.0, 0.0, 0.0))
         cell = self.grid.cell
-        # Jeffrey's rule, with agreed / reported read where the cells of `p` stand
-        return self._update_with_likelihood(np.exp(sampled(logs, self.offset[0] / cell, self.offset[1] / cell)))
+
+        def ratio(window: Window) -> Array:
+            """Jeffrey's rule, with agreed / reported read where the cells of `p` stand."""
+            wide = window.grown(1, self.grid.shape)  # what is read between cells needs the next ones
+            logs = np.log((agreed.p[wide.slices] + floor) / (reported.p[wide.slices] + floor))
+            read = sampled(logs, self.offset[0] / cell, self.offset[1] / cell)
+            return np.asarray(np.exp(read[window.within(wide)]))
+
+        everywhere = whole(self.grid.shape)
+        likelier = everywhere if self.window == everywhere else bounds(agreed.p > floor).grown(1, self.grid.shape)
+        return self._update(Evidence(ratio, everywhere, likelier))
 
     def project(self, sighting: Sighting, motion: Motion | None) -> Belief:
         """The belief convolved with the likelihood of each displacement from robot to subject (exact, by FFT)."""
-        nx, ny = self.grid.shape
-        cell = self.grid.cell
-        sees = SEEN_TO if self.settings.vision.kind == "position" else math.inf
-        # cells from the robot to the kernel's edge
-        rx, ry = (int(min(n - 1, sees // cell + 1)) for n in self.grid.shape)
-        dx = np.arange(-rx, rx + 1)[:, None] * cell - self.offset[0]
-        dy = np.arange(-ry, ry + 1)[None, :] * cell - self.offset[1]
-        seen = self._seen(sighting, motion)
-        if self.settings.vision.kind == "position":
-            kernel = position_likelihood(dx, dy, seen, self.settings.vision)
+        cell, vision = self.grid.cell, self.settings.vision
+        sees = SEEN_TO if vision.kind == "position" else math.inf
+        steps = []  # whole cells from the robot to the subject, which is in sight and on the grid
+        for n, corner, held in zip(self.grid.shape, self.corner, self.p.shape, strict=True):
+            reach = int(min(n - 1, sees // cell + 1))
+            steps.append(np.arange(max(-reach, 1 - corner - held), min(reach, n - 1 - corner) + 1))
+        dx, dy = steps[0][:, None] * cell - self.offset[0], steps[1][None, :] * cell - self.offset[1]
+        seen = displacement(sighting, motion, self.heading)
+        if vision.kind == "position":
+            kernel = position_likelihood(dx, dy, seen, vision)
         else:
             kernel = np.exp(-0.5 * squared_distance(dx - seen[0], dy - seen[1], self._noise(sighting)))
-        size = nx + rx, ny + ry  # what wraps around falls outside the slice below
-        full = np.fft.irfft2(np.fft.rfft2(self.p, size) * np.fft.rfft2(kernel, size), size)
-        p = np.maximum(full[rx : rx + nx, ry : ry + ny], 0.0)
-        return with_outlier(p, self.grid, self.settings.vision.outlier)
+        first = self.corner[0] + steps[0][0], self.corner[1] + steps[1][0]
+        return with_outlier(convolved(self.p, kernel, first, self.grid.shape), self.grid, vision.outlier)
 
     # --- inside -------------------------------------------------------------------------------------------------------
 
-    def _spread(self) -> Array:
-        """`p` with the pending motion noise."""
+    def _trimmed(self) -> PositionLocalizer:
+        """Without the outer rows and columns that hold no more than FAINT a cell."""
+        if self.p.size <= SMALL:
+            return self
+        inner = bounds(self.p > FAINT)
+        return replace(self, p=self.p[inner.slices], corner=(self.corner[0] + inner.x0, self.corner[1] + inner.y0))
+
+    def _over(self, window: Window) -> PositionLocalizer:
+        """On a window that holds this one."""
+        if window == self.window:
+            return self
+        return replace(self, p=embedded(self.p, self.window, window, FILL), corner=(window.x0, window.y0))
+
+    def _moved(self, steps: tuple[int, int]) -> PositionLocalizer:
+        """Moved by whole cells: the window as far as the grid goes, and the mass within the window by the rest."""
+        if steps == (0, 0):
+            return self
+        p, corner = self.p, [0, 0]
+        for axis, by in enumerate(steps):
+            target = self.corner[axis] + by
+            corner[axis] = max(0, min(target, self.grid.shape[axis] - p.shape[axis]))
+            p = whole_shift(p, target - corner[axis], axis)
+        return replace(self, p=p, corner=(corner[0], corner[1]))
+
+    def _spread(self) -> PositionLocalizer:
+        """With the pending motion noise in `p`."""
         xx, yy, xy = (v / self.grid.cell**2 for v in self.pending_covariance)
-        return diffused(self.p, np.array([[xx, xy], [xy, yy]]))
+        reach, (nx, ny) = reach_of(max(xx, yy)), self.grid.shape
+        window = self.window.grown(reach, self.grid.shape)
+        walls = (window.x0 == 0, window.x1 == nx), (window.y0 == 0, window.y1 == ny)
+        p = embedded(self.p, self.window, window, FILL)
+        p = diffused(p, np.array([[xx, xy], [xy, yy]]), walls)
+        return replace(self, p=p, corner=(window.x0, window.y0), pending_covariance=(0.0, 0.0, 0.0))
 
-    def _centres(self) -> tuple[Array, Array]:
-        x, y = self.grid.mesh()
-        return x + self.offset[0], y + self.offset[1]
+    def _centres(self, window: Window) -> tuple[Array, Array]:
+        (x, y), (bx, by) = self.grid.mesh(), window.slices
+        return x[bx] + self.offset[0], y[:, by] + self.offset[1]
 
-    def _seen(self, sighting: Sighting, motion: Motion | None) -> tuple[float, float]:
-        """The measured displacement from where the robot is now to the subject, in world axes (unit)."""
-        driven, turned = motion_since(sighting, motion)
-        angle = self.heading - turned + sighting.bearing
-        return (
-            sighting.range * math.cos(angle) - driven * math.cos(self.heading),
-            sighting.range * math.sin(angle) - driven * math.sin(self.heading),
-        )
+    def _on_grid(self, x: float, y: float) -> tuple[float, float]:
+        """Where a place (unit) lies on the team's grid without its offset."""
+        return float(x) - self.offset[0], float(y) - self.offset[1]
 
     def _noise(self, sighting: Sighting) -> Array:
-        """Covariance of the measured displacement, shape (2, 2), world axes: R diag(var r, r^2 var b) R^T + cell^2 / 12 I."""
-        vision = self.settings.vision
-        angle = self.heading + sighting.bearing
-        turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-        spread = np.diag([range_variance(sighting.range, vision), sighting.range**2 * bearing_variance(vision)])
-        return np.asarray(turn @ spread @ turn.T + np.eye(2) * self.grid.cell**2 / 12)
+        """Covariance of the measured displacement between cells, shape (2, 2), world axes (unit ** 2)."""
+        spread = displacement_covariance(sighting, self.heading, self.settings.vision)
+        return spread + np.eye(2) * self.grid.cell**2 / 12
 
-    def _update_with_likelihood(self, likelihood: Array) -> PositionLocalizer:
+    def _update(self, evidence: Evidence) -> PositionLocalizer:
         """Bayes' rule; a likelihood that is nowhere where `p` has mass replaces `p`."""
+        window, peak = self.window, evidence.peak
+        near = evidence.support.meet(window)
+        found = evidence.of(near)
+        top = float((found if window.holds(peak) else evidence.of(peak)).max(initial=0.0))
+        likelihood = np.full(self.p.shape, evidence.floor * top)
+        likelihood[near.within(window)] += found
         p = self.p * likelihood  # Bayes' rule, normalised below
         total = p.sum()
-        if total <= 1e-12 * likelihood.max():
-            p, total = likelihood, likelihood.sum()
-        return replace(self, p=p / total) if total > 0 else self
+        if top * FILL > total * FAINT and not window.holds(peak):  # cells beside the window rise above FAINT
+            return self._over(window.hull(peak))._update(evidence)
+        if total <= LEAST_MET * (top + evidence.floor * top):
+            p, window = evidence.of(whole(self.grid.shape)) + evidence.floor * top, whole(self.grid.shape)
+            total = p.sum()
+        return replace(self, p=p / total, corner=(window.x0, window.y0)) if total > 0 else self

@@ -137,6 +137,15 @@ def uncertain_likelihood(
     return likelihood
 
 
+def place_likelihood(
+    dx: Array, dy: Array, seen: tuple[float, float], covariance: Array, vision: VisionSection
+) -> Array:
+    """`position_likelihood`, or `uncertain_likelihood` where the subject's place has a `covariance` (2, 2), unit ** 2, but 0."""
+    if covariance.any():
+        return uncertain_likelihood(dx, dy, seen, covariance, vision)
+    return position_likelihood(dx, dy, seen, vision)
+
+
 def range_variance(distance: float | Array, vision: VisionSection) -> float | Array:
     """Variance of a range (unit ** 2), `frames` times that of one frame, because consecutive frames share their error."""
     return vision.frames * (vision.range_floor**2 + (vision.range_share * distance) ** 2)
@@ -145,6 +154,24 @@ def range_variance(distance: float | Array, vision: VisionSection) -> float | Ar
 def bearing_variance(vision: VisionSection) -> float:
     """Variance of a bearing (radians ** 2), `frames` times that of one frame."""
     return vision.frames * vision.bearing**2
+
+
+def displacement(sighting: Sighting, motion: Motion | None, heading: float) -> tuple[float, float]:
+    """The measured displacement from where the robot is now, with its `heading` (radians), to the subject, in world axes (unit)."""
+    driven, turned = motion_since(sighting, motion)
+    angle = heading - turned + sighting.bearing
+    return (
+        sighting.range * math.cos(angle) - driven * math.cos(heading),
+        sighting.range * math.sin(angle) - driven * math.sin(heading),
+    )
+
+
+def displacement_covariance(sighting: Sighting, heading: float, vision: VisionSection) -> Array:
+    """Covariance of the displacement that a sighting measures, shape (2, 2), world axes (unit ** 2): R diag(var r, r^2 var b) R^T."""
+    angle = heading + sighting.bearing
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    spread = np.diag([range_variance(sighting.range, vision), sighting.range**2 * bearing_variance(vision)])
+    return np.asarray(turn @ spread @ turn.T)
 
 
 def motion_since(sighting: Sighting, motion: Motion | None) -> tuple[float, float]:
