@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
 from blackboard.bridges.stream import Stream
-from blackboard.config import load
+from blackboard.config import Scenario, load
 from blackboard.errors import UserError
 from blackboard.net.attached import AttachedLink
 from blackboard.net.link import Link
@@ -18,6 +18,10 @@ from blackboard.process.loop import run
 from blackboard.run import door
 from blackboard.view.feed import Feed
 from blackboard.view.taped import Taped
+
+if TYPE_CHECKING:
+    from blackboard.bridges.ros.service import Sources
+    from blackboard.client.member import Member
 
 NO_ROS = "the bridge to ROS 2 needs the extra `ros`: pip install 'cop-blackboard[ros]'"
 Topics = Annotated[list[str] | None, Parameter(negative="", show_default=False)]
@@ -116,8 +120,7 @@ def ros(
     """
     try:
         from blackboard.bridges.ros import names
-        from blackboard.bridges.ros.service import RosBridge, Sources
-        from blackboard.client.member import Member
+        from blackboard.bridges.ros.service import RosBridge
     except ImportError:
         raise UserError(NO_ROS) from None
     if flags.keys is not None:
@@ -130,23 +133,8 @@ def ros(
     space = (namespace or names.part(name)).strip("/")
     if not names.is_topic(space):
         raise UserError(f"--namespace {space!r}: use letters, digits, '_' and '/', as in names of ROS")
-    sources = Sources(*(_topics(*given) for given in (("--odometry", odometry), ("--fix", fix), ("--pose", pose))))
-    if both := sources.poses.keys() & {*sources.odometry, *sources.fixes}:
-        raise UserError(
-            f"--pose {min(both)}: --odometry and --fix are for a robot with a `robot-agent`, which reports by itself; give one of them"
-        )
-    if twice := {topic.strip("/") for topic in sources.fixes.values()} & {t.strip("/") for t in sources.poses.values()}:
-        raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix or by --pose")
-    members = {
-        robot: Member(
-            team=name,
-            sub_teams=(sub_team,) if sub_team else tuple(chosen.team.of(robot)),
-            robot=robot,
-            grid=chosen.grid,
-            settings=chosen.board,
-        )
-        for robot in sources.poses
-    }
+    sources = _sources(odometry, fix, pose)
+    members = {robot: _member(chosen, name, sub_team, robot) for robot in sources.poses}
     stop, clock = door.Stop(), UnixClock()
     with AttachedLink(flags.link(), "ros", patience=30.0, stopped=stop, clock=clock) as link:
         node = names.Node("cop_blackboard", link.session_id, domain, clock.now)
@@ -155,6 +143,28 @@ def ros(
         door.say("ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens))
         run(service, link, clock, stop)
     return door.DONE
+
+
+def _sources(odometry: list[str] | None, fix: list[str] | None, pose: list[str] | None) -> Sources:
+    """What the flags name, each robot and each topic in one way. UserError: what cannot be, or not together."""
+    from blackboard.bridges.ros.service import Sources
+
+    sources = Sources(_topics("--odometry", odometry), _topics("--fix", fix), _topics("--pose", pose))
+    if both := sources.poses.keys() & {*sources.odometry, *sources.fixes}:
+        raise UserError(
+            f"--pose {min(both)}: --odometry and --fix are for a robot with a `robot-agent`, which reports by itself; give one of them"
+        )
+    if twice := {topic.strip("/") for topic in sources.fixes.values()} & {t.strip("/") for t in sources.poses.values()}:
+        raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix or by --pose")
+    return sources
+
+
+def _member(scenario: Scenario, team: str, sub_team: str | None, robot: str) -> Member:
+    """A robot of --pose, whose reports the bridge makes."""
+    from blackboard.client.member import Member
+
+    sub_teams = (sub_team,) if sub_team else tuple(scenario.team.of(robot))
+    return Member(team=team, sub_teams=sub_teams, robot=robot, grid=scenario.grid, settings=scenario.board)
 
 
 def _topics(flag: str, given: list[str] | None) -> dict[str, str]:
