@@ -112,14 +112,10 @@ def from_range_bearing(
         raise ValueError(f"from_range_bearing: a grid of {grid.ndim} axes; it needs 2")
     if distance is None and bearing is None:
         raise ValueError("from_range_bearing: neither distance nor bearing; give one at least")
-    told = {"heading": heading, "distance": distance, "bearing": bearing}
-    sigmas = {"distance_sigma": distance_sigma, "bearing_sigma": bearing_sigma}
-    sigmas |= {"heading_sigma": heading_sigma, "position_sigma": position_sigma}
-    for name, value in (told | sigmas).items():
-        if value is not None and (not math.isfinite(value) or (value < 0 and name not in ("heading", "bearing"))):
-            raise ValueError(
-                f"from_range_bearing: {name} {value}; give a finite number" + " of at least 0" * (value < 0)
-            )
+    _check_told(
+        heading=heading, distance=distance, bearing=bearing, distance_sigma=distance_sigma, bearing_sigma=bearing_sigma,
+        heading_sigma=heading_sigma, position_sigma=position_sigma,
+    )  # fmt: skip
     least = NARROWEST * grid.cell
     along = max(math.hypot(distance_sigma, position_sigma), least)
 
@@ -137,20 +133,37 @@ def from_range_bearing(
             found = found - 0.5 * (off / sigma) ** 2 - np.log(sigma)
         return np.asarray(found)
 
-    x, y = grid.mesh()
-    away = np.hypot(x - here[0], y - here[1])
-    if distance is not None and bearing is not None:
-        toward = here + distance * np.array([math.cos(heading + bearing), math.sin(heading + bearing)])
-        off = float(np.hypot(x - toward[0], y - toward[1]).min())
-        reach = max(along, distance * math.hypot(bearing_sigma, heading_sigma))
-    elif distance is not None:
-        toward, off, reach = None, float(np.abs(away - distance).min()), along
-    else:
-        return _normalised(grid, _integrated(grid, log_density, least))
-    if off > FURTHEST * reach + grid.cell:
-        where = "further away than all of" if toward is None else f"at {_shown(toward)}, outside"
-        raise ValueError(f"from_range_bearing: what is seen is {where} the grid, which is {_told(grid)}")
+    if distance is not None:
+        direction = None if bearing is None else heading + bearing
+        _check_reached(grid, here, distance, direction, along, math.hypot(bearing_sigma, heading_sigma))
     return _normalised(grid, _integrated(grid, log_density, least))
+
+
+def _check_told(**told: float | None) -> None:
+    for name, value in told.items():
+        if value is not None and (not math.isfinite(value) or (value < 0 and name not in ("heading", "bearing"))):
+            raise ValueError(
+                f"from_range_bearing: {name} {value}; give a finite number" + " of at least 0" * (value < 0)
+            )
+
+
+def _check_reached(
+    grid: Grid, here: Array, distance: float, direction: float | None, along: float, angle_sigma: float
+) -> None:
+    """ValueError where nothing of the grid is at a distance, and where it is known in a direction (radians), within FURTHEST sigmas.
+
+    `along` is the sigma of the distance, in unit.
+    """
+    x, y = grid.mesh()
+    if direction is None:
+        where, reach = "further away than all of", along
+        off = float(np.abs(np.hypot(x - here[0], y - here[1]) - distance).min())
+    else:
+        seen = here + distance * np.array([math.cos(direction), math.sin(direction)])
+        where, reach = f"at {_shown(seen)}, outside", max(along, distance * angle_sigma)
+        off = float(np.hypot(x - seen[0], y - seen[1]).min())
+    if off > FURTHEST * reach + grid.cell:
+        raise ValueError(f"from_range_bearing: what is seen is {where} the grid, which is {_told(grid)}")
 
 
 def from_occupancy(
