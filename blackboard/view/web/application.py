@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Callable
+from functools import partial
 from importlib import resources
 from typing import Any
 from urllib.parse import urlsplit
@@ -86,65 +87,76 @@ class Page:
 
 def application(page: Page, hosts: list[str], drift: float = 1.0) -> Starlette:
     """The page as an ASGI application, for browsers that call it by one of `hosts`; `drift` as in `explain`."""
-
-    async def file(request: Request) -> Response:
-        name = request.path_params.get("name", "index.html")
-        if name not in FILES:
-            return Response("no such file", 404)
-        content = resources.files("blackboard.view.web").joinpath("page", name).read_bytes()
-        return Response(content, media_type=FILES[name], headers=HEADERS)
-
-    async def past(request: Request) -> Response:
-        begin = request.query_params.get("from", "0")
-        past = page.frames.past(int(begin) if begin.isdecimal() and len(begin) < 17 else 0)
-        found = b'{"source":%b,"past":%b}' % (json.dumps(page.state()).encode(), past)
-        return Response(found, media_type="application/json", headers=HEADERS)
-
-    async def frame(request: Request) -> Response:
-        query = request.query_params
-        tick = query.get("tick", "")
-        known = tick.isdecimal() and len(tick) < 17
-        found = page.frames.at(query.get("run", ""), int(tick), query.get("subject", "")) if known else None
-        if found is None:
-            return Response("this tick is not kept here", 404, headers=HEADERS)
-        return Response(found, media_type="application/octet-stream", headers=HEADERS)
-
-    async def why(request: Request) -> Response:
-        team, query = page.frames.team, request.query_params
-        tick = query.get("tick", "")
-        moment = team.moments.at(int(tick)) if tick.isdecimal() and len(tick) < 17 else team.moments.newest
-        if moment is None or query.get("run", moment.run) != moment.run:
-            return JSONResponse({"sentences": ["This tick is no longer kept here."]}, headers=HEADERS)
-        try:
-            found = await asyncio.to_thread(explain, team, moment, query.get("subject", ""), drift)
-        except UserError as error:
-            return JSONResponse({"sentences": [str(error)]}, headers=HEADERS)
-        return JSONResponse({"sentences": sentences(found), "why": found}, headers=HEADERS)
-
-    async def live(socket: WebSocket) -> None:
-        origin = socket.headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc != socket.headers.get("host"):
-            await socket.close(POLICY)  # another site's page must not look on
-            return
-        if page.browsers >= MAX_BROWSERS:
-            await socket.close(POLICY)
-            return
-        await socket.accept()
-        page.browsers += 1
-        try:
-            await _send_newest(page, socket)
-        finally:
-            page.browsers -= 1
-
     routes = [
-        Route("/", file),
-        Route("/past", past),
-        Route("/frame", frame),
-        Route("/why", why),
-        Route("/{name}", file),
-        WebSocketRoute("/live", live),
+        Route("/", _file),
+        Route("/past", partial(_past, page)),
+        Route("/frame", partial(_frame, page)),
+        Route("/why", partial(_why, page, drift)),
+        Route("/{name}", _file),
+        WebSocketRoute("/live", partial(_live, page)),
     ]
     return Starlette(routes=routes, middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=hosts)])
+
+
+async def _file(request: Request) -> Response:
+    """A file of the page."""
+    name = request.path_params.get("name", "index.html")
+    if name not in FILES:
+        return Response("no such file", 404)
+    content = resources.files("blackboard.view.web").joinpath("page", name).read_bytes()
+    return Response(content, media_type=FILES[name], headers=HEADERS)
+
+
+async def _past(page: Page, request: Request) -> Response:
+    """What is over, from a tick on."""
+    past = page.frames.past(_tick(request, "from") or 0)
+    found = b'{"source":%b,"past":%b}' % (json.dumps(page.state()).encode(), past)
+    return Response(found, media_type="application/json", headers=HEADERS)
+
+
+async def _frame(page: Page, request: Request) -> Response:
+    """The frame of a tick that is over."""
+    tick, query = _tick(request), request.query_params
+    found = None if tick is None else page.frames.at(query.get("run", ""), tick, query.get("subject", ""))
+    if found is None:
+        return Response("this tick is not kept here", 404, headers=HEADERS)
+    return Response(found, media_type="application/octet-stream", headers=HEADERS)
+
+
+async def _why(page: Page, drift: float, request: Request) -> Response:
+    """The reasons of a subject's belief, at a tick or at the newest one."""
+    team, tick, query = page.frames.team, _tick(request), request.query_params
+    moment = team.moments.newest if tick is None else team.moments.at(tick)
+    if moment is None or query.get("run", moment.run) != moment.run:
+        return JSONResponse({"sentences": ["This tick is no longer kept here."]}, headers=HEADERS)
+    try:
+        found = await asyncio.to_thread(explain, team, moment, query.get("subject", ""), drift)
+    except UserError as error:
+        return JSONResponse({"sentences": [str(error)]}, headers=HEADERS)
+    return JSONResponse({"sentences": sentences(found), "why": found}, headers=HEADERS)
+
+
+def _tick(request: Request, name: str = "tick") -> int | None:
+    """The tick that a browser names; None where it names none, or no number."""
+    told = request.query_params.get(name, "")
+    return int(told) if told.isdecimal() and len(told) < 17 else None
+
+
+async def _live(page: Page, socket: WebSocket) -> None:
+    """The newest frames, until the browser leaves."""
+    origin = socket.headers.get("origin")
+    if origin is not None and urlsplit(origin).netloc != socket.headers.get("host"):
+        await socket.close(POLICY)  # another site's page must not look on
+        return
+    if page.browsers >= MAX_BROWSERS:
+        await socket.close(POLICY)
+        return
+    await socket.accept()
+    page.browsers += 1
+    try:
+        await _send_newest(page, socket)
+    finally:
+        page.browsers -= 1
 
 
 async def _send_newest(page: Page, socket: WebSocket) -> None:
