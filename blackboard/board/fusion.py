@@ -90,49 +90,77 @@ def fuse_opinions(
     opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
     everything = settings.feedback == "paper"  # Table I to the letter: everything is multiplied
     independent, overlapping = (list(opinions), list[Opinion]()) if everything else split(opinions)
-    rule = settings.of(subject)
-    learned = list[Learned]()
-    learns = learner is not None and isinstance(rule, Coalition) and rule.independence == "learn"
-    powers = powers or {}
+    rule, powers = settings.of(subject), powers or {}
     if dissent is not None and not everything:
         dissent.hear(subject, now, independent, lambda others: _pooled(rule, others, grid))
-        if not learns:
-            powers = {(o.source, how): dissent.weight(o.source) for o in opinions for how in HOW}
-    if len(opinions) == 1 and learner is not None and isinstance(rule, Coalition) and learns:
-        return _alone(opinions[0], rule, learner, counts)
+    if learner is not None and isinstance(rule, Coalition) and rule.independence == "learn":
+        if len(opinions) == 1:
+            return _alone(opinions[0], rule, learner, counts)
+        learner.hear(subject, now, independent)
+        return _fused(_as_learned(rule, independent, overlapping, learner), grid, counts)
+    if dissent is not None and not everything:
+        powers = {(o.source, how): dissent.weight(o.source) for o in opinions for how in HOW}
+    return _fused(_to_powers(rule, independent, overlapping, powers), grid, counts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Weighed:
+    """What is pooled, with which rule, and how far each opinion is believed."""
+
+    rule: Rule
+    independent: Sequence[Opinion]
+    overlapping: Sequence[Opinion]
+    stack: Array  # the beliefs of the independent opinions, to their powers: (N, *grid shape)
+    powers: Powers
+    factors: Array  # (N,) that the rule's weights are to be multiplied by
+    learned: list[Learned]
+
+
+def _to_powers(rule: Rule, independent: Sequence[Opinion], overlapping: Sequence[Opinion], powers: Powers) -> _Weighed:
+    """Opinions to powers that are known; the rule weighs what has become of them."""
     independent = [_tempered(o, powers.get((o.source, "independent"), 1.0)) for o in independent]
     overlapping = [_tempered(o, powers.get((o.source, "overlapping"), 1.0)) for o in overlapping]
-    stack, exponents = np.stack([opinion.belief.p for opinion in independent]), np.ones(len(independent))
-    if learner is not None and isinstance(rule, Coalition) and learns:
-        sources = [opinion.source for opinion in independent]
-        learner.hear(subject, now, independent)
-        widths = [width(opinion.belief) for opinion in independent] if len(independent) > 1 else [1.0]
-        advice = learner.advice(sources, widths)
-        learned, exponents = learner.learned(sources), advice.powers
-        powers = {(source, "independent"): float(it) for source, it in zip(sources, exponents, strict=True)}
-        rule, stack = as_advised(rule, stack, advice)
-    pooled = fuse(rule, stack, grid)
-    here = [all(map(counts, opinion.ancestors)) for opinion in independent]
-    counted = [opinion for opinion, is_here in zip(independent, here, strict=True) if is_here]
+    stack = np.stack([opinion.belief.p for opinion in independent])
+    return _Weighed(rule, independent, overlapping, stack, powers, np.ones(len(independent)), [])
+
+
+def _as_learned(
+    rule: Coalition, independent: Sequence[Opinion], overlapping: Sequence[Opinion], learner: Learner
+) -> _Weighed:
+    """The rule and the powers that a learner advises; its powers are part of what an opinion weighs."""
+    sources = [opinion.source for opinion in independent]
+    widths = [width(opinion.belief) for opinion in independent] if len(independent) > 1 else [1.0]
+    advice = learner.advice(sources, widths)
+    rule, stack = as_advised(rule, np.stack([opinion.belief.p for opinion in independent]), advice)
+    powers = {(source, "independent"): float(it) for source, it in zip(sources, advice.powers, strict=True)}
+    return _Weighed(rule, independent, overlapping, stack, powers, advice.powers, learner.learned(sources))
+
+
+def _fused(given: _Weighed, grid: Grid, counts: Callable[[str], bool]) -> Fusion:
+    """Pool the independent opinions by the rule, and the overlapping ones with what comes out."""
+    pooled = fuse(given.rule, given.stack, grid)
+    here = [all(map(counts, opinion.ancestors)) for opinion in given.independent]
+    counted = [opinion for opinion, is_here in zip(given.independent, here, strict=True) if is_here]
     firsthand = uniform(grid)
     if counted:
-        firsthand = Belief(grid, pooled.p if all(here) else fuse_belief(rule, stack[np.array(here)], grid))
-    fused, more, contradicted = _pool_overlapping(pooled.p, overlapping)
+        firsthand = Belief(grid, pooled.p if all(here) else fuse_belief(given.rule, given.stack[np.array(here)], grid))
+    fused, more, contradicted = _pool_overlapping(pooled.p, given.overlapping)
     kept = 1.0 - sum(share.weight for share in more)  # the share of `pooled` in `fused`
-    weights = pooled.weights * exponents * kept
-    shares = [Share(o, float(w), "independent") for o, w in zip(independent, weights, strict=True)]
+    weights = pooled.weights * given.factors * kept
+    shares = [Share(o, float(w), "independent") for o, w in zip(given.independent, weights, strict=True)]
+    rests_on = [*(given.independent if kept > 0 else []), *(share.opinion for share in more if share.weight > 0)]
     return Fusion(
         belief=Belief(grid, fused),
-        ancestors=union([*(independent if kept > 0 else []), *(share.opinion for share in more if share.weight > 0)]),
+        ancestors=union(rests_on),
         firsthand=firsthand,
         firsthand_ancestors=union(counted),
         is_firsthand=all(here) and not more,
-        shares=[replace(s, power=powers.get((s.opinion.source, s.how), 1.0)) for s in shares + more],
+        shares=[replace(s, power=given.powers.get((s.opinion.source, s.how), 1.0)) for s in shares + more],
         components=[float(c) for c in pooled.components],
-        conflict=contradicted or conflict(stack, pooled.claim()),
-        rule=rule,
+        conflict=contradicted or conflict(given.stack, pooled.claim()),
+        rule=given.rule,
         outcome=pooled.outcome,
-        learned=learned,
+        learned=given.learned,
     )
 
 
