@@ -10,18 +10,17 @@ In real time the ticks are sent at a rate, whether the board follows or not.
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgpack  # type: ignore[import-untyped,unused-ignore]
 import numpy as np
+from programs import program
 from ratios import Row, show
 
 from blackboard import Grid
@@ -43,26 +42,6 @@ SECONDS = 6.0  # of each rate in real time
 HOME = {"team": "bench", "sub_team": "a"}
 SEEN = keys.CONSENSUS.key(**HOME, subject="**")
 RELAY = "bench/back/**"
-
-
-@contextmanager
-def started(*command: str) -> Iterator[int]:
-    """A process of the package that says when it is ready; its number. It is ended with the block."""
-    running = subprocess.Popen([sys.executable, *command], stderr=subprocess.PIPE, text=True)
-    assert running.stderr is not None
-    try:
-        while "ready" not in (line := running.stderr.readline()):
-            if not line:
-                raise RuntimeError(f"{command} ended")
-        yield running.pid
-    finally:
-        running.terminate()
-        running.communicate(timeout=20)
-
-
-def processor_seconds(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def relay(endpoint: str) -> None:
@@ -180,11 +159,11 @@ def rows() -> Iterator[Row]:
                 f'[team]\nname = "bench"\nsub_teams = {{a = [{robots}]}}\n[grid]\nshape = [{side}, {side}]\n'
             )
             endpoint = f"tcp/127.0.0.1:{free_port()}"
-            stack.enter_context(started("-m", "blackboard", "router", "-l", endpoint))
+            stack.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
             board = stack.enter_context(
-                started("-m", "blackboard", "serve", "--sub-team", "a", "--scenario", str(scenario), "-e", endpoint)
+                program("-m", "blackboard", "serve", "--sub-team", "a", "--scenario", str(scenario), "-e", endpoint)
             )
-            stack.enter_context(started(__file__, "relay", endpoint))
+            stack.enter_context(program(__file__, "relay", endpoint))
             link = stack.enter_context(Link(LinkConfig(connect=(endpoint,)), "world"))
             team = Team(link, side)
             link.token(keys.WORLD.key(team="bench"))
@@ -196,9 +175,9 @@ def rows() -> Iterator[Row]:
             for _ in range(3):  # the first ticks are not counted
                 team.through_board()
                 team.through_relay()
-            before = processor_seconds(board)
+            before = board.processor_seconds()
             waits = np.array([(team.through_board(), team.through_relay()) for _ in range(ROUNDS)])
-            spent = processor_seconds(board) - before
+            spent = board.processor_seconds() - before
             about = f"{side} x {side}, 8 robots, 10 subjects"
             for name, share in (("median", 50), ("95 %", 95)):
                 own, relayed = np.percentile(waits, share, axis=0)

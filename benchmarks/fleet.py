@@ -16,22 +16,17 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
-import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from fleet_simulation import Costs, Fleet, Simulation
-from ratios import ROOT
+from programs import program
 
 from blackboard.board.service import BoardService
 from blackboard.config import BoardSection
@@ -48,7 +43,6 @@ from blackboard.wire.messages import Consensus, PackedBelief, Report, Status
 
 GRID = Grid((50, 50))
 FULL = 0.8  # of a core: a board that is busier than that may have left work undone, and tells no costs
-CORES = os.sysconf("SC_CLK_TCK")
 
 
 BELIEFS = [pack(gaussian(GRID, (5 + 8 * (i % 5), 5 + 8 * (i // 5)), 1.0 + 0.1 * i)) for i in range(25)]
@@ -168,28 +162,6 @@ def board(sub_team: str) -> BoardService:
 # --- 2. drive ----------------------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def program(*arguments: str) -> Iterator[int]:
-    """One of our programs until the block ends; yields its process number once it is ready."""
-    command = [sys.executable, "-m", "blackboard", *arguments]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=ROOT) as running:
-        try:
-            assert running.stderr is not None
-            for line in running.stderr:
-                if "ready" in line:
-                    break
-            os.set_blocking(running.stderr.fileno(), False)
-            yield running.pid
-        finally:
-            running.send_signal(signal.SIGTERM)
-
-
-def processor(pid: int) -> float:
-    """Processor seconds that a process has used."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / CORES
-
-
 @dataclass
 class Driven:
     """What real processes did under generated traffic; shares of a core, messages a second."""
@@ -216,9 +188,11 @@ def drive(fleet: Fleet, seconds: float) -> Driven:
             f'name = "fleet"\n[team]\nname = "fleet"\n[team.sub_teams]\n{teams}\n[grid]\nshape = [50, 50]\n'
             f"[board]\nperiod = {fleet.period}\n"
         )
-        router = stack.enter_context(program("router", "-l", endpoint))
+        router = stack.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
         boards = [
-            stack.enter_context(program("serve", "--scenario", str(file), "--sub-team", name, "-e", endpoint))
+            stack.enter_context(
+                program("-m", "blackboard", "serve", "--scenario", str(file), "--sub-team", name, "-e", endpoint)
+            )
             for name in members
         ]
         link = stack.enter_context(Link(LinkConfig(connect=(endpoint,)), "fleet"))
@@ -228,9 +202,9 @@ def drive(fleet: Fleet, seconds: float) -> Driven:
         link.subscribe(keys.CONSENSUS.key(team="fleet", sub_team="s0", subject="**"))
         link.subscribe(keys.STATUS.key(team="fleet", sub_team="*", process="*"))
         _say(link, fleet, 2.0)
-        before = [processor(pid) for pid in (router, *boards)]
+        before = [it.processor_seconds() for it in (router, *boards)]
         spoken = _say(link, fleet, seconds)
-        after = [processor(pid) for pid in (router, *boards)]
+        after = [it.processor_seconds() for it in (router, *boards)]
     spent = [(b - a) / spoken.wall for a, b in zip(before, after, strict=True)]
     mine = spoken.sent / spoken.wall / len(members)
     thirds = [[age for at, age in spoken.ages if int(3 * at / spoken.wall) == third] for third in (0, 2)]

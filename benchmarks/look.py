@@ -11,21 +11,18 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
-import os
 import re
-import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from multiprocessing.managers import ValueProxy
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
+from programs import program
 
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
@@ -110,8 +107,11 @@ def taped(path: Path) -> tuple[list[str], list[Tick]]:
     return held, ticks
 
 
-def browse(url: str, count: multiprocessing.managers.ValueProxy) -> None:  # type: ignore[type-arg]
-    """A browser that takes every frame; `count` has frames and bytes."""
+Count = ValueProxy[tuple[int, int]]  # frames and bytes
+
+
+def browse(url: str, count: Count) -> None:
+    """A browser that takes every frame."""
     from websockets.sync.client import connect
 
     with connect(url.replace("http", "ws") + "live", max_size=None) as socket:
@@ -123,16 +123,16 @@ def browse(url: str, count: multiprocessing.managers.ValueProxy) -> None:  # typ
             count.value = frames + 1, size + len(frame)
 
 
-def spent(pid: int) -> float:
-    """Seconds of processor time of a process."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def most_memory(pid: int) -> float:
-    """The most memory that a process ever had, in MB."""
-    found = re.search(r"VmHWM:\s+(\d+)", Path(f"/proc/{pid}/status").read_text())
-    return int(found[1]) / 1024 if found else 0.0
+@contextmanager
+def browsers(url: str, number: int) -> Iterator[list[Count]]:
+    """So many browsers as processes of their own until the block ends, and what each has taken."""
+    with multiprocessing.Manager() as manager, ExitStack() as stack:
+        counts = [manager.Value("x", (0, 0)) for _ in range(number)]
+        for count in counts:
+            browser = multiprocessing.Process(target=browse, args=(url, count), daemon=True)
+            browser.start()
+            stack.callback(browser.kill)
+        yield counts
 
 
 def main() -> None:
@@ -153,49 +153,43 @@ def main() -> None:
     print(
         f"{len(ticks)} ticks, {sum(map(len, ticks)) / len(ticks):.0f} messages and {size / len(ticks) / 1e3:.0f} kB each"
     )
+    measure(held, ticks, given.hz, given.pages)
+
+
+def measure(held: list[str], ticks: list[Tick], hz: float, pages: int) -> None:
+    """Send the ticks at a rate, in Hz, to a page with some browsers and to a recorder, and print what that costs."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
+    team = ("--team", TEAM, "-e", endpoint)
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-
-        def start(*command: str) -> subprocess.Popen[str]:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "blackboard", *command], stderr=subprocess.PIPE, text=True
-            )
-            stack.callback(process.wait)
-            stack.callback(process.terminate)
-            return process
-
-        start("router", "-l", endpoint)
+        tape = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "x.mcap"
+        stack.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
         link = stack.enter_context(Link(LinkConfig(connect=(endpoint,)), "bench", patience=30.0))
         for token in held:
             link.token(token)
-        page = start("view", "--team", TEAM, "--port", "0", "-e", endpoint)
-        recorder = start("record", str(folder / "x.mcap"), "--team", TEAM, "-e", endpoint)
-        url = next(found[0] for said in page.stderr or () if (found := re.search(r"http://\S+", said)))
-        next(said for said in recorder.stderr or () if "ready" in said)
-        manager = stack.enter_context(multiprocessing.Manager())
-        counts = [manager.Value("x", (0, 0)) for _ in range(given.pages)]
-        for one in counts:
-            browser = multiprocessing.Process(target=browse, args=(url, one), daemon=True)
-            browser.start()
-            stack.callback(browser.kill)
-        before = {process.pid: spent(process.pid) for process in (page, recorder)}
-        begin, late, never = time.monotonic(), 0, threading.Event()
-        for n, tick in enumerate(ticks):
-            never.wait(max(0.0, begin + n / given.hz - time.monotonic()))
-            late += time.monotonic() > begin + (n + 1) / given.hz
-            for envelope in tick:
-                link.send(envelope)
-        wall = time.monotonic() - begin
-        for name, process in (("page", page), ("recorder", recorder)):
-            share = 100 * (spent(process.pid) - before[process.pid]) / wall
-            print(f"{name:10}{share:6.1f} % of a core, {most_memory(process.pid):6.0f} MB")
-        frames = sum(one.value[0] for one in counts) / max(1, given.pages) / wall
-        each = sum(one.value[1] for one in counts) / max(1, sum(one.value[0] for one in counts)) / 1e3
+        page = stack.enter_context(program("-m", "blackboard", "view", "--port", "0", *team, says="http://"))
+        recorder = stack.enter_context(program("-m", "blackboard", "record", str(tape), *team))
+        (url,) = re.findall(r"http://\S+", page.said)
+        counts = stack.enter_context(browsers(url, pages))
+        before = {it: it.processor_seconds() for it in (page, recorder)}
+        wall, late = send(link, ticks, hz)
+        for name, it in (("page", page), ("recorder", recorder)):
+            share = 100 * (it.processor_seconds() - before[it]) / wall
+            print(f"{name:10}{share:6.1f} % of a core, {it.mebibytes('VmHWM'):6.0f} MB")
+        frames, size = (sum(part) for part in zip((0, 0), *(count.value for count in counts), strict=True))
         print(f"{len(ticks) / wall:.1f} ticks/s in {wall:.1f} s, {late} late")
-        print(f"pages     {frames:.1f} frames/s of {each:.0f} kB each")
-        kept = (folder / "x.mcap").stat().st_size
-        print(f"tape      {kept / wall / 1e3:.0f} kB/s")
+        print(f"pages     {frames / max(1, pages) / wall:.1f} frames/s of {size / max(1, frames) / 1e3:.0f} kB each")
+        print(f"tape      {tape.stat().st_size / wall / 1e3:.0f} kB/s")
+
+
+def send(link: Link, ticks: list[Tick], hz: float) -> tuple[float, int]:
+    """Send so many ticks a second: how long it took, in seconds, and how many ticks were late by a whole one."""
+    begin, late, never = time.monotonic(), 0, threading.Event()
+    for n, tick in enumerate(ticks):
+        never.wait(max(0.0, begin + n / hz - time.monotonic()))
+        late += time.monotonic() > begin + (n + 1) / hz
+        for envelope in tick:
+            link.send(envelope)
+    return time.monotonic() - begin, late
 
 
 if __name__ == "__main__":

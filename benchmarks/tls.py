@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -17,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
+from programs import Program, program
 
 from blackboard.access import directory
 from blackboard.config import TeamSection
@@ -29,29 +28,16 @@ from blackboard.wire.envelope import Envelope
 TEAM = TeamSection(name="t", sub_teams={"a": ["r1"]})
 ASK, ANSWER = "cop/t/a/status/r1", "cop/t/a/status/board-a"
 ROUNDS = 4  # of which the best is shown, because others may use the machine
-TICKS = 1.0 / os.sysconf("SC_CLK_TCK")  # seconds
 
 
 @contextmanager
-def router(keys: str | None, log: bool) -> Iterator[tuple[str, int]]:
-    """A router, and its process number. Without `log` Zenoh does not tell what it denies."""
+def router(keys: str | None, log: bool) -> Iterator[tuple[str, Program]]:
+    """A router and its endpoint. Without `log` Zenoh does not tell what it denies."""
     endpoint = f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
     flags = ["--keys", keys] if keys else []
-    environment = dict(os.environ) if log or not keys else {**os.environ, "RUST_LOG": "error"}
-    command = [sys.executable, "-m", "blackboard", "router", "-l", endpoint, *flags]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as running:
-        try:
-            assert running.stderr is not None
-            while "ready" not in running.stderr.readline():
-                assert running.poll() is None, "the router has ended"
-            yield endpoint, running.pid
-        finally:
-            running.send_signal(signal.SIGTERM)
-
-
-def processor_seconds(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) * TICKS
+    environment = {} if log or not keys else {"RUST_LOG": "error"}
+    with program("-m", "blackboard", "router", "-l", endpoint, *flags, **environment) as running:
+        yield endpoint, running
 
 
 def bounce(one: Link, other: Link, payload: bytes) -> float:
@@ -68,7 +54,7 @@ def bounce(one: Link, other: Link, payload: bytes) -> float:
 
 def measure(keys: str | None, log: bool, size: int, number: int) -> tuple[float, ...]:
     """Milliseconds there and back (median, 99 %), and microseconds of a processor for each message (router, both ends)."""
-    with router(keys, log) as (endpoint, pid):
+    with router(keys, log) as (endpoint, between):
         ends = [Link(LinkConfig(connect=(endpoint,), keys=keys, who=w), w) for w in ("robot/r1", "board/board-a")]
         with ends[0] as one, ends[1] as other:
             one.subscribe(ANSWER)
@@ -80,9 +66,9 @@ def measure(keys: str | None, log: bool, size: int, number: int) -> tuple[float,
                 pass
             other.send(Envelope(ANSWER, payload))
             one.receive(1.0)
-            before, here = processor_seconds(pid), time.process_time()
+            before, here = between.processor_seconds(), time.process_time()
             times = sorted(bounce(one, other, payload) for _ in range(number))
-            spent, mine = processor_seconds(pid) - before, time.process_time() - here
+            spent, mine = between.processor_seconds() - before, time.process_time() - here
     median, late = times[number // 2], times[int(number * 0.99)]
     per = 1e6 / (2 * number)
     return 1e3 * median, 1e3 * late, per * spent, per * mine
