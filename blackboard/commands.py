@@ -199,15 +199,20 @@ def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Itera
 
 
 def _check(scenario: Scenario) -> None:
-    """Validate every section of a scenario before anything starts, also those that only robots and the world read."""
+    """Validate every section of a scenario before anything starts, also those that only robots and the world read.
+
+    Here is also told what only two sections together show; a process that is started alone takes it.
+    """
     from blackboard.faults import faults_of
     from robot_agent.config import RobotSection
     from sim_world.mrclam.files import recording_folder
-    from sim_world.scenario import WorldSection
+    from sim_world.scenario import WorldSection, check_drifts
 
     _ = scenario.team, scenario.grid, scenario.time, scenario.board
     scenario.section("robot", RobotSection)
     world = scenario.section("world", WorldSection)
     if world.kind == "mrclam":
         recording_folder(world.dir)
+    else:
+        check_drifts(scenario, world)
     faults_of(scenario)

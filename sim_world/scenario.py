@@ -10,7 +10,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from blackboard.config import Name, Positive, Section
+from blackboard.config import Name, Positive, Scenario, Section
+from blackboard.errors import UserError
+from blackboard.wire.mistakes import nearest
 from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS, protocol_of
 
 Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -145,3 +147,12 @@ class WorldSection(Section):
             families = ", ".join(f"{next(iter(family))}, ..." for family in FAMILIES.values())
             raise ValueError(f"no protocol of this name; use one of {', '.join(PROTOCOLS)}, {families}")
         return protocol
+
+
+def check_drifts(scenario: Scenario, world: WorldSection) -> None:
+    """UserError: [board] objects_drifts names an object that the simulated world does not have."""
+    strangers = sorted(scenario.board.objects_drifts.keys() - world.objects.keys())
+    if strangers:
+        known = ", ".join(sorted(world.objects))
+        cure = f"{nearest(strangers[0], world.objects)}; known are {known}" if known else "; it has none"
+        raise UserError(f"{scenario.where}: board.objects_drifts.{strangers[0]}: the world has no such object{cure}")

@@ -1,0 +1,69 @@
+"""Mistakes that only the whole scenario shows: a launcher tells them before anything starts, a process started alone does not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import blackboard.__main__
+from blackboard.errors import UserError
+from blackboard.run import door, launch
+
+OBJECTS = "[world.objects]\nball = {}\ncan = {}\n"
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What would have been started: a team, or a service by its name."""
+    found: list[str] = []
+
+    def run_scenario(*_: object, **__: object) -> tuple[int, dict[str, Any]]:
+        found.append("team")
+        return 0, {}
+
+    monkeypatch.setattr(launch, "run_scenario", run_scenario)
+    monkeypatch.setattr(door, "serve", lambda service, name, flags: found.append(name))
+    return found
+
+
+def call(*arguments: str) -> None:
+    command, bound, _ = blackboard.__main__.app.parse_args(arguments, exit_on_error=False, print_error=False)
+    command(*bound.args, **bound.kwargs)
+
+
+def scenario(folder: Path, drifts: str, world: str) -> str:
+    file = folder / "mine.toml"
+    file.write_text(f"[board]\nobjects_drifts = {{ {drifts} }}\n{world}")
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    ("drifts", "world", "wrong", "cure"),
+    [
+        ("can = 0.1, cn = 0.1", OBJECTS, "cn", "; did you mean can?; known are ball, can"),
+        ("zzz = 0.1", OBJECTS, "zzz", "; known are ball, can"),
+        ("cn = 0.1", "", "cn", "; did you mean can?; known are ball, can"),  # the objects that a world has by itself
+        ("can = 0.1", "[world]\nobjects = {}\n", "can", "; it has none"),
+    ],
+)
+def test_the_drift_of_an_object_that_the_world_does_not_have_is_told_in_one_line(
+    drifts: str, world: str, wrong: str, cure: str, tmp_path: Path, started: list[str]
+) -> None:
+    file = scenario(tmp_path, drifts, world)
+    with pytest.raises(UserError) as error:
+        call("up", file, "--json")
+    assert str(error.value) == f"{file}: board.objects_drifts.{wrong}: the world has no such object{cure}"
+    assert started == []
+
+
+def test_the_drift_of_an_object_of_the_world_is_taken(tmp_path: Path, started: list[str]) -> None:
+    call("up", scenario(tmp_path, "can = 0.1", OBJECTS), "--json")
+    assert started == ["team"]
+
+
+def test_a_recording_names_no_objects_and_a_board_alone_reads_no_world(tmp_path: Path, started: list[str]) -> None:
+    call("up", scenario(tmp_path, "box = 0.1", f"[world]\nkind = 'mrclam'\ndir = '{tmp_path}'\n"), "--json")
+    call("serve", "--sub-team", "a", "--scenario", scenario(tmp_path, "cn = 0.1", OBJECTS))
+    assert started == ["team", "board-a"]
