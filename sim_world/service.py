@@ -54,6 +54,7 @@ class WorldService:
         self.traffic, self.rounds = Traffic(), Rounds(WORLD, waits, "start")
         self.run, self.tick = "", -1
         self._open: dict[int, Instant] = {}  # ticks that are not over
+        self._over: list[tuple[Instant, bool]] = []  # ticks that are to be judged once the next one has been sent
         self._sent: list[Envelope] = []  # the readings of the newest tick
         self._clock: Clock | None = None  # of the newest tick
         self._news_at = 0.0  # Unix seconds of the newest first answer to the tick, or of asking again
@@ -104,11 +105,14 @@ class WorldService:
 
     def wake(self, now: float) -> list[Envelope]:
         self._now = now
+        self._judge()
         return self._advance(now)
 
     def wake_at(self, now: float) -> float | None:
         if self._end is not None:
             return None
+        if self._over:
+            return now
         due = min(self.rounds.ends_at(self.pace), self.roster.changes_at())
         return min(due, self._asks_at) if self._is_waiting_for_answers else due
 
@@ -128,6 +132,7 @@ class WorldService:
 
     def result(self) -> RunResult:
         """The run until now; traffic is the world's own, and what the newest status of every other process counts."""
+        self._judge()
         judgement = self.referee.judgement()
         counts = self.traffic.counters(self.counters)
         return RunResult(
@@ -280,9 +285,14 @@ class WorldService:
         return self._stop("") if self.tick == self.ticks else self._begin_tick(now, now, instant.agreed_subjects())
 
     def _close(self, *ticks: int) -> None:
-        """Take no more answers to these ticks, and give them to the referee."""
-        for tick in ticks:
-            self.referee.hear(self._open.pop(tick), self.sensors.judged(tick))
+        """Take no more answers to these ticks, and keep them for the referee."""
+        self._judge()
+        self._over = [(self._open.pop(tick), self.sensors.judged(tick)) for tick in ticks]
+
+    def _judge(self) -> None:
+        """Give what is over to the referee, while the others work on what was sent."""
+        while self._over:
+            self.referee.hear(*self._over.pop(0))
 
     # --- sending ------------------------------------------------------------------------------------------------------
 
@@ -312,6 +322,7 @@ class WorldService:
     def _stop(self, why: str) -> list[Envelope]:
         """End, and send a last Clock that says so; `why` is empty where all ticks are done."""
         self._end = why
+        self._judge()
         tick = max(0, self.tick)
         clock = Clock(run=self.run, tick=tick, time=tick * self.time.tick, mode=self.time.mode, end=True)
         return [Envelope(keys.CLOCK.key(team=self.team.name), encode(clock))]
