@@ -5,6 +5,7 @@ It knows no message and loads neither NumPy nor pydantic, so that a health check
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,11 +19,44 @@ MAX_TOTAL = 1 << 17  # items of all arrays and maps together
 MAX_ITEMS = 1024  # the longest array or map, known or not, before any field is looked at
 MAX_TEXT = 4096  # bytes of the longest text
 
+WHOLE = 1 << 31  # a whole number from here on is no shorter as an integer
+LARGEST_SINGLE = 3.4e38  # nearly the largest float32
 
-def pack_map(fields: Mapping[str, Any]) -> bytes:
-    """One msgpack map, with the version first."""
-    packed: bytes = msgpack.packb({"version": VERSION, **fields})
+
+def pack_map(fields: Mapping[str, Any], *, shortest: bool = False) -> bytes:
+    """One msgpack map, with the version first.
+
+    `shortest`: floats stand in the fewest bytes that read back as the same number, as integer, float32 or float64 (-0.0 as 0).
+    """
+    whole = {"version": VERSION, **fields}
+    packed: bytes = _shortest(whole) if shortest else msgpack.packb(whole)
     return packed
+
+
+def _shortest(value: Any) -> bytes:
+    if isinstance(value, float):
+        return _number(value)
+    if isinstance(value, Mapping):
+        items = (_shortest(key) + _shortest(item) for key, item in value.items())
+        return _head(len(value), 0x80, 0xDE) + b"".join(items)
+    if isinstance(value, (list, tuple)):
+        return _head(len(value), 0x90, 0xDC) + b"".join(map(_shortest, value))
+    packed: bytes = msgpack.packb(value)
+    return packed
+
+
+def _head(size: int, small: int, large: int) -> bytes:
+    """The beginning of a map or an array; no message has one of more than 65535 items."""
+    return bytes([small | size]) if size < 16 else struct.pack(">BH", large, size)
+
+
+def _number(value: float) -> bytes:
+    if value.is_integer() and abs(value) < WHOLE:  # an infinity and a NaN are no integers
+        packed: bytes = msgpack.packb(int(value))
+        return packed
+    if abs(value) < LARGEST_SINGLE and struct.unpack(">f", single := struct.pack(">f", value))[0] == value:
+        return b"\xca" + single
+    return struct.pack(">Bd", 0xCB, value)
 
 
 def unpack_map(payload: bytes) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode, open_envelope
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import MODELS, REASONS, Report, Status
-from blackboard.wire.raw import MAX_BYTES
+from blackboard.wire.raw import MAX_BYTES, pack_map
 from blackboard.wire.types import Message
 from tests.wire.messages import CONSENSUS, EXAMPLES, REPORT, STATUS, TOPICS, as_map
 
@@ -221,3 +221,30 @@ def test_a_consensus_on_the_key_of_the_other_level_is_an_impostor() -> None:
     with pytest.raises(Refused) as refusal:
         open_envelope(Envelope(TOPICS["agreed"].key(**EXAMPLES["agreed"][0]), encode(CONSENSUS)))
     assert refusal.value.reason == "impostor"
+
+
+# --- in fewer bytes ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("message", ALL, ids=lambda message: type(message).__name__)
+def test_the_shortest_form_reads_back_as_the_same_message(message: Message) -> None:
+    payload = encode(message, shortest=True)
+    assert decode(type(message), payload) == message
+    assert len(payload) <= len(encode(message))
+
+
+@pytest.mark.parametrize(
+    ("number", "size"),
+    [(0.0, 1), (-0.0, 1), (1.0, 1), (-7.0, 1), (300.0, 3), (0.5, 5), (float(np.float32(0.1)), 5), (0.1, 9), (1e12, 9)]
+    + [(2.0**31, 5), (2.0**31 - 1, 5), (1248446200.25, 9), (1e300, 9), (math.inf, 9), (-1e-46, 9)],
+)
+def test_a_number_takes_as_few_bytes_as_hold_it(number: float, size: int) -> None:
+    payload = pack_map({"a": [number], "b": {"c": (number, "text", b"bytes", None, True, 7)}}, shortest=True)
+    assert msgpack.unpackb(payload)["a"] == [number]
+    assert msgpack.unpackb(payload)["b"] == {"c": [number, "text", b"bytes", None, True, 7]}
+    assert len(pack_map({"a": [number]}, shortest=True)) == len(pack_map({"a": [0]})) - 1 + size
+
+
+def test_long_maps_and_arrays_have_longer_heads() -> None:
+    fields = {f"f{i}": [float(j) for j in range(i)] for i in (0, 15, 16, 300)} | {f"g{i}": i for i in range(20)}
+    assert msgpack.unpackb(pack_map(fields, shortest=True)) == {"version": 1, **fields}
