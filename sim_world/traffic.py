@@ -20,7 +20,9 @@ class Traffic:
     def hear(self, sub_team: str, status: Status) -> None:
         """Take a status; processes beyond the first `MAX_PROCESSES` are not counted."""
         name = sub_team if status.kind == "board" else "", status.process
-        if name in self._statuses or len(self._statuses) < MAX_PROCESSES:
+        if name in self._statuses:
+            self._statuses[name] = self._statuses[name] if status.is_brief else (status.counters, status.refused)
+        elif len(self._statuses) < MAX_PROCESSES:
             self._statuses[name] = status.counters, status.refused
 
     def counters(self, own: Mapping[str, int]) -> Counter[str]:

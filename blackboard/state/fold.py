@@ -210,6 +210,7 @@ class TeamFold:
             self.grid = grid
 
     def _hear_status(self, process: Process, sub_team: str, status: Status, now: float) -> None:
+        status = status.beside(process.status)
         for reason, count in status.refused.items():
             more = count - process.refused.get(reason, 0)
             if more > 0 and process.status is not None:

@@ -239,6 +239,18 @@ class Status(Message):
     #: of a board that is asked while it waits: whose messages of the tick are not here, as in Clock.asked
     lacks: Annotated[list[Text], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
 
+    @property
+    def is_brief(self) -> bool:
+        """Whether it leaves out what only operators read, as a robot on a poor link does: what it said before stands."""
+        return self.kind == "robot" and not (self.counters or self.refused or self.ages or self.settings)
+
+    def beside(self, before: Status | None) -> Status:
+        """With what it leaves out as it was `before`."""
+        if before is None or not self.is_brief:
+            return self
+        names = ("counters", "refused", "ages", "settings")
+        return self.model_copy(update={name: getattr(before, name) for name in names})
+
 
 class Refusal(Message):
     """A board tells a robot that it refused what came under its name: the newest of it, and how many in all."""
