@@ -5,20 +5,22 @@ Long, because how a report may be said, what that is worth and which are chosen 
 A board keeps the last report about each subject and lets it spread with age. So a report is worth, in expected nats of log score,
 KL(now || what the board has) - KL(now || what it would have): the first term is what silence costs, the second what a coarser
 report loses. What the team knows better than the robot is worth less, by the area that the team's belief covers over that of the
-robot's own. A token bucket in team time bounds the bytes, and a price in nats per byte, which rises while the bucket is empty and
+robot's own. A sighting of a mate is another matter (`_of_mate`, `sightings.py`): two that follow each other differ by their noise,
+which is no news. A token bucket in team time bounds the bytes, and a price in nats per byte, which rises while the bucket is empty and
 falls while it is full, decides whether to spend now or to wait for something better.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, blur, uniform
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
@@ -27,16 +29,20 @@ from blackboard.wire.evidence import PackedEvidence, unpack_increment, unpack_st
 from blackboard.wire.messages import PackedBelief, Report
 from robot_agent.coarse import coarser
 from robot_agent.config import SendSection
+from robot_agent.short import shorter
+from robot_agent.sightings import Sightings
 
 #: Precisions beside the one that a report has: nats between two levels, and how far below the peak the box reaches.
-FINER, COARSER = (0.2, 8.0), (0.5, 7.0)
-STATE_EVERY = 1.0  # seconds of team time between two whole states in evidence; boards need one to let a robot enter
-PROFILE = 4  # one in so many points of a camera's profile is sent, and the last one; boards interpolate
+FINER, COARSER, COARSEST = (0.2, 8.0), (0.5, 7.0), (1.0, 5.0)
 #: Factor on the worth of a belief about a subject that the boards' joint knows from evidence: such a belief enters the consensus only.
 JOINT = 0.05
 PRICE = 1e-4  # nats per byte at the beginning
+#: Seconds of team time between two whole states in evidence where the boards have the robot in their joint: one that comes needs it.
+STATE_EVERY = 10.0
 MOST = 20.0  # nats that an increment counts at most
 CHEAPEST, DEAREST = 1e-7, 1e3  # nats per byte
+#: Doublings of the price at once, and in each `burst` seconds, between a full bucket and an empty one.
+STIFF, SLOW = 4.0, 2.0
 FLOOR = 1e-12  # of a probability in a logarithm
 
 
@@ -98,6 +104,7 @@ class Known:
 
     entropy: float
     joint: bool
+    state: Moments | None = None  # of the robot itself in that joint
 
 
 @dataclass
@@ -112,7 +119,8 @@ class Budget:
     bucket: Bucket = field(init=False)
     price: float = PRICE
     sent: dict[str, Sent] = field(default_factory=dict)
-    seen: dict[str, Sent] = field(default_factory=dict)  # what boards that keep a joint made of sightings in evidence
+    sightings: Sightings = field(default_factory=Sightings)  # what boards that keep a joint know from those in evidence
+    _priced_at: float = -math.inf  # team time, seconds
     _since: dict[str, float] = field(default_factory=dict)  # subject -> team time since which nothing was said about it
     _state_at: tuple[int, float] = (-1, -math.inf)  # epoch and team time of the last whole state in evidence
 
@@ -127,6 +135,7 @@ class Budget:
         """
         if not self.saves:
             return Said(list(reports), {})
+        reports = [_short(report) for report in reports]
         self.bucket.refill(time)
         subjects = {report.subject for report in reports}
         self.sent = {subject: it for subject, it in self.sent.items() if subject in subjects}
@@ -139,8 +148,10 @@ class Budget:
             chosen = {option.report.subject: option for option in full}
             self.bucket.take(needed)
         else:
-            chosen = self._chosen(options, time)
-        self._reprice()
+            chosen = self._chosen(
+                options, time, {s for s, it in team.items() if it.joint and s != f"robot/{self.robot}"}
+            )
+        self._reprice(time)
         for subject, option in chosen.items():
             self.sent[subject] = Sent(time, option.belief)
             if option.whole:
@@ -149,8 +160,7 @@ class Budget:
             if evidence is not None and evidence.state is not None:
                 self._state_at = evidence.epoch, time
             if evidence is not None:
-                seen = {it.subject for it in evidence.relatives} & options.keys()
-                self.seen.update({it: Sent(time, options[it][0].belief) for it in sorted(seen)})
+                self.sightings.said(evidence)
         kept = {s: stale[s] for s in sorted(subjects) if s not in chosen and s in self.sent}
         return Said([chosen[r.subject].report for r in reports if r.subject in chosen], kept)
 
@@ -159,7 +169,9 @@ class Budget:
         sent = self.sent.get(subject)
         if sent is None:
             return uniform(self.grid)
-        if speed is not None and subject == f"robot/{self.robot}":
+        if speed is not None and subject.startswith(
+            "robot/"
+        ):  # a mate's own speed, which it tells the boards, may be another
             sigma = speed * max(0.0, time - sent.time) / math.sqrt(2)
             return self._blurred(sent.belief, sigma)
         return self._spread(sent, time, self.drift)
@@ -179,12 +191,17 @@ class Budget:
 
     # --- inside -------------------------------------------------------------------------------------------------------
 
-    def _chosen(self, options: Mapping[str, list[Option]], time: float) -> dict[str, Option]:
-        """Who has waited too long comes first; then the best for its bytes, as long as it is worth the price."""
+    def _chosen(self, options: Mapping[str, list[Option]], time: float, known: Collection[str]) -> dict[str, Option]:
+        """Who has waited too long comes first; then the best for its bytes, as long as it is worth the price.
+
+        What the boards' joint knows of other subjects (`known`) it knows from evidence, so beliefs about them wait twice as long.
+        """
         chosen: dict[str, Option] = {}
-        waiting = sorted((since, subject) for subject, since in self._since.items())
+        longest = self.settings.longest
+        waiting = sorted((since + longest * (subject in known), subject) for subject, since in self._since.items())
+        price = self.price * 2.0 ** (STIFF * (0.5 - self._fill))
         for since, subject in waiting:
-            if time - since < self.settings.longest:
+            if time - since < longest:
                 break
             cheapest = min((it for it in options[subject] if it.whole), key=lambda option: (option.size, -option.worth))
             if not self.bucket.has(cheapest.size):
@@ -195,7 +212,7 @@ class Budget:
             for subject, at in options.items()
             for option in at
             if (more := option.size - (chosen[subject].size if subject in chosen else 0)) > 0
-            and (gain := option.worth - (chosen[subject].worth if subject in chosen else 0.0)) / more > self.price
+            and (gain := option.worth - (chosen[subject].worth if subject in chosen else 0.0)) / more > price
             and self.bucket.has(more)
         ]:
             self._take(chosen, max(moves, key=lambda move: (move[0], move[1].report.subject))[1])
@@ -206,33 +223,37 @@ class Budget:
         self.bucket.take(option.size - (0 if before is None else before.size))
         chosen[option.report.subject] = option
 
-    def _reprice(self) -> None:
-        """Twice as dear after two ticks with an empty bucket, half as dear after two with a full one."""
-        fill = min(1.0, max(0.0, self.bucket.level / self.bucket.burst))
-        self.price = min(DEAREST, max(CHEAPEST, self.price * 2.0 ** (0.5 - fill)))
+    @property
+    def _fill(self) -> float:
+        return min(1.0, max(0.0, self.bucket.level / self.bucket.burst))
+
+    def _reprice(self, time: float) -> None:
+        """The price that leaves the bucket half full is found slowly; until then a fuller bucket makes all cheaper (`STIFF`)."""
+        spans = (time - self._priced_at) / self.settings.burst
+        self._priced_at = time
+        factor = 2.0 ** (SLOW * min(1.0, max(0.0, spans)) * (0.5 - self._fill))
+        self.price = min(DEAREST, max(CHEAPEST, self.price * factor))
 
     def _all_options(
         self, reports: Sequence[Report], stale: Mapping[str, Belief], time: float, team: Mapping[str, Known]
     ) -> dict[str, list[Option]]:
-        """For each subject its report as it could be sent, as it is first.
-
-        Sightings in evidence are worth what the beliefs say that are made of them; a joint takes those beliefs from nowhere else.
-        """
-        self.seen = {subject: it for subject, it in self.seen.items() if subject in stale}
-        best, news, found = dict[str, Belief](), dict[str, float](), dict[str, list[Option]]()
+        """For each subject its report as it could be sent, as it is first."""
+        best, found = dict[str, Belief](), dict[str, list[Option]]()
         for report in reports:
             told = report.belief if report.informed is None else report.informed.belief
             best[report.subject] = unpack(told, self.grid)
-        for subject, belief in best.items():
-            seen = self.seen.get(subject)
-            there = stale[subject] if seen is None else self._spread(seen, time, self.drift)
-            news[subject] = self._share(subject, belief, team) * max(0.0, _divergence(belief.p, there.p))
         for report in reports:
             known = team.get(report.subject)
-            share = self._share(report.subject, best[report.subject], team)
+            mate = self._is_mate(report.subject)
+            share = 1.0 if mate else self._share(report.subject, best[report.subject], team)
             if known is not None and known.joint and report.evidence is None:
                 share *= JOINT
-            found[report.subject] = self._options(report, best[report.subject], stale[report.subject], share, news)
+            if report.evidence is not None:
+                found[report.subject] = self._with_evidence(
+                    report, best[report.subject], stale[report.subject], share, time, team
+                )
+            else:
+                found[report.subject] = self._options(report, best[report.subject], stale[report.subject], known, share)
         return found
 
     def _share(self, subject: str, belief: Belief, team: Mapping[str, Known]) -> float:
@@ -240,17 +261,21 @@ class Budget:
         known = team.get(subject)
         return 1.0 if known is None else min(1.0, math.exp(known.entropy - entropy(belief.p)))
 
-    def _options(
-        self, report: Report, best: Belief, stale: Belief, share: float, news: Mapping[str, float]
-    ) -> list[Option]:
+    def _options(self, report: Report, best: Belief, stale: Belief, known: Known | None, share: float) -> list[Option]:
         """The report as it is, then coarser."""
         informed, first = report.informed, unpack(report.belief, self.grid)
+        if self._is_mate(report.subject):
+            return self._of_mate(report, first, stale, known, share)
         lost = _divergence(best.p, stale.p)
-        if report.evidence is not None:
-            return self._with_evidence(report, first, best, share * lost, share, news)
         found = [self._option(report, best, best, lost, share)]
         plain = report.model_copy(update={"ancestors": {}})  # which says the same: the source alone
-        for precisions in ((FINER, FINER), (COARSER, FINER), (COARSER, COARSER)):
+        for precisions in (
+            (FINER, FINER),
+            (COARSER, FINER),
+            (COARSER, COARSER),
+            (COARSEST, COARSER),
+            (COARSEST, COARSEST),
+        ):
             changes: dict[str, object] = {"belief": coarser(first, report.belief, *precisions[0])}
             told = changes["belief"]
             if informed is not None:
@@ -260,59 +285,107 @@ class Budget:
             found.append(self._option(plain.model_copy(update=changes), unpack(told, self.grid), best, lost, share))
         return found
 
-    def _with_evidence(
-        self, report: Report, first: Belief, best: Belief, worth: float, share: float, news: Mapping[str, float]
+    def _is_mate(self, subject: str) -> bool:
+        return subject.startswith("robot/") and subject != f"robot/{self.robot}"
+
+    def _of_mate(
+        self, report: Report, first: Belief, stale: Belief, known: Known | None, factor: float
     ) -> list[Option]:
-        """For boards that keep a joint: all of it; the evidence with a coarse belief; and the motion alone.
+        """What a robot sees of a mate in a tick replaces what it saw before, and is no more right for being another noise.
+
+        So it is worth what its lesser age adds to the precision, the inverse of the area, of all that the team knows. What the team
+        made of it comes from the team, and is left out.
+        """
+        area = float(self.grid.size) if known is None else math.exp(known.entropy)
+        more = max(0.0, math.exp(-entropy(first.p)) - math.exp(-entropy(stale.p)))
+        worth = math.log1p(area * more)
+        share = min(1.0, area * math.exp(-entropy(first.p)))
+        found = [Option(report, self.size(report), worth * factor, first)]
+        plain = report.model_copy(update={"ancestors": {}, "informed": None})
+        for precision in (FINER, COARSER, COARSEST):
+            packed = coarser(first, report.belief, *precision)
+            it, told = plain.model_copy(update={"belief": packed}), unpack(packed, self.grid)
+            lost = share * _divergence(first.p, told.p)
+            found.append(Option(it, self.size(it), (worth - lost) * factor, told))
+        return found
+
+    def _with_evidence(
+        self, report: Report, best: Belief, stale: Belief, share: float, time: float, team: Mapping[str, Known]
+    ) -> list[Option]:
+        """For boards that keep a joint: all of it; the evidence with a coarse belief, with fewer sightings; and the motion alone.
 
         Evidence is as sharp as ever. What was gained and is not sent is gathered by the filter for the next time; sightings are lost.
         """
-        assert report.evidence is not None
-        coarse = coarser(first, report.belief, *COARSER)
-        lean = self._lean(report).model_copy(update={"belief": coarse, "informed": None, "ancestors": {}})
-        seen = sum(news.get(it.subject, 0.0) for it in report.evidence.relatives)
-        found = [Option(it, self.size(it), worth + seen, best) for it in (report, lean)]
-        evidence = lean.evidence
-        if evidence is not None and evidence.increment is not None:
-            told: dict[str, object] = {"increment": None, "state": None, "relatives": [], "profile": []}
-            moved = lean.model_copy(update={"evidence": evidence.model_copy(update=told)})
-            found.append(
-                Option(moved, self.size(moved), max(0.0, worth - share * _gained(report.evidence)), best, False)
-            )
+        evidence = report.evidence
+        assert evidence is not None
+        mine = team.get(report.subject)
+        entered = mine is not None and mine.joint
+        worth = share * _divergence(best.p, stale.p)
+        areas = {subject: it.entropy for subject, it in team.items() if it.joint}
+        news = self.sightings.news(evidence, time, None if mine is None else mine.state, areas, self.grid)
+        first = coarser(unpack(report.belief, self.grid), report.belief, *(COARSEST if entered else COARSER))
+        coarse = report.model_copy(update={"belief": first, "informed": None, "ancestors": {}})
+        lean = self._lean(coarse, entered)
+        found = [Option(it, self.size(it), worth + sum(news.values()), best) for it in (report, lean)]
+        told = lean.evidence
+        assert told is not None
+        by_news = sorted(told.relatives, key=lambda it: (-news.get(it.subject, 0.0), it.subject))
+        for count in range(len(by_news) - 1, -1, -1):
+            fewer = told.model_copy(update={"relatives": by_news[:count], "profile": told.profile if count else []})
+            some = lean.model_copy(update={"evidence": fewer})
+            seen = sum(news.get(it.subject, 0.0) for it in by_news[:count])
+            found.append(Option(some, self.size(some), worth + seen, best))
+        if evidence.increment is not None and entered:  # whom no joint has, it cannot move
+            moved = told.model_copy(update={"increment": None, "state": None, "relatives": [], "profile": []})
+            less = lean.model_copy(update={"evidence": moved})
+            gained = _gained(evidence, None if mine is None else mine.state)
+            found.append(Option(less, self.size(less), max(0.0, worth - share * gained), best, False))
         return found
 
     def _option(self, report: Report, told: Belief, best: Belief, lost: float, share: float) -> Option:
         worth = share * (lost - _divergence(best.p, told.p))
         return Option(report, self.size(report), worth, told)
 
-    def _lean(self, report: Report) -> Report:
-        """The evidence with a shorter profile of the camera, and without its state, where boards have heard one lately.
+    def _lean(self, report: Report, entered: bool) -> Report:
+        """The evidence without its state, where the boards have it in their joint and heard one lately.
 
-        A board needs a state to let a robot enter its joint, as after the board was started again.
+        A board needs a state to let a robot enter its joint, as after it was started again. One that publishes finds that out itself:
+        what it then agrees on about the robot is of no joint (`entered`).
         """
         evidence = report.evidence
-        if evidence is None:
-            return report
+        assert evidence is not None
         epoch, at = self._state_at
-        changes: dict[str, object] = {}
-        if evidence.increment is not None and epoch == evidence.epoch and report.time - at < STATE_EVERY:
-            changes["state"] = None
-        if len(evidence.profile) > 2 * PROFILE:
-            changes["profile"] = [*evidence.profile[:-1:PROFILE], evidence.profile[-1]]
-        return report.model_copy(update={"evidence": evidence.model_copy(update=changes)})
+        age = report.time - at
+        late = age >= 2 * STATE_EVERY or (age >= STATE_EVERY and self.bucket.has(self.size(report)))
+        if not entered or epoch != evidence.epoch or late:
+            return report
+        return report.model_copy(update={"evidence": evidence.model_copy(update={"state": None})})
+
+    def repeat_state(self) -> None:
+        """A board came: the next evidence has the whole state, from which the robot enters its joint."""
+        self._state_at = (-1, -math.inf)
 
 
-def _gained(evidence: PackedEvidence) -> float:
-    """KL in nats between the place of a robot with and without the increment of its evidence; 0 where there is none."""
-    if evidence.increment is None or evidence.state is None:
+def _short(report: Report) -> Report:
+    if report.evidence is None:
+        return report
+    return report.model_copy(update={"evidence": shorter(report.evidence)})
+
+
+def _gained(evidence: PackedEvidence, known: Moments | None) -> float:
+    """Nats that an increment adds to what is `known` of a robot's place, or where no board knows it, to what it knows itself."""
+    if evidence.increment is None or (known is None and evidence.state is None):
         return 0.0
     try:
-        state, increment = unpack_state(evidence.state), unpack_increment(evidence.increment)
-        without = np.linalg.solve(np.eye(STATES) - state.covariance @ increment.information, state.covariance)
-        before, after = without[AXES, AXES], state.covariance[AXES, AXES]
-        apart = state.mean[AXES] - increment.reference[AXES]
-        ratio = np.linalg.solve(before, after)
-        nats = 0.5 * (np.trace(ratio) - 2 - math.log(np.linalg.det(ratio)) + apart @ np.linalg.solve(before, apart))
+        information = unpack_increment(evidence.increment).information
+        if known is not None:
+            before = known.covariance
+            after = np.linalg.solve(np.eye(STATES) + before @ information, before)
+        else:
+            assert evidence.state is not None
+            after = unpack_state(evidence.state).covariance
+            before = np.linalg.solve(np.eye(STATES) - after @ information, after)
+        nats = 0.5 * math.log(np.linalg.det(before[AXES, AXES]) / np.linalg.det(after[AXES, AXES]))
     except (Refused, ValueError, np.linalg.LinAlgError):  # the numbers of a robot that knows nothing yet
         return MOST
     return float(min(MOST, max(0.0, nats))) if math.isfinite(nats) else MOST

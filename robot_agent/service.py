@@ -10,6 +10,9 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+
+import numpy as np
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
@@ -24,6 +27,7 @@ from blackboard.process.team_clock import News, Pace, TeamClock
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.evidence import unpack_state
 from blackboard.wire.messages import Clock, Consensus, Readings, Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
 from robot_agent.agent import Agent, Agreed, Feedback, Unpacked
@@ -38,6 +42,7 @@ JUMP = 100  # ticks: readings that are further ahead, or behind, are believed wi
 FASTEST = 1e6  # unit per second that is told at most
 LATELY = 50  # ticks of which the speed is told
 SPAN = 5  # ticks over which the speed is averaged where a robot is often silent
+TELLING = 10.0  # seconds of team time between two statuses with counters and settings on a poor link
 FAILURES = 3  # ticks in a row that the agent could not do until it begins anew
 
 
@@ -85,9 +90,12 @@ class AgentService:
         self._arrived: RollCall[str] = RollCall()  # agreed beliefs by sub-team
         self.budget = self._new_budget()
         self._team: dict[str, Known] = {}  # what was agreed last, by subject
+        self._boards = set[str]()  # that were there in the newest tick
         self._kept: list[str] = []  # subjects of which the boards keep what was reported before
         self._reports: list[Report] = []  # of the newest tick; sent again when the world repeats its Clock
         self._solo: Solo | None = None
+        #: team time of the newest status that had everything, and what had been refused then
+        self._told_all: tuple[float, dict[str, int]] | None = None
 
     def _new_agent(self) -> JointAgent | Agent:
         kind = JointAgent if self.joint else Agent
@@ -100,8 +108,12 @@ class AgentService:
 
     def _size(self, report: Report) -> int:
         """Bytes of a report on the wire, keys included, over all sub-teams."""
-        payload = len(encode(report))
+        payload = len(self._encoded(report))
         return sum(payload + len(self._report_key(sub_team, report.subject)) for sub_team in self.sub_teams)
+
+    def _encoded(self, message: Message) -> bytes:
+        """On a poor link in as few bytes as there are for the same numbers."""
+        return encode(message, shortest=self.budget is not None and self.budget.saves)
 
     def _report_key(self, sub_team: str, subject: str) -> str:
         return keys.REPORT.key(team=self.team, sub_team=sub_team, source=self.robot, subject=subject)
@@ -311,12 +323,23 @@ class AgentService:
         """On a poor link: leave out, or say more coarsely, what is worth less than its bytes."""
         if self.budget is None:
             return
-        self._team.update({s: Known(c.entropy, c.rule == "joint") for s, c in agreed.items()})
+        self._team.update({s: self._known(c) for s, c in agreed.items()})
+        boards = {board for sub_team in self.sub_teams for board in self.roster.boards.get(sub_team, [])}
+        if boards - self._boards:
+            self.budget.repeat_state()
+        self._boards = boards
         said = self.budget.choose(self._reports, self.time, self._speed, self._team)
         wanted = {report.subject for report in self._reports}
         self._team = {subject: it for subject, it in self._team.items() if subject in wanted}
         self._reports, self._kept = said.reports, sorted(said.kept)
         self.agent.said(said)
+
+    def _known(self, agreed: Consensus) -> Known:
+        state = None
+        if agreed.subject == f"robot/{self.robot}" and agreed.state is not None:
+            with suppress(Refused):
+                state = unpack_state(agreed.state)
+        return Known(agreed.entropy, agreed.rule == "joint", state)
 
     @property
     def _speed(self) -> float | None:
@@ -328,6 +351,7 @@ class AgentService:
             # Reports grow old before the next one, and the noise of a single tick's odometry would let them spread too far.
             ticks = min(SPAN, len(speeds))
             speeds = [sum(speeds[i : i + ticks]) / ticks for i in range(len(speeds) - ticks + 1)]
+            return float(np.float32(min(max(speeds), FASTEST)))
         return min(max(speeds), FASTEST)
 
     # --- sending ------------------------------------------------------------------------------------------------------
@@ -335,7 +359,7 @@ class AgentService:
     def _answers(self, now: float) -> list[Envelope]:
         """The reports of the newest tick, the solo beliefs where a world is there, whose referee reads them, and the statuses."""
         out = []
-        encoded = [(report.subject, encode(report)) for report in self._reports]
+        encoded = [(report.subject, self._encoded(report)) for report in self._reports]
         for sub_team in self.sub_teams:
             for subject, payload in encoded:
                 out.append(Envelope(self._report_key(sub_team, subject), payload))
@@ -362,9 +386,21 @@ class AgentService:
         )
         if self.clock.pace is Pace.FREE:
             status = status.model_copy(update={"sent": now, "echo": self._echoes.held(now)})
-        payload = encode(self.intake.counted(status, now))
+        status = self.intake.counted(status, now)
+        payload = self._encoded(status.model_copy(update=self._left_out(status)))
         keys_of = (keys.STATUS.key(team=self.team, sub_team=s, process=self.robot) for s in self.sub_teams)
         return [Envelope(key, payload) for key in keys_of]
+
+    def _left_out(self, status: Status) -> dict[str, object]:
+        """On a poor link most statuses leave out what only operators read, where nothing new was refused: they keep that."""
+        if self.budget is None or not self.budget.saves:
+            return {}
+        refused = dict(self.refused)
+        due = self._told_all is None or self.time - self._told_all[0] >= TELLING
+        if status.phase == "idle" or due or (self._told_all is not None and self._told_all[1] != refused):
+            self._told_all = self.time, refused
+            return {}
+        return {"counters": {}, "refused": {}, "ages": {}, "settings": {}}
 
 
 def _follows(before: Readings, readings: Readings) -> bool:

@@ -1,8 +1,12 @@
-"""A robot on a poor link: what is sent stays within the budget, nothing is left unsaid for ever, and without limits nothing changes."""
+"""A robot on a poor link: what is sent stays within the budget, nothing is left unsaid for ever, and without limits nothing changes.
+
+Long, because the choice of a tick, what it is worth and what a team makes of it are tested together.
+"""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,21 +14,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.config import Scenario
-from blackboard.lab.team import Team
+from blackboard.lab.team import Team, board
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint
 from blackboard.opinion.gaussian.vehicle import AXES, drive
 from blackboard.opinion.grid import Grid
+from blackboard.state.fold import Fold
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Report, Status
-from robot_agent.budget import Bucket, Budget, Known
+from blackboard.wire.evidence import PackedEvidence
+from blackboard.wire.messages import Consensus, Report, Status
+from robot_agent.budget import STATE_EVERY, Bucket, Budget, Known
 from robot_agent.coarse import coarser
 from robot_agent.config import RobotSection, SendSection
 from robot_agent.gaussian.agent import JointAgent
+from sim_world.traffic import Traffic
 from tests.robot_agent.test_agent import GRID as AGENT_GRID
 from tests.robot_agent.test_agent import readings
 
@@ -143,6 +150,26 @@ def test_a_bucket_that_goes_back_in_time_gains_nothing() -> None:
     assert bucket.level == pytest.approx(100.0)
 
 
+def test_what_is_seen_of_a_mate_is_no_news_for_its_noise_and_more_with_age_and_where_the_team_knows_little() -> None:
+    """Two sightings that follow each other differ by their noise; that was taken for two nats of news."""
+    it, rng = budget(300.0, longest=100.0), np.random.default_rng(4)
+
+    def worth(time: float, entropy: float) -> float:
+        seen = gaussian(GRID, tuple(10 + rng.normal(size=2)), 1.0)
+        said = [Report(source="r1", subject="robot/r2", tick=0, time=time, belief=pack(seen))]
+        stale = {"robot/r2": it.aged("robot/r2", time, 1.0)}
+        return it._all_options(said, stale, time, {"robot/r2": Known(entropy, joint=False)})["robot/r2"][0].worth
+
+    first = Report(source="r1", subject="robot/r2", tick=0, time=0.0, belief=pack(gaussian(GRID, (10, 10), 1.0)))
+    it.choose([first], 0.0, 1.0, {})
+    known = math.log(2 * math.pi * math.e)  # as sharp as a sighting
+    worths = [worth(time, known) for time in (0.0, 0.2, 1.0, 4.0)]
+    assert worths == sorted(worths)
+    assert worths[0] < 0.01
+    assert worths[-1] < math.log(2) + 0.01  # at most what one sighting adds to the team's knowledge
+    assert worth(4.0, known + 2) > worths[-1] > worth(4.0, known - 2)
+
+
 # --- coarser beliefs -----------------------------------------------------------------------------------------------------
 
 
@@ -241,3 +268,96 @@ def test_evidence_that_was_not_sent_is_gathered_into_the_next() -> None:
     assert now is not None
     assert joint.moments(it.robot).mean[AXES] == pytest.approx(now.mean[AXES], abs=0.02)
     assert np.diag(joint.moments(it.robot).covariance)[AXES] == pytest.approx(np.diag(now.covariance)[AXES], rel=0.05)
+
+
+# --- evidence ------------------------------------------------------------------------------------------------------------
+
+
+def said_of_itself(
+    time: float, it: Budget, agent: JointAgent, joint: bool = True, tick: int = 0
+) -> PackedEvidence | None:
+    """The evidence that a robot sends in a tick, where its boards have it in their joint or not."""
+    reports, _ = agent.tick(readings(tick, fix=(10, 10)), {})
+    known = {"robot/r1": Known(3.0, joint=joint)}
+    stamped = [report.model_copy(update={"time": time}) for report in reports]
+    said = it.choose(stamped, time, 1.0, known)
+    return next((report.evidence for report in said.reports if report.subject == "robot/r1"), None)
+
+
+def of_joint(rate: float) -> Budget:
+    return Budget(SendSection(budget=rate), AGENT_GRID, "r1", 1.0, size)
+
+
+def test_a_whole_state_is_repeated_rarely_until_a_board_needs_one() -> None:
+    it, agent = of_joint(2500.0), JointAgent("r1", RobotSection(), AGENT_GRID)
+    it.bucket.refill(0.0)
+    told = list[tuple[float, bool]]()
+    for tick in range(60):
+        it.bucket.level = 0.5 * it.bucket.burst  # room for a report, and not for everything
+        if tick == 30:
+            it.repeat_state()
+        if (evidence := said_of_itself(0.5 * tick, it, agent, tick=tick)) is not None:
+            told.append((0.5 * tick, evidence.state is not None))
+    states = [time for time, state in told if state]
+    assert len(told) > 30
+    assert states[0] == told[0][0]
+    assert all(later - earlier >= STATE_EVERY for earlier, later in pairwise(t for t in states if t < 15.0))
+    assert min(time for time in states if time > told[0][0]) <= 15.0 + STATE_EVERY
+    assert any(15.0 <= time <= 16.0 for time in states)
+    it.bucket.level = 0.5 * it.bucket.burst
+    outside = said_of_itself(30.5, it, agent, joint=False, tick=60)
+    assert outside is None or outside.state is not None
+
+
+def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
+    scenario = SCENARIO.changed("board", fusion="joint").changed("robot", send={"budget": 700.0})
+    scenario = scenario.changed("time", seconds=12.0)
+    team = Team(scenario)
+    known = list[tuple[float, bool]]()
+
+    def spy(envelope: Envelope) -> None:
+        found = keys.parse(envelope.key)
+        if (
+            found is not None
+            and found[0] is keys.AGREED
+            and found[1] | {"subject": "robot/r1", "sub_team": "a"} == found[1]
+        ):
+            agreed = decode(Consensus, envelope.payload)
+            known.append((agreed.time, agreed.rule == "joint"))
+
+    team.bus.spies.append(spy)
+    team.run_until(lambda: bool(known) and known[-1][0] >= 6.0)
+    assert known[-1][1]
+    team.leave(team.boards["a"])
+    team.boards["a"] = board(scenario, "a")
+    team.join(team.boards["a"])
+    begun = known[-1][0]
+    team.run_until(lambda: known[-1][0] >= min(11.5, begun + 3.0))
+    assert known[-1][1]
+
+
+# --- the status ----------------------------------------------------------------------------------------------------------
+
+
+def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() -> None:
+    team, statuses = Team(SCENARIO.changed("robot", send={"budget": 700.0})), list[Status]()
+
+    def spy(envelope: Envelope) -> None:
+        found = keys.parse(envelope.key)
+        if found is not None and found[0] is keys.STATUS and found[1]["process"] == "r1":
+            statuses.append(decode(Status, envelope.payload))
+
+    fold, tallied = Fold(), Traffic()
+    team.bus.spies += [spy, lambda envelope: fold.take(envelope, team.now)]
+    team.run()
+    full = [status for status in statuses if status.settings]
+    assert 1 <= len(full) <= 4
+    assert statuses[-1] not in full
+    for status in statuses:
+        tallied.hear("a", status)
+    assert tallied.counters({})["ticks"] == full[-1].counters["ticks"]
+    shown = fold.teams["t"].processes["robot", "r1"].status
+    assert shown is not None
+    assert shown.tick == statuses[-1].tick
+    assert shown.settings == full[-1].settings
+    assert shown.counters == full[-1].counters

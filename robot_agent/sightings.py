@@ -1,0 +1,101 @@
+"""What the sightings in a robot's evidence tell boards that keep a joint, so that the best can be sent on a poor link. Pure.
+
+A sighting says where its subject is relative to the robot that took it. How well the joint knows that already is more than the two
+places tell, because it keeps what they share. So it is reckoned from the sightings that were sent: each leaves an uncertainty along
+and across the line of sight, which grows with time, and which is at most that of both places.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING
+from blackboard.opinion.grid import Grid
+from blackboard.wire.evidence import PackedEvidence, PackedRelative
+
+LEAST = 1e-12  # of a variance
+MOST = 256  # subjects that are remembered; the one not spoken of for longest is forgotten
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is reckoned to be known of a subject's place relative to a robot, after a sighting at a team time (s)."""
+
+    time: float
+    along: float  # variance along the line of sight, unit^2
+    across: float
+
+
+@dataclass
+class Sightings:
+    """Mutable; `news` once per tick, and then `said` with the evidence that was sent."""
+
+    told: dict[str, Told] = field(default_factory=dict)  # the newest last
+    _after: dict[str, Told] = field(default_factory=dict)  # what will be known if the sightings of this tick are sent
+
+    def news(
+        self, evidence: PackedEvidence, time: float, mine: Moments | None, entropies: Mapping[str, float], grid: Grid
+    ) -> dict[str, float]:
+        """Nats that each sighting adds to what the boards' joint knows of the relative place, by subject.
+
+        `mine` is the robot's whole block in that joint, `entropies` (nats) those of the places that the joint knows.
+        """
+        found, self._after = {}, {}
+        for it in evidence.relatives:
+            along, across = self._known(it, evidence, time, mine, entropies.get(it.subject), grid)
+            lasting = sum(sigma**2 for sigma, _ in it.biases)
+            fresh = _fresh(it, evidence)
+            # An error that lasts is in each sighting of a subject, so that nothing reduces it.
+            gains = (max(0.0, along - lasting) / (fresh[0] + lasting), across / fresh[1])
+            found[it.subject] = 0.5 * sum(math.log1p(gain) for gain in gains)
+            self._after[it.subject] = Told(
+                time, max(along / (1 + gains[0]), min(along, lasting)), across / (1 + gains[1])
+            )
+        return found
+
+    def said(self, evidence: PackedEvidence) -> None:
+        """The evidence of the newest tick was sent, with these sightings."""
+        for it in evidence.relatives:
+            if it.subject in self._after:
+                self.told.pop(it.subject, None)
+                self.told[it.subject] = self._after[it.subject]
+        while len(self.told) > MOST:
+            del self.told[next(iter(self.told))]
+
+    def _known(
+        self,
+        it: PackedRelative,
+        evidence: PackedEvidence,
+        time: float,
+        mine: Moments | None,
+        entropy: float | None,
+        grid: Grid,
+    ) -> tuple[float, float]:
+        """Variances of the relative place along and across the line of sight, unit^2, as the boards know it now."""
+        widest = (grid.cell * max(grid.shape)) ** 2
+        if mine is None or entropy is None:
+            return widest, widest
+        there = grid.cell**2 * math.exp(entropy) / (2 * math.pi * math.e)  # of a Gaussian with that entropy
+        here = float(np.trace(mine.covariance[AXES, AXES])) / 2
+        turned = float(mine.covariance[HEADING, HEADING]) * it.range**2
+        along, across = min(widest, here + there), min(widest, here + there + turned)
+        told, way = self.told.get(it.subject), evidence.travelled
+        if told is None:
+            return along, across
+        span = max(0.0, time - told.time) / max(way.time, 1.0)  # of the epoch
+        grown = (way.along + way.across) * span  # by both robots' odometry
+        return min(along, told.along + grown), min(across, told.across + grown + way.heading * span * it.range**2)
+
+
+def _fresh(it: PackedRelative, evidence: PackedEvidence) -> tuple[float, float]:
+    """Variances of a sighting's fresh error along and across the line of sight, unit^2."""
+    if evidence.profile:
+        distances, variances = np.array(evidence.profile).T
+        variance = max(LEAST, float(np.interp(it.range, distances, variances)))
+        return variance, variance
+    return max(LEAST, it.range_variance), max(LEAST, it.bearing_variance * it.range**2)
