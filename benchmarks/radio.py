@@ -36,9 +36,9 @@ from robot_agent.budget import Budget, Known, Said, Sent
 from robot_agent.service import AgentService
 from sim_world.series import Sample
 
-SEEDS = (101, 102)
+SEEDS = (101, 102, 103, 104)
 EVERY = (2, 4, 8)
-SHARES = (0.5, 0.25, 0.12)  # of the reports' bytes that "everything" sends, as a budget
+SHARES = (0.5, 0.25, 0.18, 0.12)  # of the reports' bytes that "everything" sends, as a budget
 COLOURS = {"everything": "black", "every k-th": "tab:orange", "budget": "tab:blue"}
 
 
