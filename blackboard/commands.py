@@ -5,6 +5,7 @@ Long, because it is the door of many commands, each with its flags.
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import tempfile
@@ -20,6 +21,8 @@ from blackboard.errors import UserError
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
 from blackboard.run.progress import progress
+
+log = logging.getLogger(__name__)
 
 
 def demo(
@@ -124,6 +127,8 @@ def serve(
     name = board or f"board-{sub_team}"
     for what, value in (("--team", team or chosen.team.name), ("--sub-team", sub_team), ("--id", name)):
         door.check_name(what, value)
+    for stranger in chosen.strangers([sub_team]) if scenario else ():
+        log.warning(stranger)
     service = BoardService(
         team=team or chosen.team.name,
         sub_team=sub_team,
@@ -206,13 +211,20 @@ def _check(scenario: Scenario) -> None:
     from blackboard.faults import faults_of
     from robot_agent.config import RobotSection
     from sim_world.mrclam.files import recording_folder
-    from sim_world.scenario import WorldSection, check_drifts
+    from sim_world.scenario import WorldSection, check_names
 
-    _ = scenario.team, scenario.grid, scenario.time, scenario.board
-    scenario.section("robot", RobotSection)
+    _ = scenario.grid, scenario.time
+    robot = scenario.section("robot", RobotSection)
+    if robot.send.budget is not None and robot.send.longest >= scenario.board.max_age:
+        raise UserError(
+            f"{scenario.where}: robot.send.longest: boards forget what is older than board.max_age, "
+            f"{scenario.board.max_age:g} s; give less, not {robot.send.longest:g}"
+        )
+    if not scenario.team.robots:
+        raise UserError(f"{scenario.where}: team.sub_teams: no robot in any sub-team; name one at least")
     world = scenario.section("world", WorldSection)
     if world.kind == "mrclam":
         recording_folder(world.dir)
     else:
-        check_drifts(scenario, world)
+        check_names(scenario, world)
     faults_of(scenario)

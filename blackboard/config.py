@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from blackboard.errors import RuleError, UnknownKeyError, UserError
 from blackboard.opinion.grid import Anchor, Grid
@@ -50,6 +50,15 @@ class TeamSection(Section):
     "Sub-teams with the names of their robots; a robot may be in several."
     boards: Annotated[int, Field(ge=1, le=9)] = 1
     "Boards of each sub-team: one leads, the others take over when it dies."
+
+    @field_validator("sub_teams")
+    @classmethod
+    def _each_once(cls, sub_teams: dict[str, list[str]]) -> dict[str, list[str]]:
+        for name, robots in sub_teams.items():
+            for robot in robots:
+                if robots.count(robot) > 1:
+                    raise ValueError(f"{robot} is in sub-team {name} more than once")
+        return sub_teams
 
     def boards_of(self, sub_team: str) -> list[str]:
         """The names of a sub-team's boards, as `board-a`, `board-a2`; the first one leads from the beginning of a run."""
@@ -235,6 +244,15 @@ class Scenario:
     @property
     def name(self) -> str:
         return str(self.tables.get("name", "scenario"))
+
+    def strangers(self, sub_teams: Iterable[str]) -> list[str]:
+        """For each of some sub-teams that the file does not have, a sentence: it may be a misspelling, or joined on purpose."""
+        known = sorted(self.team.sub_teams)
+        return [
+            f"{self.where} has no sub-team {sub_team}{nearest(sub_team, known)}; it has {', '.join(known)}"
+            for sub_team in sub_teams
+            if sub_team not in known
+        ]
 
     def section(self, name: str, model: type[S]) -> S:
         """One table, validated; the first thing wrong with it is a `UserError` with file, field and cure."""

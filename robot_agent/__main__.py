@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 from typing import Annotated
 
@@ -10,6 +11,8 @@ from cyclopts import App, Parameter
 from blackboard.config import Scenario, load
 from blackboard.run import door
 from robot_agent.team import robot_of
+
+log = logging.getLogger(__name__)
 
 app = App(
     name="robot-agent",
@@ -45,6 +48,8 @@ def robot_agent(
     sub_teams = sub_team or chosen.team.of(name)
     for what, value in (("--team", team or chosen.team.name), ("--id", name), *(("--sub-team", s) for s in sub_teams)):
         door.check_name(what, value)
+    for stranger in chosen.strangers(sub_teams) if scenario else ():
+        log.warning(stranger)
     door.serve(robot_of(chosen, name, team=team, sub_teams=sub_teams), name, flags)
     return 0
 

@@ -268,9 +268,11 @@ class Referee:
                 found.append((error <= check.solo, f"robots: solo rmse {error:.3f} {unit}, at most {check.solo:g}"))
         agreed = Calibration.merged(self._calibrations[subject, "agreed"] for subject in subjects)
         for at in agreed.coverage():
+            off, least = at.is_off(check.calibration), max(0.0, at.level - 100 * check.calibration)
             text = (
-                f"{group}: agreed {at.level} % regions hold the truth in {100 * at.share:.1f} % ({100 * at.low:.0f} to "
-                f"{100 * at.high:.0f}), asked within {100 * check.calibration:g} of {at.level}"
+                f"{group}: agreed {at.level} % regions hold the truth in {100 * at.share:.1f} %, whose interval of "
+                f"{100 * at.low:.0f} to {100 * at.high:.0f} {'misses' if off else 'reaches'} the "
+                f"{least:g} to {min(100.0, at.level + 100 * check.calibration):g} asked"
             )
-            found.append((not at.is_off(check.calibration), text))
+            found.append((not off, text))
         return found

@@ -149,10 +149,19 @@ class WorldSection(Section):
         return protocol
 
 
-def check_drifts(scenario: Scenario, world: WorldSection) -> None:
-    """UserError: [board] objects_drifts names an object that the simulated world does not have."""
-    strangers = sorted(scenario.board.objects_drifts.keys() - world.objects.keys())
-    if strangers:
-        known = ", ".join(sorted(world.objects))
-        cure = f"{nearest(strangers[0], world.objects)}; known are {known}" if known else "; it has none"
-        raise UserError(f"{scenario.where}: board.objects_drifts.{strangers[0]}: the world has no such object{cure}")
+def check_names(scenario: Scenario, world: WorldSection) -> None:
+    """UserError: a key names an object or a robot that the simulated world does not have."""
+    patterns = (pattern.split("/") for pattern in scenario.board.subjects)
+    named = [(f"board.objects_drifts.{name}", "object", name) for name in scenario.board.objects_drifts]
+    named += [
+        (f"board.subjects.object/{name}", "object", name) for kind, name in patterns if kind == "object" and name != "*"
+    ]
+    named += [("world.lost", "robot", robot) for robot in world.lost]
+    known = {"object": sorted(world.objects), "robot": sorted(scenario.team.robots)}
+    for key, kind, name in sorted(named):
+        if name not in known[kind]:
+            cure = (
+                f"{nearest(name, known[kind])}; known are {', '.join(known[kind])}" if known[kind] else "; it has none"
+            )
+            told = f"{name}: " if key.endswith("lost") else ""
+            raise UserError(f"{scenario.where}: {key}: {told}the world has no such {kind}{cure}")

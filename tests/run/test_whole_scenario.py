@@ -67,3 +67,49 @@ def test_a_recording_names_no_objects_and_a_board_alone_reads_no_world(tmp_path:
     call("up", scenario(tmp_path, "box = 0.1", f"[world]\nkind = 'mrclam'\ndir = '{tmp_path}'\n"), "--json")
     call("serve", "--sub-team", "a", "--scenario", scenario(tmp_path, "cn = 0.1", OBJECTS))
     assert started == ["team", "board-a"]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('[team]\nsub_teams = { a = ["r1", "r1"] }\n', "team.sub_teams: r1 is in sub-team a more than once"),
+        ("[team]\nsub_teams = { a = [] }\n", "team.sub_teams: no robot in any sub-team; name one at least"),
+        ('[world]\nlost = ["r7"]\n', "world.lost: r7: the world has no such robot; known are r1, r2, r3"),
+        (
+            '[board.subjects."object/bax"]\nindependence = 1\n',
+            "board.subjects.object/bax: the world has no such object; known are ball, can",
+        ),
+        (
+            "[robot.send]\nbudget = 1000\nlongest = 20\n",
+            "robot.send.longest: boards forget what is older than board.max_age, 10 s; give less, not 20",
+        ),
+    ],
+)
+def test_names_and_times_that_do_not_fit_together_are_told_in_one_line(
+    text: str, told: str, tmp_path: Path, started: list[str]
+) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(UserError) as error:
+        call("up", str(file), "--json")
+    assert str(error.value).startswith(f"{file}: {told}")
+    assert started == []
+
+
+def test_a_short_memory_is_no_mistake_where_robots_have_no_budget(tmp_path: Path, started: list[str]) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text("[board]\nmax_age = 2\n")
+    call("up", str(file), "--json")
+    assert started == ["team"]
+
+
+def test_a_process_of_a_sub_team_that_its_scenario_lacks_says_so_and_starts(
+    started: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    call("serve", "--sub-team", "a", "--scenario", "demo")
+    assert caplog.messages == []
+    call("serve", "--sub-team", "bb", "--scenario", "demo")
+    assert caplog.messages == ["demo (shipped) has no sub-team bb; did you mean b?; it has a, b"]
+    call("serve", "--sub-team", "zz")
+    assert len(caplog.messages) == 1
+    assert started == ["board-a", "board-bb", "board-zz"]

@@ -184,7 +184,7 @@ def test_the_verdict_says_which_regions_do_not_hold_what_they_claim() -> None:
     wide = run(2.0, 5.0)
     assert len(wide) == 1
     assert wide[0].startswith("robots: agreed 50 % regions hold the truth in")
-    assert wide[0].endswith("asked within 20 of 50")
+    assert wide[0].endswith("misses the 30 to 70 asked")
     narrow = run(2.0, 0.8)
     assert {reason.split(" ")[2] for reason in narrow} == {"50", "90", "95"}
     assert run(2.0, 5.0, calibration=0.5) == []
