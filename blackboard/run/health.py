@@ -26,6 +26,7 @@ from blackboard.wire.raw import unpack_map
 
 ProcessKind = Literal["router", "world", "board", "robot"]
 DEFAULT_TEAM = "demo"  # as in `blackboard.config.TeamSection`
+AGES = 1e8  # seconds: three years; a stamp that is older than that is no Unix time
 
 
 class Querier(Protocol):
@@ -55,6 +56,8 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
     if abs(age) <= max_age:
         return None
     what = f"what board {name} settled last" if kind == "board" else f"the belief of robot {name}"
+    if not clock and age > AGES:
+        return f"{what} is stamped {max(said):.1f} s by the clock of a world that does not answer any more"
     return f"{what} is {age:.1f} s old"
 
 

@@ -58,6 +58,11 @@ def test_where_no_world_tells_the_time_unix_time_counts() -> None:
     assert "8.0 s old" in (ask("robot", "r1", belief("r1", NOW - 8.0)) or "")
 
 
+def test_a_stamp_by_a_world_that_is_gone_is_no_age() -> None:
+    told = ask("robot", "r1", belief("r1", 60.0))
+    assert told == "the belief of robot r1 is stamped 60.0 s by the clock of a world that does not answer any more"
+
+
 def test_a_belief_of_another_run_is_not_fresh() -> None:
     assert "s old" in (ask("robot", "r1", clock(1.0), belief("r1", 60.0)) or "")
 
