@@ -40,6 +40,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("n      RMSE", f"{NEWCOMER}::test_make_demo_in_a_clone"),
         (".venv/bin/pip install -e '.[record,web,tui]'", f"{NEWCOMER}::test_what_it_believes_and_why"),
         ("docker compose up --build", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
+        ("export WORLD=", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
         (".venv/bin/blackboard demo --robots 10", f"{NEWCOMER}::test_what_more_there_is"),
         ("RMSE     p95   95 %", DRAWING),
         ("blackboard router -l", f"{NEWCOMER}::test_each_process_by_hand"),
