@@ -211,7 +211,7 @@ def _check(scenario: Scenario) -> None:
     from blackboard.faults import faults_of
     from robot_agent.config import RobotSection
     from sim_world.mrclam.files import recording_folder
-    from sim_world.scenario import WorldSection, check_names
+    from sim_world.scenario import WorldSection, check_lost, strange_objects
 
     _ = scenario.grid, scenario.time
     robot = scenario.section("robot", RobotSection)
@@ -226,5 +226,7 @@ def _check(scenario: Scenario) -> None:
     if world.kind == "mrclam":
         recording_folder(world.dir)
     else:
-        check_names(scenario, world)
+        check_lost(scenario, world)
+        for strange in strange_objects(scenario, world):
+            log.warning(strange)
     faults_of(scenario)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from blackboard.opinion.grid import Array, Grid
-from robot_agent.window import Window, around
+from robot_agent.window import Window, around, whole
 
 #: A likelihood that gives a belief no more than this share of its largest value meets nothing of it.
 LEAST_MET = 1e-12
@@ -40,7 +40,11 @@ def gaussian_evidence(
         nearest = min(max(round((mean[axis] - first) / grid.cell), 0), grid.shape[axis] - 1)
         d.append(first + nearest * grid.cell - mean[axis])
     (xx, xy), (_, yy) = covariance.tolist()
-    least = (yy * d[0] ** 2 - 2 * xy * d[0] * d[1] + xx * d[1] ** 2) / (xx * yy - xy * xy)  # d^T C^-1 d
+    if xx * yy <= xy * xy:  # no covariance to numbers of this size: nothing is known of where it matters
+        everywhere = whole(grid.shape)
+        return Evidence(likelihood, everywhere, everywhere, floor)
+    squared = yy * d[0] ** 2 - 2 * xy * d[0] * d[1] + xx * d[1] ** 2
+    least = max(0.0, squared / (xx * yy - xy * xy))  # d^T C^-1 d
 
     def likelier(share: float) -> Window:
         """All cells whose likelihood is at least a share of that of the nearest one: the box about an ellipse."""

@@ -3,7 +3,7 @@
 On a grid of more than `SMALL` cells only a window of cells is worked on. What is left out is at most `FAINT` a cell, 4e-11 of the
 mass on 200 x 200 cells; each of these cells counts as holding `FILL`, and comes in again where evidence raises it above `FAINT`,
 so that a robot that is wrong finds itself again. Evidence that meets the share s of a belief makes of what was left out FAINT / s a
-cell at most, a belief to a power (`tempered`) FAINT to that power of its peak.
+cell at most. A belief to a power (`tempered`) is on all cells.
 """
 
 from __future__ import annotations
@@ -46,6 +46,9 @@ SMALL = 4096
 
 #: The mass of a cell below which it may be left out of the window. The Fourier transforms leave 1e-17 at most where nothing is.
 FAINT = 1e-15
+
+#: The mass of a cell beside the window before it is taken to a power: about what the Fourier transforms leave where nothing is.
+NOISE = 1e-19
 
 #: The mass that a cell beside the window counts as.
 FILL = FAINT / 4
@@ -134,8 +137,9 @@ class PositionLocalizer:
         return self._update(Evidence(seen_from, near, near, misread))
 
     def tempered(self, power: float) -> PositionLocalizer:
-        p = self.p**power
-        return replace(self, p=p / p.sum())
+        # a power raises what is beside the window most, and by it a robot that was carried away finds itself again
+        p = embedded(self.p, self.window, whole(self.grid.shape), NOISE) ** power
+        return replace(self, p=p / p.sum(), corner=(0, 0))
 
     def entropy(self) -> float:
         return entropy(self.p)

@@ -149,19 +149,29 @@ class WorldSection(Section):
         return protocol
 
 
-def check_names(scenario: Scenario, world: WorldSection) -> None:
-    """UserError: a key names an object or a robot that the simulated world does not have."""
-    patterns = (pattern.split("/") for pattern in scenario.board.subjects)
-    named = [(f"board.objects_drifts.{name}", "object", name) for name in scenario.board.objects_drifts]
-    named += [
-        (f"board.subjects.object/{name}", "object", name) for kind, name in patterns if kind == "object" and name != "*"
-    ]
-    named += [("world.lost", "robot", robot) for robot in world.lost]
-    known = {"object": sorted(world.objects), "robot": sorted(scenario.team.robots)}
-    for key, kind, name in sorted(named):
-        if name not in known[kind]:
-            cure = (
-                f"{nearest(name, known[kind])}; known are {', '.join(known[kind])}" if known[kind] else "; it has none"
+def check_lost(scenario: Scenario, world: WorldSection) -> None:
+    """UserError: [world] lost names a robot that is in no sub-team."""
+    for robot in world.lost:
+        if robot not in scenario.team.robots:
+            known = ", ".join(scenario.team.robots)
+            cure = nearest(robot, scenario.team.robots)
+            raise UserError(
+                f"{scenario.where}: world.lost: {robot}: no sub-team has such a robot{cure}; known are {known}"
             )
-            told = f"{name}: " if key.endswith("lost") else ""
-            raise UserError(f"{scenario.where}: {key}: {told}the world has no such {kind}{cure}")
+
+
+def strange_objects(scenario: Scenario, world: WorldSection) -> list[str]:
+    """A sentence for each object that the [board] names and the simulated world does not have.
+
+    It may be misspelt, or be something that a robot reports which is not of this world.
+    """
+    patterns = (pattern.split("/") for pattern in scenario.board.subjects)
+    named = [(f"board.objects_drifts.{name}", name) for name in scenario.board.objects_drifts]
+    named += [(f"board.subjects.object/{name}", name) for kind, name in patterns if kind == "object" and name != "*"]
+    known = sorted(world.objects)
+    has = f"it has {', '.join(known)}" if known else "it has none"
+    return [
+        f"{scenario.where}: {key}: the world has no such object{nearest(name, known)}; {has}"
+        for key, name in sorted(named)
+        if name not in known
+    ]

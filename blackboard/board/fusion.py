@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -178,7 +177,7 @@ def _alone(only: Opinion, rule: Coalition, learner: Learner, counts: Callable[[s
         shares=[Share(only, 1.0, "independent")],
         components=[1.0],
         conflict=False,
-        rule=_with_independence(rule, CAUTIOUS),
+        rule=replace(rule, independence=CAUTIOUS),
         outcome="pooled",
         learned=learner.learned([only.source]),
     )
@@ -197,12 +196,7 @@ def _tempered(opinion: Opinion, power: float) -> Opinion:
 
 def as_advised(rule: Coalition, opinions: Array, advice: Advice) -> tuple[Coalition, Array]:
     """The rule and the opinions (N, *grid shape) that a learner advises to pool."""
-    return _with_independence(rule, advice.independence), tempered(opinions, advice.powers)
-
-
-@lru_cache(256)
-def _with_independence(rule: Coalition, independence: float) -> Coalition:
-    return replace(rule, independence=independence)
+    return replace(rule, independence=advice.independence), tempered(opinions, advice.powers)
 
 
 def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array, list[Share], bool]:

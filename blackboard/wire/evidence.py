@@ -245,4 +245,8 @@ def _symmetric(upper: Sequence[float], field: str) -> Array:
     values = np.linalg.eigvalsh(scaled)
     if values[0] < NEGATIVE * max(1.0, float(values[-1])):
         raise Refused("mass", f"{field} has a negative eigenvalue, {values[0]:.3g} of its scale")
+    if values[0] < 0:  # rounding, or somebody who would have others fail on it
+        values, axes = np.linalg.eigh(scaled)
+        scaled = (axes * np.maximum(values, 0.0)) @ axes.T
+        matrix = 0.5 * (scaled + scaled.T) * np.outer(scale, scale)
     return matrix

@@ -66,7 +66,10 @@ def unpack_map(payload: bytes) -> dict[str, Any]:
     fields = _unpack(payload)
     version = fields.get("version")
     if type(version) is not int or version != VERSION:
-        raise Refused("version", f"version {version!r:.40}; this process speaks {VERSION}")
+        told = (
+            str(version) if isinstance(version, int) else f"of type {type(version).__name__}"
+        )  # it may be nested deeply
+        raise Refused("version", f"version {told:.40}; this process speaks {VERSION}")
     return fields
 
 

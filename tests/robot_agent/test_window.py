@@ -336,3 +336,16 @@ def test_mass_between_no_walls_goes_on() -> None:
     assert diffused(corner, covariance, ((True, False), (True, False))) == pytest.approx(
         diffused(corner, covariance), abs=1e-6
     )
+
+
+def test_a_belief_to_a_power_lets_a_robot_that_was_carried_away_be_found() -> None:
+    settings_ = RobotSection.model_validate({"localizer": "position"})
+    known = PositionLocalizer.unknown(settings_, GRID).update_with_fix(Fix(position=(20.0, 30.0), sigma=1.0))
+    for _ in range(3):
+        known = known.predict(Motion(0.0, 0.0, 1.0, 0.01, 0.01, 0.0), 0.0)
+    assert known.p.size < GRID.size
+    wide = known.tempered(0.2)
+    assert wide.p.shape == GRID.shape
+    assert wide.p.min() > 0
+    found = wide.update_with_fix(Fix(position=(70.0, 60.0), sigma=1.0)).marginal()
+    assert found.mean() == pytest.approx([70.0, 60.0], abs=1.0)

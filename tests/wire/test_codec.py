@@ -16,7 +16,7 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode, open_envelope
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import MODELS, REASONS, Report, Status
-from blackboard.wire.raw import MAX_BYTES, pack_map
+from blackboard.wire.raw import MAX_BYTES, pack_map, unpack_map
 from blackboard.wire.types import Message
 from tests.wire.messages import CONSENSUS, EXAMPLES, REPORT, STATUS, TOPICS, as_map
 
@@ -120,6 +120,11 @@ def test_size_is_looked_at_before_anything_else(size: int) -> None:
 def test_the_version_is_looked_at_before_the_fields(version: Any) -> None:
     assert reason_of(msgpack.packb({"version": version})) == "version"
     assert reason_of(report(version=version)) == "version"
+
+
+def test_a_version_that_is_nested_deeply_is_refused_too() -> None:
+    with pytest.raises(Refused, match="version: version of type list"):
+        unpack_map(b"\x81\xa7version" + b"\x91" * 1005 + b"\x90")
 
 
 def test_a_message_without_version_is_of_none() -> None:

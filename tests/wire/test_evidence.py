@@ -48,6 +48,15 @@ def test_a_matrix_is_its_upper_triangle() -> None:
     assert np.array_equal(state.covariance, matrix)
 
 
+def test_a_covariance_that_is_none_by_rounding_is_read_as_the_nearest_one() -> None:
+    axis = np.eye(9)[0] * math.sqrt(0.5) + np.eye(9)[1] * math.sqrt(0.5)
+    matrix = 1e6 * (np.eye(9) - (1.0 + 5e-10) * np.outer(axis, axis))  # -5e-4 along the axis
+    state = unpack_state(PackedState(mean=(0.0,) * 9, covariance=tuple(matrix[np.triu_indices(9)])))
+    assert np.linalg.eigvalsh(state.covariance).min() >= -1e-9
+    assert np.allclose(state.covariance, matrix, atol=1e-3)
+    assert np.array_equal(state.covariance, state.covariance.T)
+
+
 def test_what_lasts_for_ever_is_sent_as_zero() -> None:
     packed = EVIDENCE.nuisance.model_copy(update={"memory": (0.0, 2.0, 0.0)})
     assert unpack_nuisance(packed).memory == (math.inf, 2.0, math.inf)

@@ -15,6 +15,7 @@ from blackboard.opinion.gaussian.vehicle import HEADING, correct, wrap
 from blackboard.opinion.grid import Array
 
 KNOWN = 1e-18  # a prior variance below this is taken for none: the state is known and cannot gain
+LEAST_LEFT = 1e-12  # of a prior variance that is taken to be left, so that what was gained is a number
 FAINT = 1e-6  # a gain below this share of the prior information is rounding
 
 
@@ -46,7 +47,7 @@ def gained(prediction: Moments, belief: Moments) -> Increment | None:
     root = np.linalg.cholesky(prior + 1e-12 * np.eye(len(free)))
     white = np.linalg.solve(root, np.linalg.solve(root, after).T)
     left, axes = np.linalg.eigh(0.5 * (white + white.T))
-    gain = 1 / left - 1
+    gain = 1 / np.maximum(left, LEAST_LEFT) - 1
     told = gain > FAINT
     if not told.any():
         return None

@@ -15,6 +15,7 @@ from blackboard.opinion.grid import Array
 
 Block = Hashable
 
+CANCELLED = 1e-8  # of a variance: where an update leaves less, it is done so that rounding cannot make it negative
 FARTHEST = 1e12  # of squared distances: no test asks whether something is farther
 
 
@@ -178,11 +179,27 @@ class Joint:
         for place, rows in places:
             cross[:, :-1] += rows @ self.covariance[place, :]
         spread = noise + sum(cross[:, place] @ rows.T for place, rows in places)
+        if not np.any(spread):  # without an error on either side nothing can be learnt
+            return
         cross[:, -1] = residual
-        white = np.linalg.solve(np.linalg.cholesky(spread), cross)
+        root = np.linalg.cholesky(spread)
+        white = np.linalg.solve(root, cross)
         gained = white[:, :-1]
         self.mean = self.mean + white[:, -1] @ gained
-        self.covariance -= gained.T @ gained  # of which NumPy computes one triangle
+        before = self.covariance.diagonal()
+        if (before - np.square(gained).sum(axis=0) < CANCELLED * before).any():
+            self.covariance = self._left(cross[:, :-1], np.linalg.solve(root.T, gained).T, places, noise)
+        else:
+            self.covariance -= gained.T @ gained  # of which NumPy computes one triangle
+
+    def _left(self, cross: Array, gain: Array, places: Sequence[tuple[slice, Array]], noise: Array) -> Array:
+        """Joseph's form (I - K H) P (I - K H)^T + K R K^T of a covariance of which so little is left that the difference rounds away.
+
+        `cross` is H P, `gain` K, shape (n, m); `places` are where the rows of H belong.
+        """
+        part = self.covariance - gain @ cross
+        seen = sum((part[:, place] @ rows.T for place, rows in places), np.zeros_like(gain))
+        return _symmetric(part - seen @ gain.T + gain @ noise @ gain.T)
 
     # --- inside ---------------------------------------------------------------------------------------------------------
 

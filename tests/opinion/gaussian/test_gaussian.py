@@ -98,6 +98,37 @@ def test_a_correction_is_josephs_update_and_then_each_position_follows_its_headi
     assert np.allclose(joint.covariance, expected, atol=1e-9 * max(1.0, np.abs(expected).max()))
 
 
+@given(SEEDS, st.floats(-6, 2))
+def test_no_precision_makes_a_variance_negative(seed: int, exponent: float) -> None:
+    chance, joint = np.random.default_rng(seed), Joint()
+    for name in ("a", "b"):
+        joint.add(name, Moments(np.zeros(3), np.eye(3) * 1e6))
+    for _ in range(6):
+        rows = {"a": chance.normal(size=(2, 3)), "b": chance.normal(size=(2, 3))}
+        if chance.random() < 0.5:
+            del rows["b"]
+        joint.update(chance.normal(size=2), rows, np.eye(2) * 10.0**exponent)
+        assert np.array_equal(joint.covariance, joint.covariance.T)
+        assert (np.diag(joint.covariance) >= 0).all()
+
+
+@pytest.mark.parametrize("sigma", [1e-6, 1e-5, 1e-3])
+def test_a_precise_fix_of_a_flat_position_leaves_its_own_variance(sigma: float) -> None:
+    joint = Joint()
+    joint.add("robot/r1", entering(Moments(np.zeros(3), np.diag([1e6, 1e6, 1e-4])), NUISANCE))
+    for _ in range(3):
+        joint.update(np.array([3.0, -2.0]), {"robot/r1": np.eye(STATES)[AXES]}, np.eye(2) * sigma**2)
+    assert np.diag(joint.covariance)[AXES] == pytest.approx(sigma**2 / 3, rel=1e-3)
+
+
+def test_a_measurement_of_what_is_known_exactly_without_noise_changes_nothing() -> None:
+    joint = Joint()
+    joint.add("a", Moments(np.ones(2), np.zeros((2, 2))))
+    joint.update(np.zeros(2), {"a": np.eye(2)}, np.zeros((2, 2)))
+    assert np.array_equal(joint.mean, np.ones(2))
+    assert not joint.covariance.any()
+
+
 @given(SEEDS)
 def test_a_covariance_stays_symmetric_to_the_bit(seed: int) -> None:
     chance, joint = np.random.default_rng(seed), team(seed, robots=3)
