@@ -5,8 +5,6 @@ from __future__ import annotations
 import sys
 from typing import Literal
 
-from cyclopts import App
-
 from blackboard.run import door
 
 #: Module -> its commands, and what is said of each in `blackboard --help`.
@@ -47,10 +45,8 @@ COMMANDS = {
     },
 }
 
-app = App(
-    name="blackboard",
-    help="A distributed blackboard for robot teams: beliefs fused with the Cooperative Opinion Pool.",
-    version=door.version,
+app = door.new_app(
+    "blackboard", "A distributed blackboard for robot teams: beliefs fused with the Cooperative Opinion Pool."
 )
 for module, commands in COMMANDS.items():
     for command, about in commands.items():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from cyclopts import App
-
 from blackboard.faults import faulty_robots
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags
@@ -14,11 +12,7 @@ from sim_world.series import series_file
 from sim_world.service import WorldService
 from sim_world.sources import open_sensor_source
 
-app = App(
-    name="sim-world",
-    help="Simulate a robot team, or replay a recorded one, and judge what it believes.",
-    version=door.version,
-)
+app = door.new_app("sim-world", "Simulate a robot team, or replay a recorded one, and judge what it believes.")
 
 
 @app.default

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from blackboard.bridges.stream import Stream
 from blackboard.config import Scenario, load
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 NO_ROS = "the bridge to ROS 2 needs the extra `ros`: pip install 'cop-blackboard[ros]'"
 Topics = Annotated[list[str] | None, Parameter(negative="", show_default=False)]
 
-app = App(
-    name="blackboard-rerun", help="Show a team that runs, or one on a tape, in the Rerun viewer.", version=door.version
-)
+app = door.new_app("blackboard-rerun", "Show a team that runs, or one on a tape, in the Rerun viewer.")
 
 
 @app.default

@@ -9,7 +9,6 @@ from collections.abc import Coroutine
 from typing import Any
 
 import numpy as np
-from cyclopts import App
 
 from blackboard.chaos.cases import chosen
 from blackboard.chaos.soak import LOSS
@@ -26,7 +25,7 @@ NETWORK = (
     "`reports-20` loses whole reports, in the robots themselves."
 )
 
-app = App(name="blackboard-chaos", version=door.version)
+app = door.new_app("blackboard-chaos")
 
 
 @app.command

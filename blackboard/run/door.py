@@ -13,9 +13,9 @@ import sys
 import threading
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, Any, Literal, NoReturn, get_args
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
 import blackboard
 from blackboard.errors import RunFailed, UserError
@@ -148,6 +148,28 @@ def check_name(what: str, value: str) -> None:
 def version() -> str:
     """The version of the package, for `--version`."""
     return blackboard.__version__
+
+
+def new_app(name: str, about: str = "") -> App:
+    """A command line, for all whose commands it takes a fraction is no whole number."""
+    return App(name=name, help=about, version=version, config=_refuse_fractions)
+
+
+def _refuse_fractions(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Check the flags that are whole numbers, because cyclopts rounds. UserError: one is a fraction."""
+    for argument in arguments:
+        for token in argument.tokens if _is_whole(argument.hint) else ():
+            try:
+                whole = "." not in token.value or float(token.value).is_integer()
+            except ValueError:  # no number: cyclopts says so
+                continue
+            if not whole:
+                raise UserError(f"{token.keyword or argument.name} {token.value}: give a whole number")
+
+
+def _is_whole(hint: Any) -> bool:
+    """Whether what a flag takes are whole numbers, optional or many."""
+    return hint is int or any(_is_whole(one) for one in get_args(hint))
 
 
 def main(app: App) -> NoReturn:

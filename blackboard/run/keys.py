@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from blackboard.access import directory
 from blackboard.access.members import NAMED, MemberKind
@@ -19,9 +19,7 @@ from blackboard.run.flags import TeamFlags
 
 SHORTEST, LONGEST = 1.0 / 24, 3650.0  # days of a certificate
 
-app = App(
-    name="keys", help="Make and revoke the certificates that shut a team's door (extra keys).", version=door.version
-)
+app = door.new_app("keys", "Make and revoke the certificates that shut a team's door (extra keys).")
 Directory = Annotated[Path, Parameter(name="--dir")]
 Names = Annotated[list[str] | None, Parameter(name="--name", negative="")]
 

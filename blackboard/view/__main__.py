@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from blackboard.config import load
 from blackboard.errors import RunFailed, UserError
@@ -36,7 +36,7 @@ CLEAR = "\x1b[H\x1b[2J"  # of a terminal
 NO_TUI = "the terminal needs the extra `tui`: pip install 'cop-blackboard[tui]'"
 NO_WEB = "the live page needs the extra `web`: pip install 'cop-blackboard[web]'"
 
-app = App(name="blackboard-view", version=door.version)
+app = door.new_app("blackboard-view")
 Seconds = Annotated[float, Parameter(name="--seconds")]
 
 

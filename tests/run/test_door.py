@@ -29,6 +29,7 @@ pytestmark = pytest.mark.system
         ("blackboard serve --sub-team a -c nowhere.json5", "--config nowhere.json5: No such file"),
         ("blackboard up nowhere.toml", "nowhere.toml: cannot be read"),
         ("blackboard demo --robots 1", "--robots 1: at least 2"),
+        ("blackboard demo --seed 1.5", "--seed 1.5: give a whole number"),
         ("blackboard demo --start 5", "--start and --protocol are about a recording: name its folder with --mrclam"),
         ("blackboard demo --protocol A_all", "--start and --protocol are about a recording"),
         ("blackboard chaos --only storm", "--only storm: no such case; choose from calm, "),

@@ -101,3 +101,27 @@ VALUES = {
 def test_a_command_takes_the_shared_flags(command: str, app: App, flags: str) -> None:
     words = [word for flag in flags.split() for word in (f"--{flag}", VALUES.get(flag)) if word is not None]
     app.parse_args([*command.split(), *words], exit_on_error=False, print_error=False)
+
+
+FRACTIONS = [
+    (blackboard.__main__.app, "demo --seed 1.5", "--seed 1.5"),
+    (blackboard.__main__.app, "demo --robots 3.6", "--robots 3.6"),
+    (blackboard.__main__.app, "why robot/r1 --at=60.7", "--at 60.7"),
+    (blackboard.__main__.app, "figures --grids 50 --grids 99.5", "--grids 99.5"),
+    (blackboard.__main__.app, "replay x.mcap --seed -1.5", "--seed -1.5"),
+    (blackboard.__main__.app, "keys init --robots 2.5", "--robots 2.5"),
+    (blackboard.__main__.app, "chaos --seed 1.5e0", "--seed 1.5e0"),
+    (sim_world.__main__.app, "--seed 0.5", "--seed 0.5"),
+]
+
+
+@pytest.mark.parametrize(("app", "command", "says"), FRACTIONS)
+def test_a_fraction_is_no_whole_number(app: App, command: str, says: str) -> None:
+    with pytest.raises(UserError) as error:
+        app.parse_args(command.split(), exit_on_error=False, print_error=False)
+    assert str(error.value) == f"{says}: give a whole number"
+
+
+def test_a_whole_number_and_a_length_with_a_fraction_are_taken() -> None:
+    _, bound, _ = blackboard.__main__.app.parse_args("demo --robots 3.0 --seconds 1.5", exit_on_error=False)
+    assert (bound.arguments["team"].robots, bound.arguments["run"].seconds) == (3, 1.5)
