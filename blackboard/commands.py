@@ -158,11 +158,13 @@ def _run(
     from blackboard.run.browser import can_open
     from blackboard.run.launch import Interrupted, run_scenario
     from sim_world.scorecard import text
-    from sim_world.table import check_table
+    from sim_world.table import check_folder, check_table
 
     _check(scenario)
     if run.table is not None:
         check_table(run.table, "--table")
+    if look.plot is not None:
+        check_folder(look.plot, "--plot")
     if record is not None:
         from blackboard.tape.file import check_new
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, astuple, fields
@@ -25,7 +26,7 @@ Write = Callable[[R], None]
 
 
 def check_table(file: Path, flag: str) -> None:
-    """Check that a table can be written by this name. UserError: another ending, or Parquet without its extra; names the flag."""
+    """Check that a table can be written by this name. UserError: another ending, no place for it, or Parquet without its extra."""
     if file.suffix not in ENDINGS:
         raise UserError(f"{flag} {file}: tables are written as {', '.join(ENDINGS)}; choose one of these endings")
     if file.suffix == ".parquet":
@@ -34,6 +35,22 @@ def check_table(file: Path, flag: str) -> None:
         except ImportError:
             extra = "Parquet needs the extra `table`: pip install 'cop-blackboard[table]'"
             raise UserError(f"{flag} {file}: {extra}") from None
+    if file.is_dir():
+        raise UserError(f"{flag} {file}: is a folder; give the name of a file")
+    if not file.parent.is_dir():
+        raise UserError(f"{flag} {file}: there is no folder {file.parent}; make it, or choose another place")
+    if not os.access(file if file.exists() else file.parent, os.W_OK):
+        raise UserError(f"{flag} {file}: cannot be written (Permission denied); choose another place")
+
+
+def check_folder(folder: Path, flag: str) -> None:
+    """Check that files can be written into a folder, which may still have to be made. UserError: they cannot; names the flag."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not there.is_dir():
+        what = "is no folder" if there == folder else f"{there} is no folder"
+        raise UserError(f"{flag} {folder}: {what}; choose another place")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise UserError(f"{flag} {folder}: cannot be written (Permission denied); choose another place")
 
 
 @contextmanager

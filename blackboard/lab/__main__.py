@@ -26,7 +26,7 @@ from blackboard.lab.team import Team
 from blackboard.lab.tuning import CandidateScores
 from blackboard.run.flags import LengthFlags, OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.progress import progress
-from sim_world.table import check_table, table_file
+from sim_world.table import check_folder, check_table, table_file
 
 SEED = 1  # of the trials and of the bootstrap, where --seed does not give another
 
@@ -269,6 +269,8 @@ def sweep(
     drawing = _drawing("sweep_drawing") if plot is not None else None
     if table is not None:
         check_table(table, "--table")
+    if plot is not None:
+        check_folder(plot, "--plot")
     chosen = team.apply(recording.scenario(scenario) if recording.given or scenario is None else load(scenario))
     chosen = chosen.changed("time", seconds=seconds, mode="lockstep")
     planned = plan(chosen, parse_seeds(seeds), set)
@@ -277,6 +279,7 @@ def sweep(
     with kept_runs(runs) as (done, keep), progress("sweep", lines=True) as show:
         cards = run_all(planned, done, keep, show)
     found = sweep_report.report(planned, cards, np.random.default_rng(SEED))
+    output.show(found, sweep_report.text)  # first: a file may fail after hours
     if table is not None:
         row, rows = sweep_report.rows(planned, cards)
         with table_file(table, row, "--table") as write:
@@ -284,7 +287,6 @@ def sweep(
                 write(each)
     if drawing is not None and plot is not None:
         drawing.draw_sweep(found, planned, cards, plot)
-    output.show(found, sweep_report.text)
     return 0
 
 

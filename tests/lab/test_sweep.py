@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import blackboard.__main__
 from blackboard.config import Scenario, load
 from blackboard.errors import UserError
+from blackboard.lab import __main__ as room
 from blackboard.lab import parallel, sweep
 from blackboard.lab.sweep_plan import label, parse_seeds, parse_set, plan, with_settings
 from blackboard.lab.sweep_report import report, rows, text
@@ -222,3 +224,50 @@ def test_the_picture_has_a_dot_for_each_run(tmp_path: Path) -> None:
     assert [line.get_xdata()[0] for line in dots] == [cards[i]["scores"]["robots"]["agreed"]["rmse"] for i in range(10)]
     drawing.draw_sweep(found, planned, cards, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.png", "sweep.svg"]
+
+
+def call(*arguments: object) -> object:
+    words = [str(each) for each in arguments]
+    return blackboard.__main__.app(words, exit_on_error=False, print_error=False, result_action="return_value")
+
+
+@pytest.mark.parametrize("command", [("sweep",), ("demo",), ("up", "demo")])
+def test_where_files_go_is_checked_before_the_first_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    def run(*_: object, **__: object) -> None:
+        raise AssertionError("it ran")
+
+    monkeypatch.setattr(room, "run_all", run)
+    monkeypatch.setattr("blackboard.run.launch.run_scenario", run)
+    file, table = tmp_path / "file", tmp_path / "x.csv"
+    file.touch()
+    table.mkdir()
+    for flag, value, says in (
+        ("--table", tmp_path / "no" / "x.csv", f"there is no folder {tmp_path}/no; make it, or choose another place"),
+        ("--table", table, "is a folder; give the name of a file"),
+        ("--plot", file, "is no folder; choose another place"),
+        ("--plot", file / "below", f"{file} is no folder; choose another place"),
+    ):
+        if flag == "--plot":
+            pytest.importorskip("matplotlib", reason="needs the extra `plot`")
+        with pytest.raises(UserError) as error:
+            call(*command, flag, value)
+        assert str(error.value).startswith(f"{flag} {value}: ")
+        assert says in str(error.value)
+
+
+def test_a_sweep_prints_its_result_before_it_writes_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+
+    def run_all(planned: list[Any], *_: object) -> list[dict[str, Any]]:
+        folder.rmdir()  # while it ran
+        return [card(1.0, one.seed) for one in planned]
+
+    monkeypatch.setattr(room, "run_all", run_all)
+    with pytest.raises(UserError, match="--table"):
+        call("sweep", "--seeds", "1..2", "--table", folder / "x.csv", "--json")
+    assert json.loads(capsys.readouterr().out)["seeds"] == [1, 2]

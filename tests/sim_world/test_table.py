@@ -63,7 +63,7 @@ def test_another_ending_or_place_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"^--out x\.txt: tables are written as \.csv, \.jsonl, \.parquet; choose"):
         check_table(Path("x.txt"), "--out")
     with (
-        pytest.raises(UserError, match="cannot be written .*; choose another place"),
+        pytest.raises(UserError, match="there is no folder .*; make it, or choose another place"),
         table_file(tmp_path / "no" / "x.csv", Row, "--table"),
     ):
         pass
