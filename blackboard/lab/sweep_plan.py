@@ -67,12 +67,13 @@ def parse_seeds(text: str) -> list[int]:
 
 
 def parse_set(text: str) -> tuple[str, list[Any]]:
-    """A key and its values of KEY=VALUE,VALUE, each as in TOML or a bare word. UserError: no key, or no value."""
+    """A key and its values of KEY=VALUE,VALUE, each as in TOML or a bare word. UserError: no key, no value, or the seed."""
     key, equals, values = text.partition("=")
     parts = [part.strip() for part in _split(values)]
     if not equals or "" in (key.strip(), *parts):
         raise UserError(f"--set {text}: say KEY=VALUE,VALUE, as board.rule=cooperative,coalition")
-    _ = path_of(key)
+    if path_of(key) == ["world", "seed"]:  # each run has one of --seeds
+        raise UserError(f"--set {text}: the seeds are --seeds, as --seeds {values.strip()}")
     return key.strip(), [_value(part) for part in parts]
 
 

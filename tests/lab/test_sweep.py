@@ -70,6 +70,8 @@ def test_a_setting_has_values_as_in_toml_or_bare_words(given: str, key: str, val
         (["board.rule=a,,b"], "say KEY=VALUE,VALUE"),
         (["rule=linear"], "--set rule: no key of a section"),
         (["board rule=linear"], "no key of a section"),
+        (["world.seed=1,2"], "--set world.seed=1,2: the seeds are --seeds, as --seeds 1,2"),
+        (["world . 'seed'=1"], "the seeds are --seeds"),
         (["board.k=1", "board.k=2"], "--set board.k: given twice; give all values at once"),
         (["team.name.x=1"], "--set team.name.x: name is no table in tiny.toml"),
         (["board.rule=best"], "tiny.toml: board.rule: 'best' is none of"),
