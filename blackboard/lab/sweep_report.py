@@ -41,8 +41,9 @@ def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Gen
     settings = {one.combination: one.settings for one in planned}
     found = []
     for number, by_seed in sorted(runs.items()):
-        scores, differences = {}, {}
+        scores, differences, missing = {}, {}, {}
         for group in GROUPS:
+            missing[group] = {level: _not_judged(by_seed, group, level) for level in LEVELS}
             scores[group] = {level: _means(by_seed.values(), group, level, rng) for level in LEVELS}
             if number:
                 both = [(runs[0][seed], card) for seed, card in by_seed.items()]
@@ -53,6 +54,11 @@ def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Gen
                 "settings": dict(settings[number]),
                 "runs": len(by_seed),
                 "passed": sum(card["verdict"] == "PASS" for card in by_seed.values()),
+                "judged": {
+                    group: {level: len(by_seed) - len(seeds) for level, seeds in levels.items()}
+                    for group, levels in missing.items()
+                },
+                "not_judged": missing,
                 "scores": scores,
                 "difference": differences,
                 "hashes": {str(seed): card["hash"] for seed, card in by_seed.items()},
@@ -112,7 +118,28 @@ def text(found: Mapping[str, Any]) -> str:
             block = one["difference"][group]["agreed"]
             shown = "".join(f"{_span(block[name], '+'):>26}" for name in ("rmse", "log_score", "coverage_95"))
             lines.append(f"{one['label']:<{width}}{shown}")
+        lines += [line for one in combinations for line in _left_out(one, group, len(combinations) > 1)]
     return "\n".join(lines)
+
+
+def _left_out(one: Mapping[str, Any], group: str, several: bool) -> list[str]:
+    """The line that says in which seeds nothing was agreed on, which the means leave out; none where the group is not there."""
+    seeds, there = one["not_judged"][group]["agreed"], any(one["judged"][group].values())
+    if not seeds or not there:
+        return []
+    where = f"seed{'s' if len(seeds) > 1 else ''} {', '.join(str(seed) for seed in seeds)}"
+    whose = f"{group}, {one['label']}" if several else group
+    count = f"{one['judged'][group]['agreed']} of {one['runs']} seeds"
+    return [f"{whose}: {count} (in {where} none was agreed on)"]
+
+
+def _not_judged(by_seed: Mapping[int, Card], group: str, level: str) -> list[int]:
+    """The seeds that the means leave out, because something could not be measured."""
+    return sorted(
+        seed
+        for seed, card in by_seed.items()
+        if any(math.isnan(measure(card, group, level, name)) for name in MEASURES)
+    )
 
 
 def _means(cards: Iterable[Card], group: str, level: str, rng: np.random.Generator) -> dict[str, Any]:

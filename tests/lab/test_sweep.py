@@ -145,6 +145,31 @@ def test_means_have_intervals_and_differences_are_paired() -> None:
     assert any(line.startswith("board.k=2") and "+0.250 [+0.250, +0.250]" in line for line in lines)
 
 
+def test_seeds_in_which_nothing_was_judged_are_told() -> None:
+    planned = plan(TINY, range(1, 5), ["board.k=1,2"])
+    cards = [card(1.0, one.seed) for one in planned]
+    for one, each in zip(planned, cards, strict=True):
+        judged = each["scores"]["robots"]["agreed"]
+        some = not (one.combination and one.seed in {1, 3})
+        each["scores"]["objects"] |= {"solo": judged, "agreed": judged if some else each["scores"]["objects"]["agreed"]}
+    found = report(planned, cards, np.random.default_rng(1))
+    first, second = found["combinations"]
+    assert first["judged"]["objects"] == {"solo": 4, "consensus": 0, "agreed": 4}
+    assert second["judged"]["objects"]["agreed"] == 2
+    assert second["not_judged"]["objects"]["agreed"] == [1, 3]
+    assert json.loads(json.dumps(found)) == found
+    told = [line for line in text(found).splitlines() if "of 4 seeds" in line]
+    assert told == ["objects, board.k=2: 2 of 4 seeds (in seeds 1, 3 none was agreed on)"]
+    found["combinations"] = [{**second, "label": "as it is"}]
+    assert text(found).endswith("\nobjects: 2 of 4 seeds (in seeds 1, 3 none was agreed on)")
+
+
+def test_a_group_that_is_not_there_is_not_told() -> None:
+    planned = plan(TINY, range(1, 3), [])
+    found = report(planned, [card(1.0, one.seed) for one in planned], np.random.default_rng(1))
+    assert "none was agreed on" not in text(found)
+
+
 def test_the_table_has_a_column_for_each_setting(tmp_path: Path) -> None:
     planned = plan(TINY, [1, 2], ["board.rule=linear,coalition", "world.vision.gain=0.05,0.1"])
     row, found = rows(planned, [card(1.0, one.seed) for one in planned])
