@@ -1,6 +1,7 @@
 """What all doors share: Zenoh's usual flags, logging, signals and exit codes.
 
-Exit codes: 0 done, 1 the run or its check failed, 2 a user error (one clear line on standard error), 130 interrupted.
+Exit codes: 0 done, 1 the run or its check failed, 2 a user error (one clear line on standard error), 130 interrupted,
+141 nobody reads standard output any more (`| head -1`).
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import re
+import select
 import signal
 import sys
 import threading
@@ -32,7 +34,7 @@ from blackboard.wire.names import NAME
 
 log = logging.getLogger(__name__)
 
-DONE, FAILED, USER_ERROR, INTERRUPTED = 0, 1, 2, 130  # exit statuses; a command may return others
+DONE, FAILED, USER_ERROR, INTERRUPTED, NO_READER = 0, 1, 2, 130, 141  # exit statuses; a command may return others
 PARENT = "BLACKBOARD_PARENT"  # set for a child: the process that it must not outlive
 
 
@@ -192,8 +194,24 @@ def main(app: App) -> NoReturn:
         status = INTERRUPTED
     except Stopped:
         pass
-    sys.stdout.flush()
+    except BrokenPipeError:
+        if _has_reader():
+            raise
+        status = NO_READER
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        status = NO_READER
+    if status == NO_READER:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is flushed at the exit
     sys.exit(status if isinstance(status, int) else DONE)
+
+
+def _has_reader() -> bool:
+    """Whether somebody holds the other end of standard output."""
+    looked = select.poll()
+    looked.register(sys.stdout.fileno(), 0)
+    return not any(event & (select.POLLERR | select.POLLHUP) for _, event in looked.poll(0))
 
 
 def _zenoh_log() -> None:

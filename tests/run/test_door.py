@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 from importlib.metadata import version
 from pathlib import Path
 
@@ -11,9 +13,9 @@ import pytest
 from blackboard.errors import UserError
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
-from blackboard.run.door import INTERRUPTED
+from blackboard.run.door import INTERRUPTED, NO_READER
 from blackboard.run.launch import free_port
-from tests.processes import IN_THE_BACKGROUND, children, is_running, program, silent_server
+from tests.processes import IN_THE_BACKGROUND, LONG, ROOT, children, is_running, program, silent_server
 
 pytestmark = pytest.mark.system
 
@@ -67,6 +69,38 @@ def test_a_door_prints_the_version_of_the_package(door: str) -> None:
     with program("-m", door, "--version") as running:
         assert running.ends() == 0
         assert running.out == f"{version('cop-blackboard')}\n"
+
+
+ENDLESS = """
+from itertools import count
+from blackboard.run import door
+app = door.new_app("endless")
+@app.default
+def endless() -> int:
+    for number in count():
+        print(number, flush=True)
+door.main(app)
+"""
+
+
+@pytest.mark.parametrize("arguments", [("-c", ENDLESS), ("-m", "blackboard", "scenario")])
+def test_a_reader_that_has_enough_ends_a_command_quietly(arguments: tuple[str, ...]) -> None:
+    command = [sys.executable, *arguments]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        assert running.stderr is not None
+        if arguments[0] == "-c":
+            assert running.stdout.readline() == "0\n"
+        running.stdout.close()
+        assert running.stderr.read() == ""
+        assert running.wait(LONG) == NO_READER
+
+
+def test_another_broken_pipe_is_a_fault() -> None:
+    script = "from blackboard.run import door; door.main(lambda **_: (_ for _ in ()).throw(BrokenPipeError()))"
+    found = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert found.returncode == 1
+    assert "BrokenPipeError" in found.stderr
 
 
 def test_sigint_stops_a_run_that_a_script_has_started_in_the_background() -> None:
