@@ -6,7 +6,8 @@ Long, because it is the door of six commands, each with its flags.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -22,6 +23,7 @@ from blackboard.process.clock import UnixClock
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, TeamFlags
 from blackboard.run.logs import quiet
+from blackboard.run.progress import progress
 from blackboard.tape.compare import changed_board, side_by_side, told
 from blackboard.tape.content import Tape, load_tape, summary
 from blackboard.tape.content import cut as cut_out
@@ -180,7 +182,8 @@ def replay(
 def _again(found: Tape, story: Course, output: OutputFlags, keep: Keep) -> int:
     clock = UnixClock()
     began = clock.now()
-    again = replay_tape(found)
+    with _moving(sum(len(life.events) for life in found.lives)) as moved:
+        again = replay_tape(found, moved)
     matched = match(story.run, recorded(found), again.output, story.ended)
     lines = told(again, matched)
     card = scorecard(judge(found.scenario, story, again.output, clock.now() - began, record=keep))
@@ -195,10 +198,11 @@ def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags, 
     began = clock.now()
     lies = lying(parse_lies(changes.lie, scenario.team.robots))
     lose = lambda _: bool(changes.loss) and rng.random() < changes.loss  # noqa: E731
-    changed = what_if(found, scenario, changes.without, lose, lies)
-    wall, without = clock.now() - began, changes.without
     ones, others = list[Sample](), list[Sample]()
-    unchanged = what_if(found, found.scenario)
+    with _moving(2 * len(found.envelopes)) as moved:
+        changed = what_if(found, scenario, changes.without, lose, lies, moved)
+        wall, without = clock.now() - began, changes.without
+        unchanged = what_if(found, found.scenario, moved=moved)
     cards = {
         "recorded": scorecard(judge(found.scenario, story, recorded(found), 0.0, without)),
         "unchanged": scorecard(judge(found.scenario, story, unchanged, 0.0, without, ones.append)),
@@ -212,6 +216,21 @@ def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags, 
     told_all = f"{side_by_side(cards)}\n\n{paired_text(differences, cards['what if']['unit'])}\n\n{NOTE}"
     output.show(result, lambda _: told_all)
     return 0
+
+
+@contextmanager
+def _moving(total: int) -> Iterator[Callable[[], None]]:
+    """A function that moves the progress of a replay, on standard error, by one of `total`."""
+    count = 0
+    with progress("replay", lines=True) as show:
+
+        def moved() -> None:
+            nonlocal count
+            count += 1
+            if show is not None:
+                show(count, total)
+
+        yield moved
 
 
 @tape.command

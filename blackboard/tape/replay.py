@@ -6,6 +6,7 @@ So it does again what it did, to the bit, in every pace: nothing of it depends o
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -46,13 +47,13 @@ class Replay:
     late: list[str] = field(default_factory=list)  # boards whose beginning is not on the tape
 
 
-def replay(tape: Tape) -> Replay:
-    """Give every board what its journal says. UserError: there is no journal on the tape."""
+def replay(tape: Tape, moved: Callable[[], None] = lambda: None) -> Replay:
+    """Give every board what its journal says. `moved` is called after each event. UserError: there is no journal on the tape."""
     if not tape.lives:
         raise UserError(f"{tape.scenario.where}: no board on the tape kept a journal; boards of this version do")
     found = Replay()
     for life in tape.lives:
-        _live_again(tape, life, found)
+        _live_again(tape, life, found, moved)
     return found
 
 
@@ -68,7 +69,7 @@ def is_consensus(envelope: Envelope) -> bool:
     return keys.CONSENSUS.match(envelope.key) is not None or keys.AGREED.match(envelope.key) is not None
 
 
-def _live_again(tape: Tape, life: Life, found: Replay) -> None:
+def _live_again(tape: Tape, life: Life, found: Replay, moved: Callable[[], None]) -> None:
     service, output = board_service(tape.scenario, life.sub_team, life.board), found.output
     found.gaps += len(life.gaps)
     if life.first:
@@ -91,6 +92,7 @@ def _live_again(tape: Tape, life: Life, found: Replay) -> None:
         if number in memories:
             with suppress(Refused):
                 service.board.remember(memories[number])
+        moved()
     output.counters["dropped"] = found.missing
     output.refused += service.refused
 

@@ -34,12 +34,13 @@ def what_if(
     without: Collection[str] = (),
     lose: Callable[[Envelope], bool] = lambda _: False,
     change: Callable[[Envelope], Envelope] = lambda envelope: envelope,
+    moved: Callable[[], None] = lambda: None,
 ) -> Output:
     """Run the boards of a tape under a scenario, without some robots; a message that `lose` says is lost reaches no board.
 
-    Clocks and tokens are never lost. What robots send is what `change` makes of it.
+    Clocks and tokens are never lost. What robots send is what `change` makes of it. `moved` is called after each message of the tape.
     """
-    return _Boards(scenario, frozenset(without), lose, change).play(tape)
+    return _Boards(scenario, frozenset(without), lose, change).play(tape, moved)
 
 
 class _Boards:
@@ -63,7 +64,7 @@ class _Boards:
         self._now = -math.inf
         self._behind = 0.0  # seconds that were waited in lockstep and not in the recorded run
 
-    def play(self, tape: Tape) -> Output:
+    def play(self, tape: Tape, moved: Callable[[], None]) -> Output:
         ends = _ends(tape)
         for number, (at, envelope) in enumerate(tape.envelopes):
             self._pass_time(at + self._behind)
@@ -71,6 +72,7 @@ class _Boards:
                 self._stop(ends[number])
             self._take(envelope)
             self._deliver()
+            moved()
         self._settle()
         for service, _ in self._boards.values():
             self.output.refused += service.refused

@@ -103,6 +103,19 @@ def test_a_lie_is_a_change_with_intervals(capsys: pytest.CaptureFixture[str]) ->
     assert found["what_if"]["hash"] != found["unchanged"]["hash"]
 
 
+@pytest.mark.parametrize("change", [(), ("--without", "r3")])
+def test_a_replay_says_how_far_it_is_on_standard_error(
+    capsys: pytest.CaptureFixture[str], change: tuple[str, ...]
+) -> None:
+    call("replay", GOLDEN, "--json", *change)
+    told = capsys.readouterr()
+    assert json.loads(told.out)
+    lines = [line.split() for line in told.err.splitlines() if line.startswith("replay: ")]
+    assert len(lines) == 10
+    assert [line[1] for line in lines] == sorted((line[1] for line in lines), key=int)
+    assert lines[-1][1] == lines[-1][3]
+
+
 def test_help_says_what_a_replay_is(capsys: pytest.CaptureFixture[str]) -> None:
     call("replay", "--help")
     said = " ".join(capsys.readouterr().out.split())
