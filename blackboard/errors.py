@@ -9,6 +9,9 @@ with status 1.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class OpinionError(ValueError):
     """An opinion that is no probability vector; the text names the opinion, the cell and the value."""
@@ -47,3 +50,9 @@ class UserError(Exception):
 
 class RunFailed(Exception):
     """A run that ended without a scorecard, and why, in one line. Doors exit with status 1 on it."""
+
+
+def nearest(given: object, known: Iterable[str]) -> str:
+    """`; did you mean NAME?` for the known name nearest to a text; empty where none is near."""
+    found = difflib.get_close_matches(given, list(known), 1) if isinstance(given, str) else []
+    return f"; did you mean {found[0]}?" if found else ""

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Literal, TypeVar, dataclass_transform
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.errors import RuleError, UnknownKeyError, UserError
+from blackboard.errors import RuleError, UnknownKeyError, UserError, nearest
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.vectors import checked, checked_weights
 from blackboard.opinion.weights import entropy_weights
@@ -206,7 +206,7 @@ def find(name: str) -> type[Rule]:
     if name not in _registered():
         offered = plugins.load(plugins.POOLS, name)
         if offered is None:
-            raise RuleError("rule", f"{name!r} is none of {', '.join(sorted(names()))}")
+            raise RuleError("rule", f"{name!r} is none of {', '.join(sorted(names()))}{nearest(name, names())}")
         if _registered().get(name) is not offered:
             raise UserError(f"plug-in {name!r} of {plugins.POOLS}: offers {offered!r}, which is no Rule of this name")
     return _registered()[name]

@@ -5,7 +5,6 @@ The words come from the model's own schema, so they are those of docs/scenario.m
 
 from __future__ import annotations
 
-import difflib
 import re
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from blackboard.errors import nearest as nearest  # noqa: PLC0414  # where those look for it who tell mistakes of models
 from blackboard.wire.names import NAME, SUBJECT_KINDS
 
 Schema = Mapping[str, Any]
@@ -50,12 +50,6 @@ def no_such_key(key: str, known: Iterable[str]) -> str:
     """What is said of an unknown key: the nearest one, and all that there are."""
     names = sorted(known)
     return f"no such key{nearest(key, names)}; known are {', '.join(names)}"
-
-
-def nearest(given: object, known: Iterable[str]) -> str:
-    """`; did you mean NAME?` for the known name nearest to a text; empty where none is near."""
-    found = difflib.get_close_matches(given, list(known), 1) if isinstance(given, str) else []
-    return f"; did you mean {found[0]}?" if found else ""
 
 
 def allowed(schema: Schema, root: Schema) -> str:

@@ -74,6 +74,7 @@ def test_a_setting_has_values_as_in_toml_or_bare_words(given: str, key: str, val
         (["world . 'seed'=1"], "the seeds are --seeds"),
         (["board.k=1", "board.k=2"], "--set board.k: given twice; give all values at once"),
         (["team.name.x=1"], "--set team.name.x: name is no table in tiny.toml"),
+        (["board.rule=coperative"], "; did you mean cooperative?"),
         (["board.rule=best"], "tiny.toml: board.rule: 'best' is none of"),
         ([f"board.k={','.join(['1'] * 400)}", f"world.speed={','.join(['1'] * 400)}"], "160000 runs; at most 100000"),
     ],

@@ -113,6 +113,10 @@ def test_parameters_of_rules() -> None:
         ({"rule": "linear", "power": 2}, "power: rule 'linear' has no such key; it has k, reference_cell"),
         ({"rule": "logarithmic", "k": 2}, "k: rule 'logarithmic' has no such key; it has none"),
         ({"rule": "clique", "inner": "clique"}, "inner: a clique of a clique gains nothing; name another rule"),
+        (
+            {"rule": "coperative"},
+            "rule: 'coperative' is none of calibrated, channel-filter, chernoff, clique, coalition, cooperative, ",
+        ),
         ({"rule": "clique", "inner": "x"}, "inner: 'x' is none of calibrated, "),
         ({"rule": "clique", "gamma": 0.5}, "gamma: rule 'clique' has no such key; it has inner, xi"),
         ({"rule": "coalition", "gate": 3, "gamma": 0.5}, "gate: give it or gamma, not both"),
