@@ -17,7 +17,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
-from blackboard.errors import UserError
+from blackboard.errors import missing_extra
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
 from blackboard.run.progress import progress
@@ -190,8 +190,8 @@ def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Itera
         return
     try:
         from blackboard.lab import run_drawing
-    except ModuleNotFoundError as error:
-        raise UserError(f"--plot: {error.name} is missing; pip install 'cop-blackboard[plot]'") from error
+    except ModuleNotFoundError:
+        raise missing_extra("--plot", "plot") from None
     from sim_world.series import read_series, series_file
 
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:

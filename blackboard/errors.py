@@ -10,6 +10,7 @@ with status 1.
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Iterable
 
 
@@ -56,3 +57,9 @@ def nearest(given: object, known: Iterable[str]) -> str:
     """`; did you mean NAME?` for the known name nearest to a text; empty where none is near."""
     found = difflib.get_close_matches(given, list(known), 1) if isinstance(given, str) else []
     return f"; did you mean {found[0]}?" if found else ""
+
+
+def missing_extra(what: str, extra: str) -> UserError:
+    """What cannot be done because an extra of the package is not installed, and the command that installs it here."""
+    cure = f"{sys.executable} -m pip install 'cop-blackboard[{extra}]' (in a clone: -e '.[{extra}]')"
+    return UserError(f"{what} needs the extra `{extra}`: {cure}")

@@ -16,7 +16,7 @@ from dataclasses import asdict, astuple, fields
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
-from blackboard.errors import UserError
+from blackboard.errors import UserError, missing_extra
 
 ENDINGS = (".csv", ".jsonl", ".parquet")
 GROUP = 50_000  # rows that are written to a Parquet file at once
@@ -33,8 +33,7 @@ def check_table(file: Path, flag: str) -> None:
         try:
             import pyarrow  # noqa: F401
         except ImportError:
-            extra = "Parquet needs the extra `table`: pip install 'cop-blackboard[table]'"
-            raise UserError(f"{flag} {file}: {extra}") from None
+            raise missing_extra(f"{flag} {file}: Parquet", "table") from None
     if file.is_dir():
         raise UserError(f"{flag} {file}: is a folder; give the name of a file")
     if not file.parent.is_dir():

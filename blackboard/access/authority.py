@@ -9,7 +9,7 @@ import ipaddress
 from dataclasses import dataclass
 
 from blackboard.access.members import Member
-from blackboard.errors import UserError
+from blackboard.errors import UserError, missing_extra
 from blackboard.process.clock import utc
 
 try:
@@ -18,7 +18,7 @@ try:
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 except ImportError:
-    raise UserError("keys and certificates need the extra `keys`: pip install 'cop-blackboard[keys]'") from None
+    raise missing_extra("what makes keys and certificates", "keys") from None
 
 DAY = 86400.0  # seconds
 AUTHORITY_DAYS = 3650.0

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from blackboard.bridges.stream import Stream
 from blackboard.config import Scenario, load
-from blackboard.errors import UserError
+from blackboard.errors import UserError, missing_extra
 from blackboard.net.attached import AttachedLink
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from blackboard.bridges.ros.service import Sources
     from blackboard.client.member import Member
 
-NO_ROS = "the bridge to ROS 2 needs the extra `ros`: pip install 'cop-blackboard[ros]'"
 Topics = Annotated[list[str] | None, Parameter(negative="", show_default=False)]
 
 app = door.new_app("blackboard-rerun", "Show a team that runs, or one on a tape, in the Rerun viewer.")
@@ -120,7 +119,7 @@ def ros(
         from blackboard.bridges.ros import names
         from blackboard.bridges.ros.service import RosBridge
     except ImportError:
-        raise UserError(NO_ROS) from None
+        raise missing_extra("the bridge to ROS 2", "ros") from None
     if flags.keys is not None:
         raise UserError("--keys: a router with keys gives ROS no keys of its own; run the bridge on an open router")
     if not 0 <= domain <= names.MAX_DOMAIN:

@@ -17,13 +17,12 @@ from typing import Any
 import numpy as np
 
 from blackboard.bridges.stream import Stream, agreed, corner, masses
-from blackboard.errors import UserError
+from blackboard.errors import UserError, missing_extra
 from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import Moment, Point
 from blackboard.view.taped import Taped
 
 FRAME = "map"  # where the team's grid names none
-NO_FOXGLOVE = "the export needs the extra `foxglove`: pip install 'cop-blackboard[foxglove]'"
 TROUBLE = {"gone", "conflict", "left out", "refused"}  # events that are warnings
 COLOURS = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (204, 121, 167), (213, 94, 0), (0, 114, 178))  # Okabe and Ito
 CELL = np.dtype([("probability", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1")])
@@ -34,7 +33,7 @@ def export(taped: Taped, out: Path) -> int:
     try:
         import foxglove
     except ImportError:
-        raise UserError(NO_FOXGLOVE) from None
+        raise missing_extra("the export", "foxglove") from None
     if out.exists():
         raise UserError(f"{out}: is there already; choose another name")
     try:

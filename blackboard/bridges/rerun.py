@@ -21,12 +21,11 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.bridges.stream import TRAIL, agreed, masses
-from blackboard.errors import UserError
+from blackboard.errors import UserError, missing_extra
 from blackboard.opinion.grid import Grid
 from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import Moment, Point
 
-NO_RERUN = "the bridge needs the extra `rerun`: pip install 'cop-blackboard[rerun]'"
 DEPTH = 9.0  # nats below the highest peak that are shown
 TROUBLE = {"gone", "conflict", "left out", "refused"}  # events that are warnings
 
@@ -36,7 +35,7 @@ def open_viewer(team: str, save: Path | None, viewer: str | None) -> RerunSink:
     try:
         import rerun
     except ImportError:
-        raise UserError(NO_RERUN) from None
+        raise missing_extra("the bridge", "rerun") from None
     recording = rerun.RecordingStream(f"cop-blackboard {team}")
     if save is not None:
         if save.exists():

@@ -16,7 +16,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
-from blackboard.errors import UserError
+from blackboard.errors import UserError, missing_extra
 from blackboard.lab import comparison, paper, parallel, sweep_report, tuning, tuning_report
 from blackboard.lab import streams as streams_of_fusions
 from blackboard.lab.estimates import RuleScores
@@ -66,7 +66,7 @@ def lab(
     picture
         Also draw the table into this file (.svg or .png); needs the extra `plot`.
     """
-    drawing = _drawing() if picture is not None else None
+    drawing = _drawing("--picture") if picture is not None else None
     seed = SEED if length.seed is None else length.seed
     _at_least(runs=(runs, 0), variants=(variants, 1), every=(every, 0), seed=(seed, 0), streams=(streams, 0))
     if streams:
@@ -214,7 +214,7 @@ def figures(
     every
         Seconds of team time from one judged instant to the next in Fig. 7; Fig. 6 shows every tick.
     """
-    drawing = _drawing()
+    drawing = _drawing("a figure")
     sizes = grids or [50, 100, 200]
     _at_least(seeds=(seeds, 1), robots=(robots, 2), grids=(min(sizes), 20), every=(every, 0), seconds=(seconds, every))
     with progress("figures") as show_progress:
@@ -266,7 +266,7 @@ def sweep(
     plot
         Also draw the comparison into this folder; needs the extra `plot`.
     """
-    drawing = _drawing("sweep_drawing") if plot is not None else None
+    drawing = _drawing("--plot", "sweep_drawing") if plot is not None else None
     if table is not None:
         check_table(table, "--table")
     if plot is not None:
@@ -316,9 +316,9 @@ def _at_least(**numbers: tuple[float, float]) -> None:
             raise UserError(f"--{name.replace('_', '-')} {value:g}: give at least {least:g}")
 
 
-def _drawing(module: str = "drawing") -> ModuleType:
+def _drawing(what: str, module: str = "drawing") -> ModuleType:
     """A module of the laboratory that draws. UserError: matplotlib, which it needs, is not installed."""
     try:
         return import_module(f"blackboard.lab.{module}")
-    except ModuleNotFoundError as error:
-        raise UserError(f"{error.name} is missing: install the extra, as pip install 'cop-blackboard[plot]'") from error
+    except ModuleNotFoundError:
+        raise missing_extra(what, "plot") from None

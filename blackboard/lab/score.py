@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from blackboard.config import Scenario
-from blackboard.errors import UserError
+from blackboard.errors import UserError, missing_extra
 from blackboard.lab import bench
 from blackboard.run.flags import OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.launch import run_scenario
@@ -200,6 +200,6 @@ def _drawing() -> ModuleType:
     """`blackboard.lab.bench_drawing`. UserError: matplotlib, which it needs, is not installed."""
     try:
         from blackboard.lab import bench_drawing
-    except ModuleNotFoundError as error:
-        raise UserError(f"{error.name} is missing: install the extra, as pip install 'cop-blackboard[plot]'") from error
+    except ModuleNotFoundError:
+        raise missing_extra("--pictures", "plot") from None
     return bench_drawing

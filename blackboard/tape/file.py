@@ -18,7 +18,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from blackboard.errors import UserError
+from blackboard.errors import UserError, missing_extra
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.raw import MAX_BYTES, VERSION
@@ -29,8 +29,8 @@ try:
     from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata
     from mcap.stream_reader import StreamReader, breakup_chunk
     from mcap.writer import Writer
-except ModuleNotFoundError as error:
-    raise UserError(f"{error.name} is missing: install the extra, as pip install 'cop-blackboard[record]'") from error
+except ModuleNotFoundError:
+    raise missing_extra("a tape", "record") from None
 
 PROFILE = "cop-blackboard"
 FORMAT = "1"  # of the tape: another one is refused

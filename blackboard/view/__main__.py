@@ -14,7 +14,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from blackboard.config import load
-from blackboard.errors import RunFailed, UserError
+from blackboard.errors import RunFailed, UserError, missing_extra
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
@@ -33,8 +33,6 @@ PATIENCE = 3.0  # seconds to wait for a router, and for a team to settle somethi
 TEAM = "demo"  # the scenario where no other is named
 NICE = 10  # lower priority of what looks on: where processors are short, boards and robots come first
 CLEAR = "\x1b[H\x1b[2J"  # of a terminal
-NO_TUI = "the terminal needs the extra `tui`: pip install 'cop-blackboard[tui]'"
-NO_WEB = "the live page needs the extra `web`: pip install 'cop-blackboard[web]'"
 
 app = door.new_app("blackboard-view")
 Seconds = Annotated[float, Parameter(name="--seconds")]
@@ -252,7 +250,7 @@ def view(
     try:
         from blackboard.view.web.server import Address, serve
     except ImportError:
-        raise UserError(NO_WEB) from None
+        raise missing_extra("the live page", "web") from None
     clock = UnixClock()
     if file is not None:
         taped = open_tape(file, team, flags)
@@ -292,7 +290,7 @@ def top(
     try:
         from blackboard.view.tui.top import Top
     except ImportError:
-        raise UserError(NO_TUI) from None
+        raise missing_extra("the terminal", "tui") from None
     if file is not None:
         taped = open_tape(file, team, flags)
         Top(taped.feed, taped.team, taped.drift).run()

@@ -54,5 +54,5 @@ def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "blackboard.lab.drawing", raising=False)
     monkeypatch.delattr("blackboard.lab.drawing", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(UserError, match=r"matplotlib is missing: .*\[plot\]"):
-        _drawing()
+    with pytest.raises(UserError, match=r"--picture needs the extra `plot`: .*\[plot\]"):
+        _drawing("--picture")

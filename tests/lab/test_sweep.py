@@ -1,9 +1,13 @@
-"""A sweep: which runs there are, what is kept of them, and what is said of them."""
+"""A sweep: which runs there are, what is kept of them, and what is said of them.
+
+Long, because the command, its plan, its runs and its report are tried on the same small team.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -283,6 +287,17 @@ def test_where_files_go_is_checked_before_the_first_run(
             call(*command, flag, value)
         assert str(error.value).startswith(f"{flag} {value}: ")
         assert says in str(error.value)
+
+
+def test_without_the_extra_it_is_one_line_that_can_be_pasted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "blackboard.lab.sweep_drawing", None)
+    monkeypatch.setitem(sys.modules, "blackboard.lab.run_drawing", None)
+    monkeypatch.delattr("blackboard.lab.run_drawing", raising=False)
+    cure = f"{sys.executable} -m pip install 'cop-blackboard[plot]' (in a clone: -e '.[plot]')"
+    for command in ("sweep", "demo"):
+        with pytest.raises(UserError) as error:
+            call(command, "--plot", tmp_path / "pictures")
+        assert str(error.value) == f"--plot needs the extra `plot`: {cure}"
 
 
 def test_a_sweep_prints_its_result_before_it_writes_files(
