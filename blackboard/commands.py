@@ -17,7 +17,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
-from blackboard.errors import missing_extra
+from blackboard.errors import UserError, missing_extra
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
 from blackboard.run.progress import progress

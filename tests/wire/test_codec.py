@@ -1,4 +1,7 @@
-"""Bytes are a message, or they are refused with the first reason that applies."""
+"""Bytes are a message, or they are refused with the first reason that applies.
+
+Long, because each reason has its tests here.
+"""
 
 from __future__ import annotations
 
