@@ -160,3 +160,11 @@ def test_one_token_is_one_opinion_on_a_subject_however_often_it_speaks() -> None
     team.bus.spies.append(look)
     team.run()
     assert seen <= {0, 1}
+
+
+def test_what_is_agreed_about_a_liar_is_not_what_the_joint_has_from_the_liar_alone() -> None:
+    said = Said(scenario(LIE, fusion="joint"))
+    rules = {subject: it.rule for (level, subject), it in said.consensuses.items() if level == "agreed"}
+    assert rules.pop("robot/r5") != "joint"
+    assert set(rules.values()) == {"joint"}
+    assert said.card["scores"]["faulty"]["agreed"]["log_score"] > -8.0  # -17 where it is told by the joint

@@ -405,9 +405,12 @@ class TeamJoint:
     # --- out ------------------------------------------------------------------------------------------------------------
 
     def subjects(self) -> list[str]:
-        """All robots and objects whose position is known, sorted."""
+        """All robots and objects whose position is known, sorted, without the robots that are left out.
+
+        Where such a robot is, the joint has from itself alone, and the others contradict it.
+        """
         names = [b for b in self.joint.blocks if isinstance(b, str)]
-        return sorted(n for n in names if self.knows(n))
+        return sorted(n for n in names if self.knows(n) and n not in self._left_out)
 
     def knows(self, subject: str) -> bool:
         """Whether the joint holds a position of the subject that is not flat."""
