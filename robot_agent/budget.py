@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -137,6 +137,8 @@ class Budget:
             return Said(list(reports), {})
         reports = [_short(report) for report in reports]
         self.bucket.refill(time)
+        most = math.log(self.grid.size)  # a board may tell an entropy that no belief on this grid has
+        team = {subject: replace(it, entropy=min(most, max(0.0, it.entropy))) for subject, it in team.items()}
         subjects = {report.subject for report in reports}
         self.sent = {subject: it for subject, it in self.sent.items() if subject in subjects}
         self._since = {subject: self._since.get(subject, time) for subject in sorted(subjects)}
@@ -169,9 +171,8 @@ class Budget:
         sent = self.sent.get(subject)
         if sent is None:
             return uniform(self.grid)
-        if speed is not None and subject.startswith(
-            "robot/"
-        ):  # a mate's own speed, which it tells the boards, may be another
+        # Boards let a belief about a mate spread by the speed that the mate tells them. It is not known here, so the own one is taken.
+        if speed is not None and subject.startswith("robot/"):
             sigma = speed * max(0.0, time - sent.time) / math.sqrt(2)
             return self._blurred(sent.belief, sigma)
         return self._spread(sent, time, self.drift)

@@ -361,3 +361,13 @@ def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() ->
     assert shown.tick == statuses[-1].tick
     assert shown.settings == full[-1].settings
     assert shown.counters == full[-1].counters
+
+
+@pytest.mark.parametrize("entropy", [-1e12, 1e12])
+def test_an_entropy_that_no_belief_has_stops_nothing(entropy: float) -> None:
+    it = budget(50.0)
+    team = {subject: Known(entropy, joint=False) for subject in SUBJECTS}
+    belief = pack(gaussian(GRID, (5, 5), 1.0))
+    for tick in range(5):
+        said = [Report(source="r1", subject=s, tick=tick, time=float(tick), belief=belief) for s in SUBJECTS]
+        assert len(it.choose(said, float(tick), 0.0, team).reports) <= len(SUBJECTS)
