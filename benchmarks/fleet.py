@@ -42,7 +42,7 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, PackedBelief, Report, Status
 
 GRID = Grid((50, 50))
-FULL = 0.8  # of a core: a board that is busier than that may have left work undone, and tells no costs
+FULL = 0.8  # of a core: a busier board may have left ticks out, so that the costs are not fitted to its run
 
 
 BELIEFS = [pack(gaussian(GRID, (5 + 8 * (i % 5), 5 + 8 * (i // 5)), 1.0 + 0.1 * i)) for i in range(25)]

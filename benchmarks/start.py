@@ -44,7 +44,7 @@ def seconds_to_ready(*command: str) -> float:
 
 
 def idle_share(running: Program) -> float:
-    """How much of a core a program uses that nobody talks to, in percent."""
+    """How much of a core a program uses while no message comes, in percent."""
     before = running.processor_seconds()
     try:
         running.process.wait(IDLE)

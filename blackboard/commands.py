@@ -127,8 +127,8 @@ def serve(
     name = board or f"board-{sub_team}"
     for what, value in (("--team", team or chosen.team.name), ("--sub-team", sub_team), ("--id", name)):
         door.check_name(what, value)
-    for stranger in chosen.strangers([sub_team]) if scenario else ():
-        log.warning(stranger)
+    for warning in chosen.unknown_sub_teams([sub_team]) if scenario else ():
+        log.warning(warning)
     service = BoardService(
         team=team or chosen.team.name,
         sub_team=sub_team,
@@ -213,7 +213,7 @@ def _check(scenario: Scenario) -> None:
     from blackboard.faults import faults_of
     from robot_agent.config import RobotSection
     from sim_world.mrclam.files import recording_folder
-    from sim_world.scenario import WorldSection, check_lost, strange_objects
+    from sim_world.scenario import WorldSection, check_lost, unknown_objects
 
     _ = scenario.grid, scenario.time
     robot = scenario.section("robot", RobotSection)
@@ -229,6 +229,6 @@ def _check(scenario: Scenario) -> None:
         recording_folder(world.dir)
     else:
         check_lost(scenario, world)
-        for strange in strange_objects(scenario, world):
-            log.warning(strange)
+        for warning in unknown_objects(scenario, world):
+            log.warning(warning)
     faults_of(scenario)

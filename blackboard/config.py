@@ -245,7 +245,7 @@ class Scenario:
     def name(self) -> str:
         return str(self.tables.get("name", "scenario"))
 
-    def strangers(self, sub_teams: Iterable[str]) -> list[str]:
+    def unknown_sub_teams(self, sub_teams: Iterable[str]) -> list[str]:
         """For each of some sub-teams that the file does not have, a sentence: it may be a misspelling, or joined on purpose."""
         known = sorted(self.team.sub_teams)
         return [

@@ -48,8 +48,8 @@ def robot_agent(
     sub_teams = sub_team or chosen.team.of(name)
     for what, value in (("--team", team or chosen.team.name), ("--id", name), *(("--sub-team", s) for s in sub_teams)):
         door.check_name(what, value)
-    for stranger in chosen.strangers(sub_teams) if scenario else ():
-        log.warning(stranger)
+    for warning in chosen.unknown_sub_teams(sub_teams) if scenario else ():
+        log.warning(warning)
     door.serve(robot_of(chosen, name, team=team, sub_teams=sub_teams), name, flags)
     return 0
 

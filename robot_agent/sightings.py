@@ -35,7 +35,7 @@ class Told:
 class Sightings:
     """Mutable; `news` once per tick, and then `said` with the evidence that was sent."""
 
-    told: dict[str, Told] = field(default_factory=dict)  # the newest last
+    told: dict[str, Told] = field(default_factory=dict)  # by subject; the one that was sent last stands last
     _after: dict[str, Told] = field(default_factory=dict)  # what will be known if the sightings of this tick are sent
 
     def news(
@@ -87,8 +87,9 @@ class Sightings:
         told, way = self.told.get(it.subject), evidence.travelled
         if told is None:
             return along, across
-        span = max(0.0, time - told.time) / max(way.time, 1.0)  # of the epoch
-        grown = (way.along + way.across) * span  # by both robots' odometry
+        # The sums of odometry are of the whole epoch: the time since that sighting has its share of their variance.
+        span = max(0.0, time - told.time) / max(way.time, 1.0)
+        grown = (way.along + way.across) * span  # variance of both robots' odometry, taken for equal
         return min(along, told.along + grown), min(across, told.across + grown + way.heading * span * it.range**2)
 
 

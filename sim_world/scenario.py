@@ -160,7 +160,7 @@ def check_lost(scenario: Scenario, world: WorldSection) -> None:
             )
 
 
-def strange_objects(scenario: Scenario, world: WorldSection) -> list[str]:
+def unknown_objects(scenario: Scenario, world: WorldSection) -> list[str]:
     """A sentence for each object that the [board] names and the simulated world does not have.
 
     It may be misspelt, or be something that a robot reports which is not of this world.

@@ -242,7 +242,7 @@ def read_rule(table: Mapping[str, Any]) -> Rule:
 
 @lru_cache(256)
 def _read(told: tuple[type[Rule], tuple[tuple[str, type, Any], ...]]) -> Rule:
-    """Rules do not change, and a board asks for that of a subject in every tick. The types are told because True == 1."""
+    """Kept, because a board asks for the rule of each subject in every tick. The key has the types, because True equals 1."""
     cls, items = told
     return cls.read({key: value for key, _, value in items})
 

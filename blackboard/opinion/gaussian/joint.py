@@ -188,12 +188,12 @@ class Joint:
         self.mean = self.mean + white[:, -1] @ gained
         before = self.covariance.diagonal()
         if (before - np.square(gained).sum(axis=0) < CANCELLED * before).any():
-            self.covariance = self._left(cross[:, :-1], np.linalg.solve(root.T, gained).T, places, noise)
+            self.covariance = self._by_josephs_form(cross[:, :-1], np.linalg.solve(root.T, gained).T, places, noise)
         else:
             self.covariance -= gained.T @ gained  # of which NumPy computes one triangle
 
-    def _left(self, cross: Array, gain: Array, places: Sequence[tuple[slice, Array]], noise: Array) -> Array:
-        """Joseph's form (I - K H) P (I - K H)^T + K R K^T of a covariance of which so little is left that the difference rounds away.
+    def _by_josephs_form(self, cross: Array, gain: Array, places: Sequence[tuple[slice, Array]], noise: Array) -> Array:
+        """The covariance after an update, as (I - K H) P (I - K H)^T + K R K^T: exact also where hardly any of P is left.
 
         `cross` is H P, `gain` K, shape (n, m); `places` are where the rows of H belong.
         """
