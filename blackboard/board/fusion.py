@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -177,7 +178,7 @@ def _alone(only: Opinion, rule: Coalition, learner: Learner, counts: Callable[[s
         shares=[Share(only, 1.0, "independent")],
         components=[1.0],
         conflict=False,
-        rule=replace(rule, independence=CAUTIOUS),
+        rule=_advised(rule, CAUTIOUS),
         outcome="pooled",
         learned=learner.learned([only.source]),
     )
@@ -196,7 +197,13 @@ def _tempered(opinion: Opinion, power: float) -> Opinion:
 
 def as_advised(rule: Coalition, opinions: Array, advice: Advice) -> tuple[Coalition, Array]:
     """The rule and the opinions (N, *grid shape) that a learner advises to pool."""
-    return replace(rule, independence=advice.independence), tempered(opinions, advice.powers)
+    return _advised(rule, advice.independence), tempered(opinions, advice.powers)
+
+
+@lru_cache(256)
+def _advised(rule: Coalition, independence: float) -> Coalition:
+    """Kept, because making a rule checks its parameters, and a learner's advice about a subject holds for about a second."""
+    return replace(rule, independence=independence)
 
 
 def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array, list[Share], bool]:

@@ -109,10 +109,7 @@ class Lead:
         others = [board for board in self.roster.boards.get(self.sub_team, []) if board != self.board]
         if frozen and others:
             self.leads, self.since, self._others, self._unknown = None, None, {}, {}
-        self._others = {board: claim for board, claim in self._others.items() if board in others}
-        new = [board for board in others if board not in self._others and board not in self._unknown]
-        self._unknown = {board: until for board, until in self._unknown.items() if board in others}
-        self._unknown |= dict.fromkeys(new, now + HOLD)
+        new = self._keep_only(others, now) if others or self._others or self._unknown else []
         self._decide(now)
         asks, self._asks = self._asks or bool(new), False
         return (self.leads != before and before is not None) or (bool(others) and (asks or self.leads != before))
@@ -151,6 +148,14 @@ class Lead:
         return min(self._leaders())[2] if self._leaders() else None
 
     # --- inside -------------------------------------------------------------------------------------------------------
+
+    def _keep_only(self, others: list[str], now: float) -> list[str]:
+        """Drop the boards that are gone, and wait for the new ones, which are returned."""
+        self._others = {board: claim for board, claim in self._others.items() if board in others}
+        new = [board for board in others if board not in self._others and board not in self._unknown]
+        self._unknown = {board: until for board, until in self._unknown.items() if board in others}
+        self._unknown |= dict.fromkeys(new, now + HOLD)
+        return new
 
     def _leaders(self) -> list[tuple[int, float, str]]:
         return [(-claim.term, claim.since, name) for name, claim in self._others.items() if not claim.follows]

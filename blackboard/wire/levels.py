@@ -36,7 +36,7 @@ def written(levels: Levels) -> bytes:
 def read(data: bytes, size: int, coding: Coding) -> Levels:
     """The levels of `size` cells, shape (size,); Refused "fields" for data that hold another number of them."""
     if coding == "log8":
-        return np.cumsum(np.frombuffer(_inflated(data, (size,)), np.uint8), dtype=np.uint8)
+        return np.frombuffer(_inflated(data, (size,)), np.uint8).cumsum(dtype=np.uint8)
     inflated = np.frombuffer(_inflated(data, (size, 2 * size)), np.uint8)
     folded = inflated[:size].astype(np.uint16)
     if len(inflated) > size:
