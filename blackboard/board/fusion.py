@@ -30,6 +30,7 @@ from blackboard.opinion.weights import entropy, entropy_weights
 #: Two overlapping beliefs whose Bhattacharyya coefficient is below this contradict each other. Equally wide Gaussians do so
 #: that are just over 6 sigma apart: exp(-6^2 / 8) = 0.011.
 CONTRADICTION = 0.01
+EVEN = 1e-9  # by how much the likeliest cell of a uniform opinion may exceed the least likely one, relative to it
 HOW = ("independent", "overlapping")  # multiplied by the rule, or averaged because it shares ancestors with others
 
 
@@ -84,6 +85,8 @@ def fuse_opinions(
     Where the subject's rule is a coalition with independence "learn", the learner hears the independent opinions at the team time
     `now`, in seconds, and says how far each is to be believed; without a learner the rule is as cautious as before any evidence.
     `counts` says of a robot whether its evidence belongs to the first-hand part, or to the fused belief alone.
+    A coalition leaves out the independent opinions that are uniform, unless all are: each member makes it more cautious, and those
+    say nothing. Their shares are 0.
     With `dissent`, who keeps disagreeing with the others counts for less, where the learner does not see to that, and where
     `feedback` is not "paper". `powers` are those of a fusion that is to be done again (`Share.power`), without a learner and dissent.
     """
@@ -91,16 +94,39 @@ def fuse_opinions(
     everything = settings.feedback == "paper"  # Table I to the letter: everything is multiplied
     independent, overlapping = (list(opinions), list[Opinion]()) if everything else split(opinions)
     rule, powers = settings.of(subject), powers or {}
+    empty = list[Opinion]()
+    if isinstance(rule, Coalition) and not everything:
+        independent, empty = _telling(independent)
     if dissent is not None and not everything:
         dissent.hear(subject, now, independent, lambda others: _pooled(rule, others, grid))
     if learner is not None and isinstance(rule, Coalition) and rule.independence == "learn":
-        if len(opinions) == 1:
-            return _alone(opinions[0], rule, learner, counts)
+        if len(independent) == 1 and not overlapping:
+            return _with(empty, _alone(independent[0], rule, learner, counts), counts)
         learner.hear(subject, now, independent)
-        return _fused(_as_learned(rule, independent, overlapping, learner), grid, counts)
+        return _with(empty, _fused(_as_learned(rule, independent, overlapping, learner), grid, counts), counts)
     if dissent is not None and not everything:
         powers = {(o.source, how): dissent.weight(o.source) for o in opinions for how in HOW}
-    return _fused(_to_powers(rule, independent, overlapping, powers), grid, counts)
+    return _with(empty, _fused(_to_powers(rule, independent, overlapping, powers), grid, counts), counts)
+
+
+def _telling(opinions: list[Opinion]) -> tuple[list[Opinion], list[Opinion]]:
+    """The opinions that say something, or all where none does; and those that are uniform, but for rounding."""
+    empty = [o for o in opinions if o.belief.p.max() <= o.belief.p.min() * (1 + EVEN)] if len(opinions) > 1 else []
+    return ([o for o in opinions if o not in empty], empty) if len(empty) < len(opinions) else (opinions, [])
+
+
+def _with(empty: Sequence[Opinion], fusion: Fusion, counts: Callable[[str], bool]) -> Fusion:
+    """A fusion whose story tells also of the opinions that said nothing; that their sources saw nothing is their evidence."""
+    if not empty:
+        return fusion
+    counted = [opinion.ancestors for opinion in empty if all(map(counts, opinion.ancestors))]
+    return replace(
+        fusion,
+        shares=[*fusion.shares, *(Share(opinion, 0.0, "independent") for opinion in empty)],
+        ancestors=union([fusion.ancestors, *(opinion.ancestors for opinion in empty)]),
+        firsthand_ancestors=union([fusion.firsthand_ancestors, *counted]),
+        is_firsthand=fusion.is_firsthand and len(counted) == len(empty),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +177,9 @@ def _fused(given: _Weighed, grid: Grid, counts: Callable[[str], bool]) -> Fusion
     rests_on = [*(given.independent if kept > 0 else []), *(share.opinion for share in more if share.weight > 0)]
     return Fusion(
         belief=Belief(grid, fused),
-        ancestors=union(rests_on),
+        ancestors=union(opinion.ancestors for opinion in rests_on),
         firsthand=firsthand,
-        firsthand_ancestors=union(counted),
+        firsthand_ancestors=union(opinion.ancestors for opinion in counted),
         is_firsthand=all(here) and not more,
         shares=[replace(s, power=given.powers.get((s.opinion.source, s.how), 1.0)) for s in shares + more],
         components=[float(c) for c in pooled.components],
@@ -171,9 +197,9 @@ def _alone(only: Opinion, rule: Coalition, learner: Learner, counts: Callable[[s
     is_counted = all(map(counts, only.ancestors))
     return Fusion(
         belief=belief,
-        ancestors=union([only]),
+        ancestors=union([only.ancestors]),
         firsthand=belief if is_counted else uniform(grid),
-        firsthand_ancestors=union([only] if is_counted else []),
+        firsthand_ancestors=union([only.ancestors] if is_counted else []),
         is_firsthand=is_counted,
         shares=[Share(only, 1.0, "independent")],
         components=[1.0],

@@ -6,7 +6,7 @@ information it contains. Opinions without a common ancestor are independent; all
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -54,10 +54,10 @@ def split(opinions: Iterable[Opinion]) -> tuple[list[Opinion], list[Opinion]]:
     return independent, overlapping
 
 
-def union(opinions: Sequence[Opinion]) -> dict[str, float]:
-    """All ancestors of some opinions, each until the latest time any of them names, sorted by name."""
+def union(all_ancestors: Iterable[Ancestors]) -> dict[str, float]:
+    """The ancestors of several opinions, each until the latest time any of them names, sorted by name."""
     found: dict[str, float] = {}
-    for opinion in opinions:
-        for name, until in opinion.ancestors.items():
+    for ancestors in all_ancestors:
+        for name, until in ancestors.items():
             found[name] = max(until, found.get(name, until))
     return dict(sorted(found.items()))

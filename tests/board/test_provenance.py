@@ -58,4 +58,4 @@ def test_the_order_of_arrival_does_not_matter(said: list[Opinion], random: objec
 
 def test_union_keeps_the_latest_time_of_each_ancestor() -> None:
     first, second = Opinion("b", BELIEF, {"b": 1.0, "c": 5.0}), Opinion("a", BELIEF, {"a": 2.0, "c": 3.0})
-    assert list(union([first, second]).items()) == [("a", 2.0), ("b", 1.0), ("c", 5.0)]
+    assert list(union([first.ancestors, second.ancestors]).items()) == [("a", 2.0), ("b", 1.0), ("c", 5.0)]

@@ -1,0 +1,90 @@
+"""Who reports a uniform belief knows nothing: what the others believe is not made wider by it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard.board.fusion import Fusion, fuse_opinions
+from blackboard.board.learning import Learner
+from blackboard.board.provenance import Opinion
+from blackboard.config import BoardSection
+from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.grid import Grid
+
+GRID = Grid((12, 9), cell=0.5)
+PLACES = st.tuples(st.floats(0.5, 5.5), st.floats(0.5, 4.0), st.floats(0.3, 2.0))
+
+
+def opinions(places: list[tuple[float, float, float]]) -> list[Opinion]:
+    return [Opinion(f"r{i}", gaussian(GRID, (x, y), s), {f"r{i}": 1.0}) for i, (x, y, s) in enumerate(places)]
+
+
+def uninformed(name: str, rounding: float = 0.0) -> Opinion:
+    p = uniform(GRID).p.copy()
+    p[0, 0] *= 1 + rounding
+    return Opinion(name, Belief(GRID, p / p.sum()), {name: 1.0})
+
+
+def fused(some: list[Opinion], independence: float | str = "learn", **settings: object) -> Fusion:
+    learner = Learner() if independence == "learn" else None
+    board = BoardSection(independence=independence, **settings)  # type: ignore[arg-type, call-arg]
+    return fuse_opinions(some, GRID, board, "object/ball", learner, 1.0)
+
+
+@given(st.lists(PLACES, min_size=1, max_size=5), st.integers(1, 3), st.sampled_from(["learn", 0.0, 0.5, 1.0]))
+def test_uniform_opinions_change_no_belief(
+    places: list[tuple[float, float, float]], more: int, independence: float | str
+) -> None:
+    told = opinions(places)
+    without = fused(told, independence)
+    beside = fused([*told, *(uninformed(f"u{i}", 1e-12) for i in range(more))], independence)
+    assert np.array_equal(beside.belief.p, without.belief.p)
+    assert np.array_equal(beside.firsthand.p, without.firsthand.p)
+    assert beside.outcome == without.outcome
+    assert {share.opinion.source: share.weight for share in beside.shares} == {
+        **{share.opinion.source: share.weight for share in without.shares},
+        **{f"u{i}": 0.0 for i in range(more)},
+    }
+
+
+def test_their_sources_stay_among_the_ancestors() -> None:
+    """That somebody saw nothing is evidence too, so it is not taken for independent of what rests on it."""
+    found = fused([*opinions([(2.0, 2.0, 1.0)]), uninformed("u")])
+    assert found.ancestors == found.firsthand_ancestors == {"r0": 1.0, "u": 1.0}
+    assert found.is_firsthand
+
+
+def test_one_of_another_sub_team_is_no_part_of_what_is_first_hand_here() -> None:
+    some = [*opinions([(2.0, 2.0, 1.0)]), uninformed("u")]
+    found = fuse_opinions(some, GRID, BoardSection(), "object/ball", Learner(), 1.0, counts=lambda robot: robot != "u")
+    assert (found.firsthand_ancestors, found.is_firsthand) == ({"r0": 1.0}, False)
+    assert np.array_equal(found.firsthand.p, found.belief.p)
+
+
+def test_where_nobody_knows_anything_the_belief_is_uniform() -> None:
+    found = fused([uninformed("u"), uninformed("v")])
+    assert found.belief.p == pytest.approx(uniform(GRID).p)
+    assert {share.opinion.source for share in found.shares if share.weight > 0} == {"u", "v"}
+
+
+def test_an_informed_belief_beside_a_uniform_first_hand_one_is_not_multiplied() -> None:
+    """It may contain what the others said, so it still overlaps with its own source's first-hand belief."""
+    informed = Opinion("u", gaussian(GRID, (2.0, 2.0), 1.0), {"u": 1.0, "r0": 1.0})
+    found = fused([*opinions([(2.0, 2.0, 1.0)]), uninformed("u"), informed])
+    assert found.belief.p == pytest.approx(informed.belief.p, abs=1e-6)
+    assert ("u", "overlapping") in {(share.opinion.source, share.how) for share in found.shares}
+
+
+def test_nearly_uniform_ones_and_other_rules_count_as_before() -> None:
+    told = opinions([(2.0, 2.0, 1.0)])
+    without = fused(told).belief.p
+    assert fused([*told, uninformed("u", 0.01)]).belief.p.max() < 0.9 * without.max()
+    told.append(uninformed("u"))
+    linear = fuse_opinions(told, GRID, BoardSection(rule="linear"), "object/ball").belief.p
+    assert linear.max() < without.max() - 0.01 / math.prod(GRID.shape)
+    assert fused(told, feedback="paper").belief.p.max() < 0.9 * without.max()
