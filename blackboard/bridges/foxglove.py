@@ -23,7 +23,7 @@ from blackboard.state.moments import Moment, Point
 from blackboard.view.taped import Taped
 
 FRAME = "map"  # where the team's grid names none
-TROUBLE = {"gone", "conflict", "left out", "refused"}  # events that are warnings
+TROUBLE = {"gone", "conflict", "left out", "refused", "namesake"}  # events that are warnings
 COLOURS = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (204, 121, 167), (213, 94, 0), (0, 114, 178))  # Okabe and Ito
 CELL = np.dtype([("probability", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1")])
 

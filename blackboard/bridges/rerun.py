@@ -27,7 +27,7 @@ from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import Moment, Point
 
 DEPTH = 9.0  # nats below the highest peak that are shown
-TROUBLE = {"gone", "conflict", "left out", "refused"}  # events that are warnings
+TROUBLE = {"gone", "conflict", "left out", "refused", "namesake"}  # events that are warnings
 
 
 def open_viewer(team: str, save: Path | None, viewer: str | None) -> RerunSink:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from typing import Protocol
 
 from blackboard.process.clock import UnixClock
 from blackboard.process.failures import Failures
+from blackboard.process.namesakes import Namesakes
 from blackboard.process.service import Service, Subscriber, connect
 from blackboard.wire.envelope import Envelope
+
+log = logging.getLogger(__name__)
 
 LONGEST_WAIT = 0.5  # seconds, so that a signal is noticed
 AFTER_FAILURE = 0.1  # seconds until a service that could not do what was due is woken again
@@ -30,8 +34,10 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
     """Connect the service, and serve until it is done or `stopped`.
 
     An exception of the service ends nothing: it is counted among the link's counters ("failed_in_loop"), and logged.
+    So is another process that speaks under the service's name ("namesakes"), where the service listens to its own status.
     """
     failures, paused_until = Failures(), -math.inf
+    namesakes = Namesakes(service.tokens)
     connect(service, link)
     while not (service.done or stopped()):
         now = clock.now()
@@ -39,8 +45,10 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
         wait = LONGEST_WAIT if due is None else min(LONGEST_WAIT, max(0.0, due - now))
         arrived = link.receive(wait)
         if arrived:  # a service that is never due, because it answers what comes, tells them in its statuses too
-            service.record_link_counters(_counters(link, failures))
+            service.record_link_counters(_counters(link, failures, namesakes))
         for envelope in arrived:
+            if (warning := namesakes.hear(envelope, clock.now())) is not None:
+                log.warning(warning)
             with failures.survive(envelope.key):
                 _send(link, service.receive(envelope, clock.now()))
         now = clock.now()
@@ -48,10 +56,10 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
         if due is not None and due <= now:
             paused_until = now + AFTER_FAILURE
             with failures.survive("what was due"):
-                service.record_link_counters(_counters(link, failures))
+                service.record_link_counters(_counters(link, failures, namesakes))
                 _send(link, service.wake(now))
                 paused_until = -math.inf
-    service.record_link_counters(_counters(link, failures))
+    service.record_link_counters(_counters(link, failures, namesakes))
 
 
 def _due(service: Service, now: float, paused_until: float) -> float | None:
@@ -59,9 +67,9 @@ def _due(service: Service, now: float, paused_until: float) -> float | None:
     return None if due is None else max(due, paused_until)
 
 
-def _counters(link: Connection, failures: Failures) -> dict[str, int]:
-    failed = failures.counters["failed"]
-    return link.counters | ({"failed_in_loop": failed} if failed else {})
+def _counters(link: Connection, failures: Failures, namesakes: Namesakes) -> dict[str, int]:
+    own = {"failed_in_loop": failures.counters["failed"], "namesakes": namesakes.count}
+    return link.counters | {name: count for name, count in own.items() if count}
 
 
 def _send(link: Connection, envelopes: list[Envelope]) -> None:

@@ -21,10 +21,14 @@ class Membership:
 
     @property
     def listens(self) -> tuple[str, ...]:
-        """The Clock, and of its sub-teams what was agreed on and what of this robot was refused."""
+        """The Clock, and of its sub-teams what was agreed on and what of this robot was refused.
+
+        Also the robot's own statuses: what comes there is another process of the same name (`blackboard.process.namesakes`).
+        """
         agreed = [keys.AGREED.key(team=self.team, sub_team=s, subject="**") for s in self.sub_teams]
         refused = [keys.REFUSED.key(team=self.team, sub_team=s, robot=self.robot) for s in self.sub_teams]
-        return (keys.CLOCK.key(team=self.team), *agreed, *refused)
+        statuses = [keys.STATUS.key(team=self.team, sub_team=s, process=self.robot) for s in self.sub_teams]
+        return (keys.CLOCK.key(team=self.team), *agreed, *refused, *statuses)
 
     @property
     def watches(self) -> tuple[str, ...]:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 import socket
 import sys
+from collections import Counter
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Protocol
 
@@ -62,15 +64,21 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
 
 
 def part(link: Querier, kind: ProcessKind, name: str, *, team: str) -> str:
-    """What is told of a process after "healthy": of a world its tick; of a board that it follows another one of its sub-team."""
+    """What is told of a process after "healthy": of a world its tick; of a board that it follows another one of its sub-team.
+
+    Of a robot and a board also that several processes answer under its name.
+    """
     if kind == "world":
         ticks = [fields.get("tick") for fields in _answers(link, keys.CLOCK.key(team=team))]
         known = [tick for tick in ticks if isinstance(tick, int)]
         return f", tick {max(known)}" if known else ""
-    if kind != "board":
+    if kind == "router":
         return ""
-    answers = _answers(link, keys.STATUS.key(team=team, sub_team="*", process=name))
-    return ", follows" if any(fields.get("follows") for fields in answers) else ""
+    envelopes = link.get(keys.STATUS.key(team=team, sub_team="*", process=name))
+    follows = kind == "board" and any(fields.get("follows") for fields in _read(envelopes))
+    # one process gives one answer on each of its keys; who merely keeps what it sent (a storage) gives the same bytes
+    several = max(Counter(key for key, _ in {(it.key, it.payload) for it in envelopes}).values(), default=0)
+    return ", follows" * follows + f", but {several} processes answer as {kind} {name}" * (several > 1)
 
 
 def health(
@@ -116,8 +124,12 @@ def _times(link: Querier, key_expr: str) -> list[float]:
 
 def _answers(link: Querier, key_expr: str) -> list[dict[str, Any]]:
     """The fields of all readable answers on keys of the team."""
+    return _read(link.get(key_expr))
+
+
+def _read(envelopes: Iterable[Envelope]) -> list[dict[str, Any]]:
     found = []
-    for envelope in link.get(key_expr):
+    for envelope in envelopes:
         with suppress(Refused):  # another process sent it; the one that is asked about may be well
             found.append(unpack_map(envelope.payload))
     return found

@@ -51,7 +51,7 @@ class Event:
 
     at: float
     tick: int
-    what: str  # "here", "gone", "run", "conflict", "agreement", "left out", "back in", "refused"
+    what: str  # "here", "gone", "run", "conflict", "agreement", "left out", "back in", "refused", "namesake"
     who: str
     text: str
 
@@ -215,6 +215,9 @@ class TeamFold:
             more = count - process.refused.get(reason, 0)
             if more > 0 and process.status is not None:
                 self._note("refused", process.name, f"{process.name} refused {more} more: {reason}", now)
+        if process.status is not None and status.namesakes > process.status.namesakes:
+            text = f"{process.name}: another process sends under this name, too"
+            self._note("namesake", process.name, text, now)
         process.status, process.status_at = status, now
         if status.kind == "board" and status.grid is not None:
             at = status.anchor

@@ -132,7 +132,7 @@ def process_lines(it: Table) -> list[str]:
                 one["name"],
                 one["kind"],
                 ",".join(one["sub_teams"]) or "-",
-                one["state"] + (", follows" if one["part"] == "follows" else ""),
+                _state(one),
                 _number(one["tick"], "d"),
                 f"{one['rate']:.1f}",
                 _number(one["age"], ".1f"),
@@ -143,6 +143,11 @@ def process_lines(it: Table) -> list[str]:
             )
         )
     return _aligned(rows)
+
+
+def _state(one: Table) -> str:
+    follows, namesakes = one["part"] == "follows", one["counters"].get("namesakes")
+    return ", ".join([one["state"]] + ["follows"] * follows + [f"namesakes {namesakes}"] * bool(namesakes))
 
 
 def subject_lines(it: Table) -> list[str]:

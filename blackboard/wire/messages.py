@@ -244,6 +244,11 @@ class Status(Message):
         """Whether it leaves out what only operators read, as a robot on a poor link does: what it said before stands."""
         return self.kind == "robot" and not (self.counters or self.refused or self.ages or self.settings)
 
+    @property
+    def namesakes(self) -> int:
+        """How often it noticed that another process sends under its name, as it counts them."""
+        return self.counters.get("namesakes", 0)
+
     def beside(self, before: Status | None) -> Status:
         """With what it leaves out as it was `before`."""
         if before is None or not self.is_brief:

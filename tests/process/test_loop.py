@@ -149,3 +149,21 @@ def test_a_service_that_cannot_do_what_is_due_is_woken_again_after_a_while() -> 
     run(echo, post, clock)
     assert times == pytest.approx([1.0, 1.0 + AFTER_FAILURE, 1.0 + 2 * AFTER_FAILURE, 2.0 + 2 * AFTER_FAILURE])
     assert echo.noted["failed_in_loop"] == 2
+
+
+def test_another_process_of_the_same_name_is_logged_once_and_counted(caplog: pytest.LogCaptureFixture) -> None:
+    clock = ManualClock()
+    post, echo = Post(clock, *[[Envelope("cop/t/a/status/r1", b"!")]] * 20), Echo(1.0, 15)
+    echo.tokens = ("cop/t/a/member/r1",)  # type: ignore[assignment]
+    wake = echo.wake
+
+    def slow_wake(now: float) -> list[Envelope]:
+        clock.advance(1.0)
+        return wake(now)
+
+    echo.wake = slow_wake  # type: ignore[method-assign]
+    clock.advance(1.0)
+    run(echo, post, clock)
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert caplog.records[0].getMessage().startswith("cop/t/a/status/r1: another process sends under this name")
+    assert echo.noted["namesakes"] == 1

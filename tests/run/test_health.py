@@ -126,3 +126,14 @@ def test_a_healthy_world_says_its_tick() -> None:
     network = Answers(Envelope(keys.CLOCK.key(team="t"), encode(said)))
     assert part(network, "world", "world", team="t") == ", tick 12"
     assert part(Answers(), "world", "world", team="t") == ""
+
+
+def test_several_processes_of_one_name_are_told() -> None:
+    def answers(kind: ProcessKind, *sent: int) -> str:
+        said = [Status(process="x", kind="board", tick=1, time=3.0, counters={"sent": n}) for n in sent]
+        of = [(keys.STATUS.key(team="t", sub_team=s, process="x"), it) for it in said for s in ("a", "b")]
+        return part(Answers(*(Envelope(key, encode(it)) for key, it in of)), kind, "x", team="t")
+
+    assert answers("robot", 1) == answers("board", 1, 1) == ""  # the same bytes again: who keeps what it sent
+    assert answers("robot", 1, 2) == ", but 2 processes answer as robot x"
+    assert answers("board", 1, 2, 3) == ", but 3 processes answer as board x"

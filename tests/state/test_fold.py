@@ -222,3 +222,14 @@ def test_refusals_and_conflicts_are_events() -> None:
     team.hear({"sub_team": "a"}, status, 1, 0.0)
     team.hear({"sub_team": "a"}, status.model_copy(update={"refused": {"future": 3}}), 1, 1.0)
     assert [event.text for event in team.events] == ["b refused 3 more: future"]
+
+
+def test_another_process_of_the_same_name_is_an_event() -> None:
+    team = TeamFold("t")
+    status = Status(process="r1", kind="robot", tick=1, time=0.0)
+    counted = status.model_copy(update={"counters": {"namesakes": 1}})
+    for at, said in enumerate((status, counted, counted)):
+        team.hear({"sub_team": "a"}, said, 1, float(at))
+    assert [(event.what, event.text) for event in team.events] == [
+        ("namesake", "r1: another process sends under this name, too")
+    ]

@@ -12,7 +12,9 @@ from blackboard.state.processes import Process
 from blackboard.view.echo import Rates, in_order, key_expression, line
 from blackboard.view.summary import summary, text
 from blackboard.wire import keys
+from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Status
 from tests.view.recorded import folded, recorded
 
 
@@ -33,6 +35,14 @@ def test_a_process_that_says_nothing_is_silent_and_one_without_a_token_gone() ->
     fold.take(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.GONE), 1_000_001.0)
     states = {it["name"]: it["state"] for it in summary(fold, 1_000_100.0)["teams"][0]["processes"]}
     assert (states["r1"], states["r2"]) == ("gone", "silent")
+
+
+def test_a_process_that_noticed_another_of_its_name_says_so() -> None:
+    fold = Fold()
+    said = Status(process="r1", kind="robot", tick=1, time=0.0, counters={"namesakes": 2})
+    fold.take(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.ALIVE), 1.0)
+    fold.take(Envelope(keys.STATUS.key(team="t", sub_team="a", process="r1"), encode(said)), 1.0)
+    assert "alive, namesakes 2" in text(summary(fold, 1.0))
 
 
 def test_a_rate_is_over_the_last_ticks_and_falls_in_silence() -> None:
