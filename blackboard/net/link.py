@@ -6,6 +6,7 @@ answered to queries. Long, because a session, what is declared in it and how it 
 
 from __future__ import annotations
 
+import json
 import logging
 import threading
 from collections.abc import Callable, Collection
@@ -21,6 +22,7 @@ from blackboard.errors import UserError
 from blackboard.net.flood import WINDOW, Flood, narrowed
 from blackboard.net.inbox import TOO_LARGE, Inbox
 from blackboard.net.knock import LARGEST, Knock
+from blackboard.net.outage import Outage
 from blackboard.net.settings import LinkConfig, endpoints, plain, priority
 from blackboard.process.clock import UnixClock
 from blackboard.wire import keys
@@ -54,8 +56,8 @@ class Link:
         clock: UnixClock | None = None,
     ) -> None:
         """Connect within `patience` seconds. Raises UserError where no router answers, Stopped where `stopped()` becomes true."""
-        clock, identity = clock or UnixClock(), config.identity()
-        self._session = _open(config, name, patience, stopped, clock, identity)
+        clock, identity, built = clock or UnixClock(), config.identity(), config.build(name)
+        self._session = _open(built, name, patience, stopped, clock, identity)
         self._inbox = Inbox()
         self.poke = self._inbox.poke  # lets a `receive` that waits, or the next one, return at once; for any thread
         self._newest: dict[str, bytes] = {}
@@ -71,6 +73,10 @@ class Link:
         self._kept.callback(self._session.close)
         self._kept.callback(lambda: [subscriber.undeclare() for subscriber in self._subscribers.values()])
         self._sent = 0
+        self._name, self._where = name, ", ".join(endpoints(built))
+        self._outage, self._outage_lock = Outage(), threading.Lock()
+        if json.loads(built.get_json("mode")) != "router":  # other routers come to it, and go
+            self._listen_for_routers()
         self._knock = None if identity is None else Knock(name, identity, clock)
         if self._knock is not None and config.who != "router":
             try:
@@ -132,8 +138,12 @@ class Link:
         self._keep(self._session.liveliness().declare_token(key))
 
     def receive(self, timeout: float) -> list[Envelope]:
-        """The oldest of what has arrived, waiting up to `timeout` seconds for the first; empty if nothing came."""
+        """The oldest of what has arrived, waiting up to `timeout` seconds for the first; empty if nothing came.
+
+        Also logs that the router is lost, or back.
+        """
         self._withstand()
+        self._tell_of_outage()
         return self._inbox.drain(timeout)
 
     def send(self, envelope: Envelope) -> None:
@@ -171,6 +181,17 @@ class Link:
         """With keys: what the router has denied this process of late, in one line; None where nothing was."""
         return None if self._knock is None else self._knock.denials(self.get)
 
+    def _tell_of_outage(self) -> None:
+        with self._outage_lock:
+            found = self._outage.look(self._clock.now())
+        for away in found:
+            if away is None:
+                log.warning(
+                    "%s: lost the router (%s); trying again, what is sent meanwhile is lost", self._name, self._where
+                )
+            else:
+                log.info("%s: the router is back after %.1f s", self._name, away)
+
     # --- floods ---------------------------------------------------------------------------------------------------------------
 
     def _withstand(self) -> None:
@@ -198,6 +219,17 @@ class Link:
 
     def _keep(self, declared: Any) -> None:
         self._kept.callback(declared.undeclare)
+
+    def _listen_for_routers(self) -> None:
+        def hear(event: Any) -> None:
+            if event.transport.whatami == zenoh.WhatAmI.ROUTER:
+                here, now = event.kind == zenoh.SampleKind.PUT, self._clock.now()
+                with self._outage_lock:
+                    self._outage.hear(str(event.transport.zid), now, here=here)
+
+        # called in Zenoh's thread, without one of its own; those already connected to come first
+        direct: Any = zenoh.handlers.Callback(hear, indirect=False)
+        self._keep(self._session.info.declare_transport_events_listener(direct, history=True))
 
     def _listen_at_door(self, knock: Knock) -> None:
         def hear(sample: Any) -> None:
@@ -254,7 +286,7 @@ def start_zenoh_log() -> None:
 
 
 def _open(
-    config: LinkConfig,
+    built: zenoh.Config,
     name: str,
     patience: float,
     stopped: Callable[[], bool],
@@ -267,7 +299,6 @@ def _open(
     """
     if identity is not None and (warning := identity.check_time(clock.now())):
         log.warning("%s", warning)
-    built = config.build(name)
     where = ", ".join(endpoints(built))
     start, pause, logged = clock.now(), threading.Event(), False
     while not stopped():
