@@ -63,6 +63,13 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
     return f"{what} is {age:.1f} s old"
 
 
+def board_named(link: Querier, name: str, *, team: str) -> str:
+    """The board that is meant: the one of this name, or where none answers, that of the sub-team of this name; the one that leads."""
+    if _boards(link, keys.STATUS.key(team=team, sub_team="*", process=name)):
+        return name
+    return min(_boards(link, keys.STATUS.key(team=team, sub_team=name, process="*")), default=(False, name))[1]
+
+
 def part(link: Querier, kind: ProcessKind, name: str, *, team: str) -> str:
     """What is told of a process after "healthy": of a world its tick; of a board that it follows another one of its sub-team.
 
@@ -97,7 +104,7 @@ def health(
     kind
         What the process is.
     process
-        Its name [default: the name of this host].
+        Its name; of a board also its sub-team's [default: the name of this host].
     team
         Its team [default: the scenario's].
     scenario
@@ -110,8 +117,9 @@ def health(
     # with keys it is asked as the process itself, so that it is also found out whether the router lets this certificate in
     who = {"router": "health", "world": "world"}.get(kind, f"{kind}/{name}")
     with Link(flags.link(who=who), f"health-{name}", patience=3.0) as link:
-        fault = link.denials() or diagnose(link, kind, name, UnixClock().now(), team=of, max_age=max_age)
-        found = fault or "healthy" + part(link, kind, name, team=of)
+        meant = board_named(link, name, team=of) if kind == "board" else name
+        fault = link.denials() or diagnose(link, kind, meant, UnixClock().now(), team=of, max_age=max_age)
+        found = fault or "healthy" + f", {meant}" * (meant != name) + part(link, kind, meant, team=of)
     sys.stdout.write(f"{found}\n")
     return 1 if fault else 0
 
@@ -125,6 +133,16 @@ def _times(link: Querier, key_expr: str) -> list[float]:
 def _answers(link: Querier, key_expr: str) -> list[dict[str, Any]]:
     """The fields of all readable answers on keys of the team."""
     return _read(link.get(key_expr))
+
+
+def _boards(link: Querier, key_expr: str) -> list[tuple[bool, str]]:
+    """Of the boards whose statuses answer: whether each follows, and its name."""
+    found = []
+    for envelope in link.get(key_expr):
+        for fields in _read([envelope]):
+            if fields.get("kind") == "board" and (parts := keys.STATUS.match(envelope.key)) is not None:
+                found.append((bool(fields.get("follows")), parts["process"]))
+    return found
 
 
 def _read(envelopes: Iterable[Envelope]) -> list[dict[str, Any]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pytest
 
 from blackboard.board.service import BoardService
@@ -9,7 +11,7 @@ from blackboard.config import BoardSection
 from blackboard.net.bus import intersects
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Grid
-from blackboard.run.health import ProcessKind, diagnose, part
+from blackboard.run.health import ProcessKind, board_named, diagnose, part
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import encode
@@ -137,3 +139,21 @@ def test_several_processes_of_one_name_are_told() -> None:
     assert answers("robot", 1) == answers("board", 1, 1) == ""  # the same bytes again: who keeps what it sent
     assert answers("robot", 1, 2) == ", but 2 processes answer as robot x"
     assert answers("board", 1, 2, 3) == ", but 3 processes answer as board x"
+
+
+def test_a_board_may_be_named_by_its_sub_team() -> None:
+    def named(name: str, *said: tuple[str, str, Literal["board", "robot"], bool]) -> str:
+        statuses = (
+            (sub_team, Status(process=process, kind=kind, tick=1, time=3.0, follows=follows))
+            for sub_team, process, kind, follows in said
+        )
+        of = [(keys.STATUS.key(team="t", sub_team=s, process=it.process), it) for s, it in statuses]
+        return board_named(Answers(*(Envelope(key, encode(it)) for key, it in of)), name, team="t")
+
+    twins = ("a", "board-a", "board", True), ("a", "desk", "board", False), ("a", "r1", "robot", False)
+    other = ("b", "a", "board", False)
+    assert named("board-a", *twins, other) == "board-a"
+    assert named("a", *twins, other) == "a"  # a board of this name goes before a sub-team
+    assert named("a", *twins) == "desk"  # the one that leads
+    assert named("a", *twins[:1]) == "board-a"
+    assert named("a", *twins[2:]) == named("a") == "a"  # nobody: what is told is that it does not answer
