@@ -8,6 +8,10 @@ The errors of both robots' places last until new evidence corrects them, those o
 averaged until one of the two is corrected, which gives one squared Mahalanobis distance: chi-squared with two degrees of freedom
 where both are honest. The distances that follow count as far as they are new.
 
+A pair that contradicts each other is held to that by all its distances, until a new one is shorter than 99.9 % of those to be expected
+if they went on as before. Then one of the two has changed what it says: the distances before are forgotten, and the pair may agree
+once as many as `CERTAIN` say so. A robot that lies now and then is not believed in between, unless it is honest for that long.
+
 A robot that has seen nothing to correct its place for long goes by its odometry alone. Where that is worse than the robot knows, it
 contradicts its mates and is honest; they are what corrects it. So it is held against nobody meanwhile.
 """
@@ -33,6 +37,7 @@ GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom
 MISREAD = 2  # claims in a row that are taken for misread if they are beyond the gate of those before
 RECKONED = 0.75  # the share of a belief's variance from which on it is no evidence against another robot
 RENEWED = 0.05  # the share of two robots' errors that is corrected before what they say is averaged anew
+CERTAIN = 2.0  # independent distances after a change, before a pair that contradicted may agree: the one that showed it, and a new one
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +62,22 @@ class Contact:
     mean: float = 0.0  # of the squared distances before
     number: float = 0.0  # how many independent ones these were
     misread: int = 0  # how many of the newest claims, in a row, were taken for misread
+    on_trial: bool = False  # it contradicted, has changed, and its distances since are fewer than `CERTAIN`
 
     @property
     def contradicts(self) -> bool:
-        """Whether the distances are larger than 99.9 % of honest pairs' (Wilson and Hilferty, PNAS 17, 1931)."""
+        """Whether it is on trial, or the distances are larger than 99.9 % of honest pairs' (Wilson and Hilferty, PNAS 17, 1931)."""
         number = self.number + self.weight
         limit = 2 * number * (1 - 1 / (9 * number) + QUANTILE * math.sqrt(1 / (9 * number))) ** 3
-        return self.mean * self.number + self.squared * self.weight > limit
+        return self.on_trial or self.mean * self.number + self.squared * self.weight > limit
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether it contradicts, and the newest distance is shorter than 99.9 % of what was to be expected if that went on.
+
+        The root of a squared distance with an offset of many sigmas is nearly normal, with sigma 1 (the tail of Rice's distribution).
+        """
+        return self.contradicts and math.sqrt(self.squared) < math.sqrt(self.mean) - QUANTILE
 
 
 @dataclass
@@ -170,9 +184,13 @@ class Contacts:
             if new < RENEWED:
                 n = last.claims + 1
                 average, noise = last.apart + (apart - last.apart) / n, (last.fresh * (n - 1) ** 2 + fresh) / n**2
-                now = Contact(last.corrected, average, noise, n, last.weight, 0.0, last.mean, last.number)
+                now = replace(last, apart=average, fresh=noise, claims=n, misread=0)
             else:
-                number = last.number + last.weight
+                number, on_trial = last.number + last.weight, last.on_trial
                 mean = (last.mean * last.number + last.squared * last.weight) / number
-                now = Contact(corrected, apart, fresh, 1, new, 0.0, mean, min(MAX_DISTANCES, number))
+                if last.has_changed:
+                    number, mean, on_trial = last.weight, last.squared, True
+                on_trial = on_trial and number + new < CERTAIN
+                number = min(MAX_DISTANCES, number)
+                now = Contact(corrected, apart, fresh, 1, new, 0.0, mean, number, on_trial=on_trial)
         return replace(now, squared=squared_distance(now.apart, lasting + now.fresh))

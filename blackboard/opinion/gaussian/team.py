@@ -74,6 +74,7 @@ class TeamJoint:
     tick: int = -1
     speaks: str = ""  # the robot whose evidence is being taken: who is to blame if that fails
     _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
+    _refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     _known: dict[str, Known] = field(default_factory=dict)
     _seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
 
@@ -100,7 +101,9 @@ class TeamJoint:
         self.tick = tick
         news = self._news(tick, reports)
         self.tally.verdicts = []
-        self._leave_out(self.trust.left_out() | self.contacts.left_out())
+        refuted = self.contacts.left_out()
+        self._refuted |= refuted
+        self._leave_out(self.trust.left_out() | refuted)
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
         heard = entered | set(motions)
@@ -170,6 +173,7 @@ class TeamJoint:
             self.trust.forget(robot)
             self.contacts.forget(robot)
             self.innovations.forget(robot)
+            self._refuted -= {robot}
         if robot in self.joint or evidence.belief is None:
             return False
         self.joint.add(robot, evidence.belief)
@@ -188,7 +192,8 @@ class TeamJoint:
         """Hold the robots' first-hand beliefs against each other, about themselves and all that they saw.
 
         Two robots that agreed and now contradict each other have spoilt each other's place in the joint: both enter again by
-        their first-hand beliefs. Who did is returned.
+        their first-hand beliefs. So does a robot that is no longer contradicted: its place in the joint rests on what was, nobody has
+        corrected it since, and `trust` judged it by that place. Who entered is returned.
         """
         said: dict[str, dict[str, Claim]] = {}
         for robot, evidence in news.items():
@@ -208,7 +213,12 @@ class TeamJoint:
         parted: set[str] = set()
         for _, by_source in sorted(said.items()):
             parted |= self.contacts.judge(by_source)
-        again = {robot for robot in parted if robot in self.joint}
+        back = self._refuted - self.contacts.left_out() if self._refuted else frozenset()
+        back = frozenset(robot for robot in back if robot in said.get(robot, {}))
+        self._refuted -= back
+        for robot in sorted(back):
+            self.trust.forget(robot)
+        again = {robot for robot in parted | back if robot in self.joint}
         for robot in sorted(again):
             self._drop(robot)
             belief = news[robot].belief

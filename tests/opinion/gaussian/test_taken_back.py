@@ -1,0 +1,120 @@
+"""A robot that has lied and is honest again is taken back; one that goes on is not, and neither is one that lies now and then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blackboard.opinion.gaussian.contacts import CERTAIN, Contacts
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES
+from blackboard.opinion.grid import Array
+from tests.opinion.gaussian.driving import team, told
+from tests.opinion.gaussian.test_contacts import PLACE, SIGHTING, corrected, own, seen
+
+LIAR = "robot/r2"
+WITHIN = (
+    20  # ticks from the end of a lie: the own place is corrected in every second one, and leaves a third of its error
+)
+
+
+def lying(evidence: Evidence, offset: Array) -> Evidence:
+    """The evidence of a robot with the heading 0 that says that all is off by an offset."""
+    belief, increment = evidence.belief, evidence.increment
+    assert belief is not None
+    away = np.zeros(len(belief.mean))
+    away[AXES] = offset
+    return replace(
+        evidence,
+        belief=replace(belief, mean=belief.mean + away),
+        increment=None if increment is None else replace(increment, reference=increment.reference + away),
+        relatives=tuple(moved(it, offset) for it in evidence.relatives),
+    )
+
+
+def moved(it: Relative, offset: Array) -> Relative:
+    x, y = it.range * it.along() + offset
+    return replace(it, range=float(np.hypot(x, y)), bearing=float(np.arctan2(y, x)))
+
+
+def left_out(lie: Callable[[int], float], seed: int, ticks: int = 55) -> tuple[list[bool], TeamJoint, float]:
+    """For each tick whether the joint leaves the liar out of five robots; the joint; how far off it has the liar at last."""
+    robots, joint, found = team(5, seed), TeamJoint(), []
+    for tick in range(ticks):
+        reports = [
+            lying(report, np.array([lie(tick), 0.0])) if report.robot == LIAR else report
+            for report in told(robots, tick)
+        ]
+        joint.settle(tick, 1.0, reports)
+        found.append(LIAR not in joint.subjects())
+    true = next(robot.place for robot in robots if robot.name == LIAR)
+    return found, joint, float(np.hypot(*(joint.marginal(LIAR).mean - true)))
+
+
+@pytest.mark.parametrize("size", [4.0, 8.0, 15.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_robot_whose_lie_has_ended_is_taken_back_at_its_true_place(size: float, seed: int) -> None:
+    out, joint, off = left_out(lambda tick: size if 10 <= tick < 30 else 0.0, seed)
+    assert out[25:30] == [True] * 5
+    assert out[30 + WITHIN :] == [False] * (len(out) - 30 - WITHIN)
+    assert joint.subjects() == [f"robot/r{k}" for k in range(5)]
+    assert off < 1.0
+
+
+@pytest.mark.parametrize("size", [4.0, 15.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_robot_that_goes_on_lying_stays_out(size: float, seed: int) -> None:
+    out, _, _ = left_out(lambda tick: size if tick >= 10 else 0.0, seed)
+    assert all(out[20:])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_robot_that_lies_now_and_then_stays_out(seed: int) -> None:
+    out, _, _ = left_out(lambda tick: 8.0 if tick >= 10 and tick // 2 % 2 else 0.0, seed)
+    assert all(out[20:])
+
+
+def contradictions(
+    lie: Callable[[int], float], seed: int, seconds: int, left: float = 0.5, each: int = 5
+) -> list[bool]:
+    """Whether a witness contradicts a robot after each second; both correct their places then, which leaves a share of the error."""
+    chance, contacts, found = np.random.default_rng(seed), Contacts(), []
+    errors = {name: chance.normal(0, PLACE, 2) for name in ("liar", "witness")}
+    for second in range(seconds):
+        for name in errors if second else ():
+            corrected(contacts, name, left)
+            errors[name] = left * errors[name] + chance.normal(0, PLACE * (1 - left**2) ** 0.5, 2)
+        for _ in range(each):
+            claims = {
+                "liar": own(errors["liar"] + [lie(second), 0.0]),
+                "witness": seen(errors["witness"] + chance.normal(0, SIGHTING, 2)),
+            }
+            contacts.judge(claims)
+        found.append(contacts.contradict("witness", "liar"))
+    return found
+
+
+def test_a_pair_agrees_again_once_its_errors_are_new_after_a_lie() -> None:
+    """Each correction makes half of a distance new, so `CERTAIN` of them take two seconds each, and the change shows after one or two."""
+    runs = np.array([contradictions(lambda s: 8.0 if s < 20 else 0.0, seed, 40) for seed in range(80)])
+    assert runs[:, 19].mean() > 0.97
+    assert runs[:, 20:22].mean() > 0.95, "not at once"
+    assert runs[:, 20 + 2 + 2 * int(CERTAIN)].mean() < 0.1
+    assert runs[:, -1].mean() < 0.05
+
+
+@pytest.mark.parametrize("size", [5.0, 8.0])
+def test_a_pair_that_goes_on_contradicting_is_never_taken_to_have_changed(size: float) -> None:
+    runs = np.array([contradictions(lambda _: size, seed, 50) for seed in range(40)])
+    firm = runs[runs[:, 29]]  # those that are found out by then
+    assert firm[:, 30:].mean() > 0.99
+
+
+def test_a_pair_that_contradicts_now_and_then_is_hardly_ever_believed_in_between() -> None:
+    runs = np.array([contradictions(lambda s: 8.0 * (s // 2 % 2), seed, 40) for seed in range(40)])
+    assert runs[:, 10:].mean() > 0.93
