@@ -91,7 +91,7 @@ class Contacts:
 
     def copy(self) -> Contacts:
         """The same, which may be changed without changing this one."""
-        return Contacts(dict(self._pairs), self._corrected.copy())
+        return Contacts(dict(self._pairs), self._corrected.copy(), dict(self._reckoned))
 
     def correct(self, robot: str, belief: Moments, increment: Increment | None) -> None:
         """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place.

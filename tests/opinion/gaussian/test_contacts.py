@@ -153,3 +153,15 @@ def test_a_robot_that_goes_by_its_odometry_is_none_until_it_is_corrected() -> No
     corrected(contacts, "one", 0.1)
     assert not contacts.is_reckoned("one")
     assert not contacts.is_reckoned("nobody")
+
+
+def test_a_copy_knows_who_goes_by_odometry_alone_and_changes_nothing_of_the_original() -> None:
+    """A board goes back to a copy where somebody's numbers break a tick."""
+    contacts = Contacts()
+    corrected(contacts, "r1", 0.9)
+    contacts.correct("r1", entering(Moments(np.zeros(3), 9 * np.eye(3)), Nuisance()), None)
+    assert contacts.is_reckoned("r1")
+    copy = contacts.copy()
+    assert copy.is_reckoned("r1")
+    copy.forget("r1")
+    assert contacts.is_reckoned("r1")
