@@ -34,6 +34,7 @@ COMMANDS = {
         "tape": "Look at a tape, mend it, cut it, make a table of it, or export it.",
     },
     "blackboard.chaos.__main__": {"chaos": "Run a team under network trouble, case by case."},
+    "blackboard.client.__main__": {"share": "Tell a team what another one agrees on: a tree of teams, or two sites."},
     "blackboard.bridges.__main__": {"ros": "Join a team to nodes of ROS 2 (extra `ros`)."},
     "blackboard.view.__main__": {
         "why": "Say why a team that runs or is on a tape believes what it believes about a subject.",

@@ -74,6 +74,7 @@ ALLOWED: dict[str, set[str]] = {
     COMMANDS: {*SHARED, BOARD, TAPE, LAB, RUN, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN, "sim_world"},
     "blackboard.view.__main__": {*SHARED, STATE, VIEW, WEB, TUI, TAPE, NET, RUN, CLOCK},
+    "blackboard.client.__main__": {*SHARED, CLIENT, NET, RUN, CLOCK, LOOP},
     "blackboard.bridges.__main__": {*SHARED, BRIDGES, ROS, STATE, VIEW, TAPE, CLIENT, NET, RUN, CLOCK, LOOP},
     "blackboard.chaos.__main__": {*SHARED, CHAOS, RUN},
     "blackboard.tape.__main__": {*SHARED, TAPE, NET, RUN, CLOCK, "sim_world"},
@@ -96,6 +97,7 @@ LIBRARIES = {
         "blackboard.lab.__main__",
         "blackboard.view.__main__",
         "blackboard.tape.__main__",
+        "blackboard.client.__main__",
         "blackboard.bridges.__main__",
         CHAOS,
         "blackboard.chaos.__main__",
@@ -258,6 +260,7 @@ DOORS = {
     "blackboard/tape/__main__.py",
     "blackboard/bridges/__main__.py",
     "blackboard/chaos/__main__.py",
+    "blackboard/client/__main__.py",
 }
 
 

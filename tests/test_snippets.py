@@ -85,6 +85,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard health", NotRun("of a team that runs; tests/run/test_health_door.py and tests/access/test_door.py")),
         ("blackboard status", NotRun("of a team that runs, most without an end; tests/view/test_door.py runs them on a bus")),
         ("site-a$  blackboard router", HOSTS),
+        ("blackboard serve --team all", "tests/system/test_share.py::test_an_object_that_one_team_sees_is_known_in_the_others"),
         ("blackboard chaos", NotRun("seven minutes; tests/long/test_chaos.py runs two cases")),
         ("make soak", NotRun("ten minutes; tests/chaos/test_verdict.py")),
     ),

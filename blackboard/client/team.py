@@ -11,10 +11,10 @@ import re
 import threading
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
+from blackboard.client.ask import ask
 from blackboard.client.desk import Desk, Stream
 from blackboard.client.member import Agreed, Member
 from blackboard.client.why import Why
@@ -23,13 +23,12 @@ from blackboard.errors import Refused, UserError
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.opinion.belief import Belief
-from blackboard.opinion.grid import Anchor, Grid
+from blackboard.opinion.grid import Grid
 from blackboard.process.clock import UnixClock
 from blackboard.process.loop import run
 from blackboard.wire import keys as topics
-from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.codec import open_envelope
-from blackboard.wire.messages import Consensus, Refusal, Status
+from blackboard.wire.messages import Consensus, Refusal
 from blackboard.wire.names import NAME
 
 log = logging.getLogger(__name__)
@@ -296,35 +295,13 @@ class Team:
         self._untold = refusal
 
     def _ask(self, link: Link) -> None:
-        """Learn from the boards' statuses which team, sub-team and grid are meant. UserError: nobody answers, or there are several."""
-        end, pause = self._clock.now() + self._patience, threading.Event()
-        known = dict[tuple[str, str], Grid]()
-        while not known:
-            for sub_team in self.sub_teams or ("*",):
-                known |= _boards(link, topics.STATUS.key(team=self.name or "*", sub_team=sub_team, process="*"))
-            if not known and self._clock.now() >= end:
-                raise UserError(f"{self.robot}: no board answers; start `blackboard serve`, or name a scenario")
-            pause.wait(0.0 if known else PAUSE)
-        if not self.sub_teams and len(known) > 1:
-            names = ", ".join(f"{team}/{sub_team}" for team, sub_team in sorted(known))
-            raise UserError(f"{self.robot}: there are {names}; say team=... and sub_team=...")
-        (self.name, sub_team), grid = min(known.items(), key=lambda it: it[0])
-        self.sub_teams, self._grid = self.sub_teams or (sub_team,), self._grid or grid
-
-
-def _boards(link: Link, key_expr: str) -> dict[tuple[str, str], Grid]:
-    """The grids that boards tell in their statuses, by team and sub-team."""
-    found = {}
-    for envelope in link.get(key_expr):
-        try:
-            _, parts, message = open_envelope(envelope)
-            if isinstance(message, Status) and message.kind == "board" and message.grid is not None:
-                at = message.anchor
-                anchor = None if at is None else Anchor(at.latitude, at.longitude, at.bearing)
-                found[parts["team"], parts["sub_team"]] = replace(unpacked_grid(message.grid), anchor=anchor)
-        except Refused:
-            continue
-    return found
+        """Learn from the boards which team, sub-team and grid are meant. UserError: nobody answers, or there are several."""
+        found = ask(link.get, self._clock.now, self.robot, self.name, self.sub_teams, self._patience)
+        self.name, self.sub_teams, self._grid = (
+            found.team,
+            self.sub_teams or (found.sub_team,),
+            self._grid or found.grid,
+        )
 
 
 def _tell(loop: asyncio.AbstractEventLoop, came: asyncio.Event) -> None:

@@ -38,6 +38,7 @@ SHORTER = {
 LEFT_OUT = {
     "--mrclam DIR": "a recording; tests/long/test_recorded.py scores one",
     "ros": "runs until it is stopped, and needs an extra; tests/bridges/ros",
+    "share": "runs until it is stopped; tests/system/test_share.py",
     "chaos": "tests/long/test_chaos.py runs two cases",
     "make figures": "minutes; tests/long/test_lab.py makes small ones",
 }

@@ -1,0 +1,71 @@
+"""Which team is meant, and on which grid, as the boards that answer say in their statuses."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from blackboard.errors import Refused, UserError
+from blackboard.opinion.grid import Anchor, Grid
+from blackboard.wire import keys
+from blackboard.wire.arrays import unpacked_grid
+from blackboard.wire.codec import open_envelope
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Status
+
+PAUSE = 0.1  # seconds between two questions
+
+Get = Callable[[str], Iterable[Envelope]]  # the newest on a key expression, of each who answers: `Link.get`
+
+
+@dataclass(frozen=True)
+class Found:
+    team: str
+    sub_team: str
+    grid: Grid
+
+
+def ask(
+    get: Get,
+    now: Callable[[], float],
+    who: str,
+    team: str | None,
+    sub_teams: Sequence[str],
+    patience: float,
+    stopped: Callable[[], bool] = lambda: False,
+    cure: str = "say team=... and sub_team=...",
+) -> Found:
+    """The team, sub-team and grid of a board that answers within `patience` seconds; `team` and `sub_teams` where they are known.
+
+    UserError, a sentence that begins with `who`: nobody answers, or boards of several sub-teams do and none was named, for which
+    `cure` says what to do.
+    """
+    end, pause = now() + patience, threading.Event()
+    known = dict[tuple[str, str], Grid]()
+    while not known:
+        for sub_team in sub_teams or ("*",):
+            known |= _grids(get, keys.STATUS.key(team=team or "*", sub_team=sub_team, process="*"))
+        if not known and (now() >= end or stopped()):
+            raise UserError(f"{who}: no board answers; start `blackboard serve`, or name a scenario")
+        pause.wait(0.0 if known else PAUSE)
+    if not sub_teams and len(known) > 1:
+        names = ", ".join(f"{team}/{sub_team}" for team, sub_team in sorted(known))
+        raise UserError(f"{who}: there are {names}; {cure}")
+    (name, sub_team), grid = min(known.items(), key=lambda it: it[0])
+    return Found(name, sub_team, grid)
+
+
+def _grids(get: Get, key_expr: str) -> dict[tuple[str, str], Grid]:
+    """The grids that boards tell in their statuses, by team and sub-team."""
+    found = {}
+    for envelope in get(key_expr):
+        try:
+            _, parts, message = open_envelope(envelope)
+            if isinstance(message, Status) and message.kind == "board" and message.grid is not None:
+                at = message.anchor
+                anchor = None if at is None else Anchor(at.latitude, at.longitude, at.bearing)
+                found[parts["team"], parts["sub_team"]] = replace(unpacked_grid(message.grid), anchor=anchor)
+        except Refused:
+            continue
+    return found

@@ -1,0 +1,187 @@
+"""What one team agrees on, told to another team as the belief of one more of its robots. One direction; pure.
+
+So large fleets become a tree of teams that are small enough for everybody to hear everybody, and sites share what both see.
+
+Nothing is counted twice, whatever the teams tell each other in a circle: what is shared is an informed belief beside a uniform
+first-hand one. A board pools such beliefs by Chernoff's rule, for which the same information again adds nothing, and leaves uniform
+ones out. Whose information a belief contains goes with it, each robot under the name of its team (`north.r1`), until when it was
+gathered too. What has nothing newer than the other team knows already is not told, and what has nothing that is newer than
+`max_age` ends. So a belief that nobody has seen evidence of ends in all teams.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+
+from blackboard.client.member import Agreed, Member
+from blackboard.config import BoardSection
+from blackboard.errors import Refused
+from blackboard.opinion.belief import uniform
+from blackboard.opinion.grid import Grid
+from blackboard.process.failures import quoted
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.names import LONGEST_NAME
+
+log = logging.getLogger(__name__)
+
+VIA = "from."  # what the name of a process begins with that speaks for a team: such a name is no robot's
+MAX_SUBJECTS = 256  # that are told: as many as a board keeps
+OBJECTS = ("object/*",)
+
+
+class Share:
+    """A service (`blackboard.process.service.Service`) that hears one team and reports in another one."""
+
+    def __init__(
+        self,
+        source: str,
+        team: str,
+        *,
+        sub_team: str,
+        grid: Grid,
+        settings: BoardSection,
+        subjects: Sequence[str] = OBJECTS,
+        every: float = 1.0,
+    ) -> None:
+        """Hear team `source`, and report in `sub_team` of `team`, on the grid of both; `settings` are those of its boards.
+
+        Of `subjects`, each as `object/ball` or `object/*`, one report is sent in `every` seconds of Unix time at most. What robots
+        have gathered counts for `max_age` of the settings.
+        """
+        name = VIA + source
+        self.tells = Member(
+            team=team, sub_teams=(sub_team,), robot=name, grid=grid, settings=settings, on_agreed=self._learn
+        )
+        # It only listens, in all sub-teams: its tokens are not held, and what it would send is dropped.
+        self.hears = Member(
+            team=source, sub_teams=("*",), robot=name, grid=grid, settings=BoardSection(), on_agreed=self._keep
+        )
+        self.subjects, self.every, self.max_age = tuple(subjects), every, settings.max_age
+        self._newest: dict[str, Agreed] = {}  # subject -> what was agreed on last, while it is not told
+        self._due: dict[str, float] = {}  # subject -> Unix seconds when it may be told again
+        self._known: dict[
+            str, Mapping[str, float]
+        ] = {}  # subject -> whose information the team that is told has, until when
+        self._logged: set[str] = set()  # reasons
+
+    # --- what the loop needs ------------------------------------------------------------------------------------------
+
+    @property
+    def tokens(self) -> tuple[str, ...]:
+        return self.tells.tokens
+
+    @property
+    def listens(self) -> tuple[str, ...]:
+        return (*self.tells.listens, *self.hears.listens)
+
+    @property
+    def watches(self) -> tuple[str, ...]:
+        return (*self.tells.watches, *self.hears.watches)
+
+    @property
+    def done(self) -> bool:
+        return False
+
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        self.tells.record_link_counters(counters)
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        if envelope.key.startswith(f"cop/{self.hears.team}/"):
+            self.hears.receive(envelope, now)
+            return self._tell(now)
+        return self.tells.receive(envelope, now)
+
+    def wake(self, now: float) -> list[Envelope]:
+        self.hears.wake(now)
+        return [*self._tell(now), *self.tells.wake(now)]
+
+    def wake_at(self, now: float) -> float | None:
+        due = [self._due[subject] for subject in self._newest]  # what has ended is seen with the status of each second
+        return min(it for it in (self.hears.wake_at(now), self.tells.wake_at(now), *due) if it is not None)
+
+    # --- from one team to the other -----------------------------------------------------------------------------------
+
+    def _learn(self, agreed: Agreed) -> None:
+        """Hear what the team that is told agrees on, so that it is not told its own knowledge again."""
+        self._known.pop(agreed.subject, None)
+        self._known[agreed.subject] = agreed.story.ancestors
+        if len(self._known) > MAX_SUBJECTS:
+            del self._known[next(iter(self._known))]
+
+    def _keep(self, agreed: Agreed) -> None:
+        subject = _renamed(agreed.subject, self.hears.team)
+        kind, _, name = agreed.subject.partition("/")
+        if not any(wanted in (agreed.subject, f"{kind}/*") for wanted in self.subjects):
+            return
+        if kind == "robot" and (name.startswith(VIA) or subject.startswith(f"robot/{self.tells.team}.")):
+            return  # of nobody, or of a robot that the other team knows itself
+        if subject in self._due or len(self._due) < MAX_SUBJECTS:
+            self._newest[subject] = agreed
+            self._due.setdefault(subject, -math.inf)
+
+    def _tell(self, now: float) -> list[Envelope]:
+        out: list[Envelope] = []
+        for subject, due in list(self._due.items()):
+            if subject in self._newest and due <= now:
+                self._due[subject] = now + self.every
+                out += self._told(subject, self._newest.pop(subject), now)
+            elif due < now - self.max_age:  # the team that is heard agrees on nothing about it any more
+                del self._due[subject]
+                out += self.tells.withdraw(subject, now)
+        return out
+
+    def _told(self, subject: str, agreed: Agreed, now: float) -> list[Envelope]:
+        """A report where there is something new for the other team; the end of the one before where all that there is is old.
+
+        Whose information it is, and until when, is told by the names and in the time of the other team.
+        """
+        there, here = self.hears.clock.time(now), self.tells.clock.time(now)
+        gathered, news = dict[str, float](), list[tuple[str, float]]()
+        for own_name, until in sorted(agreed.story.ancestors.items()):
+            if not own_name.startswith(VIA):
+                name, home = _at_home(_named(own_name, self.hears.team), self.tells.team)
+                at = here - (there - until)
+                gathered[name] = min(here, at)
+                news += [] if home else [(name, at)]
+        known = self._known.get(subject, {})
+        if not any(here - until <= self.max_age for _, until in news):
+            self.tells.intake.counters["not_shared"] += 1
+            return self.tells.withdraw(subject, now)
+        if not any(until > known.get(name, -math.inf) + self.every / 2 for name, until in news):
+            self.tells.intake.counters["not_shared"] += 1
+            return []
+        try:
+            out = self.tells.report(
+                subject,
+                uniform(self.tells.grid),
+                now,
+                time=min(here, here - (there - agreed.time)),
+                informed=(agreed.belief, gathered),
+            )
+        except Refused as refusal:
+            self.tells.intake.refused[refusal.reason] += 1
+            if refusal.reason not in self._logged:
+                self._logged.add(refusal.reason)
+                log.warning("%s: %s; not logged again for this reason", subject, quoted(str(refusal)))
+            return []
+        self.tells.intake.counters["shared"] += 1
+        return out
+
+
+def _at_home(name: str, team: str) -> tuple[str, bool]:
+    """A robot's name as `team` says it, and whether it is one of that team's own."""
+    return name.removeprefix(f"{team}."), name.startswith(f"{team}.")
+
+
+def _named(name: str, team: str) -> str:
+    """A robot's name among those of other teams: `r1` of team `north` is `north.r1`; one with a dot has come from another team."""
+    longer = f"{team}.{name}"
+    return name if "." in name or len(longer) > LONGEST_NAME else longer
+
+
+def _renamed(subject: str, team: str) -> str:
+    """A subject in another team: robots carry their team's name, objects are the same everywhere."""
+    kind, _, name = subject.partition("/")
+    return f"robot/{_named(name, team)}" if kind == "robot" else subject

@@ -1,0 +1,234 @@
+"""What a team agrees on, told to another one: over real boards on a bus, without a network or a clock."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import TypeVar
+
+import pytest
+
+from blackboard.board.service import BoardService
+from blackboard.client.member import Agreed, Member
+from blackboard.client.share import MAX_SUBJECTS, VIA, Share
+from blackboard.config import BoardSection
+from blackboard.net.bus import Bus, BusLink
+from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.weights import entropy
+from blackboard.process.service import Service, connect
+from blackboard.wire import keys
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Consensus, Report, Status
+
+S = TypeVar("S", bound=Service)
+GRID = Grid((20, 20))
+BALL = "object/ball"
+STEP = 0.1  # seconds
+DRIFT = 0.5
+SETTINGS = BoardSection(fusion="opinions", period=0.5, drift=DRIFT)
+
+
+class Teams:
+    """Teams of a board and one robot each, on one bus, that share what `pairs` say; robots are named r1 everywhere."""
+
+    def __init__(self, *teams: str, pairs: Iterable[tuple[str, str]], **options: object) -> None:
+        self.bus, self.now = Bus(), 1_000_000.0
+        self.links: dict[Service, BusLink] = {}
+        self.agreed: dict[tuple[str, str], Agreed] = {}
+        self.said: list[tuple[float, str, Report]] = []  # by those who share: when, and to which team
+        self.bus.spies.append(self._spy)
+        self.robots = {team: self._join(self._robot(team)) for team in teams}
+        for team in teams:
+            self._join(BoardService(team=team, sub_team="a", board="board-a", grid=GRID, settings=SETTINGS))
+        self.shares = {(source, to): self._join(self._share(source, to, dict(options))) for source, to in pairs}
+
+    def _robot(self, team: str) -> Member:
+        def hear(agreed: Agreed) -> None:
+            self.agreed[team, agreed.subject] = agreed
+
+        return Member(team=team, sub_teams=("a",), robot="r1", grid=GRID, settings=SETTINGS, on_agreed=hear)
+
+    @staticmethod
+    def _share(source: str, to: str, options: dict[str, object]) -> Share:
+        settings = SETTINGS.model_copy(update={"max_age": options.pop("max_age", SETTINGS.max_age)})
+        return Share(source, to, sub_team="a", grid=GRID, settings=settings, **options)  # type: ignore[arg-type]
+
+    def _join(self, service: S) -> S:
+        self.links[service] = self.bus.connect()
+        connect(service, self.links[service])
+        return service
+
+    def _spy(self, envelope: Envelope) -> None:
+        if f"/report/{VIA}" in envelope.key:
+            self.said.append((self.now, envelope.key.split("/")[1], decode(Report, envelope.payload)))
+
+    def run(self, seconds: float, sees: Sequence[tuple[str, str, Belief]] = ()) -> None:
+        """Let time pass, while robots of teams report beliefs on subjects."""
+        for _ in range(round(seconds / STEP)):
+            for team, subject, belief in sees:
+                robot = self.robots[team]
+                self._send(robot, robot.report(subject, belief, self.now))
+            self.settle()
+            self.now += STEP
+
+    def settle(self) -> None:
+        while True:
+            while self.bus.waiting:
+                link, envelope = self.bus.waiting.pop(0)
+                service = next(service for service, own in self.links.items() if own is link)
+                self._send(service, service.receive(envelope, self.now))
+            due = [s for s in self.links if (at := s.wake_at(self.now)) is not None and at <= self.now]
+            if not due:
+                return
+            for service in due:
+                self._send(service, service.wake(self.now))
+            self.now += 1e-6
+
+    def _send(self, service: Service, out: list[Envelope]) -> None:
+        for envelope in out:
+            self.links[service].send(envelope)
+
+    def of(self, team: str, subject: str = BALL) -> Belief:
+        return self.agreed[team, subject].belief
+
+    def fresh(self, team: str, subject: str = BALL) -> bool:
+        """Whether a team still agrees on something about a subject."""
+        found = self.agreed.get((team, subject))
+        return found is not None and self.now - found.time < 1.5
+
+
+SEEN = gaussian(GRID, (6.5, 8.5), 1.5)
+BOTH_WAYS = [("north", "all"), ("all", "north"), ("south", "all"), ("all", "south")]
+
+
+def test_what_one_team_sees_all_of_a_tree_believe_and_no_more() -> None:
+    teams = Teams("north", "south", "all", pairs=BOTH_WAYS, every=0.5)
+    teams.run(20.0, [("north", BALL, SEEN)])
+    for team in ("all", "south"):
+        assert math.dist(teams.of(team).mean(), (6.5, 8.5)) < 0.2
+        assert (
+            entropy(SEEN.p) - 0.02 < entropy(teams.of(team).p) < entropy(SEEN.p) + 0.8
+        )  # older by a settlement or two
+    assert entropy(teams.of("north").p) == pytest.approx(entropy(SEEN.p), abs=0.05)
+    assert set(teams.agreed["south", BALL].story.ancestors) == {f"{VIA}all", "north.r1"}
+
+
+def test_nobody_is_told_what_rests_on_its_own_robots_alone() -> None:
+    teams = Teams("north", "all", pairs=[("north", "all"), ("all", "north")])
+    teams.run(5.0, [("north", BALL, SEEN)])
+    assert {to for _, to, _ in teams.said} == {"all"}
+    assert teams.shares["all", "north"].tells.intake.counters["not_shared"] > 0
+
+
+def test_nobody_is_told_again_what_came_from_it() -> None:
+    """The root has it from the first team, so the second one, which has it from the root, need not say it."""
+    teams = Teams("north", "south", "all", pairs=BOTH_WAYS, every=0.5)
+    teams.run(10.0, [("north", BALL, SEEN)])
+    assert {(to, report.source) for _, to, report in teams.said} == {("all", f"{VIA}north"), ("south", f"{VIA}all")}
+
+
+def test_two_teams_that_see_the_same_do_not_become_surer_in_a_circle() -> None:
+    """Each tells the other again and again; Chernoff's rule adds nothing that was there before."""
+    teams = Teams("north", "south", pairs=[("north", "south"), ("south", "north")], every=0.2)
+    teams.run(4.0, [("north", BALL, SEEN), ("south", BALL, SEEN)])
+    early = entropy(teams.of("north").p)
+    teams.run(40.0, [("north", BALL, SEEN), ("south", BALL, SEEN)])
+    assert entropy(teams.of("north").p) == pytest.approx(early, abs=0.02)
+    assert entropy(teams.of("north").p) > entropy(SEEN.p) - 0.02
+
+
+def test_what_nobody_sees_any_more_ends_in_all_teams() -> None:
+    teams = Teams("north", "south", "all", pairs=BOTH_WAYS, every=0.5, max_age=3.0)
+    teams.run(5.0, [("north", BALL, SEEN)])
+    assert teams.fresh("south")
+    assert teams.fresh("all")
+    teams.robots["north"].withdraw(BALL, teams.now)
+    teams.run(40.0)
+    assert not any(teams.fresh(team) for team in ("north", "south", "all"))
+
+
+def test_two_views_meet_at_the_root_and_come_back_sharper() -> None:
+    """One team measures along one axis, the other along the other one: together they know both."""
+    along, across = gaussian(GRID, (6.5, 8.5), (0.7, 4.0)), gaussian(GRID, (6.5, 8.5), (4.0, 0.7))
+    teams = Teams("north", "south", "all", pairs=BOTH_WAYS, every=0.5)
+    teams.run(10.0, [("north", BALL, along), ("south", BALL, across)])
+    for team in ("north", "south", "all"):
+        assert entropy(teams.of(team).p) < entropy(along.p) - 0.3
+
+
+def test_robots_keep_the_name_of_their_team_and_never_come_home() -> None:
+    teams = Teams("north", "south", "all", pairs=BOTH_WAYS, subjects=["robot/*"])
+    teams.run(6.0, [("north", "robot/r1", SEEN), ("south", BALL, SEEN)])
+    subjects = {(to, report.subject) for _, to, report in teams.said}
+    assert subjects == {("all", "robot/north.r1"), ("south", "robot/north.r1")}
+    assert math.dist(teams.of("south", "robot/north.r1").mean(), (6.5, 8.5)) < 0.2
+    assert ("all", BALL) not in teams.agreed
+
+
+def test_one_report_in_a_period_and_the_newest_one() -> None:
+    teams = Teams("north", "all", pairs=[("north", "all")], every=2.0)
+    teams.run(10.0, [("north", BALL, SEEN)])
+    times = [at for at, _, _ in teams.said]
+    assert 4 <= len(times) <= 6
+    assert all(later - earlier > 1.9 for earlier, later in pairwise(times))
+    # each is stamped with the time of the settlement that it tells, which is every half second
+    assert all(0.0 <= at - report.time <= 0.6 for at, _, report in teams.said)
+    assert all(report.time % 0.5 == pytest.approx(0.0, abs=0.11) for _, _, report in teams.said)
+
+
+def test_another_grid_is_refused_and_said_once(caplog: pytest.LogCaptureFixture) -> None:
+    teams = Teams("north", pairs=[])
+    share = teams._join(Share("north", "all", sub_team="a", grid=Grid((10, 10)), settings=SETTINGS))
+    with caplog.at_level(logging.WARNING):
+        teams.run(3.0, [("north", BALL, SEEN)])
+    assert share.hears.intake.refused["grid"] > 2
+    assert sum("the team's is (10, 10)" in line for line in caplog.messages) == 1
+
+
+def test_it_holds_a_token_in_the_team_that_it_tells_and_none_in_the_other() -> None:
+    teams = Teams("north", "all", pairs=[("north", "all")])
+    share = teams.shares["north", "all"]
+    assert share.tokens == (keys.MEMBER.key(team="all", sub_team="a", robot=f"{VIA}north"),)
+    sent: list[str] = []
+    teams.bus.spies.append(lambda it: sent.append(it.key))
+    teams.run(3.0, [("north", BALL, SEEN)])
+    assert not [key for key in sent if key.startswith("cop/north/") and VIA in key]
+    status = teams.links[share].newest[keys.STATUS.key(team="all", sub_team="a", process=f"{VIA}north")]
+    told = decode(Status, status)
+    assert told.subjects == [BALL]
+    assert told.counters["shared"] > 0
+
+
+def said(subject: str, time: float, until: float) -> Agreed:
+    return Agreed(subject, SEEN, 1, time, Consensus.model_construct(ancestors={"r1": until}))
+
+
+def test_no_more_objects_are_told_than_a_board_keeps_and_those_that_are_gone_make_room() -> None:
+    teams = Teams("north", "all", pairs=[("north", "all")], max_age=2.0)
+    share = teams.shares["north", "all"]
+    for n in range(MAX_SUBJECTS + 20):
+        share._keep(said(f"object/{n}", teams.now, teams.now))
+    assert len(share._due) == MAX_SUBJECTS
+    teams.run(6.0)
+    assert len(share._due) == 0
+    share._keep(said("object/new", teams.now, teams.now))
+    assert set(share._due) == {"object/new"}
+
+
+def test_a_team_in_simulated_time_is_told_by_its_own_clock_how_old_it_is() -> None:
+    """Stamps of one team mean nothing in the other one; how long ago they were does."""
+    teams = Teams("north", "all", pairs=[("north", "all")])
+    share = teams.shares["north", "all"]
+    clock = Clock(run="one", tick=14, time=7.0, mode="lockstep", robots={"a": ["r1"]})
+    world = Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE)
+    for envelope in (world, Envelope(keys.CLOCK.key(team="all"), encode(clock))):
+        share.receive(envelope, teams.now)
+    out = share._told(BALL, said(BALL, teams.now - 0.25, teams.now - 0.5), teams.now)
+    report = next(decode(Report, it.payload) for it in out if "/report/" in it.key)
+    assert report.time == pytest.approx(6.75)
+    assert report.informed is not None
+    assert report.informed.ancestors == {"north.r1": pytest.approx(6.5)}
