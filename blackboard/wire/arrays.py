@@ -64,8 +64,9 @@ def pack(belief: Belief, coding: Coding = "log8") -> PackedBelief:
     )
 
 
+@lru_cache(maxsize=64)
 def packed_grid(grid: Grid) -> PackedGrid:
-    """A grid as a message names it, without its anchor."""
+    """A grid as a message names it, without its anchor; made once, because every belief of a team names the same."""
     return PackedGrid(shape=grid.shape, cell=grid.cell, origin=grid.origin, unit=grid.unit, frame=grid.frame)
 
 
@@ -124,7 +125,8 @@ def _levels(belief: Belief, scale: Scale, kind: npt.DTypeLike) -> tuple[float, t
         )
     kept = p > peak * math.exp((0.5 - scale.top) * scale.step)
     lo, box = support(kept)
-    inside, kept = p[_slices(lo, box)] / peak, kept[_slices(lo, box)]
+    where = _slices(lo, box)
+    inside, kept = p[where] / peak, kept[where]
     below = np.log(np.maximum(inside, math.exp(-scale.top * scale.step), out=inside), out=inside)
     below /= scale.step
     below += scale.top + 0.5
@@ -139,7 +141,7 @@ def support(hits: npt.NDArray[np.bool_]) -> tuple[tuple[int, ...], tuple[int, ..
     spans: list[tuple[int, int]] = []
     for axis in range(hits.ndim):
         others = tuple(other for other in range(hits.ndim) if other != axis)
-        found = np.flatnonzero(hits.any(axis=others))
+        found = np.asarray(hits.any(axis=others)).nonzero()[0]
         spans.append((int(found[0]), int(found[-1]) + 1))
         hits = hits[(slice(None),) * axis + (slice(*spans[-1]),)]  # the other axes need not look elsewhere
     return tuple(a for a, _ in spans), tuple(b - a for a, b in spans)
