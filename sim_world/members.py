@@ -14,6 +14,7 @@ from blackboard.process.roster import Roster
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Solo, Status
+from blackboard.wire.names import VIA
 from sim_world.instant import Instant
 from sim_world.sources import SensorSource
 
@@ -44,6 +45,8 @@ class Members:
         name, boards = status.process, self.roster.boards
         if status.kind == "board" and (sub_team, name) not in self._heard and name in boards.get(sub_team, []):
             self._heard = {(s, b) for s, b in self._heard if b in boards.get(s, [])} | {(sub_team, name)}
+        elif status.kind == "robot" and name.startswith(VIA):
+            return  # it speaks for another team, so nobody gives it readings, waits for it or judges it
         elif status.kind == "robot" and name in self.roster.robots.get(sub_team, []):
             known = name in self.sensors.robots
             if not self.sensors.admit(name):

@@ -87,8 +87,8 @@ def fuse_opinions(
     Where the subject's rule is a coalition with independence "learn", the learner hears the independent opinions at the team time
     `now`, in seconds, and says how far each is to be believed; without a learner the rule is as cautious as before any evidence.
     `counts` says of a robot whether its evidence belongs to the first-hand part, or to the fused belief alone.
-    A coalition leaves out the independent opinions that are uniform, unless all are: each member makes it more cautious, and those
-    say nothing. Their shares are 0.
+    But where `feedback` is "paper", independent opinions that are uniform are left out, unless all are: they say nothing, and what the
+    others say would count for less, or by the number of opinions for more. Their shares are 0.
     With `dissent`, who keeps disagreeing with the others counts for less, where the learner does not see to that, and where
     `feedback` is not "paper". `powers` are those of a fusion that is to be done again (`Share.power`), without a learner and dissent.
     """
@@ -97,7 +97,7 @@ def fuse_opinions(
     independent, overlapping = (list(opinions), list[Opinion]()) if everything else split(opinions)
     rule, powers = settings.of(subject), powers or {}
     empty = list[Opinion]()
-    if isinstance(rule, Coalition) and not everything:
+    if not everything:
         independent, empty = _telling(independent)
     if dissent is not None and not everything:
         dissent.hear(subject, now, independent, lambda others: _pooled(rule, others, grid))
@@ -228,9 +228,16 @@ def as_advised(rule: Coalition, opinions: Array, advice: Advice) -> tuple[Coalit
     return _advised(rule, advice.independence), tempered(opinions, advice.powers)
 
 
-@lru_cache(256)
 def _advised(rule: Coalition, independence: float) -> Coalition:
     """Kept, because making a rule checks its parameters, and a learner's advice about a subject holds for about a second."""
+    try:
+        return _kept_rule(rule, independence)
+    except TypeError:  # a rule of somebody's own, with a parameter that cannot be hashed
+        return replace(rule, independence=independence)
+
+
+@lru_cache(256)
+def _kept_rule(rule: Coalition, independence: float) -> Coalition:
     return replace(rule, independence=independence)
 
 

@@ -11,6 +11,7 @@ from blackboard.process.intake import TooEarly
 from blackboard.process.roster import Roster
 from blackboard.process.team_clock import Pace, TeamClock
 from blackboard.wire import keys
+from blackboard.wire.names import VIA
 
 MAX_ROBOTS = 1024  # whose sub-teams are remembered
 
@@ -47,9 +48,9 @@ class Participants:
         raise TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
 
     def hear_robot(self, robot: str) -> None:
-        """A robot of this sub-team says something: where no world names the robots, it is waited for."""
+        """A robot of this sub-team says something: where no world names the robots, it is waited for, but not another team."""
         here = self.roster.robots.get(self.sub_team, [])
-        if robot in here and robot not in self._heard:
+        if robot in here and robot not in self._heard and not robot.startswith(VIA):
             self._heard = {*self._heard.intersection(here), robot}
 
     def hear_role(self, sub_team: str, board: str, *, follows: bool) -> None:

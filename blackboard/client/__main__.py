@@ -8,14 +8,14 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from blackboard.client.ask import Found, ask
-from blackboard.client.share import OBJECTS, VIA, Share
+from blackboard.client.share import OBJECTS, Share
 from blackboard.config import BoardSection, Scenario, load
 from blackboard.errors import UserError
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.process.loop import run
 from blackboard.run import door
-from blackboard.wire.names import LONGEST_NAME, NAME
+from blackboard.wire.names import LONGEST_NAME, NAME, OF_TEAM, VIA
 
 PATIENCE = 30.0  # seconds for a router, and for a board of the team that is told
 
@@ -32,7 +32,7 @@ def share(
 ) -> int:
     """Tell a team what another one agrees on, until it is stopped; two of these share both ways.
 
-    It takes part as one more robot, named from.SOURCE, and robots of the other team as SOURCE.r1. Nothing is counted twice.
+    It takes part as one more robot, named from.SOURCE, and robots of the other team as SOURCE..r1. Nothing is counted twice.
 
     Parameters
     ----------
@@ -56,6 +56,11 @@ def share(
             door.check_name(what, name)
     if source == team:
         raise UserError(f"{source} {team}: give two teams")
+    for name in (source, team):
+        if OF_TEAM in name:
+            raise UserError(
+                f"{name}: {OF_TEAM} stands between a team and its robots; give teams without it in their names"
+            )
     if len(VIA + source) > LONGEST_NAME:
         raise UserError(f"SOURCE {source}: at most {LONGEST_NAME - len(VIA)} letters, because {VIA}{source} reports")
     subjects = tuple(subject or OBJECTS)
@@ -68,6 +73,12 @@ def share(
     stop, clock = door.Stop(), UnixClock()
     with Link(flags.link(), VIA + source, patience=PATIENCE, stopped=stop, clock=clock) as link:
         told = _told(link, clock, team, sub_team, chosen, stop)
+        if told.feedback != "guarded":
+            raise UserError(
+                f"{team}: its boards have feedback = {told.feedback!r}, by which what is shared would be "
+                + ("counted twice" if told.feedback == "paper" else "left out")
+                + '; set [board] feedback = "guarded"'
+            )
         settings = BoardSection() if chosen is None else chosen.board
         service = Share(
             source, team, sub_team=told.sub_team, grid=told.grid, settings=settings, subjects=subjects, every=every
@@ -87,4 +98,4 @@ def _told(
     sub_teams = sorted(scenario.team.sub_teams)
     if sub_team is None and len(sub_teams) > 1:
         raise UserError(f"{team}: there are {', '.join(sub_teams)}; say --sub-team")
-    return Found(team, sub_team or sub_teams[0], scenario.grid)
+    return Found(team, sub_team or sub_teams[0], scenario.grid, scenario.board.feedback)

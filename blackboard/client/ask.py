@@ -24,6 +24,7 @@ class Found:
     team: str
     sub_team: str
     grid: Grid
+    feedback: str = "guarded"  # `[board] feedback`
 
 
 def ask(
@@ -42,30 +43,30 @@ def ask(
     `cure` says what to do.
     """
     end, pause = now() + patience, threading.Event()
-    known = dict[tuple[str, str], Grid]()
+    known = dict[tuple[str, str], Found]()
     while not known:
         for sub_team in sub_teams or ("*",):
-            known |= _grids(get, keys.STATUS.key(team=team or "*", sub_team=sub_team, process="*"))
+            known |= _boards(get, keys.STATUS.key(team=team or "*", sub_team=sub_team, process="*"))
         if not known and (now() >= end or stopped()):
             raise UserError(f"{who}: no board answers; start `blackboard serve`, or name a scenario")
         pause.wait(0.0 if known else PAUSE)
     if not sub_teams and len(known) > 1:
         names = ", ".join(f"{team}/{sub_team}" for team, sub_team in sorted(known))
         raise UserError(f"{who}: there are {names}; {cure}")
-    (name, sub_team), grid = min(known.items(), key=lambda it: it[0])
-    return Found(name, sub_team, grid)
+    return known[min(known)]
 
 
-def _grids(get: Get, key_expr: str) -> dict[tuple[str, str], Grid]:
-    """The grids that boards tell in their statuses, by team and sub-team."""
+def _boards(get: Get, key_expr: str) -> dict[tuple[str, str], Found]:
+    """What boards tell in their statuses, by team and sub-team."""
     found = {}
     for envelope in get(key_expr):
         try:
             _, parts, message = open_envelope(envelope)
             if isinstance(message, Status) and message.kind == "board" and message.grid is not None:
-                at = message.anchor
+                at, (team, sub_team) = message.anchor, (parts["team"], parts["sub_team"])
                 anchor = None if at is None else Anchor(at.latitude, at.longitude, at.bearing)
-                found[parts["team"], parts["sub_team"]] = replace(unpacked_grid(message.grid), anchor=anchor)
+                grid = replace(unpacked_grid(message.grid), anchor=anchor)
+                found[team, sub_team] = Found(team, sub_team, grid, str(message.settings.get("feedback", "guarded")))
         except Refused:
             continue
     return found

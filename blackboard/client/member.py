@@ -10,6 +10,7 @@ Long, because it is the whole protocol of such a robot: what it checks, when it 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -34,6 +35,10 @@ from blackboard.wire.types import Message
 log = logging.getLogger(__name__)
 
 STANDS = 5.0  # seconds of team time that a report is sent again for, at each tick of a world
+FORGOTTEN = (
+    10.0  # seconds after which something older than what was agreed on last is taken, because that was a mistake
+)
+MAX_SUBJECTS = 1024  # of which it is remembered what was agreed on last
 SUM = 1e-6  # by which the mass of a belief may miss 1
 MAX_LOGGED = 256  # boards and reasons of refusals that are remembered as logged
 
@@ -73,7 +78,8 @@ class Member:
         self._echoes = Echoes()  # of the boards' stamps, where each process goes by its own clock
         self._reports: dict[str, Report] = {}  # subject -> the newest
         self._tick = -1  # of the newest report
-        self._heard: dict[str, tuple[int, float]] = {}  # subject -> tick and time of what was agreed on last
+        #: subject -> time and tick of what was agreed on last, and Unix time when it came; the oldest arrival first
+        self._heard: dict[str, tuple[tuple[float, int], float]] = {}
         self._logged: set[tuple[str, str]] = set()
 
     # --- what the loop needs ------------------------------------------------------------------------------------------
@@ -189,10 +195,14 @@ class Member:
     def _hear_agreed(self, consensus: Consensus, now: float) -> None:
         if self.clock.pace is Pace.FREE:
             self._echoes.hear(f"{consensus.sub_team}/{consensus.board}", consensus.time, now)
-        at = consensus.tick, consensus.time
-        if at > self._heard.get(consensus.subject, (-1, 0.0)):
+        at = consensus.time, consensus.tick
+        last, since = self._heard.get(consensus.subject, ((-math.inf, -1), now))
+        if at > last or now - since > FORGOTTEN:
             belief = unpack(consensus.belief, self.grid)
-            self._heard[consensus.subject] = at
+            self._heard.pop(consensus.subject, None)
+            self._heard[consensus.subject] = at, now
+            if len(self._heard) > MAX_SUBJECTS:
+                del self._heard[next(iter(self._heard))]
             self._on_agreed(Agreed(consensus.subject, belief, consensus.tick, consensus.time, consensus))
 
     def _hear_refusal(self, refusal: Refusal) -> None:

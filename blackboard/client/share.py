@@ -4,7 +4,7 @@ So large fleets become a tree of teams that are small enough for everybody to he
 
 Nothing is counted twice, whatever the teams tell each other in a circle: what is shared is an informed belief beside a uniform
 first-hand one. A board pools such beliefs by Chernoff's rule, for which the same information again adds nothing, and leaves uniform
-ones out. Whose information a belief contains goes with it, each robot under the name of its team (`north.r1`), until when it was
+ones out. Whose information a belief contains goes with it, each robot under the name of its team (`north..r1`), until when it was
 gathered too. What has nothing newer than the other team knows already is not told, and what has nothing that is newer than
 `max_age` ends. So a belief that nobody has seen evidence of ends in all teams.
 """
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Mapping, Sequence
 
 from blackboard.client.member import Agreed, Member
@@ -21,12 +22,12 @@ from blackboard.errors import Refused
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Grid
 from blackboard.process.failures import quoted
+from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.names import LONGEST_NAME
+from blackboard.wire.names import NAME, OF_TEAM, VIA
 
 log = logging.getLogger(__name__)
 
-VIA = "from."  # what the name of a process begins with that speaks for a team: such a name is no robot's
 MAX_SUBJECTS = 256  # that are told: as many as a board keeps
 OBJECTS = ("object/*",)
 
@@ -59,7 +60,11 @@ class Share:
             team=source, sub_teams=("*",), robot=name, grid=grid, settings=BoardSection(), on_agreed=self._keep
         )
         self.subjects, self.every, self.max_age = tuple(subjects), every, settings.max_age
-        self._newest: dict[str, Agreed] = {}  # subject -> what was agreed on last, while it is not told
+        self._newest: dict[
+            str, tuple[Agreed, float]
+        ] = {}  # subject -> what was agreed on last and when that came, while not told
+        self._now = 0.0  # Unix seconds of what is being received
+        self._runs = self._run_of(self.hears), self._run_of(self.tells)
         self._due: dict[str, float] = {}  # subject -> Unix seconds when it may be told again
         self._known: dict[
             str, Mapping[str, float]
@@ -88,14 +93,16 @@ class Share:
         self.tells.record_link_counters(counters)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        self._now = now
         if envelope.key.startswith(f"cop/{self.hears.team}/"):
             self.hears.receive(envelope, now)
             return self._tell(now)
-        return self.tells.receive(envelope, now)
+        return self._said(self.tells.receive(envelope, now))
 
     def wake(self, now: float) -> list[Envelope]:
+        self._now = now
         self.hears.wake(now)
-        return [*self._tell(now), *self.tells.wake(now)]
+        return [*self._tell(now), *self._said(self.tells.wake(now))]
 
     def wake_at(self, now: float) -> float | None:
         due = [self._due[subject] for subject in self._newest]  # what has ended is seen with the status of each second
@@ -115,51 +122,64 @@ class Share:
         kind, _, name = agreed.subject.partition("/")
         if not any(wanted in (agreed.subject, f"{kind}/*") for wanted in self.subjects):
             return
-        if kind == "robot" and (name.startswith(VIA) or subject.startswith(f"robot/{self.tells.team}.")):
+        if kind == "robot" and (name.startswith(VIA) or _at_home(subject, f"robot/{self.tells.team}")[1]):
             return  # of nobody, or of a robot that the other team knows itself
+        if not re.fullmatch(NAME, subject.partition("/")[2]):
+            return  # with its team's name it is too long
         if subject in self._due or len(self._due) < MAX_SUBJECTS:
-            self._newest[subject] = agreed
+            self._newest[subject] = agreed, self._now
             self._due.setdefault(subject, -math.inf)
 
+    @staticmethod
+    def _run_of(member: Member) -> str:
+        return "" if member.clock.followed is None else member.clock.followed.run
+
+    def _said(self, out: list[Envelope]) -> list[Envelope]:
+        """Without what only a world's referee reads, which judges nobody without a place; of each key the newest."""
+        newest: dict[str, Envelope] = {}
+        for envelope in out:
+            if keys.SOLO.match(envelope.key) is None:
+                newest.pop(envelope.key, None)
+                newest[envelope.key] = envelope
+        return list(newest.values())
+
     def _tell(self, now: float) -> list[Envelope]:
+        runs = self._run_of(self.hears), self._run_of(self.tells)
+        if runs != self._runs:  # stamps of another run mean nothing any more
+            self._runs, self._newest, self._due, self._known = runs, {}, {}, {}
         out: list[Envelope] = []
         for subject, due in list(self._due.items()):
             if subject in self._newest and due <= now:
                 self._due[subject] = now + self.every
-                out += self._told(subject, self._newest.pop(subject), now)
+                out += self._told(subject, *self._newest.pop(subject), now)
             elif due < now - self.max_age:  # the team that is heard agrees on nothing about it any more
                 del self._due[subject]
                 out += self.tells.withdraw(subject, now)
-        return out
+        return self._said(out)
 
-    def _told(self, subject: str, agreed: Agreed, now: float) -> list[Envelope]:
+    def _told(self, subject: str, agreed: Agreed, came: float, now: float) -> list[Envelope]:
         """A report where there is something new for the other team; the end of the one before where all that there is is old.
 
-        Whose information it is, and until when, is told by the names and in the time of the other team.
+        Whose information it is, and until when, is told by the names and in the time of the other team. How old it is, only the
+        team that is heard says, and for how long it has been here, so that it does not matter by which clock that team goes.
         """
-        there, here = self.hears.clock.time(now), self.tells.clock.time(now)
+        stamp = self.tells.clock.time(now) - max(0.0, now - came)
         gathered, news = dict[str, float](), list[tuple[str, float]]()
         for own_name, until in sorted(agreed.story.ancestors.items()):
-            if not own_name.startswith(VIA):
-                name, home = _at_home(_named(own_name, self.hears.team), self.tells.team)
-                at = here - (there - until)
-                gathered[name] = min(here, at)
+            name, home = _at_home(_named(own_name, self.hears.team), self.tells.team)
+            if not own_name.startswith(VIA) and re.fullmatch(NAME, name):
+                gathered[name] = at = stamp - max(0.0, agreed.time - until)
                 news += [] if home else [(name, at)]
         known = self._known.get(subject, {})
-        if not any(here - until <= self.max_age for _, until in news):
+        if not any(stamp - at <= self.max_age for _, at in news):
             self.tells.intake.counters["not_shared"] += 1
             return self.tells.withdraw(subject, now)
-        if not any(until > known.get(name, -math.inf) + self.every / 2 for name, until in news):
+        if not any(at > known.get(name, -math.inf) + self.every / 2 for name, at in news):
             self.tells.intake.counters["not_shared"] += 1
             return []
         try:
-            out = self.tells.report(
-                subject,
-                uniform(self.tells.grid),
-                now,
-                time=min(here, here - (there - agreed.time)),
-                informed=(agreed.belief, gathered),
-            )
+            informed = agreed.belief, gathered
+            out = self.tells.report(subject, uniform(self.tells.grid), now, time=stamp, informed=informed)
         except Refused as refusal:
             self.tells.intake.refused[refusal.reason] += 1
             if refusal.reason not in self._logged:
@@ -172,13 +192,12 @@ class Share:
 
 def _at_home(name: str, team: str) -> tuple[str, bool]:
     """A robot's name as `team` says it, and whether it is one of that team's own."""
-    return name.removeprefix(f"{team}."), name.startswith(f"{team}.")
+    return name.removeprefix(team + OF_TEAM), name.startswith(team + OF_TEAM)
 
 
 def _named(name: str, team: str) -> str:
-    """A robot's name among those of other teams: `r1` of team `north` is `north.r1`; one with a dot has come from another team."""
-    longer = f"{team}.{name}"
-    return name if "." in name or len(longer) > LONGEST_NAME else longer
+    """A robot's name among those of other teams: `r1` of team `north` is `north..r1`, and so is one that has come to it as that."""
+    return name if OF_TEAM in name else team + OF_TEAM + name
 
 
 def _renamed(subject: str, team: str) -> str:

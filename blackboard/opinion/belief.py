@@ -190,8 +190,10 @@ def blur(p: Array, sigma: float | Sequence[float]) -> Array:
     nearly all of it below half a cell), so that blurs add up: sigma 3, then 4, is sigma 5. Mass that would leave the grid is
     turned back at the border: mass is conserved, a uniform belief stays uniform, and entropy never falls.
     """
-    sigmas = [sigma] * p.ndim if isinstance(sigma, float | int) else sigma
-    for axis, cells in zip(range(p.ndim), sigmas, strict=True):
+    sigmas = (
+        [sigma] * p.ndim if isinstance(sigma, float) else np.broadcast_to(np.asarray(sigma, dtype=float), (p.ndim,))
+    )
+    for axis, cells in enumerate(sigmas):
         if cells > 0:
             rows = p.swapaxes(0, axis)
             spread = _heat(p.shape[axis], float(cells)) @ rows.reshape(len(rows), -1)

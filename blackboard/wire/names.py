@@ -6,3 +6,5 @@ LONGEST_NAME = 64  # characters
 NAME = rf"[A-Za-z0-9_.-]{{1,{LONGEST_NAME}}}"
 SUBJECT_KINDS = "robot|object|landmark"  # what a subject is about: `<kind>/<name>`
 MAX_FRAME = 64  # characters of the name of a frame
+VIA = "from."  # what the name of a process begins with that speaks for another team (`blackboard share`): it has no body and no place
+OF_TEAM = ".."  # between a team and a robot, where robots of several teams are named: `north..r1`

@@ -1,4 +1,7 @@
-"""What a team agrees on, told to another one: over real boards on a bus, without a network or a clock."""
+"""What a team agrees on, told to another one: over real boards on a bus, without a network or a clock.
+
+Long, because it has the teams, what they may count on, and what strangers may do.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ from typing import TypeVar
 import pytest
 
 from blackboard.board.service import BoardService
-from blackboard.client.member import Agreed, Member
-from blackboard.client.share import MAX_SUBJECTS, VIA, Share
+from blackboard.client.member import FORGOTTEN, Agreed, Member
+from blackboard.client.member import MAX_SUBJECTS as REMEMBERED
+from blackboard.client.share import MAX_SUBJECTS, Share
 from blackboard.config import BoardSection
 from blackboard.net.bus import Bus, BusLink
 from blackboard.opinion.belief import Belief, gaussian
@@ -23,6 +27,7 @@ from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Report, Status
+from blackboard.wire.names import VIA
 
 S = TypeVar("S", bound=Service)
 GRID = Grid((20, 20))
@@ -114,7 +119,7 @@ def test_what_one_team_sees_all_of_a_tree_believe_and_no_more() -> None:
             entropy(SEEN.p) - 0.02 < entropy(teams.of(team).p) < entropy(SEEN.p) + 0.8
         )  # older by a settlement or two
     assert entropy(teams.of("north").p) == pytest.approx(entropy(SEEN.p), abs=0.05)
-    assert set(teams.agreed["south", BALL].story.ancestors) == {f"{VIA}all", "north.r1"}
+    assert set(teams.agreed["south", BALL].story.ancestors) == {f"{VIA}all", "north..r1"}
 
 
 def test_nobody_is_told_what_rests_on_its_own_robots_alone() -> None:
@@ -164,8 +169,8 @@ def test_robots_keep_the_name_of_their_team_and_never_come_home() -> None:
     teams = Teams("north", "south", "all", pairs=BOTH_WAYS, subjects=["robot/*"])
     teams.run(6.0, [("north", "robot/r1", SEEN), ("south", BALL, SEEN)])
     subjects = {(to, report.subject) for _, to, report in teams.said}
-    assert subjects == {("all", "robot/north.r1"), ("south", "robot/north.r1")}
-    assert math.dist(teams.of("south", "robot/north.r1").mean(), (6.5, 8.5)) < 0.2
+    assert subjects == {("all", "robot/north..r1"), ("south", "robot/north..r1")}
+    assert math.dist(teams.of("south", "robot/north..r1").mean(), (6.5, 8.5)) < 0.2
     assert ("all", BALL) not in teams.agreed
 
 
@@ -227,8 +232,95 @@ def test_a_team_in_simulated_time_is_told_by_its_own_clock_how_old_it_is() -> No
     world = Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE)
     for envelope in (world, Envelope(keys.CLOCK.key(team="all"), encode(clock))):
         share.receive(envelope, teams.now)
-    out = share._told(BALL, said(BALL, teams.now - 0.25, teams.now - 0.5), teams.now)
+    out = share._told(BALL, said(BALL, 3.0, 2.75), teams.now - 0.25, teams.now)
     report = next(decode(Report, it.payload) for it in out if "/report/" in it.key)
     assert report.time == pytest.approx(6.75)
     assert report.informed is not None
-    assert report.informed.ancestors == {"north.r1": pytest.approx(6.5)}
+    assert report.informed.ancestors == {"north..r1": pytest.approx(6.5)}
+
+
+def test_in_another_run_of_the_team_that_is_told_it_is_told_again() -> None:
+    """What that team knew before, and until when, means nothing any more."""
+    teams = Teams("north", "all", pairs=[("north", "all")], every=0.5)
+    share = teams.shares["north", "all"]
+    teams.run(4.0, [("north", BALL, SEEN)])
+    assert share._known
+    clock = Clock(run="one", tick=1, time=0.5, mode="realtime", robots={})
+    link = teams.bus.connect()
+    link.token(keys.WORLD.key(team="all"))
+    link.send(Envelope(keys.CLOCK.key(team="all"), encode(clock)))
+    before = len(teams.said)
+    teams.run(3.0, [("north", BALL, SEEN)])
+    told = teams.said[before:]
+    assert len(told) >= 4
+    assert all(report.time < 10.0 for _, _, report in told[-3:])
+
+
+def test_the_clock_of_the_team_that_is_heard_may_be_wrong() -> None:
+    teams = Teams("north", "all", pairs=[("north", "all")], every=0.2)
+    share = teams.shares["north", "all"]
+    for wrong in (-30.0, 30.0, -1e6):
+        share._known = {}
+        there = teams.now + wrong
+        out = share._told(BALL, said(BALL, there, there - 0.5), teams.now - 0.1, teams.now)
+        report = next(decode(Report, it.payload) for it in out if "/report/" in it.key)
+        assert report.time == pytest.approx(teams.now - 0.1)
+        assert report.informed is not None
+        assert report.informed.ancestors == {"north..r1": pytest.approx(teams.now - 0.6)}
+
+
+@pytest.mark.parametrize("name", ["husky.1", "r.r.r", "n" * 50])
+def test_robots_with_dots_and_long_names_stay_those_of_their_team(name: str) -> None:
+    teams = Teams("site.north", "site", pairs=[("site.north", "site")], subjects=["robot/*", "object/*"])
+    share = teams.shares["site.north", "site"]
+    share._now = teams.now
+    share._keep(said(f"robot/{name}", teams.now, teams.now))
+    teams.run(0.5)
+    assert {report.subject for _, _, report in teams.said} == {f"robot/site.north..{name}"}
+
+
+def test_a_robot_whose_name_becomes_too_long_is_not_shared_and_no_name_ends_a_report() -> None:
+    teams = Teams("north", "all", pairs=[("north", "all")], subjects=["robot/*", "object/*"])
+    share = teams.shares["north", "all"]
+    share._keep(said("robot/" + "n" * 62, teams.now, teams.now))
+    assert not share._newest
+    story = Consensus.model_construct(ancestors={"all..": 1.0, "n" * 64: 1.0, "r1": 1.0})
+    out = share._told(BALL, Agreed(BALL, SEEN, 1, 1.0, story), teams.now, teams.now)
+    report = next(decode(Report, it.payload) for it in out if "/report/" in it.key)
+    assert report.informed is not None
+    assert set(report.informed.ancestors) == {"north..r1"}
+
+
+def test_one_forged_message_far_in_the_future_ends_nothing_for_long() -> None:
+    teams = Teams("north", "all", pairs=[("north", "all")], every=0.5)
+    teams.run(2.0, [("north", BALL, SEEN)])
+    forged = teams.agreed["north", BALL].story.model_copy(update={"tick": 2**53 - 1, "time": 1e12})
+    teams.bus.connect().send(Envelope(keys.AGREED.key(team="north", sub_team="a", subject=BALL), encode(forged)))
+    teams.run(FORGOTTEN + 2.0, [("north", BALL, SEEN)])
+    before = len(teams.said)
+    teams.run(3.0, [("north", BALL, SEEN)])
+    assert len(teams.said) - before >= 4
+
+
+def test_what_is_remembered_of_a_flood_is_bounded() -> None:
+    teams = Teams("north", "all", pairs=[("north", "all")])
+    share = teams.shares["north", "all"]
+    teams.run(2.0, [("north", BALL, SEEN)])
+    story = teams.agreed["north", BALL].story
+    for n in range(REMEMBERED + 50):
+        key = keys.AGREED.key(team="north", sub_team="a", subject=f"object/x{n}")
+        share.receive(Envelope(key, encode(story.model_copy(update={"subject": f"object/x{n}"}))), teams.now)
+    assert len(share.hears._heard) == REMEMBERED
+    assert len(share._due) <= MAX_SUBJECTS
+
+
+def test_a_worlds_referee_hears_nothing_of_it() -> None:
+    """It has no place, so its uniform beliefs would only spoil the scores of the robots."""
+    teams = Teams("north", "all", pairs=[("north", "all")])
+    share = teams.shares["north", "all"]
+    share.receive(Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE), teams.now)
+    share._told(BALL, said(BALL, 1.0, 1.0), teams.now, teams.now)
+    clock = Clock(run="one", tick=3, time=1.0, mode="lockstep", robots={"a": ["r1"]})
+    out = share.receive(Envelope(keys.CLOCK.key(team="all"), encode(clock)), teams.now)
+    assert out
+    assert not [it.key for it in out if keys.SOLO.match(it.key)]

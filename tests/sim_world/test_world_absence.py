@@ -187,6 +187,16 @@ def test_a_stranger_is_welcome() -> None:
     assert desk.card["scores"]["robots"]["by_name"]["zoe"]["solo"]["n"] == 4
 
 
+def test_who_speaks_for_another_team_gets_no_body_and_is_not_waited_for() -> None:
+    desk = Desk()
+    desk.tokens(Kind.ALIVE, {"a": ["from.north"]}, boards=[])
+    desk.tokens(Kind.ALIVE)
+    desk.wait(3.0)
+    assert desk.world.done
+    assert not [clock for clock in desk.clocks if "from.north" in clock.robots.get("a", [])]
+    assert set(desk.card["scores"]["robots"]["by_name"]) == {"r1", "r2"}
+
+
 def test_a_stranger_without_sensor_data_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     desk = Desk()
     monkeypatch.setattr(desk.world.sensors, "admit", lambda robot: robot in ("r1", "r2"))

@@ -38,13 +38,13 @@ def test_an_object_that_one_team_sees_is_known_in_the_others(endpoint: str, conn
             def known_in_the_south() -> bool:
                 north.report(BALL, belief)
                 told = [decode(Consensus, envelope.payload) for envelope in link.get(agreed)]
-                return any("north.r1" in it.ancestors for it in told)
+                return any("north..r1" in it.ancestors for it in told)
 
             wait_until(known_in_the_south, "the south knows of the ball")
         question = ("why", BALL, "--team", "south", "--json", "-e", endpoint)
         with program("-m", "blackboard", *question) as why:
             assert why.ends() == 0, why.err
-            assert "north.r1" in json.dumps(json.loads(why.out))
+            assert "north..r1" in json.dumps(json.loads(why.out))
 
 
 @pytest.mark.parametrize(
