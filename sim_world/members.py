@@ -45,7 +45,7 @@ class Members:
         name, boards = status.process, self.roster.boards
         if status.kind == "board" and (sub_team, name) not in self._heard and name in boards.get(sub_team, []):
             self._heard = {(s, b) for s, b in self._heard if b in boards.get(s, [])} | {(sub_team, name)}
-        elif status.kind == "robot" and name.startswith(VIA):
+        elif status.kind == "robot" and name.startswith(VIA) and name not in self.sensors.robots:
             return  # it speaks for another team, so nobody gives it readings, waits for it or judges it
         elif status.kind == "robot" and name in self.roster.robots.get(sub_team, []):
             known = name in self.sensors.robots

@@ -60,15 +60,13 @@ class Share:
             team=source, sub_teams=("*",), robot=name, grid=grid, settings=BoardSection(), on_agreed=self._keep
         )
         self.subjects, self.every, self.max_age = tuple(subjects), every, settings.max_age
-        self._newest: dict[
-            str, tuple[Agreed, float]
-        ] = {}  # subject -> what was agreed on last and when that came, while not told
+        #: subject -> what was agreed on last, and Unix seconds when that came, while it is not told
+        self._newest: dict[str, tuple[Agreed, float]] = {}
         self._now = 0.0  # Unix seconds of what is being received
         self._runs = self._run_of(self.hears), self._run_of(self.tells)
         self._due: dict[str, float] = {}  # subject -> Unix seconds when it may be told again
-        self._known: dict[
-            str, Mapping[str, float]
-        ] = {}  # subject -> whose information the team that is told has, until when
+        #: subject -> whose information the team that is told has, and until when in its time
+        self._known: dict[str, Mapping[str, float]] = {}
         self._logged: set[str] = set()  # reasons
 
     # --- what the loop needs ------------------------------------------------------------------------------------------
