@@ -32,7 +32,7 @@ from blackboard.opinion.weights import entropy, entropy_weights
 #: Two overlapping beliefs whose Bhattacharyya coefficient is below this contradict each other. Equally wide Gaussians do so
 #: that are just over 6 sigma apart: exp(-6^2 / 8) = 0.011.
 CONTRADICTION = 0.01
-EVEN = 1e-9  # by how much the likeliest cell of a uniform opinion may exceed the least likely one, relative to it
+EVEN = 1e-9  # by which share the likeliest cell of an opinion that counts as uniform may exceed 1 / m of m cells
 HOW = ("independent", "overlapping")  # multiplied by the rule, or averaged because it shares ancestors with others
 
 
@@ -87,8 +87,8 @@ def fuse_opinions(
     Where the subject's rule is a coalition with independence "learn", the learner hears the independent opinions at the team time
     `now`, in seconds, and says how far each is to be believed; without a learner the rule is as cautious as before any evidence.
     `counts` says of a robot whether its evidence belongs to the first-hand part, or to the fused belief alone.
-    But where `feedback` is "paper", independent opinions that are uniform are left out, unless all are: they say nothing, and what the
-    others say would count for less, or by the number of opinions for more. Their shares are 0.
+    Unless `feedback` is "paper", independent opinions that are uniform are left out where others are not: they hold no information,
+    but would change the exponents of a rule, which depend on the number of opinions. Their shares are 0.
     With `dissent`, who keeps disagreeing with the others counts for less, where the learner does not see to that, and where
     `feedback` is not "paper". `powers` are those of a fusion that is to be done again (`Share.power`), without a learner and dissent.
     """
@@ -96,38 +96,50 @@ def fuse_opinions(
     everything = settings.feedback == "paper"  # Table I to the letter: everything is multiplied
     independent, overlapping = (list(opinions), list[Opinion]()) if everything else split(opinions)
     rule, powers = settings.of(subject), powers or {}
-    empty = list[Opinion]()
+    uniform_ones = list[Opinion]()
     if not everything:
-        independent, empty = _telling(independent)
+        independent, uniform_ones = _without_uniform(independent)
     if dissent is not None and not everything:
         dissent.hear(subject, now, independent, lambda others: _pooled(rule, others, grid))
     if learner is not None and isinstance(rule, Coalition) and rule.independence == "learn":
         if len(independent) == 1 and not overlapping:
-            return _with(empty, _alone(independent[0], rule, learner, counts), counts)
+            return _with_uniform(uniform_ones, _alone(independent[0], rule, learner, counts), counts)
         learner.hear(subject, now, independent)
-        return _with(empty, _fused(_as_learned(rule, independent, overlapping, learner), grid, counts), counts)
+        return _with_uniform(
+            uniform_ones, _fused(_as_learned(rule, independent, overlapping, learner), grid, counts), counts
+        )
     if dissent is not None and not everything:
         powers = {(o.source, how): dissent.weight(o.source) for o in opinions for how in HOW}
-    return _with(empty, _fused(_to_powers(rule, independent, overlapping, powers), grid, counts), counts)
+    return _with_uniform(uniform_ones, _fused(_to_powers(rule, independent, overlapping, powers), grid, counts), counts)
 
 
-def _telling(opinions: list[Opinion]) -> tuple[list[Opinion], list[Opinion]]:
-    """The opinions that say something, or all where none does; and those that are uniform, but for rounding."""
-    empty = [o for o in opinions if o.belief.p.max() <= o.belief.p.min() * (1 + EVEN)] if len(opinions) > 1 else []
-    return ([o for o in opinions if o not in empty], empty) if len(empty) < len(opinions) else (opinions, [])
+def _without_uniform(opinions: list[Opinion]) -> tuple[list[Opinion], list[Opinion]]:
+    """The opinions that are not uniform, and those that are; where all of them are, they are all kept."""
+    if len(opinions) == 1:
+        return opinions, []
+    are_uniform = [o.belief.p.max() * o.belief.p.size <= 1 + EVEN for o in opinions]
+    if all(are_uniform):
+        return opinions, []
+    parts: dict[bool, list[Opinion]] = {False: [], True: []}
+    for opinion, is_uniform in zip(opinions, are_uniform, strict=True):
+        parts[bool(is_uniform)].append(opinion)
+    return parts[False], parts[True]
 
 
-def _with(empty: Sequence[Opinion], fusion: Fusion, counts: Callable[[str], bool]) -> Fusion:
-    """A fusion whose story tells also of the opinions that said nothing; that their sources saw nothing is their evidence."""
-    if not empty:
+def _with_uniform(uniform_ones: Sequence[Opinion], fusion: Fusion, counts: Callable[[str], bool]) -> Fusion:
+    """A fusion that also lists the uniform opinions that were left out of it, with a share of 0.
+
+    Their sources stay among the ancestors: who looked and saw nothing has evidence too, so the result is not independent of it.
+    """
+    if not uniform_ones:
         return fusion
-    counted = [opinion.ancestors for opinion in empty if all(map(counts, opinion.ancestors))]
+    counted = [opinion.ancestors for opinion in uniform_ones if all(map(counts, opinion.ancestors))]
     return replace(
         fusion,
-        shares=[*fusion.shares, *(Share(opinion, 0.0, "independent") for opinion in empty)],
-        ancestors=union([fusion.ancestors, *(opinion.ancestors for opinion in empty)]),
+        shares=[*fusion.shares, *(Share(opinion, 0.0, "independent") for opinion in uniform_ones)],
+        ancestors=union([fusion.ancestors, *(opinion.ancestors for opinion in uniform_ones)]),
         firsthand_ancestors=union([fusion.firsthand_ancestors, *counted]),
-        is_firsthand=fusion.is_firsthand and len(counted) == len(empty),
+        is_firsthand=fusion.is_firsthand and len(counted) == len(uniform_ones),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -17,7 +18,7 @@ from blackboard.process.loop import run
 from blackboard.run import door
 from blackboard.wire.names import LONGEST_NAME, NAME, OF_TEAM, VIA
 
-PATIENCE = 30.0  # seconds for a router, and for a board of the team that is told
+PATIENCE = 30.0  # seconds to wait for a router, and then for a board of the team that is told
 
 
 def share(
@@ -49,27 +50,9 @@ def share(
     scenario
         The scenario of the team that is told, a file or a name that comes with the package [default: its board says the grid].
     """
-    if flags.keys is not None:
-        raise UserError("--keys: a certificate is for one team, so two teams with keys cannot be joined")
-    for what, name in (("SOURCE", source), ("TEAM", team), ("--sub-team", sub_team)):
-        if name is not None:
-            door.check_name(what, name)
-    if source == team:
-        raise UserError(f"{source} {team}: give two teams")
-    for name in (source, team):
-        if OF_TEAM in name:
-            raise UserError(
-                f"{name}: {OF_TEAM} stands between a team and its robots; give teams without it in their names"
-            )
-    if len(VIA + source) > LONGEST_NAME:
-        raise UserError(f"SOURCE {source}: at most {LONGEST_NAME - len(VIA)} letters, because {VIA}{source} reports")
-    subjects = tuple(subject or OBJECTS)
-    for one in subjects:
-        if not re.fullmatch(rf"(?:object|robot)/(?:\*|{NAME})", one):
-            raise UserError(f"--subject {one}: write object/NAME, 'object/*', robot/NAME or 'robot/*'")
-    if not 0.0 < every < float("inf"):
-        raise UserError(f"--every {every:g}: give seconds above 0")
-    chosen = None if scenario is None else load(scenario)
+    subjects, chosen = tuple(subject or OBJECTS), None if scenario is None else load(scenario)
+    settings = BoardSection() if chosen is None else chosen.board
+    _check(source, team, sub_team, subjects, every, settings.max_age, flags)
     stop, clock = door.Stop(), UnixClock()
     with Link(flags.link(), VIA + source, patience=PATIENCE, stopped=stop, clock=clock) as link:
         told = _told(link, clock, team, sub_team, chosen, stop)
@@ -79,7 +62,6 @@ def share(
                 + ("counted twice" if told.feedback == "paper" else "left out")
                 + '; set [board] feedback = "guarded"'
             )
-        settings = BoardSection() if chosen is None else chosen.board
         service = Share(
             source, team, sub_team=told.sub_team, grid=told.grid, settings=settings, subjects=subjects, every=every
         )
@@ -99,3 +81,34 @@ def _told(
     if sub_team is None and len(sub_teams) > 1:
         raise UserError(f"{team}: there are {', '.join(sub_teams)}; say --sub-team")
     return Found(team, sub_team or sub_teams[0], scenario.grid, scenario.board.feedback)
+
+
+def _check(
+    source: str,
+    team: str,
+    sub_team: str | None,
+    subjects: Sequence[str],
+    every: float,
+    max_age: float,
+    flags: door.ZenohFlags,
+) -> None:
+    """Look through the flags before anything is connected. UserError: one that cannot be."""
+    if flags.keys is not None:
+        raise UserError("--keys: a certificate is for one team, so two teams with keys cannot be joined")
+    for what, name in (("SOURCE", source), ("TEAM", team), ("--sub-team", sub_team)):
+        if name is not None:
+            door.check_name(what, name)
+    if source == team:
+        raise UserError(f"{source} {team}: give two teams")
+    for name in (source, team):
+        if OF_TEAM in name:
+            raise UserError(
+                f"{name}: {OF_TEAM} stands between a team and its robots; give teams without it in their names"
+            )
+    if len(VIA + source) > LONGEST_NAME:
+        raise UserError(f"SOURCE {source}: at most {LONGEST_NAME - len(VIA)} letters, because {VIA}{source} reports")
+    for one in subjects:
+        if not re.fullmatch(rf"(?:object|robot)/(?:\*|{NAME})", one):
+            raise UserError(f"--subject {one}: write object/NAME, 'object/*', robot/NAME or 'robot/*'")
+    if not 0.0 < every < max_age:
+        raise UserError(f"--every {every:g}: give seconds above 0 and below [board] max_age, which is {max_age:g}")

@@ -35,9 +35,8 @@ from blackboard.wire.types import Message
 log = logging.getLogger(__name__)
 
 STANDS = 5.0  # seconds of team time that a report is sent again for, at each tick of a world
-FORGOTTEN = (
-    10.0  # seconds after which something older than what was agreed on last is taken, because that was a mistake
-)
+#: Seconds without a newer agreed belief after which an older one is taken, because the stamp of the last one must have been wrong.
+FORGOTTEN = 10.0
 MAX_SUBJECTS = 1024  # of which it is remembered what was agreed on last
 SUM = 1e-6  # by which the mass of a belief may miss 1
 MAX_LOGGED = 256  # boards and reasons of refusals that are remembered as logged

@@ -1,4 +1,4 @@
-"""What one team agrees on, told to another team as the belief of one more of its robots. One direction; pure.
+"""A process that joins two teams: it reports in one team what the other one agrees on, as if it were a robot there. Pure.
 
 So large fleets become a tree of teams that are small enough for everybody to hear everybody, and sites share what both see.
 
@@ -28,7 +28,7 @@ from blackboard.wire.names import NAME, OF_TEAM, VIA
 
 log = logging.getLogger(__name__)
 
-MAX_SUBJECTS = 256  # that are told: as many as a board keeps
+MAX_SUBJECTS = 256  # that are reported at most, which is as many as a board keeps
 OBJECTS = ("object/*",)
 
 
@@ -60,12 +60,12 @@ class Share:
             team=source, sub_teams=("*",), robot=name, grid=grid, settings=BoardSection(), on_agreed=self._keep
         )
         self.subjects, self.every, self.max_age = tuple(subjects), every, settings.max_age
-        #: subject -> what was agreed on last, and Unix seconds when that came, while it is not told
+        #: subject -> the newest agreed belief that is not reported yet, and its arrival in Unix seconds
         self._newest: dict[str, tuple[Agreed, float]] = {}
-        self._now = 0.0  # Unix seconds of what is being received
+        self._now = 0.0  # arrival of the message that is being handled, Unix seconds
         self._runs = self._run_of(self.hears), self._run_of(self.tells)
-        self._due: dict[str, float] = {}  # subject -> Unix seconds when it may be told again
-        #: subject -> whose information the team that is told has, and until when in its time
+        self._due: dict[str, float] = {}  # subject -> Unix seconds from which on it may be reported again
+        #: subject -> the ancestors of what the team that is told agreed on last
         self._known: dict[str, Mapping[str, float]] = {}
         self._logged: set[str] = set()  # reasons
 
@@ -103,7 +103,9 @@ class Share:
         return [*self._tell(now), *self._said(self.tells.wake(now))]
 
     def wake_at(self, now: float) -> float | None:
-        due = [self._due[subject] for subject in self._newest]  # what has ended is seen with the status of each second
+        due = [
+            self._due[subject] for subject in self._newest
+        ]  # subjects that have ended are found at the latest with the status of each second
         return min(it for it in (self.hears.wake_at(now), self.tells.wake_at(now), *due) if it is not None)
 
     # --- from one team to the other -----------------------------------------------------------------------------------
@@ -121,9 +123,9 @@ class Share:
         if not any(wanted in (agreed.subject, f"{kind}/*") for wanted in self.subjects):
             return
         if kind == "robot" and (name.startswith(VIA) or _at_home(subject, f"robot/{self.tells.team}")[1]):
-            return  # of nobody, or of a robot that the other team knows itself
+            return  # the place of a share, which has none, or of a robot of the team that would be told
         if not re.fullmatch(NAME, subject.partition("/")[2]):
-            return  # with its team's name it is too long
+            return  # the robot's name with its team's before it is longer than a name may be
         if subject in self._due or len(self._due) < MAX_SUBJECTS:
             self._newest[subject] = agreed, self._now
             self._due.setdefault(subject, -math.inf)
@@ -133,7 +135,7 @@ class Share:
         return "" if member.clock.followed is None else member.clock.followed.run
 
     def _said(self, out: list[Envelope]) -> list[Envelope]:
-        """Without what only a world's referee reads, which judges nobody without a place; of each key the newest."""
+        """What is sent of some envelopes: of each key the newest, and no Solo, because a referee judges robots only."""
         newest: dict[str, Envelope] = {}
         for envelope in out:
             if keys.SOLO.match(envelope.key) is None:
@@ -156,7 +158,7 @@ class Share:
         return self._said(out)
 
     def _told(self, subject: str, agreed: Agreed, came: float, now: float) -> list[Envelope]:
-        """A report where there is something new for the other team; the end of the one before where all that there is is old.
+        """A report, if some ancestor is newer than the other team knows; its withdrawal, if all ancestors are older than `max_age`.
 
         Whose information it is, and until when, is told by the names and in the time of the other team. How old it is, only the
         team that is heard says, and for how long it has been here, so that it does not matter by which clock that team goes.

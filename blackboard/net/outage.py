@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-PAUSE = (
-    10.0  # seconds from telling of one loss to telling of the next, so that a router that flaps is few lines in a log
-)
+#: Seconds from one line about a loss to the next, so that a router that comes and goes leaves few lines in a log.
+PAUSE = 10.0
 
 
 class Outage:

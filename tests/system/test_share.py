@@ -53,7 +53,7 @@ def test_an_object_that_one_team_sees_is_known_in_the_others(endpoint: str, conn
         (("a", "a"), "a a: give two teams"),
         (("a/b", "c"), "SOURCE 'a/b': use up to 64 letters"),
         (("a", "c", "--subject", "ball"), "--subject ball: write object/NAME, 'object/*', robot/NAME or 'robot/*'"),
-        (("a", "c", "--every", "0"), "--every 0: give seconds above 0"),
+        (("a", "c", "--every", "0"), "--every 0: give seconds above 0 and below [board] max_age, which is 10"),
         (("a", "c", "--keys", "certificates"), "--keys: a certificate is for one team"),
         (("a", "demo", "--scenario", "demo"), "demo: there are a, b; say --sub-team"),
         (("a" * 60, "c"), "at most 59 letters"),
