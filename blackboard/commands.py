@@ -156,7 +156,7 @@ def _run(
     flags: door.ZenohFlags,
 ) -> int:
     from blackboard.run.browser import can_open
-    from blackboard.run.launch import Interrupted, run_scenario
+    from blackboard.run.launch import Interrupted, TapeIncomplete, run_scenario
     from sim_world.scorecard import text
     from sim_world.table import check_folder, check_table
 
@@ -169,6 +169,7 @@ def _run(
         from blackboard.tape.file import check_new
 
         check_new(record)
+    incomplete: TapeIncomplete | None = None
     opens = look.view and can_open(terminal=sys.stdout.isatty(), environment=os.environ)
     with _samples(scenario, run.table, look.plot) as samples:
         with progress(scenario.name) as show_progress:
@@ -178,7 +179,11 @@ def _run(
                 )
             except Interrupted as stopped:
                 status, card = door.INTERRUPTED, stopped.card
+            except TapeIncomplete as found:
+                status, card, incomplete = door.FAILED, found.card, found
         output.show(card, text)
+    if incomplete is not None:
+        raise incomplete
     return status
 
 

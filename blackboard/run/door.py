@@ -35,6 +35,7 @@ from blackboard.wire.names import NAME
 log = logging.getLogger(__name__)
 
 DONE, FAILED, USER_ERROR, INTERRUPTED, NO_READER = 0, 1, 2, 130, 141  # exit statuses; a command may return others
+ERROR = "error: "  # before the one line on standard error of what ended a command
 PARENT = "BLACKBOARD_PARENT"  # set for a child: the process that it must not outlive
 
 
@@ -188,7 +189,7 @@ def main(app: App) -> NoReturn:
         logs.set_up(os.environ.get("LOG_LEVEL", "INFO").upper(), as_json=os.environ.get("LOG_FORMAT") == "json")
         status = app(exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UserError, RunFailed) as error:
-        print("error:", *str(error).split(), file=sys.stderr)  # noqa: T201
+        print(ERROR + " ".join(str(error).split()), file=sys.stderr)  # noqa: T201
         status = FAILED if isinstance(error, RunFailed) else USER_ERROR
     except KeyboardInterrupt:
         status = INTERRUPTED

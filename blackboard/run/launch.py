@@ -43,6 +43,14 @@ class Interrupted(KeyboardInterrupt):
         self.card = card
 
 
+class TapeIncomplete(RunFailed):
+    """The run ended and its tape lacks something, which the text says; `card` is its scorecard."""
+
+    def __init__(self, trouble: str, card: dict[str, Any]) -> None:
+        super().__init__(trouble)
+        self.card = card
+
+
 @dataclass(frozen=True)
 class ProcessTable:
     """The processes of a scenario in the order in which they start."""
@@ -137,8 +145,9 @@ def run_scenario(
     With `view` a live page is served beside it, and stopped with it; with `open_page` it is opened in the browser.
 
     The network is the one that `config` names an endpoint or a file for, else a router of its own on 127.0.0.1.
-    UserError: a process ended with one. RunFailed: the world gave no scorecard. KeyboardInterrupt: SIGINT or SIGTERM came; it is
-    `Interrupted` where the world had begun and gave its scorecard. In every case all processes are stopped.
+    UserError: a process ended with one. RunFailed: the world gave no scorecard, or the tape is not whole (`TapeIncomplete`).
+    KeyboardInterrupt: SIGINT or SIGTERM came; it is `Interrupted` where the world had begun and gave its scorecard. In every case
+    all processes are stopped.
     """
     config = config or LinkConfig()
     own_endpoint = (
@@ -152,7 +161,7 @@ def run_scenario(
             config = LinkConfig(connect=(own_endpoint,), cfg=config.cfg, keys=config.keys)
         try:
             ending = Ending()
-            status, output = asyncio.run(_run(processes, scenario, config, progress, record, ending))
+            status, output, trouble = asyncio.run(_run(processes, scenario, config, progress, record, ending))
         except asyncio.CancelledError:
             raise KeyboardInterrupt from None
         except UserError as error:  # a child names the copy that it has read, not the person's own file
@@ -162,9 +171,14 @@ def run_scenario(
     except ValueError:
         if ending.asked:
             raise KeyboardInterrupt from None
-        raise RunFailed(f"the world ended with status {status} and without a scorecard") from None
+        what = f"the world ended with status {status} and without a scorecard"
+        raise RunFailed(f"{what}; {trouble}" if trouble else what) from None
+    if ending.asked and not card.get("ticks"):
+        raise KeyboardInterrupt
+    if trouble:
+        raise TapeIncomplete(trouble, card)
     if ending.asked:
-        raise Interrupted(card) if card.get("ticks") else KeyboardInterrupt
+        raise Interrupted(card)
     return status, card
 
 
@@ -191,8 +205,8 @@ async def _run(
     progress: Progress | None,
     tape: Path | None,
     ending: Ending,
-) -> tuple[int, str]:
-    """The world's exit status and what it printed."""
+) -> tuple[int, str, str]:
+    """The world's exit status, what it printed, and what is missing on the tape."""
     main = asyncio.current_task()
     assert main is not None
     async with Supervisor() as supervisor:
@@ -204,12 +218,13 @@ async def _run(
             supervisor.keep_running(router)
         async with (
             _observer(config, scenario, supervisor.release, progress) as observer,
-            recording(supervisor, processes.recorder, tape, READY_SECONDS),
+            recording(supervisor, processes.recorder, tape, READY_SECONDS) as recorded,
         ):
             for member in (*processes.members, *processes.viewers):
                 supervisor.keep_running(member)
             await observer.until_alive(processes.tokens)
-            return await supervisor.run(processes.world)
+            status, output = await supervisor.run(processes.world)
+        return status, output, recorded.trouble
 
 
 class Observer:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from types import TracebackType
 
 from blackboard.errors import UserError
-from blackboard.run.door import PARENT, USER_ERROR
+from blackboard.run.door import ERROR, PARENT, USER_ERROR
 
 STOP_SECONDS = 4.0  # from SIGTERM to SIGKILL
 BACK_OFF = (0.2, 0.5, 1.0, 2.0, 5.0)  # seconds before each restart, the last one for all that follow
@@ -52,6 +52,7 @@ class Supervisor:
         self._group = asyncio.TaskGroup()
         self._restarting: list[asyncio.Task[None]] = []
         self.pids: dict[str, int] = {}  # of those that run, by name
+        self.last_lines: dict[str, str] = {}  # of the log of each process that was started, by name
 
     async def __aenter__(self) -> Supervisor:
         await self._group.__aenter__()
@@ -128,16 +129,16 @@ class Supervisor:
             env=_environment(),
         )
         self.pids[process.name] = running.pid
-        last = ""
+        self.last_lines[process.name] = ""
 
         async def copy_output() -> None:
             async for line in _lines(running.stdout):
                 take(line)
 
         async def copy_log() -> None:
-            nonlocal last
-            async for last in _lines(running.stderr):
-                self._show_or_hold(process.name, last)
+            async for line in _lines(running.stderr):
+                self.last_lines[process.name] = line
+                self._show_or_hold(process.name, line)
 
         try:
             await asyncio.gather(copy_output(), copy_log())
@@ -146,9 +147,8 @@ class Supervisor:
             await self._stop(running)
             self.pids.pop(process.name, None)
         if status == USER_ERROR:
-            raise UserError(
-                last.removeprefix("error: ") or f"{process.name} ended with status {USER_ERROR} and printed nothing"
-            )
+            last = self.last_lines[process.name].removeprefix(ERROR)
+            raise UserError(last or f"{process.name} ended with status {USER_ERROR} and printed nothing")
         return status
 
     async def _stop(self, running: asyncio.subprocess.Process) -> None:

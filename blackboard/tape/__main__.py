@@ -79,13 +79,14 @@ def record(
     door.check_name("--team", name)
     with create(file) as out:
         writer = TapeWriter(out, _about(name, chosen))
-        try:
-            door.serve(Recorder(name, writer), "recorder", flags, linger=1.0)
-            writer.close()
-        except OSError as error:
-            raise RunFailed(
-                f"{file}: cannot be written any more ({error.strerror}); what was written is safe"
-            ) from error
+        writer.check(file)
+        door.serve(Recorder(name, writer), "recorder", flags, linger=1.0)
+        writer.close()
+    if writer.missing:
+        why = f" ({writer.trouble})" if writer.trouble else ""
+        cure = f"; `blackboard tape recover {file}` saves the others" if writer.trouble else ""
+        of = writer.missing + writer.kept
+        raise RunFailed(f"{file}: {writer.missing} of {of} messages are missing, because the disk was full{why}{cure}")
     skipped = sum(writer.skipped.values())
     sys.stderr.write(f"{file}: {writer.messages} messages" + (f", {skipped} left out\n" if skipped else "\n"))
     return 0

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from blackboard.errors import UserError, missing_extra
+from blackboard.tape.backlog import Backlog
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.raw import MAX_BYTES, VERSION
@@ -61,19 +62,47 @@ class About:
 
 
 class TapeWriter:
-    """Writes a tape; `flush` makes safe what was written until now."""
+    """Writes a tape; `flush` makes safe what was written until now.
+
+    While the disk is full nothing is raised: what it does not take waits in memory, as far as a `Backlog` goes, and what comes
+    then is counted as `no_room`. `missing` says at any time how many messages the file lacks.
+    """
 
     def __init__(self, file: BinaryIO, metadata: Mapping[str, str]) -> None:
-        self._writer = Writer(file, chunk_size=CHUNK)
+        """`file` is unbuffered, as `create` opens it."""
+        self._out = Backlog(file)
+        self._writer = Writer(self._out, chunk_size=CHUNK)  # type: ignore[arg-type]
         self._channels: dict[tuple[str, bool], tuple[int, int]] = {}  # key and whether a PUT -> channel, messages
         self._schemas: dict[str, int] = {}
-        self.skipped = {"too_large": 0, "too_many_keys": 0}
-        self.messages = 0
+        self.skipped = {"too_large": 0, "too_many_keys": 0, "no_room": 0}
         self._writer.start(PROFILE, f"blackboard {metadata.get('package', '')}")
         self._writer.add_metadata(ABOUT, {"format": FORMAT, **metadata})
 
+    @property
+    def messages(self) -> int:
+        """Messages and events that were taken, without those that were skipped."""
+        return self._out.count
+
+    @property
+    def kept(self) -> int:
+        """Those of them that are in the file."""
+        return self._out.kept
+
+    @property
+    def missing(self) -> int:
+        """Messages and events that the disk did not take, or not yet."""
+        return self._out.count - self._out.kept + self.skipped["no_room"]
+
+    @property
+    def trouble(self) -> str:
+        """Why the disk takes nothing just now; empty while it does."""
+        return self._out.trouble
+
     def write(self, at: float, envelope: Envelope) -> None:
         """Add an envelope that arrived at a Unix time; one beyond the wire's limit of bytes is counted instead."""
+        if self._out.is_full:
+            self.skipped["no_room"] += 1
+            return
         put = envelope.kind is Kind.PUT
         if put and len(envelope.payload) > MAX_BYTES:
             self.skipped["too_large"] += 1
@@ -83,14 +112,21 @@ class TapeWriter:
 
     def note(self, at: float, counters: Mapping[str, int]) -> None:
         """Add the link's counters, and how much was left out."""
+        if self._out.is_full:
+            return
         self._add(at, LINK, False, json.dumps({**counters, **self.skipped}).encode())
 
     def flush(self) -> None:
         """Hand all that was written to the operating system."""
         self._writer.flush()  # type: ignore[no-untyped-call]
 
+    def check(self, path: Path) -> None:
+        """UserError: the disk on which the tape lies takes nothing more."""
+        if self.trouble:
+            raise UserError(f"{path}: cannot be written ({self.trouble}); choose another place")
+
     def close(self) -> None:
-        """Write the index; the file stays open."""
+        """Write the index; the file stays open. Where the disk is full, the file ends without it, as after a kill -9."""
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _add(self, at: float, key: str, put: bool, payload: bytes) -> None:
@@ -102,7 +138,7 @@ class TapeWriter:
             found = self._register(key, put), 0
         channel, count = found
         self._channels[key, put] = channel, count + 1
-        self.messages += 1
+        self._out.count += key != LINK
         time = round(at * 1e9)
         self._writer.add_message(channel, log_time=time, publish_time=time, data=payload, sequence=count)
 
@@ -170,10 +206,12 @@ def copy(
         try:
             for at, envelope in change(everything):
                 writer.write(at, envelope)
+                writer.check(out)
+            writer.close()
+            writer.check(out)
         except UserError:
             out.unlink()
             raise
-        writer.close()
         return writer.messages
 
 
@@ -187,10 +225,10 @@ def check_new(path: Path) -> None:
 
 @contextmanager
 def create(path: Path) -> Iterator[BinaryIO]:
-    """A new file for a tape. UserError: it is there already, or cannot be made."""
+    """A new file for a tape, unbuffered. UserError: it is there already, or cannot be made."""
     check_new(path)
     try:
-        file = path.open("xb")
+        file = path.open("xb", buffering=0)
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
     with file:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import logging
+
 from blackboard.tape.file import TapeWriter
 from blackboard.wire.envelope import Envelope
+
+log = logging.getLogger(__name__)
 
 FLUSH = 1.0  # seconds between two flushes: what a kill -9 loses at most
 
@@ -18,6 +22,7 @@ class Recorder:
         self._team, self._writer = team, writer
         self._flush_due = 0.0  # Unix seconds; at once, so that whoever waits for the tape sees that it listens
         self._counters: dict[str, int] = {}
+        self._trouble = ""  # of the disk, as logged last
 
     @property
     def listens(self) -> tuple[str, ...]:
@@ -34,6 +39,7 @@ class Recorder:
     def wake(self, now: float) -> list[Envelope]:
         self._writer.note(now, self._counters)
         self._writer.flush()
+        self._log_trouble()
         self._flush_due = now + FLUSH
         return []
 
@@ -42,3 +48,11 @@ class Recorder:
 
     def record_link_counters(self, counters: dict[str, int]) -> None:
         self._counters = counters
+
+    def _log_trouble(self) -> None:
+        trouble = self._writer.trouble
+        if trouble and not self._trouble:
+            log.warning("the tape cannot be written: %s; trying again", trouble)
+        elif self._trouble and not trouble:
+            log.warning("the tape is written again")
+        self._trouble = trouble

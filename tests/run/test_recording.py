@@ -34,17 +34,17 @@ QUIET: list[str] = []
 pytestmark = pytest.mark.system
 
 
-def run(tape: Path | None, code: str, ready_seconds: float = 30.0) -> bool:
-    """Record with a stand-in; whether the team ran."""
+def run(tape: Path | None, code: str, ready_seconds: float = 30.0) -> str:
+    """Record with a stand-in while a team runs that is done at once: what is missing on the tape."""
 
-    async def team() -> bool:
+    async def team() -> str:
         row = None if tape is None else Process("recorder", (sys.executable, "-c", code, str(tape)))
         async with (
             Supervisor(lambda name, line: QUIET.append(line)) as supervisor,
-            recording(supervisor, row, tape, ready_seconds),
+            recording(supervisor, row, tape, ready_seconds) as recorded,
         ):
-            return tape is None or tape.stat().st_size > 0
-        return False
+            assert tape is None or tape.stat().st_size > 0
+        return recorded.trouble
 
     return asyncio.run(team())
 
@@ -59,8 +59,8 @@ def test_the_table_has_a_recorder_where_one_is_asked_for() -> None:
 
 
 def test_the_team_starts_once_it_listens_and_it_is_stopped_in_order(tmp_path: Path) -> None:
-    assert run(None, "")
-    assert run(tmp_path / "x.mcap", LISTENS)
+    assert run(None, "") == ""
+    assert run(tmp_path / "x.mcap", LISTENS) == ""
     assert (tmp_path / "x.mcap").read_text() == "xend"
 
 
@@ -71,19 +71,25 @@ def test_one_that_never_listens_is_a_failed_run(tmp_path: Path) -> None:
         run(tmp_path / "y.mcap", "import signal; signal.pause()", 0.01)
 
 
-def test_the_team_goes_on_without_one_that_ends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_team_goes_on_without_one_that_ends(tmp_path: Path) -> None:
     tape = tmp_path / "x"
 
-    async def team() -> None:
+    async def team() -> str:
         row = Process("recorder", (sys.executable, "-c", GIVES_UP, str(tape)))
         async with (
             Supervisor(lambda name, line: QUIET.append(line)) as supervisor,
-            recording(supervisor, row, tape, 30.0),
+            recording(supervisor, row, tape, 30.0) as recorded,
         ):
             (tmp_path / "go").touch()
             await asyncio.wait(
                 [task for task in asyncio.all_tasks() if task is not asyncio.current_task()], timeout=30.0
             )
+        return recorded.trouble
 
-    asyncio.run(team())
-    assert "ended before the run" in caplog.text
+    assert asyncio.run(team()).startswith(f"the recorder ended before the run with status 0; {tape} has what came")
+
+
+def test_what_a_recorder_could_not_write_is_what_it_said_last(tmp_path: Path) -> None:
+    could_not = LISTENS + "print('error: 5 of 9 messages are missing', file=sys.stderr); sys.exit(1)"
+    assert run(tmp_path / "x.mcap", could_not) == "5 of 9 messages are missing"
+    assert run(tmp_path / "y.mcap", LISTENS + "sys.exit(3)").startswith("the recorder ended with status 3; ")

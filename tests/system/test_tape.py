@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +17,8 @@ from blackboard.wire.envelope import Kind
 from tests.processes import Letters
 from tests.system.test_demo import blackboard
 
+#: Runs a command of the blackboard in this interpreter, with the arguments that follow.
+RUN_COMMAND = "from blackboard.__main__ import main; main()"
 GOLDEN = Path(__file__).parents[1] / "tape" / "golden.mcap"
 
 
@@ -31,6 +36,40 @@ def test_a_recorded_run_is_replayed_to_the_bit_in_lockstep_and_in_real_time(tmp_
         assert found.keys() == card.keys()
         if pace == "lockstep":
             assert found["hash"] == card["hash"]
+
+
+def test_a_run_whose_tape_found_no_room_shows_its_scorecard_and_says_last_what_is_missing(tmp_path: Path) -> None:
+    """A limit on the size of files stands for a disk that is full: beyond it the system takes a part of a write, then nothing."""
+    tape, whole = tmp_path / "x.mcap", tmp_path / "y.mcap"
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000)); {RUN_COMMAND}"
+    command = (
+        sys.executable,
+        "-c",
+        limited,
+        "demo",
+        "--robots",
+        "2",
+        "--seconds",
+        "3",
+        "--record",
+        str(tape),
+        "--json",
+    )
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    assert (done.returncode, json.loads(done.stdout)["ticks"]) == (1, 15)
+    last = done.stderr.splitlines()[-1]
+    found = re.fullmatch(rf"error: {tape}: (\d+) of (\d+) messages are missing, because the disk was full .*", last)
+    assert found is not None, done.stderr
+    assert blackboard("tape", "recover", str(tape), str(whole)).returncode == 0
+    assert len(list(read(whole))) == int(found[2]) - int(found[1]) > 0
+
+
+def test_a_disk_that_is_full_from_the_beginning_is_one_line(tmp_path: Path) -> None:
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); {RUN_COMMAND}"
+    command = (sys.executable, "-c", limited, "record", "x.mcap", "--team", "t")
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: x.mcap: cannot be written (File too large); choose another place\n"
 
 
 def test_a_tape_is_played_into_a_network(endpoint: str, connect: Callable[[str], Link]) -> None:

@@ -150,4 +150,4 @@ def test_what_is_too_large_and_keys_without_end_are_counted() -> None:
     writer.write(1.0, Envelope("k", bytes(MAX_BYTES + 1)))
     for number in range(MAX_KEYS + 2):
         writer.write(1.0, Envelope(f"k/{number}", b""))
-    assert writer.skipped == {"too_large": 1, "too_many_keys": 2}
+    assert writer.skipped == {"too_large": 1, "too_many_keys": 2, "no_room": 0}
