@@ -124,7 +124,7 @@ class Run:
         while due:
             while self.bus.waiting:
                 waiting, self.bus.waiting = self.bus.waiting, []
-                for link, envelope in waiting:
+                for link, envelope, _ in waiting:
                     if (service := of.get(id(link))) is not None:
                         self.delivered += self.begun and envelope.kind is Kind.PUT
                         self._do(service, partial(service.receive, envelope, self.now))

@@ -55,7 +55,7 @@ ALLOWED: dict[str, set[str]] = {
     LOOP: {PROCESS, CLOCK, WIRE},
     BOARD: SHARED,
     ACCESS: {ERRORS, WIRE, CONFIG, CLOCK},
-    NET: {ERRORS, WIRE, CLOCK, ACCESS},
+    NET: {ERRORS, WIRE, CLOCK, ACCESS, PROCESS},
     RUN: {*SHARED, ACCESS, NET, CLOCK, LOOP, STATE, "blackboard"},
     TAPE: {*SHARED, BOARD, NET, "sim_world"},
     LAB: {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},

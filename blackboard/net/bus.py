@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import NamedTuple
 
 from blackboard.net.inbox import TOO_LARGE
 from blackboard.wire.envelope import Envelope, Kind
@@ -37,12 +38,20 @@ def _intersect(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     return same and _intersect(one[1:], other[1:])
 
 
+class Delivery(NamedTuple):
+    """An envelope on its way; `sender` None: from outside, or the liveliness of a token."""
+
+    receiver: BusLink
+    envelope: Envelope
+    sender: BusLink | None = None
+
+
 class Bus:
     """The links of one process, and what is on its way between them."""
 
     def __init__(self) -> None:
         self.links: list[BusLink] = []
-        self.waiting: list[tuple[BusLink, Envelope]] = []  # receiver and envelope, in the order of sending
+        self.waiting: list[Delivery] = []  # in the order of sending
         self.spies: list[Callable[[Envelope], None]] = []  # called with each PUT and DELETE before it is delivered
         self.lose: Callable[[Envelope], bool] = lambda envelope: False  # True for a PUT or DELETE that is to be lost
         self._receivers: dict[str, list[BusLink]] = {}  # of a key, as long as no link comes, goes or subscribes
@@ -67,11 +76,15 @@ class Bus:
             ]
         for link in self._receivers[envelope.key]:
             if link is not sender:
-                self.deliver(link, envelope)
+                self.deliver(link, envelope, sender)
 
     def forget_receivers(self) -> None:
         """Some link has come, gone or subscribed: who receives what is to be found anew."""
         self._receivers = {}
+
+    def clear(self, link: BusLink) -> None:
+        """Drop what is on its way to a link."""
+        self.waiting = [sent for sent in self.waiting if sent.receiver is not link]
 
     def holds(self, token: str) -> bool:
         """Whether some link holds a liveliness token."""
@@ -84,13 +97,13 @@ class Bus:
                 if intersects(key_expr, token):
                     self.deliver(link, Envelope(token, kind=kind))
 
-    def deliver(self, link: BusLink, envelope: Envelope) -> None:
+    def deliver(self, link: BusLink, envelope: Envelope, sender: BusLink | None = None) -> None:
         """Put an envelope on its way to one link."""
         link.received += 1
         link.bytes_received += len(envelope.payload)
         if len(envelope.payload) > MAX_BYTES:
             envelope = Envelope(envelope.key, TOO_LARGE, envelope.kind)
-        self.waiting.append((link, envelope))
+        self.waiting.append(Delivery(link, envelope, sender))
 
 
 class BusLink:
@@ -130,8 +143,8 @@ class BusLink:
 
     def receive(self, timeout: float = 0.0) -> list[Envelope]:
         """All that is on its way to this link, in the order of sending; the bus does not wait for more."""
-        found = [envelope for link, envelope in self._bus.waiting if link is self]
-        self._bus.waiting = [(link, envelope) for link, envelope in self._bus.waiting if link is not self]
+        found = [sent.envelope for sent in self._bus.waiting if sent.receiver is self]
+        self._bus.clear(self)
         return found
 
     def send(self, envelope: Envelope) -> None:
@@ -161,7 +174,7 @@ class BusLink:
             return
         self._bus.links.remove(self)
         self._bus.forget_receivers()
-        self._bus.waiting = [(link, envelope) for link, envelope in self._bus.waiting if link is not self]
+        self._bus.clear(self)
         for token in dict.fromkeys(self.tokens):
             if not self._bus.holds(token):
                 self._bus.announce(token, Kind.GONE)

@@ -52,6 +52,41 @@ class Service(Protocol):
         """The link's counters (sent, received, dropped, bytes), for the status."""
 
 
+class Around:
+    """A service around another one: what a subclass does not override is done by the inner one."""
+
+    def __init__(self, inner: Service) -> None:
+        self.inner = inner
+
+    @property
+    def tokens(self) -> tuple[str, ...]:
+        return self.inner.tokens
+
+    @property
+    def listens(self) -> tuple[str, ...]:
+        return self.inner.listens
+
+    @property
+    def watches(self) -> tuple[str, ...]:
+        return self.inner.watches
+
+    @property
+    def done(self) -> bool:
+        return self.inner.done
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        return self.inner.receive(envelope, now)
+
+    def wake(self, now: float) -> list[Envelope]:
+        return self.inner.wake(now)
+
+    def wake_at(self, now: float) -> float | None:
+        return self.inner.wake_at(now)
+
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        self.inner.record_link_counters(counters)
+
+
 def connect(service: Service, link: Subscriber) -> None:
     """Watch, subscribe and hold tokens as a service asks.
 

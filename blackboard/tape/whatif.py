@@ -14,7 +14,9 @@ from collections.abc import Callable, Collection
 
 from blackboard.board.service import BoardService
 from blackboard.config import Scenario
-from blackboard.net.bus import Bus, BusLink
+from blackboard.net.bus import BusLink
+from blackboard.net.scheduler import Scheduler
+from blackboard.process.service import Around
 from blackboard.process.team_clock import Pace
 from blackboard.tape.content import Tape, messages
 from blackboard.tape.replay import Output, board_service
@@ -25,7 +27,6 @@ from blackboard.wire.messages import Clock, Journal
 
 OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.JOURNAL, keys.MEMORY, keys.REFUSED)
 LONGEST = 600.0  # seconds
-LATER = 1e-6  # seconds that pass after a board was woken, so that time moves even if it is due again at once
 
 
 def what_if(
@@ -43,6 +44,33 @@ def what_if(
     return _Boards(scenario, frozenset(without), lose, change).play(tape, moved)
 
 
+class _Board(Around):
+    """A board under the other settings, without a token of its own: those of the tape are played. It notes what it sends."""
+
+    tokens = ()
+
+    def __init__(self, board: BoardService, output: Output) -> None:
+        super().__init__(board)
+        self.board, self._output = board, output
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        self._output.counters["received"] += 1
+        self._output.counters["bytes"] += len(envelope.payload)
+        return self._sent(super().receive(envelope, now))
+
+    def wake(self, now: float) -> list[Envelope]:
+        return self._sent(super().wake(now))
+
+    def _sent(self, out: list[Envelope]) -> list[Envelope]:
+        self._output.take(self.board, out)
+        return out
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether it is in the middle of a tick in lockstep."""
+        return self.board.clock.pace is Pace.LOCKSTEP and self.board.rounds.phase != "settled"
+
+
 class _Boards:
     """The boards, on a bus on which the rest of the team is played."""
 
@@ -55,13 +83,13 @@ class _Boards:
     ) -> None:
         self._change = change
         self.scenario, self.without, self.output = scenario, without, Output()
-        self._bus = Bus()
+        self._running = Scheduler(-math.inf)
+        self._bus = self._running.bus
         self._bus.lose = lambda envelope: keys.CLOCK.match(envelope.key) is None and lose(envelope)
         self._rest = self._bus.connect()  # what is played
         self._tokens: dict[str, BusLink] = {}  # each held by a link of its own, which is closed when the token goes
-        self._boards: dict[tuple[str, str], tuple[BoardService, BusLink]] = {}
+        self._boards: dict[tuple[str, str], _Board] = {}
         self._tick = "", -1  # run and tick of the newest Clock
-        self._now = -math.inf
         self._behind = 0.0  # seconds that were waited in lockstep and not in the recorded run
 
     def play(self, tape: Tape, moved: Callable[[], None]) -> Output:
@@ -71,11 +99,10 @@ class _Boards:
             if number in ends:
                 self._stop(ends[number])
             self._take(envelope)
-            self._deliver()
             moved()
         self._settle()
-        for service, _ in self._boards.values():
-            self.output.refused += service.refused
+        for service in self._boards.values():
+            self.output.refused += service.board.refused
         return self.output
 
     def _take(self, envelope: Envelope) -> None:
@@ -88,7 +115,8 @@ class _Boards:
         board = parts.get("sub_team", ""), parts.get("board") or parts.get("process") or ""
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             if topic is keys.BOARD and envelope.kind is Kind.ALIVE and board not in self._boards:
-                self._start(board)
+                self._boards[board] = _Board(board_service(self.scenario, *board), self.output)
+                self._running.join(self._boards[board])
             self._hold(envelope)
         elif topic is keys.CLOCK:
             self._rest.send(self._clock(envelope))
@@ -97,17 +125,9 @@ class _Boards:
 
     def _stop(self, board: tuple[str, str]) -> None:
         if board in self._boards:
-            service, link = self._boards.pop(board)
-            self.output.refused += service.refused
-            link.close()
-
-    def _start(self, board: tuple[str, str]) -> None:
-        service, link = board_service(self.scenario, *board), self._bus.connect()
-        self._boards[board] = service, link
-        for key_expr in service.watches:
-            link.watch(key_expr)
-        for key_expr in service.listens:
-            link.subscribe(key_expr)
+            service = self._boards.pop(board)
+            self.output.refused += service.board.refused
+            self._running.leave(service)
 
     def _hold(self, envelope: Envelope) -> None:
         if envelope.kind is Kind.GONE and envelope.key in self._tokens:
@@ -129,46 +149,19 @@ class _Boards:
         robots = {sub_team: [r for r in names if r not in self.without] for sub_team, names in clock.robots.items()}
         return Envelope(envelope.key, encode(clock.model_copy(update={"robots": robots})))
 
-    # --- time -----------------------------------------------------------------------------------------------------------
-
     def _settle(self) -> None:
         """In lockstep let time pass until every board is done with its tick; it waits for two phases at most."""
-        start = self._now
+        start = self._running.now
+        self._running.run_for(0.0)
         end = start + 2 * self.scenario.board.patience + 1.0
-        while self._now < end and any(_is_busy(service) for service, _ in self._boards.values()):
-            due = min(_due(service, self._now) for service, _ in self._boards.values())
-            self._pass_time(min(max(due, self._now) + LATER, end))
-        self._behind += self._now - start
+        while any(board.is_busy for board in self._boards.values()) and self._running.step(end):
+            pass
+        self._behind += self._running.now - start
 
     def _pass_time(self, until: float) -> None:
-        """Wake the boards that are due until then, the earliest first; of a silence of more than `LONGEST`, in its last part only."""
-        self._now = max(self._now, until - LONGEST)
-        while self._boards:
-            service, link = min(self._boards.values(), key=lambda board: _due(board[0], self._now))
-            due = _due(service, self._now)
-            if due > until:
-                break
-            self._now = max(self._now, due)
-            self._send(service, link, service.wake(self._now))
-            self._deliver()
-            self._now = max(
-                self._now + LATER, math.nextafter(self._now, math.inf)
-            )  # far from now, LATER is rounded away
-        self._now = max(self._now, until)
-
-    def _deliver(self) -> None:
-        services = {link: service for service, link in self._boards.values()}
-        while self._bus.waiting:
-            link, envelope = self._bus.waiting.pop(0)
-            service = services[link]
-            self.output.counters["received"] += 1
-            self.output.counters["bytes"] += len(envelope.payload)
-            self._send(service, link, service.receive(envelope, self._now))
-
-    def _send(self, service: BoardService, link: BusLink, out: list[Envelope]) -> None:
-        self.output.take(service, out)
-        for envelope in out:
-            link.send(envelope)
+        """Let time pass until then; of a silence of more than `LONGEST` only its last part."""
+        self._running.now = max(self._running.now, until - LONGEST)
+        self._running.run_to(until)
 
 
 def _ends(tape: Tape) -> dict[int, tuple[str, str]]:
@@ -191,12 +184,3 @@ def _ends(tape: Tape) -> dict[int, tuple[str, str]]:
                     ends[number_gone] = board
             began[board] = journal.began
     return ends | {number: board for board, (number, _) in gone.items()}
-
-
-def _is_busy(service: BoardService) -> bool:
-    return service.clock.pace is Pace.LOCKSTEP and service.rounds.phase != "settled"
-
-
-def _due(service: BoardService, now: float) -> float:
-    at = service.wake_at(now)
-    return math.inf if at is None else at

@@ -9,7 +9,6 @@ import logging
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import TypeVar
 
 import pytest
 
@@ -18,18 +17,16 @@ from blackboard.client.member import FORGOTTEN, Agreed, Member
 from blackboard.client.member import MAX_SUBJECTS as REMEMBERED
 from blackboard.client.share import MAX_SUBJECTS, Share
 from blackboard.config import BoardSection
-from blackboard.net.bus import Bus, BusLink
+from blackboard.net.scheduler import Scheduler
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
-from blackboard.process.service import Service, connect
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Report, Status
 from blackboard.wire.names import VIA
 
-S = TypeVar("S", bound=Service)
 GRID = Grid((20, 20))
 BALL = "object/ball"
 STEP = 0.1  # seconds
@@ -37,19 +34,21 @@ DRIFT = 0.5
 SETTINGS = BoardSection(fusion="opinions", period=0.5, drift=DRIFT)
 
 
-class Teams:
+class Teams(Scheduler):
     """Teams of a board and one robot each, on one bus, that share what `pairs` say; robots are named r1 everywhere."""
 
     def __init__(self, *teams: str, pairs: Iterable[tuple[str, str]], **options: object) -> None:
-        self.bus, self.now = Bus(), 1_000_000.0
-        self.links: dict[Service, BusLink] = {}
+        super().__init__()
         self.agreed: dict[tuple[str, str], Agreed] = {}
         self.said: list[tuple[float, str, Report]] = []  # by those who share: when, and to which team
         self.bus.spies.append(self._spy)
-        self.robots = {team: self._join(self._robot(team)) for team in teams}
-        for team in teams:
-            self._join(BoardService(team=team, sub_team="a", board="board-a", grid=GRID, settings=SETTINGS))
-        self.shares = {(source, to): self._join(self._share(source, to, dict(options))) for source, to in pairs}
+        self.robots = {team: self._robot(team) for team in teams}
+        boards = [
+            BoardService(team=team, sub_team="a", board="board-a", grid=GRID, settings=SETTINGS) for team in teams
+        ]
+        self.shares = {(source, to): self._share(source, to, dict(options)) for source, to in pairs}
+        for service in (*self.robots.values(), *boards, *self.shares.values()):
+            self.join(service)
 
     def _robot(self, team: str) -> Member:
         def hear(agreed: Agreed) -> None:
@@ -62,11 +61,6 @@ class Teams:
         settings = SETTINGS.model_copy(update={"max_age": options.pop("max_age", SETTINGS.max_age)})
         return Share(source, to, sub_team="a", grid=GRID, settings=settings, **options)  # type: ignore[arg-type]
 
-    def _join(self, service: S) -> S:
-        self.links[service] = self.bus.connect()
-        connect(service, self.links[service])
-        return service
-
     def _spy(self, envelope: Envelope) -> None:
         if f"/report/{VIA}" in envelope.key:
             self.said.append((self.now, envelope.key.split("/")[1], decode(Report, envelope.payload)))
@@ -76,26 +70,8 @@ class Teams:
         for _ in range(round(seconds / STEP)):
             for team, subject, belief in sees:
                 robot = self.robots[team]
-                self._send(robot, robot.report(subject, belief, self.now))
-            self.settle()
-            self.now += STEP
-
-    def settle(self) -> None:
-        while True:
-            while self.bus.waiting:
-                link, envelope = self.bus.waiting.pop(0)
-                service = next(service for service, own in self.links.items() if own is link)
-                self._send(service, service.receive(envelope, self.now))
-            due = [s for s in self.links if (at := s.wake_at(self.now)) is not None and at <= self.now]
-            if not due:
-                return
-            for service in due:
-                self._send(service, service.wake(self.now))
-            self.now += 1e-6
-
-    def _send(self, service: Service, out: list[Envelope]) -> None:
-        for envelope in out:
-            self.links[service].send(envelope)
+                self.send(robot, robot.report(subject, belief, self.now))
+            self.run_for(STEP)
 
     def of(self, team: str, subject: str = BALL) -> Belief:
         return self.agreed[team, subject].belief
@@ -187,7 +163,8 @@ def test_one_report_in_a_period_and_the_newest_one() -> None:
 
 def test_another_grid_is_refused_and_said_once(caplog: pytest.LogCaptureFixture) -> None:
     teams = Teams("north", pairs=[])
-    share = teams._join(Share("north", "all", sub_team="a", grid=Grid((10, 10)), settings=SETTINGS))
+    share = Share("north", "all", sub_team="a", grid=Grid((10, 10)), settings=SETTINGS)
+    teams.join(share)
     with caplog.at_level(logging.WARNING):
         teams.run(3.0, [("north", BALL, SEEN)])
     assert share.hears.intake.refused["grid"] > 2
@@ -202,7 +179,7 @@ def test_it_holds_a_token_in_the_team_that_it_tells_and_none_in_the_other() -> N
     teams.bus.spies.append(lambda it: sent.append(it.key))
     teams.run(3.0, [("north", BALL, SEEN)])
     assert not [key for key in sent if key.startswith("cop/north/") and VIA in key]
-    status = teams.links[share].newest[keys.STATUS.key(team="all", sub_team="a", process=f"{VIA}north")]
+    status = teams.link(share).newest[keys.STATUS.key(team="all", sub_team="a", process=f"{VIA}north")]
     told = decode(Status, status)
     assert told.subjects == [BALL]
     assert told.counters["shared"] > 0

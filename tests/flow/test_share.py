@@ -44,8 +44,7 @@ def run(shared: bool) -> tuple[dict[str, Any], list[Consensus]]:
 
         def spy(envelope: Envelope) -> None:
             if keys.CLOCK.match(envelope.key):  # with each tick of the one team the other one says something new
-                for said in member.report(NEW, gaussian(SCENARIO.grid, (5.0, 6.0), 1.0), team.now):
-                    team._links[member].send(said)
+                team.send(member, member.report(NEW, gaussian(SCENARIO.grid, (5.0, 6.0), 1.0), team.now))
             if envelope.key == keys.AGREED.key(team="here", sub_team="a", subject=NEW):
                 found.append(decode(Consensus, envelope.payload))
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from blackboard.lab.team import Team, board
-from blackboard.net.bus import BusLink
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus
@@ -94,7 +93,7 @@ def test_the_order_of_arrival_decides_nothing(seed: int) -> None:
     for shuffle in (None, np.random.default_rng(seed)):
         team = pair("opinions")
         team.run_until(lambda team=team: not team.bus.waiting)  # type: ignore[misc]  # everybody knows everybody
-        team._shuffle = shuffle
+        team.shuffle = shuffle
         team.run()
         found.add(team.world.referee.hash)
     assert len(found) == 1
@@ -200,23 +199,13 @@ def test_a_frozen_leader_is_given_up_and_follows_when_it_thaws(mode: str) -> Non
     stream = Stream(team)
     team.run_until(lambda: team.world.tick == 3)
     frozen = team.boards["a"]
-    link = team._links.pop(frozen)
-    held, since = [], team.now
-    deliver = team.bus.deliver
-
-    def hold(to: BusLink, envelope: Envelope) -> None:
-        held.append(envelope) if to is link else deliver(to, envelope)
-
-    team.bus.deliver = hold  # type: ignore[method-assign, assignment]
-    team.bus.waiting = [(to, e) for to, e in team.bus.waiting if to is not link]
+    team.freeze(frozen)
+    since = team.now
     team.run_until(lambda: bool(team.boards["a2"].lead.leads))
     assert team.now - since < 8.0
     later = team.world.tick
     team.run_until(lambda: team.world.done or team.world.tick >= min(later + 2, 8))
-    team.bus.deliver = deliver  # type: ignore[method-assign]
-    team._links[frozen] = link
-    for envelope in held:
-        deliver(link, envelope)
+    team.thaw(frozen)
     team.run_until(lambda: frozen.lead.leads is False)
     team.run_until(lambda: team.world.done)
     stream.check()

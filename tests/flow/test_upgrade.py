@@ -104,12 +104,12 @@ def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
         team.bus.spies.append(told.append)
         deliver = team.bus.deliver
 
-        def grown(link: Any, envelope: Envelope, deliver: Any = deliver, change: bool = change) -> None:
+        def grown(link: Any, envelope: Envelope, sender: Any, deliver: Any = deliver, change: bool = change) -> None:
             if change and envelope.kind is Kind.PUT:
                 envelope = Envelope(envelope.key, msgpack.packb(more(msgpack.unpackb(envelope.payload))))
-            deliver(link, envelope)
+            deliver(link, envelope, sender)
 
-        team.bus.deliver = grown  # type: ignore[method-assign]
+        team.bus.deliver = grown  # type: ignore[method-assign, assignment]
         team.run()
         services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
         assert {str(dict(service.refused)) for service in services} == {"{}"}

@@ -8,7 +8,8 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
-from blackboard.lab.team import BEGIN, Team, board
+from blackboard.lab.team import Team, board
+from blackboard.net.scheduler import BEGIN
 from blackboard.wire.envelope import Envelope
 from tests.flow.test_team import SCENARIO
 from tests.sim_world.datasets import write

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.errors import Refused
-from blackboard.net.bus import Bus, intersects
+from blackboard.net.bus import Bus, Delivery, intersects
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.raw import MAX_BYTES
@@ -241,7 +241,7 @@ def test_what_is_on_its_way_can_be_watched_lost_and_taken_in_any_order() -> None
     for envelope in sent:
         a.send(envelope)
     assert seen == sent
-    assert bus.waiting.pop() == (b, put("2")[0])
+    assert bus.waiting.pop() == Delivery(b, put("2")[0], a)
     assert b.receive() == put("1")
     a.send(put("3")[0])
     b.close()

@@ -9,6 +9,7 @@ from typing import Any
 
 from blackboard.config import Scenario
 from blackboard.lab.team import Team, board
+from blackboard.net.scheduler import AT_ONCE
 from blackboard.process.service import Service
 from blackboard.tape.content import Tape, load_tape
 from blackboard.tape.file import TapeWriter
@@ -28,7 +29,6 @@ class RecordedTeam(Team):
         self.file = io.BytesIO()
         self.writer = TapeWriter(self.file, {"team": scenario.team.name, "scenario": scenario.to_json()})
         self.journaled: dict[str, Service] = {}
-        self.lose: Callable[[Service, Envelope], bool] = lambda receiver, envelope: False
         self.recorder = Recorder(scenario.team.name, self.writer)
         self.join(self.recorder)
         for sub_team, service in self.boards.items():
@@ -42,14 +42,9 @@ class RecordedTeam(Team):
         self.journaled[sub_team] = service
         self.join(service)
 
-    def _deliver(self) -> None:
-        """As in any team, but what `lose` says is lost on its way to one receiver; the recorder gets everything."""
-        link, envelope = self.bus.waiting[0]
-        receiver = next(service for service, other in self._links.items() if other is link)
-        if receiver is not self.recorder and self.lose(receiver, envelope):
-            del self.bus.waiting[0]
-        else:
-            super()._deliver()
+    def lose(self, lost: Callable[[Service, Envelope], bool]) -> None:
+        """From now on lose what a function says on its way to one receiver; the recorder gets everything."""
+        self.route = lambda _, to, envelope: () if to is not self.recorder and lost(to, envelope) else AT_ONCE
 
     def kill(self, sub_team: str) -> None:
         self.leave(self.journaled.pop(sub_team))
@@ -62,8 +57,7 @@ def recorded_run(
     team = RecordedTeam(scenario)
     story(team)
     card = team.run()
-    while team.bus.waiting:
-        team._deliver()
+    team.run_until(lambda: not team.bus.waiting)
     team.writer.close()
     path.write_bytes(team.file.getvalue())
     return card, load_tape(path)

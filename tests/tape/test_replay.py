@@ -30,8 +30,8 @@ REALTIME = SMALL.changed("time", mode="realtime")
 def kills_and_losses(team: RecordedTeam) -> None:
     """A board is killed and started again, a robot is killed, and every tenth message does not reach its receiver."""
     rng = np.random.default_rng(5)
-    team.lose = lambda receiver, envelope: (
-        receiver is not team.world and envelope.kind is Kind.PUT and rng.random() < 0.1
+    team.lose(
+        lambda receiver, envelope: receiver is not team.world and envelope.kind is Kind.PUT and rng.random() < 0.1
     )
     team.run_until(lambda: team.world.tick == 1)
     team.kill("b")

@@ -17,6 +17,7 @@ from blackboard.bridges.ros.service import RosBridge, Sources
 from blackboard.client.member import Member
 from blackboard.config import BoardSection
 from blackboard.net.bus import Bus
+from blackboard.net.scheduler import Scheduler
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.process.service import Service
@@ -62,32 +63,17 @@ def of(out: list[Envelope], topic: str, type_name: str) -> list[Any]:
 
 def team(*services: Service) -> tuple[Callable[[float], list[Envelope]], Bus]:
     """Services on a bus; a call lets so many seconds pass, and returns what all of them sent."""
-    bus = Bus()
-    links = [bus.connect() for _ in services]
-    for link, service in zip(links, services, strict=True):
-        for watched in service.watches:
-            link.watch(watched)
-        for listened in service.listens:
-            link.subscribe(listened)
-        for token in service.tokens:
-            link.token(token)
-    now = START
+    running, sent = Scheduler(START), list[Envelope]()
+    running.bus.spies.append(sent.append)
+    for service in services:
+        running.join(service)
 
     def run(seconds: float) -> list[Envelope]:
-        nonlocal now
-        end, out = now + seconds, list[Envelope]()
-        while now < end:
-            now += 0.05
-            for link, service in zip(links, services, strict=True):
-                answers = [answer for envelope in link.receive() for answer in service.receive(envelope, now)]
-                if (due := service.wake_at(now)) is not None and due <= now:
-                    answers += service.wake(now)
-                for answer in answers:
-                    link.send(answer)
-                out += answers
-        return out
+        sent.clear()
+        running.run_for(seconds)
+        return list(sent)
 
-    return run, bus
+    return run, running.bus
 
 
 def test_a_pose_is_reported_as_the_robots_own_belief_and_comes_back_as_agreed() -> None:
