@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 
 from blackboard.errors import Refused
-from blackboard.process.failures import quoted
 from blackboard.process.offsets import Echoes, Offsets
+from blackboard.process.printable import quoted
 from blackboard.wire.messages import Status
 
 log = logging.getLogger(__name__)

@@ -21,7 +21,7 @@ from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Grid
-from blackboard.process.failures import quoted
+from blackboard.process.printable import quoted
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.names import NAME, OF_TEAM, VIA

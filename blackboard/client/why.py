@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from blackboard.process.failures import quoted
+from blackboard.process.printable import quoted
 from blackboard.process.refusals import told
 from blackboard.wire.messages import Consensus, Refusal
 

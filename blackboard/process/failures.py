@@ -7,10 +7,11 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from blackboard.process.printable import quoted
+
 log = logging.getLogger(__name__)
 
 MAX_LOGGED = 1000  # sources and kinds of exceptions that are remembered as logged
-SHOWN = 200  # characters of a text from outside in a line of the log
 
 
 class Failures:
@@ -36,10 +37,3 @@ class Failures:
                     "%s: %s: %s; going on without it, and not logged again for this source", *named, quoted(str(error))
                 )
                 log.debug("the traceback of it", exc_info=True)
-
-
-def quoted(text: str, most: int = SHOWN) -> str:
-    """A text from outside as a part of one line: what is not printable is escaped, and what is too long is cut."""
-    cut = text[: most + 1]
-    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in cut[:most])
-    return shown + ("..." if len(cut) > most else "")

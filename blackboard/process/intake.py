@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Callable
 
 from blackboard.errors import Refused
-from blackboard.process.failures import Failures, quoted
+from blackboard.process.failures import Failures
+from blackboard.process.printable import quoted
 from blackboard.process.refusals import Refusals
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from blackboard.errors import Refused
-from blackboard.process.failures import quoted
+from blackboard.process.printable import quoted
 from blackboard.wire import keys
 from blackboard.wire.messages import Refusal
 from blackboard.wire.types import MAX_NAME

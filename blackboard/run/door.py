@@ -15,7 +15,7 @@ import sys
 import threading
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Annotated, Any, Literal, NoReturn, get_args
+from typing import Annotated, Any, Literal, NoReturn, TextIO, cast, get_args
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
@@ -29,6 +29,7 @@ from blackboard.process.service import Service
 from blackboard.run import logs
 from blackboard.run.gate import keep_door
 from blackboard.run.lifeline import follow
+from blackboard.run.terminal import Printed
 from blackboard.wire.keys import WORLD, parse
 from blackboard.wire.names import NAME
 
@@ -186,6 +187,8 @@ def main(app: App) -> NoReturn:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         follow_parent()
         _zenoh_log()
+        # all that any command prints goes through these
+        sys.stdout, sys.stderr = cast(TextIO, Printed(sys.stdout)), cast(TextIO, Printed(sys.stderr))
         logs.set_up(os.environ.get("LOG_LEVEL", "INFO").upper(), as_json=os.environ.get("LOG_FORMAT") == "json")
         status = app(exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UserError, RunFailed) as error:

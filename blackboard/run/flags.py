@@ -14,6 +14,7 @@ from cyclopts import Parameter
 from blackboard.config import Scenario, load
 from blackboard.errors import UserError
 from blackboard.faults import without_faults
+from blackboard.run.terminal import in_lines
 
 
 @Parameter(name="*")
@@ -119,8 +120,11 @@ class OutputFlags:
     "Print the result as one JSON object, and nothing else, on standard output."
 
     def show(self, result: dict[str, Any], text: Callable[[dict[str, Any]], str]) -> None:
-        """Print a result on standard output, as JSON or as the text that `text` makes of it."""
-        sys.stdout.write((json.dumps(result) if self.as_json else text(result)) + "\n")
+        """Print a result on standard output, as JSON or as the text that `text` makes of it.
+
+        A text within it, such as a name from outside, stays within its line.
+        """
+        sys.stdout.write((json.dumps(result) if self.as_json else text(in_lines(result))) + "\n")
 
 
 def _spread(sub_teams: list[str], robots: int) -> dict[str, list[str]]:

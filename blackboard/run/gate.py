@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol
+from typing import Protocol, TextIO, cast
 
 from blackboard.access.denials import LEVELS, DenialReader
 from blackboard.access.doorkeeper import Doorkeeper, common_names
@@ -17,6 +17,7 @@ from blackboard.net.link import Link, start_zenoh_log
 from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.process.failures import Failures
+from blackboard.run.terminal import Printed
 
 log = logging.getLogger(__name__)
 
@@ -77,7 +78,7 @@ class _Listening:
             fcntl.fcntl(given, fcntl.F_SETPIPE_SZ, PIPE)
         sys.stdout.flush()
         if not self._show:
-            sys.stdout = os.fdopen(os.dup(1), "w")
+            sys.stdout = cast(TextIO, Printed(os.fdopen(os.dup(1), "w")))
         os.dup2(given, 1)
         os.close(given)
         os.environ |= {"RUST_LOG": os.environ.get("RUST_LOG", LEVELS), "NO_COLOR": "1"}

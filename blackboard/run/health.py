@@ -20,6 +20,7 @@ from cyclopts import Parameter
 from blackboard.errors import Refused
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
+from blackboard.process.printable import printable
 from blackboard.run import door
 from blackboard.tables import read_tables
 from blackboard.wire import keys
@@ -120,7 +121,7 @@ def health(
         meant = board_named(link, name, team=of) if kind == "board" else name
         fault = link.denials() or diagnose(link, kind, meant, UnixClock().now(), team=of, max_age=max_age)
         found = fault or "healthy" + f", {meant}" * (meant != name) + part(link, kind, meant, team=of)
-    sys.stdout.write(f"{found}\n")
+    sys.stdout.write(f"{printable(found)}\n")
     return 1 if fault else 0
 
 

@@ -14,6 +14,7 @@ from blackboard.access.watch import DenialWatch
 from blackboard.config import load
 from blackboard.errors import UserError
 from blackboard.process.clock import UnixClock, utc
+from blackboard.process.printable import printable
 from blackboard.run import door
 from blackboard.run.flags import TeamFlags
 
@@ -192,5 +193,5 @@ def _days(days: float) -> float:
 
 
 def _say(*lines: str) -> None:
-    sys.stdout.writelines(f"{line}\n" for line in lines)
+    sys.stdout.writelines(f"{printable(line)}\n" for line in lines)
     sys.stdout.flush()

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from blackboard.process.printable import printable
+
 Show = Callable[[int, int], None]  # to be called with what is done and the total
 
 
@@ -16,9 +18,10 @@ def progress(name: str, lines: bool = False) -> Iterator[Show | None]:
         yield _in_lines(name) if lines else None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    columns = TextColumn(escape(printable(name))), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(name, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -20,6 +20,7 @@ from blackboard.process.clock import UnixClock
 from blackboard.run import door
 from blackboard.run.browser import open_page
 from blackboard.run.flags import OutputFlags
+from blackboard.run.terminal import beneath
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
 from blackboard.view.echo import Rates, key_expression, line
@@ -156,7 +157,7 @@ def status(
         while not stop():
             feed.follow(seconds, stop)
             if watch and not output.as_json and sys.stdout.isatty():
-                sys.stdout.write(CLEAR)
+                beneath(sys.stdout).write(CLEAR)
             output.show(summary(feed.fold, clock.now()), text)
             sys.stdout.flush()
             if not watch:

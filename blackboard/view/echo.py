@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from blackboard.errors import Refused, UserError
+from blackboard.process.printable import printable
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
@@ -27,13 +28,14 @@ def key_expression(text: str) -> str:
 
 def line(envelope: Envelope) -> str:
     """An envelope as one line: its key, and its message as JSON with the bytes of beliefs counted, or why it is refused."""
+    key = printable(envelope.key)
     if envelope.kind is not Kind.PUT:
-        return f"{envelope.key} {envelope.kind.value}"
+        return f"{key} {envelope.kind.value}"
     try:
         topic, _, message = open_envelope(envelope)
     except Refused as refusal:
-        return f"{envelope.key} refused: {' '.join(str(refusal).split())}"
-    return f"{envelope.key} {topic.message} {json.dumps(_plain(message.model_dump(exclude_none=True)))}"
+        return f"{key} refused: {printable(str(refusal))}"
+    return f"{key} {topic.message} {json.dumps(_plain(message.model_dump(exclude_none=True)))}"
 
 
 def _plain(value: Any) -> Any:
@@ -73,4 +75,6 @@ class Rates:
             return f"nothing came in {seconds:.1f} s"
         total = [sum(values) for values in zip(*self.counts.values(), strict=True)]
         rows = [*sorted(self.counts.items()), (f"all {len(self.counts)} keys", (total[0], total[1]))]
-        return "\n".join(f"{n / seconds:9.2f} Hz {size / seconds / 1000:10.2f} kB/s  {key}" for key, (n, size) in rows)
+        return "\n".join(
+            f"{n / seconds:9.2f} Hz {size / seconds / 1000:10.2f} kB/s  {printable(key)}" for key, (n, size) in rows
+        )

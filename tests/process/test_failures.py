@@ -7,8 +7,9 @@ import logging
 import pytest
 
 from blackboard.process import failures
-from blackboard.process.failures import Failures, quoted
+from blackboard.process.failures import Failures
 from blackboard.process.intake import Intake
+from blackboard.process.printable import quoted
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.types import Message
@@ -50,7 +51,7 @@ def test_an_interrupt_is_not_survived() -> None:
 
 
 def test_a_text_from_outside_stays_one_line_that_a_terminal_may_show() -> None:
-    assert quoted("cop/t\n12:00 forged\x1b[2J") == "cop/t\\n12:00 forged\\x1b[2J"
+    assert quoted("cop/t\n12:00 forged\x1b[2J") == "cop/t\\n12:00 forged\\u001b[2J"
     assert quoted("ä/ö") == "ä/ö"
     assert quoted("x" * 201) == "x" * 200 + "..."
 

@@ -18,6 +18,7 @@ from textual.widget import Widget
 from textual.widgets import Footer, Static
 
 from blackboard.errors import UserError
+from blackboard.process.printable import printable
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
 from blackboard.view.feed import Source
@@ -120,7 +121,7 @@ class Top(App[None]):
         fold, moment = self.fold, self.moment()
         table = team_summary(fold, self.source.now, moment)
         state = "" if self.tick is None else "   PAUSED"
-        self.query_one("#head", Static).update(Text(f"{team_line(table)}{state}", no_wrap=True))
+        self.query_one("#head", Static).update(_text([f"{team_line(table)}{state}"]))
         self.query_one("#processes", Static).update(_text(process_lines(table)))
         names = list(table["subjects"])
         if self.chosen not in names:
@@ -134,7 +135,9 @@ class Top(App[None]):
             f"tick {it.tick}  {it.text} {'is ' + it.what if it.what in ('here', 'gone') else ''}" for it in fold.events
         ]
         self.query_one("#events", Static).update(_text(events[-EVENTS:]))
-        self.query_one("#why", Static).update(Text("\n".join(self._why(moment)) if self.with_why else ""))
+        self.query_one("#why", Static).update(
+            Text("\n".join(map(printable, self._why(moment))) if self.with_why else "")
+        )
         view = self.query_one("#map", HeatMap)
         size = view.size
         if moment is None or fold.grid is None or len(fold.grid.shape) != 2 or not size.height:
@@ -183,7 +186,7 @@ class Top(App[None]):
 
 
 def _text(lines: list[str]) -> Text:
-    return Text("\n".join(lines), no_wrap=True, overflow="crop")
+    return Text("\n".join(map(printable, lines)), no_wrap=True, overflow="crop")
 
 
 def _rgb(pixel: npt.NDArray[np.uint8]) -> str:
