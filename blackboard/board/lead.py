@@ -118,7 +118,8 @@ class Lead:
         """When time alone changes something; infinity if it does not."""
         if self.leads or self.roster.away:
             return math.inf
-        return min(self._stuck_at(), *self._unknown.values(), math.inf) if self.leads is None else self._stuck_at()
+        heard_out = max(self._unknown.values(), default=math.inf) if self.leads is None else math.inf
+        return min(self._stuck_at(), heard_out)
 
     # --- what is said ---------------------------------------------------------------------------------------------------
 

@@ -100,6 +100,18 @@ def test_who_says_nothing_at_all_is_not_waited_for_longer_than_its_first_status_
     assert seat.it.leads
 
 
+def test_a_board_that_waits_for_two_is_due_once_the_second_wait_is_over() -> None:
+    """Once the first wait was over, a look was always due, and the process span until the second was."""
+    seat = Seat()
+    seat.here("w")
+    seat.wait(1.0)
+    seat.here("y")
+    until = seat.now + HOLD
+    seat.wait(0.75)
+    assert seat.it.leads is None
+    assert seat.it.changes_at() == until
+
+
 def test_the_one_that_leads_goes_on_whoever_comes() -> None:
     seat = Seat()
     seat.here()
