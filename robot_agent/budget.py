@@ -19,7 +19,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.errors import Refused
-from blackboard.opinion.belief import Belief, blur, uniform
+from blackboard.opinion.ageing import Ageing
+from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array, Grid
@@ -27,6 +28,7 @@ from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import PackedEvidence, unpack_increment, unpack_state
 from blackboard.wire.messages import PackedBelief, Report
+from blackboard.wire.opinions import reported
 from robot_agent.coarse import coarser
 from robot_agent.config import SendSection
 from robot_agent.short import shorter
@@ -171,19 +173,11 @@ class Budget:
         sent = self.sent.get(subject)
         if sent is None:
             return uniform(self.grid)
-        # Boards let a belief about a mate spread by the speed that the mate tells them. It is not known here, so the own one is taken.
+        ageing = Ageing(self.drift, self.grid)
         if speed is not None and subject.startswith("robot/"):
-            sigma = speed * max(0.0, time - sent.time) / math.sqrt(2)
-            return self._blurred(sent.belief, sigma)
-        return self._spread(sent, time, self.drift)
-
-    def _spread(self, sent: Sent, time: float, drift: float) -> Belief:
-        return self._blurred(sent.belief, drift * math.sqrt(max(0.0, time - sent.time)))
-
-    def _blurred(self, belief: Belief, sigma: float) -> Belief:
-        """Sigma in the grid's unit, at most the width of the grid."""
-        farthest = self.grid.cell * max(self.grid.shape)
-        return Belief(self.grid, blur(belief.p, min(sigma, farthest) / self.grid.cell))
+            # Boards let a belief about a mate spread by the mate's speed. It is not known here, so the own one is taken.
+            ageing.learn_speed(subject.removeprefix("robot/"), speed)
+        return ageing.spread(sent.belief, subject, time - sent.time)
 
     @property
     def saves(self) -> bool:
@@ -239,10 +233,8 @@ class Budget:
         self, reports: Sequence[Report], stale: Mapping[str, Belief], time: float, team: Mapping[str, Known]
     ) -> dict[str, list[Option]]:
         """For each subject its report as it could be sent, as it is first."""
-        best, found = dict[str, Belief](), dict[str, list[Option]]()
-        for report in reports:
-            told = report.belief if report.informed is None else report.informed.belief
-            best[report.subject] = unpack(told, self.grid)
+        found = dict[str, list[Option]]()
+        best = {report.subject: reported(report, self.grid)[-1].belief for report in reports}
         for report in reports:
             known = team.get(report.subject)
             mate = self._is_mate(report.subject)

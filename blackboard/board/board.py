@@ -6,28 +6,25 @@ sub-teams into the `agreed` belief. Both keep what arrives by subject and source
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 
 from blackboard.board import learning
-from blackboard.board.ageing import Ageing
 from blackboard.board.dissent import Dissent
 from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
 from blackboard.board.learning import Learner
 from blackboard.board.memory import packed_memory, remembered
-from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
-from blackboard.errors import Refused
-from blackboard.opinion.belief import Belief, blur
+from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.grid import Grid
+from blackboard.opinion.provenance import Opinion
 from blackboard.opinion.weights import entropy_of
 from blackboard.wire import messages as wire
-from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.arrays import pack
 from blackboard.wire.memory import Memory, PackedMemory
 from blackboard.wire.messages import Consensus, Informed, Learned, LeftOut, Report, Used
+from blackboard.wire.opinions import check_stamp, reported, settled
 from blackboard.wire.types import capped
 
 #: What is done for one subject happens within one of these, which may survive an exception so that the other subjects go on.
@@ -50,7 +47,7 @@ class Board:
         self.name = board
         self.grid = grid
         self.settings = settings
-        self.ageing = Ageing(settings.drift, grid.cell * max(grid.shape))
+        self.ageing = Ageing(settings.drift, grid)
         self._survive = survive
         self._entries: Entries[str] = Entries(grid.size)  # of robots: their newest reports
         self._consensuses = Entries(grid.size, (sub_team, board))  # of boards, by sub-team and name
@@ -60,18 +57,10 @@ class Board:
     # --- the sub-team's reports ---------------------------------------------------------------------------------------
 
     def hear(self, report: Report, now: float) -> None:
-        """Take a report; `now` is team time in seconds. Refused: "grid", "mass", "future", "past", "too-many".
-
-        Whose information it is, the board does not leave to the report: the first-hand belief is the source's own, and the
-        informed one contains that at least.
-        """
+        """Take a report; `now` is team time in seconds. Refused: "grid", "mass", "future", "past", "too-many"."""
         self.check_time(report.time, now)
-        own = {report.source: report.time}
-        opinions = [Opinion(report.source, unpack(report.belief, self.grid), own)]
-        if report.informed is not None:
-            informed = unpack(report.informed.belief, self.grid)
-            opinions.append(Opinion(report.source, informed, {**report.informed.ancestors, **own}))
-        self._entries.keep(report.subject, report.source, Entry(report.tick, report.time, tuple(opinions)))
+        opinions = reported(report, self.grid, self.settings.feedback)
+        self._entries.keep(report.subject, report.source, Entry(report.tick, report.time, opinions))
 
     def withdraw(self, source: str, tick: int, subjects: Collection[str]) -> None:
         """Drop a source's reports from before `tick` on subjects that it no longer lists."""
@@ -86,7 +75,7 @@ class Board:
         for subject in self._entries:
             with self._survive(subject):
                 entries, silent = self._entries.usable(subject, now, self.settings.max_age)
-                opinions = [o for source in sorted(entries) for o in self._admitted(entries[source], subject, now)]
+                opinions = [o for source in sorted(entries) for o in self._aged(entries[source], subject, now)]
                 if opinions:
                     fusion = self._fuse("consensus", opinions, subject, now, counts)
                     found.append(self._consensus("consensus", subject, tick, now, fusion, _left_out(silent)))
@@ -97,13 +86,7 @@ class Board:
     def hear_consensus(self, consensus: Consensus, now: float) -> None:
         """Take a consensus of another sub-team's board, or this board's own, for the exchange. Refused as in `hear`."""
         self.check_time(consensus.time, now)
-        part = consensus.firsthand  # which the whole contains, so that the two are never multiplied
-        ancestors = consensus.ancestors if part is None else {**part.ancestors, **consensus.ancestors}
-        belief = unpack(consensus.belief, self.grid)
-        opinions = [Opinion(consensus.sub_team, belief, ancestors, whole=part is not None)]
-        if part is not None and part.ancestors:
-            opinions.insert(0, Opinion(consensus.sub_team, unpack(part.belief, self.grid), part.ancestors))
-        entry = Entry(consensus.tick, consensus.time, tuple(opinions))
+        entry = Entry(consensus.tick, consensus.time, settled(consensus, self.grid))
         self._consensuses.keep(consensus.subject, (consensus.sub_team, consensus.board), entry)
 
     def withdraw_consensuses(self, sub_team: str, tick: int, subjects: Collection[str]) -> None:
@@ -160,23 +143,11 @@ class Board:
 
     def check_time(self, time: float, now: float) -> None:
         """Check a stamp, both in seconds of team time. Refused: "future", "past"."""
-        if time > now + self.settings.future:
-            raise Refused("future", f"stamped {time - now:.1f} s ahead of team time {now:.1f} s")
-        if time < now - self.settings.max_age:
-            raise Refused("past", f"stamped {now - time:.1f} s ago, older than {self.settings.max_age:g} s")
-
-    def _admitted(self, entry: Entry, subject: str, now: float) -> list[Opinion]:
-        """Which opinions of a report count, by `feedback`: both, the informed one alone, or the first-hand one alone."""
-        opinions = self._aged(entry, subject, now)
-        if self.settings.feedback == "paper":
-            return opinions[-1:]
-        return opinions[:1] if self.settings.feedback == "off" else opinions
+        check_stamp(time, now, future=self.settings.future, max_age=self.settings.max_age)
 
     def _aged(self, entry: Entry, subject: str, now: float) -> list[Opinion]:
         """The opinions as they stand now: an old one has spread as its subject moves."""
-        age = max(0.0, now - entry.time)
-        sigma = math.sqrt(self.ageing.variance(subject, age)) / self.grid.cell
-        return [replace(o, belief=Belief(self.grid, blur(o.belief.p, sigma)), age=age) for o in entry.opinions]
+        return self.ageing.aged(entry.opinions, subject, max(0.0, now - entry.time))
 
     def _fuse(
         self,

@@ -18,13 +18,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from blackboard.board.provenance import Opinion
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.bell import bell
 from blackboard.opinion.gaussian.evidence import Verdict
 from blackboard.opinion.gaussian.joint import squared_distance
 from blackboard.opinion.gaussian.trust import Trust, camps_of
 from blackboard.opinion.grid import Array
+from blackboard.opinion.provenance import Opinion
 from blackboard.wire import messages as wire
 
 log = logging.getLogger(__name__)

@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from blackboard.board.provenance import Opinion
 from blackboard.errors import Refused
+from blackboard.opinion.provenance import Opinion
 
 MAX_SUBJECTS = 256  # a board's memory is bounded, whatever is sent to it
 MAX_SOURCES = 64  # on one subject

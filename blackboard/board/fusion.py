@@ -16,7 +16,6 @@ import numpy as np
 
 from blackboard.board.dissent import Dissent
 from blackboard.board.learning import Advice, Learned, Learner
-from blackboard.board.provenance import Opinion, split, union
 from blackboard.config import BoardSection
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief, uniform
@@ -25,6 +24,7 @@ from blackboard.opinion.chernoff import chernoff
 from blackboard.opinion.cooperative import CAUTIOUS, Coalition
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import fuse, fuse_belief, linear_pool
+from blackboard.opinion.provenance import Opinion, split, union
 from blackboard.opinion.rules import Outcome, Rule
 from blackboard.opinion.vectors import tempered
 from blackboard.opinion.weights import entropy, entropy_weights

@@ -24,10 +24,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blackboard.board.provenance import Opinion
 from blackboard.opinion.bell import spread
 from blackboard.opinion.cooperative import CAUTIOUS
 from blackboard.opinion.grid import Array
+from blackboard.opinion.provenance import Opinion
 
 MAX_SOURCES = 64  # of which a learner keeps samples; beyond that it forgets who was silent the longest
 MAX_SUBJECTS = 256  # whose newest sample is kept, for the spacing and to see how much is new in the next one

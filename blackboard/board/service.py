@@ -233,7 +233,7 @@ class BoardService:
     def _learn_of(self, source: str, status: Status, now: float) -> None:
         """How fast a robot is, and where each process goes by its own clock, how far that is off."""
         if status.speed is not None and status.kind == "robot":
-            self.board.ageing.hear(source, status.speed)
+            self.board.ageing.learn_speed(source, status.speed)
         if self.clock.pace is Pace.FREE:
             self.clocks.hear(source, status, now)
 

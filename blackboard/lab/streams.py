@@ -18,13 +18,13 @@ import numpy as np
 
 from blackboard.board.fusion import as_advised
 from blackboard.board.learning import SPACING, Learner
-from blackboard.board.provenance import Opinion
 from blackboard.lab.cases import GRID, MARGIN, SIGMA, TRIALS, Case
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.bell import width
 from blackboard.opinion.cooperative import CAUTIOUS, Coalition
 from blackboard.opinion.grid import Array
 from blackboard.opinion.pools import fuse
+from blackboard.opinion.provenance import Opinion
 from blackboard.opinion.scores import Score
 
 FUSIONS = 240  # of one stream

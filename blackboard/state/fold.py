@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Anchor, Grid
 from blackboard.state.moments import MAX_BYTES, About, Moment, Moments, Point
-from blackboard.state.processes import MAX_PROCESSES, Process
+from blackboard.state.processes import MAX_PROCESSES, RECENT, Process
 from blackboard.state.told import M, Told
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpacked_grid
@@ -31,7 +31,6 @@ MAX_SOURCES = 64  # of a subject; sub-teams count as such
 MAX_TRUTHS = 64  # ticks whose truth is kept until they are settled
 MAX_SIGHTINGS = 1024
 MAX_EVENTS = 1000
-RECENT = 4  # of what one source told about a subject, because some of it is newer than the moment
 FORGET = 60.0  # seconds of team time after which an old belief is not shown any more
 
 AHEAD = 5.0  # seconds that the stamp of a settled tick may be ahead of Unix time, where no world gives the time
@@ -107,6 +106,7 @@ class TeamFold:
         self.moments.clear()
         for process in self.processes.values():
             process.tick = -1
+            process.speeds.clear()
         self._reports: dict[str, dict[str, deque[Told[Report]]]] = {}  # subject -> source -> the newest last
         self._consensus: dict[str, dict[str, deque[Told[Consensus]]]] = {}  # subject -> sub-team -> the newest last
         self._agreed: dict[str, dict[str, deque[Told[Consensus]]]] = {}
@@ -219,6 +219,7 @@ class TeamFold:
             text = f"{process.name}: another process sends under this name, too"
             self._note("namesake", process.name, text, now)
         process.status, process.status_at = status, now
+        process.learn_speed(status)
         if status.kind == "board" and status.grid is not None:
             at = status.anchor
             anchor = None if at is None else Anchor(at.latitude, at.longitude, at.bearing)
@@ -274,7 +275,8 @@ class TeamFold:
                 subjects[subject] = about
         self._drop_old(time - FORGET)
         seen = [(f"robot/{observer}", subject) for observer, all_ in self._sightings.items() for subject in all_]
-        moment = Moment(run, tick, time, now, subjects, tuple(seen[:MAX_SIGHTINGS]))
+        speeds = {it.name: speed for it in self.processes.values() if (speed := it.speed_at(time)) is not None}
+        moment = Moment(run, tick, time, now, subjects, tuple(seen[:MAX_SIGHTINGS]), speeds)
         self.moments.add(moment)
         self.changes += 1
         self._notice(moment, now)

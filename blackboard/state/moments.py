@@ -71,7 +71,10 @@ class About:
 
 @dataclass(frozen=True)
 class Moment:
-    """A settled tick: `time` in seconds of team time, `at` in Unix seconds; sightings are pairs of observer and subject."""
+    """A settled tick: `time` in seconds of team time, `at` in Unix seconds.
+
+    Sightings are pairs of observer and subject; `speeds` are those of robots by name, in units per second.
+    """
 
     run: str
     tick: int
@@ -79,6 +82,7 @@ class Moment:
     at: float
     subjects: Mapping[str, About]
     sightings: tuple[tuple[str, str], ...] = ()
+    speeds: Mapping[str, float] = field(default_factory=dict)
 
 
 class Moments:

@@ -9,6 +9,7 @@ from blackboard.wire.messages import Status
 
 MAX_PROCESSES = 512  # of a team
 WINDOW = 32  # ticks over which a rate is measured
+RECENT = 4  # of what one source gave, because some of it is newer than the moment that is settled
 
 
 @dataclass
@@ -27,6 +28,8 @@ class Process:
     bytes: int = 0
     status: Status | None = None
     status_at: float = 0.0
+    #: of a robot: team time (s) and speed (unit/s) of its newest ticks
+    speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=RECENT))
     _ticks: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
 
     @property
@@ -49,6 +52,17 @@ class Process:
         if tick != self.tick:
             self._ticks.append(now)
         self.tick, self.time = tick, time
+
+    def learn_speed(self, status: Status) -> None:
+        """Take the speed of a robot's tick; one that is given again replaces the one before."""
+        if self.speeds and self.speeds[-1][0] == status.time:
+            self.speeds.pop()
+        if status.speed is not None:
+            self.speeds.append((status.time, status.speed))
+
+    def speed_at(self, time: float) -> float | None:
+        """The newest speed that is not later than a team time in seconds."""
+        return next((speed for at, speed in reversed(self.speeds) if at <= time), None)
 
     def rate(self, now: float) -> float:
         """Ticks finished per second, over the last ones; it falls while nothing comes."""

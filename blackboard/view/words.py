@@ -18,6 +18,8 @@ def sentences(it: Table) -> list[str]:
         found.append("Nobody says what is true.")
     for level in it["levels"]:
         found += ["", *_belief(level, it, unit)]
+        if level["level"] == "agreed":
+            found += [f"{name} agreed last in tick {tick}." for name, tick in it["agreed_before"].items()]
         found += _joint(level) if level["rule"] == JOINT else _pooled(level, unit)
         found += [f"{out['source']} was left out: {out['reason']}." for out in level["left_out"]]
         found += [_dissent(one) for one in level["dissent"]] + _camps(level["camps"])

@@ -1,4 +1,4 @@
-"""How an old belief spreads: by the speed that its robot told, else by the drift."""
+"""How an old belief spreads: by the speed that its robot gave, else by the drift."""
 
 from __future__ import annotations
 
@@ -6,27 +6,28 @@ import math
 
 import pytest
 
-from blackboard.board.ageing import MAX_ROBOTS, Ageing
+from blackboard.opinion.ageing import MAX_ROBOTS, Ageing
+from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import region_area
 from blackboard.wire.arrays import unpack
 from tests.board.reports import GRID, at, board, only, report
 
 
 def test_by_its_speed_in_an_unknown_direction_else_as_a_random_walk() -> None:
-    it = Ageing(2.0, 100.0)
+    it = Ageing(2.0, Grid((100,)))
     assert it.variance("robot/r1", 4.0) == 2.0**2 * 4.0
-    it.hear("r1", 3.0)
+    it.learn_speed("r1", 3.0)
     assert it.variance("robot/r1", 4.0) == (3.0 * 4.0) ** 2 / 2
     assert it.variance("robot/r2", 4.0) == it.variance("object/r1", 4.0) == 16.0
-    it.hear("r1", 0.0)
+    it.learn_speed("r1", 0.0)
     assert it.variance("robot/r1", 4.0) == 0.0
     assert it.variance("robot/r1", -1.0) == 0.0
 
 
 def test_it_is_bounded() -> None:
-    it = Ageing(1.0, 100.0)
+    it = Ageing(1.0, Grid((100,)))
     for number in range(2 * MAX_ROBOTS):
-        it.hear(f"r{number}", 1e12)
+        it.learn_speed(f"r{number}", 1e12)
     assert it.variance(f"robot/r{number}", 1e12) == 100.0**2 / 2
     assert it.variance("robot/r0", 4.0) == 4.0, "forgotten"
 
@@ -36,7 +37,7 @@ def test_a_board_spreads_what_a_robot_said_of_itself_by_its_speed(speed: float |
     it = board(drift=1.0)
     it.hear(report("r1", at(20, 15, 1.0), subject="robot/r1"), 0.0)
     if speed is not None:
-        it.ageing.hear("r1", speed)
+        it.ageing.learn_speed("r1", speed)
     belief = unpack(only(it.settle(1, 4.0)).belief, GRID)
     extra = 4.0 if speed is None else (4.0 * speed) ** 2 / 2
     if extra < 20:

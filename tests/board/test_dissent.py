@@ -11,12 +11,12 @@ import pytest
 
 from blackboard.board.dissent import FIRM, LEAST_WEIGHT, Dissent
 from blackboard.board.fusion import Fusion, fuse_opinions
-from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.gaussian.evidence import Verdict
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.grid import Grid
+from blackboard.opinion.provenance import Opinion
 
 GRID = Grid((40, 40))
 SETTINGS = BoardSection()

@@ -18,7 +18,6 @@ from blackboard.board import learning
 from blackboard.board.dissent import Dissent, Standing
 from blackboard.board.fusion import as_advised, fuse_opinions
 from blackboard.board.learning import WINDOW, Learner
-from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import RuleError
 from blackboard.opinion.belief import Belief, gaussian, uniform
@@ -26,6 +25,7 @@ from blackboard.opinion.bell import bell, escort_moments, width
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.pools import fuse
+from blackboard.opinion.provenance import Opinion
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.messages import Consensus, Learned
 from tests.board.desk import ANOTHER_WORLD, Desk, clock

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from blackboard.board.dissent import Dissent
 from blackboard.board.learning import MAX_SOURCES, WINDOW, Learner
 from blackboard.board.memory import SAMPLE, packed_memory, remembered
-from blackboard.board.provenance import Opinion
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.pools import fuse_belief
+from blackboard.opinion.provenance import Opinion
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory
 from blackboard.wire.raw import MAX_BYTES

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from blackboard.board.fusion import fuse_opinions
-from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.opinion import components
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.pools import chernoff, fuse
+from blackboard.opinion.provenance import Opinion
 from blackboard.opinion.rules import read_rule
 from blackboard.opinion.weights import entropy_weights
 from blackboard.wire.arrays import pack, unpack

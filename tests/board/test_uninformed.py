@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from blackboard.board.fusion import Fusion, as_advised, fuse_opinions
 from blackboard.board.learning import Advice, Learner
-from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Grid
+from blackboard.opinion.provenance import Opinion
 
 GRID = Grid((12, 9), cell=0.5)
 PLACES = st.tuples(st.floats(0.5, 5.5), st.floats(0.5, 4.0), st.floats(0.3, 2.0))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard.board.provenance import Opinion, split, union
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Grid
+from blackboard.opinion.provenance import Opinion, split, union
 
 BELIEF = uniform(Grid((2,)))
 names = st.sampled_from("abcdef")

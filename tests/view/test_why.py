@@ -8,19 +8,22 @@ from dataclasses import replace
 import pytest
 
 from blackboard.board.fusion import fuse_opinions
-from blackboard.board.provenance import Opinion
 from blackboard.config import BoardSection
 from blackboard.errors import UserError
 from blackboard.opinion.agreement import kullback_leibler
-from blackboard.state.fold import Fold
+from blackboard.opinion.provenance import Opinion
+from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.moments import Moment
+from blackboard.view.feed import TapeFeed
 from blackboard.view.summary import summary, text
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
-from blackboard.wire.envelope import Kind
-from blackboard.wire.messages import Camp, Consensus, Dissent
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Camp, Consensus, Dissent, Status
 from tests.flow.test_memory import LEARNS
+from tests.flow.test_team import SCENARIO
 from tests.view.recorded import record, recorded, team_of
 
 #: What quantised logarithms on the wire cost: reports are read back before they are fused, the consensus is read back once more.
@@ -54,6 +57,49 @@ def test_what_a_board_learned_is_computed_again_as_well() -> None:
     assert checked > 5
     assert min(powers) < 0.95
     assert max(independences) > 0.3  # type: ignore[type-var, operator]
+
+
+def test_old_reports_are_computed_again_with_the_speeds_that_their_robots_gave() -> None:
+    """On a poor link most reports of a tick are from earlier ones, and boards let them spread by the robots' speeds."""
+    fold, ages = Fold(), list[float]()
+    team = SCENARIO.changed("team", sub_teams={"a": ["r1", "r2", "r3"]})
+    for envelope, now in record(team.changed("robot", send={"budget": 400.0})):
+        fold.take(envelope, now)
+    for moment in fold.teams["t"].moments:
+        for subject, about in moment.subjects.items():
+            for level in explain(fold.teams["t"], moment, subject)["levels"] if about.best is not None else ():
+                assert level["recomputed"] < QUANTISED, (moment.tick, subject)
+                ages += [source["age"] for source in level["sources"] if subject.startswith("robot/")]
+    assert sum(age > 0.4 for age in ages) > 10
+
+
+def behind_by_a_tick() -> tuple[TeamFold, Moment]:
+    """A tape of two boards, and a moment that board a has not agreed on: what it agreed on comes too late, as in real time."""
+
+    def is_late(envelope: Envelope) -> bool:
+        if envelope.key == "cop/t/a/status/board-a" and envelope.kind is Kind.PUT:
+            status = decode(Status, envelope.payload)
+            return (status.tick, status.phase) == (4, "agreed")
+        return envelope.key.startswith("cop/t/a/agreed/") and decode(Consensus, envelope.payload).tick == 4
+
+    tape = TapeFeed((at, envelope) for envelope, at in recorded() if not is_late(envelope))
+    while not tape.done:
+        tape.take(tape.receive())
+    moment = tape.fold.teams["t"].moments.at(4)
+    assert moment is not None
+    return tape.fold.teams["t"], moment
+
+
+def test_boards_are_compared_in_one_tick() -> None:
+    """A board that was a tick behind was said to have agreed on something else, and what the other had was shown as its own."""
+    team, moment = behind_by_a_tick()
+    found = explain(team, moment, "robot/r1")
+    assert (found["agreed_by"], found["agreed_before"], found["same"]) == (["b"], {"a": 3}, True)
+    assert [found["levels"][0][name] for name in ("level", "sub_team", "tick")] == ["agreed", "b", 4]
+    said = sentences(found)
+    assert any(line.startswith("Agreed by b: at") for line in said)
+    assert "a agreed last in tick 3." in said
+    assert not any("not quite the same" in line for line in said)
 
 
 def test_a_power_that_no_board_would_say_ends_nothing() -> None:

@@ -17,11 +17,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from blackboard.board.ageing import Ageing
 from blackboard.board.dissent import SPACING, Dissent
 from blackboard.board.joint.evidence import learned, names, reason, shrank, unpack
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
+from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.drawing import draw
@@ -68,7 +68,7 @@ class JointDesk:
         self, grid: Grid, settings: BoardSection, counters: Counter[str], ageing: Ageing | None = None
     ) -> None:
         self.grid, self.settings = grid, settings
-        self._ageing = ageing or Ageing(settings.drift, grid.cell * max(grid.shape))
+        self._ageing = ageing or Ageing(settings.drift, grid)
         self.team = self._begun()
         self.dissent = Dissent("agreed", joint=True)
         self.counters = (
