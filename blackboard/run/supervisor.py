@@ -120,14 +120,7 @@ class Supervisor:
 
         `take` is called with each line of its standard output. UserError: it ended with the status of one.
         """
-        running = await asyncio.create_subprocess_exec(
-            *process.arguments,
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-            start_new_session=True,
-            env=_environment(),
-        )
+        running = await self._start(process)
         self.pids[process.name] = running.pid
         self.last_lines[process.name] = ""
 
@@ -150,6 +143,24 @@ class Supervisor:
             last = self.last_lines[process.name].removeprefix(ERROR)
             raise UserError(last or f"{process.name} ended with status {USER_ERROR} and printed nothing")
         return status
+
+    async def _start(self, process: Process) -> asyncio.subprocess.Process:
+        """Start a process. Where this is cancelled the process is stopped in order; asyncio would kill one that it is starting."""
+        starting = asyncio.create_task(
+            asyncio.create_subprocess_exec(
+                *process.arguments,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.PIPE,
+                start_new_session=True,
+                env=_environment(),
+            )
+        )
+        try:
+            return await asyncio.shield(starting)
+        except asyncio.CancelledError:
+            await self._stop(await starting)
+            raise
 
     async def _stop(self, running: asyncio.subprocess.Process) -> None:
         """Send SIGTERM; after `stop_seconds`, or if even this is cancelled, SIGKILL to the process and its children."""

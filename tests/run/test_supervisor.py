@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
 import sys
 from collections.abc import Awaitable, Callable
@@ -183,6 +184,31 @@ def test_all_are_stopped_when_the_body_fails_the_stubborn_too(tmp_path: Path) ->
         supervise(body)
     assert len(pids) == 2
     assert not any(is_running(pid) for pid in pids)
+
+
+def test_one_that_is_stopped_while_it_is_being_started_ends_in_order(tmp_path: Path) -> None:
+    code = """
+import signal, sys
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+print("up", file=open(sys.argv[1], "a"))
+signal.sigwait([signal.SIGTERM])
+print("ended", file=open(sys.argv[1], "a"))
+"""
+    file, before = tmp_path / "said", set(children(os.getpid()))
+
+    async def main() -> None:
+        async with Supervisor() as supervisor:
+            running = asyncio.create_task(supervisor.run(python("recorder", code, str(file))))
+            while not set(children(os.getpid())) - before:
+                await asyncio.wait([running], timeout=0)
+            # The process goes on while the event loop of its supervisor stands still.
+            wait_until(lambda: file.is_file() and file.read_text(), "it is up")
+            running.cancel()
+            await asyncio.wait([running])
+            assert running.cancelled()
+
+    asyncio.run(main())
+    assert file.read_text() == "up\nended\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL, signal.SIGTERM], ids=lambda number: number.name)
