@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blackboard.opinion.belief import Belief, uniform
+from blackboard.opinion.belief import Belief, shift_along, uniform
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Fix, Sighting
@@ -28,7 +28,6 @@ from robot_agent.raster import (
     resampled,
     sampled,
     squared_distance,
-    whole_shift,
     with_outlier,
 )
 from robot_agent.sensing import (
@@ -209,7 +208,7 @@ class PositionLocalizer:
         for axis, by in enumerate(steps):
             target = self.corner[axis] + by
             corner[axis] = max(0, min(target, self.grid.shape[axis] - p.shape[axis]))
-            p = whole_shift(p, target - corner[axis], axis)
+            p = shift_along(p, target - corner[axis], axis)
         return replace(self, p=p, corner=(corner[0], corner[1]))
 
     def _spread(self) -> PositionLocalizer:

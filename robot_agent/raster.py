@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from blackboard.opinion.belief import Belief, uniform
+from blackboard.opinion.belief import Belief, shift_along, uniform
 from blackboard.opinion.grid import Array, Grid
 
 #: Two beliefs with less mass in common than this contradict each other, and are not multiplied.
@@ -32,25 +32,8 @@ def shifted(p: Array, dx: float, dy: float) -> Array:
 def _shifted_along(p: Array, cells: float, axis: int) -> Array:
     whole = math.floor(cells)
     part = cells - whole
-    moved = whole_shift(p, whole, axis)
-    return moved if part == 0 else (1 - part) * moved + part * whole_shift(moved, 1, axis)
-
-
-def whole_shift(p: Array, cells: int, axis: int) -> Array:
-    """Mass moved by whole cells along one axis; the border keeps what would leave. `blackboard.opinion.belief.shift` is slower."""
-    if cells == 0:
-        return p
-    n = p.shape[axis]
-    cells = max(-n, min(n, cells))
-    out = np.zeros_like(p)
-    a, b = (p, out) if axis == 0 else (p.T, out.T)
-    if cells > 0:
-        b[cells:] = a[: n - cells]
-        b[-1] += a[n - cells :].sum(axis=0)
-    else:
-        b[: n + cells] = a[-cells:]
-        b[0] += a[:-cells].sum(axis=0)
-    return out
+    moved = shift_along(p, whole, axis)
+    return moved if part == 0 else (1 - part) * moved + part * shift_along(moved, 1, axis)
 
 
 def reach_of(variance: float) -> int:
@@ -104,14 +87,14 @@ def _resampled_along(p: Array, cells: float, axis: int) -> Array:
     whole = math.floor(cells)
     f = cells - whole
     if f == 0:
-        return whole_shift(p, whole, axis)
+        return shift_along(p, whole, axis)
     weights = (  # of the cells that lie -1, 0, 1, 2 further
         0.5 * (-f + 2 * f**2 - f**3),
         0.5 * (2 - 5 * f**2 + 3 * f**3),
         0.5 * (f + 4 * f**2 - 3 * f**3),
         0.5 * (-(f**2) + f**3),
     )
-    shares = (w * whole_shift(p, whole + step, axis) for step, w in zip((-1, 0, 1, 2), weights, strict=True))
+    shares = (w * shift_along(p, whole + step, axis) for step, w in zip((-1, 0, 1, 2), weights, strict=True))
     return np.asarray(sum(shares))
 
 

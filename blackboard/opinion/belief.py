@@ -204,11 +204,25 @@ def blur(p: Array, sigma: float | Sequence[float]) -> Array:
 def shift(p: Array, cells: Sequence[int]) -> Array:
     """Move mass by whole cells, one number for each axis; mass that would leave the grid stays in its border cells."""
     for axis, by in enumerate(cells):
-        n = p.shape[axis]
-        moved = np.zeros_like(p)
-        np.add.at(np.moveaxis(moved, axis, 0), np.clip(np.arange(n) + by, 0, n - 1), np.moveaxis(p, axis, 0))
-        p = moved
+        p = shift_along(p, by, axis)
     return p
+
+
+def shift_along(p: Array, cells: int, axis: int) -> Array:
+    """As `shift`, along one axis; `p` itself for 0 cells."""
+    if cells == 0:
+        return p
+    n = p.shape[axis]
+    cells = max(-n, min(n, cells))
+    out = np.zeros_like(p)
+    a, b = p.swapaxes(0, axis), out.swapaxes(0, axis)
+    if cells > 0:
+        b[cells:] = a[: n - cells]
+        b[-1] += a[n - cells :].sum(axis=0)
+    else:
+        b[: n + cells] = a[-cells:]
+        b[0] += a[:-cells].sum(axis=0)
+    return out
 
 
 @lru_cache(maxsize=32)

@@ -1,28 +1,18 @@
-"""What a robot under a fault says instead: lies, over-confidence, stamps and losses, in reports and evidence alike."""
+"""What a robot under a fault says instead: lies, over-confidence, stamps and losses."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pytest
 
 from blackboard.config import Scenario
 from blackboard.faults import AnyFault, faults_of
-from blackboard.opinion.belief import Belief, gaussian
-from blackboard.opinion.gaussian.increment import Increment
-from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.relation import Relative
-from blackboard.opinion.gaussian.vehicle import HEADING, STATES, Motion, Nuisance
-from blackboard.opinion.grid import Grid
-from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.evidence import pack_evidence, unpack_increment, unpack_state
-from blackboard.wire.messages import Informed, Report
-from robot_agent.faults import FaultyRobot, changed, is_lost, narrowed, shifted
+from blackboard.wire.falsified import displaced, overconfident
+from robot_agent.faults import FaultyRobot, changed, is_lost
 from robot_agent.service import AgentService
 from robot_agent.team import robot_of
-
-GRID = Grid((30, 30), 0.5)
+from tests.wire.reports import report
 
 
 def fault(**table: Any) -> AnyFault:
@@ -30,62 +20,17 @@ def fault(**table: Any) -> AnyFault:
     return found
 
 
-def report(heading: float = 0.5) -> Report:
-    mean = np.zeros(STATES)
-    mean[:2], mean[HEADING] = (7.0, 8.0), heading
-    covariance = np.diag([0.4, 0.4, 0.01, *[1e-4] * (STATES - 3)])
-    seen = Relative("robot/r1", "robot/r2", range=3.0, bearing=-0.2, range_variance=0.04, bearing_variance=0.01)
-    increment = Increment(mean.copy(), np.diag([4.0, 4.0, *[0.0] * (STATES - 2)]), np.ones(STATES))
-    evidence = pack_evidence(0, Motion(1.0), Nuisance(), Moments(mean, covariance), increment, [seen])
-    belief = pack(gaussian(GRID, (7.0, 8.0), 0.6))
-    return Report(
-        source="r1",
-        subject="robot/r1",
-        tick=3,
-        time=1.5,
-        belief=belief,
-        informed=Informed(belief=belief, ancestors={"r2": 1.0}),
-        evidence=evidence,
-    )
-
-
-def test_a_lie_is_off_by_its_offset_in_beliefs_and_evidence() -> None:
-    true, lie = report(), changed(report(), fault(kind="lie", offset=[2.0, -1.0]), GRID)
-    assert lie.informed
-    assert lie.evidence
-    assert lie.evidence.state
-    assert lie.evidence.increment
-    for packed in (lie.belief, lie.informed.belief):
-        assert unpack(packed, GRID).mean() == pytest.approx([9.0, 7.0], abs=0.02)
-    assert unpack_state(lie.evidence.state).mean[:3] == pytest.approx([9.0, 7.0, 0.5])
-    assert unpack_increment(lie.evidence.increment).reference[:2] == pytest.approx([9.0, 7.0])
-    assert true.evidence
-    (one,), (other,) = lie.evidence.relatives, true.evidence.relatives
-    at = [(it.range * np.cos(0.5 + it.bearing), it.range * np.sin(0.5 + it.bearing)) for it in (one, other)]
-    assert np.subtract(*at) == pytest.approx([2.0, -1.0])
-
-
-def test_a_lie_beyond_the_grid_stays_at_its_edge() -> None:
-    lie = shifted(gaussian(GRID, (7.0, 8.0), 0.6), (100.0, 0.0))
-    assert lie.p.sum() == pytest.approx(1.0)
-    assert lie.mean() == pytest.approx([14.75, 8.0], abs=0.02)
-
-
-@pytest.mark.parametrize("factor", [1.5, 2.0])
-def test_over_confidence_makes_sigmas_smaller_by_its_factor(factor: float) -> None:
-    wide = Belief(GRID, gaussian(GRID, (7.0, 8.0), 2.0).p)
-    assert np.sqrt(np.diag(narrowed(wide, factor).covariance())) == pytest.approx([2.0 / factor] * 2, rel=0.05)
-    said = changed(report(), fault(kind="overconfident", factor=factor), GRID)
-    assert said.evidence
-    assert said.evidence.state
-    assert said.evidence.increment
-    assert unpack_state(said.evidence.state).covariance[0, 0] == pytest.approx(0.4 / factor**2)
-    assert unpack_increment(said.evidence.increment).information[0, 0] == pytest.approx(4.0 * factor**2)
-    assert said.evidence.relatives[0].range_variance == pytest.approx(0.04 / factor**2)
+def test_a_liar_reports_other_places_and_an_over_confident_robot_smaller_sigmas() -> None:
+    for lie in (
+        fault(kind="lie", offset=[2.0, -1.0]),
+        fault(kind="collude", robot=None, robots=["r1", "r2"], offset=[2.0, -1.0]),
+    ):
+        assert changed(report(), lie) == displaced(report(), (2.0, -1.0))
+    assert changed(report(), fault(kind="overconfident", factor=1.5)) == overconfident(report(), 1.5)
 
 
 def test_a_skewed_clock_stamps_what_is_said_and_changes_nothing_else() -> None:
-    said = changed(report(), fault(kind="skew", seconds=-3), GRID)
+    said = changed(report(), fault(kind="skew", seconds=-3))
     assert said.time == -1.5
     assert said.model_copy(update={"time": 1.5}) == report()
 

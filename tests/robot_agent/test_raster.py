@@ -17,18 +17,11 @@ from robot_agent.raster import (
     sampled,
     shifted,
     squared_distance,
-    whole_shift,
     with_outlier,
 )
 
 GRID = Grid((9, 7))
 P = np.random.default_rng(1).dirichlet(np.ones(63)).reshape(9, 7)
-
-
-@given(cells=st.integers(-20, 20), axis=st.sampled_from([0, 1]))
-def test_whole_cells_are_the_general_shift(cells: int, axis: int) -> None:
-    by = (cells, 0) if axis == 0 else (0, cells)
-    assert whole_shift(P, cells, axis) == pytest.approx(shift(P, by), abs=1e-15)
 
 
 @given(dx=st.floats(-3, 3), dy=st.floats(-3, 3))
