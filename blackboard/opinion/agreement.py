@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -12,8 +11,6 @@ from blackboard.errors import OpinionError
 from blackboard.opinion.grid import Array
 from blackboard.opinion.vectors import checked
 from blackboard.opinion.weights import entropy, entropy_of
-
-Distance = Callable[[npt.ArrayLike, npt.ArrayLike], float]
 
 SLACK = 1e-9  # nats by which entropies differ by rounding alone
 
@@ -32,24 +29,6 @@ def bhattacharyya_coefficient(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
     """Sum sqrt(p q): from 0 (no cell in common) to 1 (equal)."""
     p, q = _pair(p, q)
     return min(1.0, float((np.sqrt(p) * np.sqrt(q)).sum()))  # sum sqrt(p q)
-
-
-def bhattacharyya(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
-    """-ln of the Bhattacharyya coefficient: from 0 (equal) to infinity (no cell in common), symmetric."""
-    coefficient = bhattacharyya_coefficient(p, q)
-    return abs(math.log(coefficient)) if coefficient > 0 else math.inf
-
-
-def jensen_shannon(p: npt.ArrayLike, q: npt.ArrayLike) -> float:
-    """Mean Kullback-Leibler distance to the mean of both, in nats: from 0 (equal) to ln 2 (no cell in common), symmetric."""
-    p, q = _pair(p, q)
-    mean = 0.5 * p + 0.5 * q
-    return min(math.log(2), 0.5 * kullback_leibler(p, mean) + 0.5 * kullback_leibler(q, mean))
-
-
-def agree(p: npt.ArrayLike, q: npt.ArrayLike, xi: float, distance: Distance = bhattacharyya) -> bool:
-    """Two opinions agree when d(p, q) <= xi (II-A.1); xi in nats for the distances of this file."""
-    return distance(p, q) <= xi  # (II-A.1)
 
 
 def coefficients(opinions: npt.ArrayLike) -> Array:

@@ -130,28 +130,6 @@ def logarithmic_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = No
     return pooled(Logarithmic(), opinions, weights)
 
 
-def geometric_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The geometric mean density, prod_i P_i^w_i normalised, with weights scaled to sum to 1; None means equal.
-
-    Known as Chernoff fusion or generalised covariance intersection: idempotent, so it is safe where correlation is unknown.
-    Otherwise as `logarithmic_pool`.
-    """
-    return pooled(Geometric(), opinions, weights)
-
-
-def hoelder_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None, *, a: float = 0.5) -> Array:
-    """The power mean (sum_i w_i P_i^a)^(1/a) of `Hoelder`, -20 <= a <= 20; weights None means equal.
-
-    Raises OpinionError, also where no cell is left.
-    """
-    return pooled(Hoelder(a=a), opinions, weights)
-
-
-def harmonic_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The harmonic mean density (sum_i w_i / P_i)^-1, normalised: `hoelder_pool` with a = -1."""
-    return pooled(Harmonic(), opinions, weights)
-
-
 def channel_filter_pool(
     opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None, *, common: npt.ArrayLike | None = None
 ) -> Array:

@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from blackboard.errors import OpinionError
 from blackboard.opinion.averages import Geometric
 from blackboard.opinion.grid import Array
-from blackboard.opinion.rules import Pooled, Rule, pooled, rule
+from blackboard.opinion.rules import Pooled, Rule, rule
 from blackboard.opinion.vectors import from_logarithm
 from blackboard.opinion.weights import entropy
 
@@ -69,15 +68,6 @@ class Chernoff(Rule):
             if entropy(p) < min(entropies) - SLACK:
                 return Pooled(p, w)
         return Pooled(np.asarray(opinions[sharpest] / opinions[sharpest].sum()), np.eye(len(opinions))[sharpest])
-
-
-def chernoff_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The geometric mean of opinions (N, *grid shape) with the weights of least entropy, in the grid's shape.
-
-    Searched among the cells that all hold possible, downhill from equal weights, each step from one opinion to another
-    (pairwise Frank-Wolfe). Given weights are not optimised: then it is `geometric_pool`. Raises OpinionError.
-    """
-    return pooled(Chernoff(), opinions, weights)
 
 
 def _sharpest_mean(logs: Array) -> tuple[Array, Array]:

@@ -60,18 +60,6 @@ def triangular_alphas(n: int) -> Array:
     return np.asarray(triangular / triangular.sum())
 
 
-def powered_components(
-    opinions: Array, weights: npt.ArrayLike | None, alpha: npt.ArrayLike, cell_ratio: float = 1.0
-) -> Array:
-    """The logarithms of C_q^(1/alpha_q), q = 1..N, shape (N, cells); COP is the normalised sum of their exponentials.
-
-    opinions (N, *grid shape), checked; alpha (N,). Rounding grows with the exponent: a term is off by about
-    |ln C_q| / alpha_q times 2e-16, relatively.
-    """
-    # (V-.2): ln C_q^(1/alpha_q)
-    return np.asarray(log_components(opinions, weights, cell_ratio) / np.reshape(alpha, (len(opinions), 1)))
-
-
 def log_components(opinions: Array, weights: npt.ArrayLike | None, cell_ratio: float = 1.0, first: int = 1) -> Array:
     """The logarithms of C_first..C_N, from C_1 on unless said otherwise, shape (N - first + 1, cells), as mass per reference cell."""
     n = len(opinions)

@@ -12,7 +12,6 @@ from blackboard.opinion.components import alphas, triangular_alphas
 from blackboard.opinion.considered import NOTHING, Chosen, Wide, choose
 from blackboard.opinion.grid import Array
 from blackboard.opinion.rules import EntropyWeighted, Pooled, parameter, pooled, rule
-from blackboard.opinion.vectors import checked, checked_weights
 
 #: The independence of a coalition of which nothing is known.
 CAUTIOUS = 0.2
@@ -135,51 +134,6 @@ def cooperative_pool(
     COP has no veto, so some cell always survives. It is over-confident (docs/paper.md). Raises OpinionError.
     """
     return pooled(Cooperative(gamma=gamma), opinions, weights, cell_ratio)
-
-
-def calibrated_pool(
-    opinions: npt.ArrayLike,
-    weights: npt.ArrayLike | None = None,
-    *,
-    gamma: float = 0.5,
-    cell_ratio: float = 1.0,
-    power: float | None = None,
-) -> Array:
-    """COP to a power, as `Calibrated`; arguments otherwise as in `cooperative_pool`."""
-    return pooled(Calibrated(gamma=gamma, power=power), opinions, weights, cell_ratio)
-
-
-def coalition_pool(
-    opinions: npt.ArrayLike,
-    weights: npt.ArrayLike | None = None,
-    *,
-    gamma: float = 0.5,
-    gate: float | None = None,
-    cell_ratio: float = 1.0,
-    independence: float = 0.0,
-) -> Array:
-    """The belief of `Coalition`; arguments otherwise as in `cooperative_pool`. With a gate, gamma and cell_ratio do not count."""
-    it = Coalition(gamma=gamma if gate is None else None, gate=gate, independence=independence)
-    return pooled(it, opinions, weights, cell_ratio)
-
-
-def cooperative_components(
-    opinions: npt.ArrayLike,
-    weights: npt.ArrayLike | None = None,
-    *,
-    gamma: float = 0.5,
-    gate: float | None = None,
-    cell_ratio: float = 1.0,
-) -> Array:
-    """The share of C_1^(1/alpha_1) .. C_N^(1/alpha_N) in the mass of the COP, shape (N,), summing to 1.
-
-    Most of it in C_N means that all agree, in C_q that the best coalition has q members. With a gate these are the m_q of
-    `Coalition`.
-    """
-    it = Coalition(gamma=gamma if gate is None else None, gate=gate)
-    stack = checked(opinions)
-    given = None if weights is None else checked_weights(weights, len(stack))
-    return it._choose(stack, given, cell_ratio).shares()
 
 
 def _exponents(n: int, independence: float) -> Array:

@@ -29,19 +29,10 @@ import numpy.typing as npt
 
 from blackboard.errors import OpinionError, RuleError, VetoError
 from blackboard.opinion import rules
-from blackboard.opinion.averages import (
-    Linear,
-    channel_filter_pool,
-    geometric_pool,
-    harmonic_pool,
-    hoelder_pool,
-    linear_pool,
-    logarithmic_pool,
-)
-from blackboard.opinion.chernoff import chernoff, chernoff_pool
-from blackboard.opinion.cooperative import calibrated_pool, coalition_pool, cooperative_pool
+from blackboard.opinion.averages import Linear, channel_filter_pool, linear_pool, logarithmic_pool
+from blackboard.opinion.chernoff import chernoff
+from blackboard.opinion.cooperative import cooperative_pool
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.robust import clique_pool, geometric_median_pool, median_log_pool
 from blackboard.opinion.rules import Pooled, Rule
 from blackboard.opinion.vectors import TOLERANCE, checked
 
@@ -58,30 +49,21 @@ __all__ = [
 
 Pool = Callable[..., Array]
 
-#: The functions of the rules that come with the package, in the order in which they are listed.
-_FUNCTIONS: dict[str, Pool] = {
-    "linear": linear_pool,
-    "logarithmic": logarithmic_pool,
-    "geometric": geometric_pool,
-    "chernoff": chernoff_pool,
-    "hoelder": hoelder_pool,
-    "harmonic": harmonic_pool,
-    "cooperative": cooperative_pool,
-    "calibrated": calibrated_pool,
-    "coalition": coalition_pool,
-    "median-log": median_log_pool,
-    "geometric-median": geometric_median_pool,
-    "clique": clique_pool,
-    "channel-filter": channel_filter_pool,
-}
+#: The rules that come with the package, in the order in which they are listed.
+LISTED = (
+    "linear", "logarithmic", "geometric", "chernoff", "hoelder", "harmonic", "cooperative", "calibrated", "coalition",
+    "median-log", "geometric-median", "clique", "channel-filter",
+)  # fmt: skip
+#: Functions with arguments that are no parameters of a rule.
+_SPECIAL: dict[str, Pool] = {"channel-filter": channel_filter_pool}
 
 
 class _Pools(Mapping[str, Pool]):
     """Every rule's function, those of users and plug-ins included; a plug-in is loaded when it is looked up."""
 
     def __getitem__(self, name: str) -> Pool:
-        if name in _FUNCTIONS:
-            return _FUNCTIONS[name]
+        if name in _SPECIAL:
+            return _SPECIAL[name]
         try:
             cls = rules.find(name)
         except RuleError as error:
@@ -95,7 +77,7 @@ class _Pools(Mapping[str, Pool]):
         return pool
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*_FUNCTIONS, *rules.names()]))
+        return iter(dict.fromkeys([*LISTED, *rules.names()]))
 
     def __len__(self) -> int:
         return len(list(iter(self)))

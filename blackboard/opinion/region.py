@@ -24,10 +24,18 @@ def region(belief: Belief, share: float = 0.95) -> Mask:
     """
     if not 0.0 < share <= 1.0:
         raise ValueError(f"region: share {share}; give one above 0 and at most 1")
-    densest = np.sort(belief.p, axis=None)[::-1]
+    return np.asarray(belief.p >= least_inside(belief.p, share))
+
+
+def least_inside(p: Array, share: float) -> float:
+    """The least probability of a cell in the highest-density region of `share` of the mass (0 to 1).
+
+    The region is every cell of which the strictly denser ones hold less than `share` (`blackboard.opinion.scores.hdr_level`).
+    """
+    densest = np.sort(p, axis=None)[::-1]
     sums = np.cumsum(densest)
-    last = min(int(np.searchsorted(sums, share * sums[-1] * (1.0 - 1e-12))), len(densest) - 1)
-    return np.asarray(belief.p >= densest[last])
+    last = int(np.searchsorted(sums, share * sums[-1] * (1.0 - 1e-12)))
+    return float(densest[min(last, len(densest) - 1)])
 
 
 def polygons(belief: Belief, share: float = 0.95) -> list[Array]:

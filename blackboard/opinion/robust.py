@@ -14,7 +14,7 @@ from blackboard.errors import RuleError
 from blackboard.opinion.agreement import coefficients
 from blackboard.opinion.averages import Logarithmic, linear_pool
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.rules import Pooled, Rule, find, parameter, pooled, read_rule, rule
+from blackboard.opinion.rules import Pooled, Rule, find, parameter, rule
 from blackboard.opinion.vectors import from_logarithm, logarithm, shares
 
 CLOSE = 1e-7  # two roots nearer than this differ by rounding alone
@@ -124,35 +124,6 @@ class Clique(Rule):
             return find(name)
         except RuleError as error:
             raise RuleError("inner", error.cure) from None
-
-
-def median_log_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The cell-wise weighted median of the log beliefs of opinions (N, *grid shape), in the grid's shape: `MedianLog`.
-
-    weights (N,) are scaled to sum to 1, None means equal. Raises OpinionError, also where no cell is left.
-    """
-    return pooled(MedianLog(), opinions, weights)
-
-
-def geometric_median_pool(opinions: npt.ArrayLike, weights: npt.ArrayLike | None = None) -> Array:
-    """The geometric median of opinions (N, *grid shape), in the grid's shape: `GeometricMedian`; weights (N,) None means equal."""
-    return pooled(GeometricMedian(), opinions, weights)
-
-
-def clique_pool(
-    opinions: npt.ArrayLike,
-    weights: npt.ArrayLike | None = None,
-    *,
-    inner: str = "logarithmic",
-    xi: float = 2.0,
-    cell_ratio: float = 1.0,
-    **own: Any,
-) -> Array:
-    """The belief of `Clique` with the rule `inner` and its own parameters. Raises OpinionError.
-
-    weights None: within the largest set as the inner rule's board would weigh, (III-A.1) for the paper's rules.
-    """
-    return pooled(read_rule({"rule": "clique", "inner": inner, "xi": xi, **own}), opinions, weights, cell_ratio)
 
 
 def _median_mix(points: Array, weights: Array) -> Array:

@@ -193,8 +193,8 @@ def rule(name: str) -> Callable[[type[R]], type[R]]:
 
 
 def _registered() -> dict[str, type[Rule]]:
-    """The rules by name: those that come with the package register where they stand, and all of them with `pools`."""
-    import blackboard.opinion.pools  # noqa: F401
+    """The rules by name: those that come with the package register where they stand, in this order."""
+    from blackboard.opinion import averages, chernoff, cooperative, robust  # noqa: F401
 
     return _RULES
 

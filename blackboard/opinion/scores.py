@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
+from blackboard.opinion.region import least_inside
 from blackboard.opinion.weights import entropy
 
 #: The highest-density regions whose coverage is given, in percent.
@@ -49,29 +50,14 @@ def held(denser: npt.ArrayLike, border: npt.ArrayLike, share: npt.ArrayLike) -> 
 def region_area(belief: Belief, share: float) -> float:
     """Length, area or volume, in the grid's unit ** ndim, of the highest-density region of `share` of the mass (0 to 1).
 
-    The region is every cell whose `hdr_level` is below `share`: the smallest one that holds so much, cells of equal density
-    together.
+    Cells of equal density are in it together.
     """
-    densest = np.sort(belief.p, axis=None)[::-1]
-    groups = np.concatenate([[0], np.flatnonzero(np.diff(densest)) + 1])  # where each group of equals begins
-    denser = np.concatenate([[0.0], np.cumsum(densest)])[groups]  # the mass before each group
-    least = densest[groups[denser < share][-1]]
-    return int(np.count_nonzero(belief.p >= least)) * belief.grid.volume
+    return int(np.count_nonzero(belief.p >= least_inside(belief.p, share))) * belief.grid.volume
 
 
 def log_score(p: Array, index: tuple[int, ...]) -> float:
     """The natural logarithm of the true cell's probability, of at least LEAST_PROBABILITY: a proper score, in nats."""
     return math.log(max(float(p[index]), LEAST_PROBABILITY))
-
-
-def nees(belief: Belief, truth: Sequence[float]) -> float:
-    """Normalised estimation error squared, divided by the dimension: about 1 on average if the belief is honest.
-
-    The mean's error against the covariance, to which the width of a cell adds cell^2 / 12 on each axis.
-    """
-    away = np.asarray(truth) - belief.mean()
-    covariance = belief.covariance() + np.eye(belief.grid.ndim) * belief.grid.cell**2 / 12
-    return float(away @ np.linalg.solve(covariance, away)) / belief.grid.ndim  # e^T C^-1 e / dimension
 
 
 def errors(distances: npt.ArrayLike) -> dict[str, float]:

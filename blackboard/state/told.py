@@ -12,6 +12,7 @@ import numpy as np
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
+from blackboard.opinion.region import least_inside
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import Consensus, PackedBelief, Report
@@ -89,7 +90,7 @@ def draw(belief: Belief) -> Drawn:
     lo, end = [int(span[0]) for span in spans], [int(span[-1]) + 1 for span in spans]
     box = p[lo[0] : end[0], lo[1] : end[1]]
     levels = 255.0 + np.log(np.maximum(box / peak, math.exp(-2 * DEPTH))) / STEP
-    least, cells = region(belief)
+    least = least_inside(p, REGION)
     return Drawn(
         lo=tuple(lo),
         box=box.shape,
@@ -98,17 +99,6 @@ def draw(belief: Belief) -> Drawn:
         sigma=math.sqrt(max(0.0, float(np.linalg.eigvalsh(belief.covariance())[-1]))),
         peak=peak,
         edge=255.0 + math.log(least / peak) / STEP if least > 0 else 0.0,
-        area=cells * belief.grid.volume,
+        area=int(np.count_nonzero(p >= least)) * belief.grid.volume,
         entropy=entropy(p),
     )
-
-
-def region(belief: Belief, share: float = REGION) -> tuple[float, int]:
-    """The least probability in the highest-density region of `share` of the mass, and how many cells the region has.
-
-    The region is that of `blackboard.opinion.scores.region_area`: a cell is in it where the strictly denser ones hold less.
-    """
-    densest = np.sort(belief.p, axis=None)[::-1]
-    first = int(np.searchsorted(np.cumsum(densest), share))  # the first cell with which the share is reached
-    least = float(densest[min(first, len(densest) - 1)])
-    return least, int(np.count_nonzero(belief.p >= least))

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard import Grid, OpinionError, cooperative_pool, linear_pool, logarithmic_pool
+from blackboard import POOLS, Grid, OpinionError, cooperative_pool, linear_pool, logarithmic_pool
 from blackboard.opinion.belief import gaussian
-from blackboard.opinion.components import alphas, powered_components
-from blackboard.opinion.cooperative import calibrated_pool, coalition_pool, cooperative_components
+from blackboard.opinion.components import alphas, log_components
+from blackboard.opinion.cooperative import Coalition, Cooperative
 from blackboard.opinion.grid import Array
 from tests import oracles
 from tests.opinion.stacks import KINDS, few, make, weighted
@@ -24,7 +24,7 @@ def test_it_is_the_sum_over_all_subsets(kind: str, n: int) -> None:
     terms = oracles.cooperative_terms(opinions, weights.tolist(), alphas(n).tolist())
     pool, shares = oracles.cooperative(terms)
     assert np.abs(cooperative_pool(opinions, weights) - pool).max() <= 1e-12
-    assert np.abs(cooperative_components(opinions, weights) - shares).max() <= 1e-12
+    assert np.abs(Cooperative().pool(opinions, weights).components - shares).max() <= 1e-12
 
 
 @few
@@ -40,7 +40,7 @@ def test_it_is_the_sum_over_all_subsets_with_any_parameters(
     assert (
         np.abs(cooperative_pool(opinions, weights, gamma=gamma, cell_ratio=cell_ratio).ravel() - pool).max() <= rounding
     )
-    found = cooperative_components(opinions, weights, gamma=gamma, cell_ratio=cell_ratio)
+    found = Cooperative(gamma=gamma).pool(opinions, weights, cell_ratio=cell_ratio).components
     assert np.abs(found - shares).max() <= rounding
 
 
@@ -54,7 +54,7 @@ def test_products_far_below_the_smallest_float_still_decide() -> None:
     pool, shares = oracles.cooperative(oracles.cooperative_terms(opinions, [1.0] * 10, alphas(10).tolist()))
     assert shares[-1] > 0.99
     assert np.abs(cooperative_pool(opinions) - pool).max() <= 1e-12
-    assert np.abs(cooperative_components(opinions) - shares).max() <= 1e-12
+    assert np.abs(Cooperative().pool(opinions).components - shares).max() <= 1e-12
 
 
 def test_alphas_rise_by_the_same_ratio_and_sum_to_one() -> None:
@@ -77,7 +77,7 @@ def test_gamma_out_of_bounds(gamma: float) -> None:
 @given(weighted(("random", "sparse", "mixed")))
 def test_alpha_1_alone_is_the_linear_pool(drawn: tuple[Array, Array]) -> None:
     opinions, weights = drawn
-    first = powered_components(opinions, weights, np.ones(len(opinions)))[0]
+    first = log_components(opinions, weights)[0]
     assert np.exp(first) == pytest.approx(linear_pool(opinions, weights).ravel(), abs=1e-14)
 
 
@@ -87,7 +87,7 @@ def test_alpha_n_alone_is_the_product(drawn: tuple[Array, Array]) -> None:
     """The smaller gamma, the nearer alpha_N is to 1 and the others to 0: then C_N is all that is left."""
     opinions, weights = drawn
     product = logarithmic_pool(opinions)
-    last = np.exp(powered_components(opinions, weights, np.ones(len(opinions)))[-1])
+    last = np.exp(log_components(opinions, weights)[-1])
     assert last / last.sum() == pytest.approx(product.ravel(), abs=1e-12)
     assert cooperative_pool(opinions, weights, gamma=1e-4) == pytest.approx(product, abs=0.01)
 
@@ -95,12 +95,12 @@ def test_alpha_n_alone_is_the_product(drawn: tuple[Array, Array]) -> None:
 def test_agreement_and_conflict_show_in_the_components() -> None:
     rng = np.random.default_rng(3)
     alike = make("random", 1, (20,), rng)[0]
-    assert cooperative_components(np.stack([alike] * 4)).argmax() == 3
+    assert Cooperative().pool(np.stack([alike] * 4)).components.argmax() == 3
     apart = np.eye(20)[:4]
-    assert cooperative_components(apart) == pytest.approx([1, 0, 0, 0])
+    assert Cooperative().pool(apart).components == pytest.approx([1, 0, 0, 0])
     line = Grid((80,))
     three_of_four = np.stack([gaussian(line, (mean,), 4).p for mean in (24, 25, 26, 60)])
-    assert cooperative_components(three_of_four).argmax() == 2
+    assert Cooperative().pool(three_of_four).components.argmax() == 2
     assert cooperative_pool(three_of_four)[:40].sum() > 0.99
 
 
@@ -121,13 +121,13 @@ def test_thirty_opinions_on_200_by_200_cells() -> None:
 @few
 @given(weighted(("random", "sparse", "identical", "mixed")))
 def test_calibrated_is_cop_to_a_power(drawn: tuple[Array, Array]) -> None:
-    opinions, weights = drawn
+    (opinions, weights), calibrated = drawn, POOLS["calibrated"]
     cop = cooperative_pool(opinions, weights)
-    assert calibrated_pool(opinions, weights, power=1.0) == pytest.approx(cop, abs=1e-12)
+    assert calibrated(opinions, weights, power=1.0) == pytest.approx(cop, abs=1e-12)
     powered = cop**0.8
-    assert calibrated_pool(opinions, weights, power=0.8) == pytest.approx(powered / powered.sum(), abs=1e-9)
-    default = calibrated_pool(opinions, weights, power=float(alphas(len(opinions))[-1]))
-    assert np.array_equal(calibrated_pool(opinions, weights), default)
+    assert calibrated(opinions, weights, power=0.8) == pytest.approx(powered / powered.sum(), abs=1e-9)
+    default = calibrated(opinions, weights, power=float(alphas(len(opinions))[-1]))
+    assert np.array_equal(calibrated(opinions, weights), default)
 
 
 @pytest.mark.parametrize("n", [2, 3, 5, 8])
@@ -144,7 +144,7 @@ def test_the_gate_leaves_out_who_disagrees_by_more_than_it_says(n: int, gate: fl
             opinions[:, 0] = 1.0
             opinions[-1, :2] = peak * np.exp(-below), peak
             opinions[-1, 2:] = (1 - opinions[-1, :2].sum()) / 2000
-            *_, without, all_of_them = cooperative_components(opinions, gate=gate)
+            *_, without, all_of_them = Coalition(gate=gate).pool(opinions).components
             assert (all_of_them > without) == (below < gate)
 
 
@@ -152,30 +152,29 @@ def test_the_gate_leaves_out_who_disagrees_by_more_than_it_says(n: int, gate: fl
 def test_coalition_mixes_the_components_by_their_mass_in_cop(independence: float) -> None:
     rng = np.random.default_rng(5)
     opinions, weights = make("random", 4, (3, 4), rng), rng.random(4)
-    masses = cooperative_components(opinions, weights)
-    components = np.exp(powered_components(opinions, weights, np.ones(4)))
+    masses = Cooperative().pool(opinions, weights).components
+    components = np.exp(log_components(opinions, weights))
     expected = np.zeros(12)
     for q, (mass, component) in enumerate(zip(masses, components, strict=True), start=1):
         part = component ** (1.0 / q) if independence == 0 else component ** (q ** -(1 - independence))
         expected += mass * part / part.sum()
-    found = coalition_pool(opinions, weights, independence=independence)
+    found = POOLS["coalition"](opinions, weights, gamma=0.5, independence=independence)
     assert found.ravel() == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(
     ("rule", "parameter", "value"),
     [
-        (coalition_pool, "gate", 0.0),
-        (coalition_pool, "gate", float("nan")),
-        (coalition_pool, "independence", 1.5),
-        (coalition_pool, "independence", float("nan")),
-        (calibrated_pool, "power", 0.0),
-        (calibrated_pool, "power", float("inf")),
-        (cooperative_pool, "cell_ratio", -1.0),
-        (cooperative_components, "cell_ratio", float("nan")),
+        ("coalition", "gate", 0.0),
+        ("coalition", "gate", float("nan")),
+        ("coalition", "independence", 1.5),
+        ("coalition", "independence", float("nan")),
+        ("calibrated", "power", 0.0),
+        ("calibrated", "power", float("inf")),
+        ("cooperative", "cell_ratio", -1.0),
+        ("cooperative", "cell_ratio", float("nan")),
     ],
 )
-def test_parameters_out_of_bounds_are_named(rule: object, parameter: str, value: float) -> None:
-    assert callable(rule)
+def test_parameters_out_of_bounds_are_named(rule: str, parameter: str, value: float) -> None:
     with pytest.raises(OpinionError, match=f"{parameter} {value}: give"):
-        rule(np.full((2, 3), 1 / 3), **{parameter: value})
+        POOLS[rule](np.full((2, 3), 1 / 3), **{parameter: value})

@@ -58,6 +58,7 @@ def test_opinions(rule: str, opinions: object, text: str) -> None:
         ([1.0, 1.0], "weights of shape (2,) for 3 opinions; give one for each"),
         ([[1.0, 1.0, 1.0]], "weights of shape (1, 3) for 3 opinions"),
         ([1.0, 1.0, -2.0], "weight 2: -2.0; give finite values of at least 0"),
+        ([1.0, 1.0, -1e-12], "weight 2: -1e-12; give finite values of at least 0"),
         ([1.0, float("nan"), 1.0], "weight 1: nan; give"),
         ([float("inf"), 1.0, 1.0], "weight 0: inf; give"),
         ([0.0, 0.0, 0.0], "all weights are 0; give at least one opinion a positive one"),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from blackboard import POOLS, OpinionError, entropy_weights
 from blackboard.opinion import laws
+from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import fuse
 from blackboard.opinion.rules import EntropyWeighted, Rule, read_rule
@@ -23,7 +24,8 @@ RULES: dict[str, tuple[str, dict[str, object]]] = {
     "hoelder-2": ("hoelder", {"a": -2.0}),
     "hoelder+3": ("hoelder", {"a": 3.0}),
     "coalition-1": ("coalition", {"independence": 1.0}),
-    "coalition-gate": ("coalition", {"gate": 4.0}),
+    "coalition-0": ("coalition", {"independence": 0.0}),
+    "coalition-gamma": ("coalition", {"gamma": 0.5, "independence": 0.0}),
     "clique-cooperative": ("clique", {"inner": "cooperative", "xi": 1.0}),
 }
 IDEMPOTENT = {
@@ -33,7 +35,8 @@ IDEMPOTENT = {
 VETO = {"logarithmic", "geometric", "chernoff", "hoelder-2", "harmonic", "channel-filter", "clique"}
 #: Whatever the opinions, some cell survives.
 NEVER_EMPTY = {
-    "linear", "chernoff", "hoelder", "hoelder+3", "cooperative", "calibrated", "coalition", "coalition-1", "coalition-gate",
+    "linear", "chernoff", "hoelder", "hoelder+3", "cooperative", "calibrated", "coalition", "coalition-1", "coalition-0",
+    "coalition-gamma",
     "geometric-median", "clique-cooperative",
 }  # fmt: skip
 #: Weights count relative to each other.
@@ -130,7 +133,7 @@ def test_echoes_do_gain_where_it_is_not(name: str) -> None:
     p = np.array([0.1, 0.2, 0.4, 0.3])
     gained = pool(name, np.stack([p, p]))[2] - p[2]
     assert (
-        abs(gained) < 0.01 if name in ("coalition", "coalition-gate") else gained > 0.01
+        abs(gained) < 0.01 if name in ("coalition-0", "coalition-gamma") else gained > 0.01
     )  # "yes in practice" (theory.md)
 
 
@@ -209,3 +212,15 @@ def test_a_board_pools_with_entropy_weights_where_the_rule_does(name: str) -> No
 def test_every_rule_of_the_table_is_under_the_laws() -> None:
     assert {rule for rule, _ in RULES.values()} == set(POOLS)
     assert all(name == rule for name, (rule, own) in itertools.islice(RULES.items(), len(POOLS)))
+
+
+@pytest.mark.parametrize("rule", ["logarithmic", "geometric", "hoelder", "linear"])
+def test_an_opinion_of_weight_zero_has_no_veto(rule: str) -> None:
+    vetoing, other = np.array([1.0, 0.0, 0.0]), np.array([0.2, 0.3, 0.5])
+    assert POOLS[rule](np.stack([vetoing, other]), [0.0, 1.0]) == pytest.approx(other)
+
+
+def test_huge_and_tiny_weights_are_shares_of_their_sum() -> None:
+    stack = np.stack([gaussian(Grid((40, 40), 0.5, (-10.0, -10.0)), (x, 0), 2).p for x in (-1, 2)])
+    for scale in (1e-200, 1e200):
+        assert POOLS["linear"](stack, [scale, 3 * scale]) == pytest.approx(0.25 * stack[0] + 0.75 * stack[1])

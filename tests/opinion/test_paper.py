@@ -13,7 +13,7 @@ from hypothesis import given
 
 from blackboard import Grid, cooperative_pool, entropy, entropy_weights, linear_pool, logarithmic_pool
 from blackboard.opinion.belief import Belief, gaussian
-from blackboard.opinion.components import powered_components
+from blackboard.opinion.components import log_components
 from blackboard.opinion.grid import Array
 from tests import oracles
 from tests.opinion.stacks import few, weighted
@@ -71,7 +71,7 @@ def test_the_other_readings_of_the_exponent_are_not_sharp() -> None:
     golden = GOLDEN["other readings of the exponent"]
     opinions = sensors(golden["figure"], line())
     alpha = np.array([1, 2, 4, 8, 16])[:, np.newaxis] / 31
-    logs = powered_components(opinions, entropy_weights(opinions, 2.0), np.ones(5))
+    logs = log_components(opinions, entropy_weights(opinions, 2.0))
     for reading, p in {
         "alpha C": (alpha * np.exp(logs)).sum(axis=0),
         "C^alpha": np.exp(alpha * logs).sum(axis=0),

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard import POOLS, Grid
-from blackboard.opinion.agreement import bhattacharyya
+from blackboard.opinion.agreement import bhattacharyya_coefficient
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Array
 from blackboard.opinion.robust import largest_cliques
@@ -94,7 +94,7 @@ def test_the_largest_cliques_are_all_found(n: int, edges: int) -> None:
 
 def test_agreement_ends_at_the_threshold_xi() -> None:
     p, q = gaussian(GRID, (10, 20), 2).p, gaussian(GRID, (18, 20), 2).p
-    distance = bhattacharyya(p, q)
+    distance = -math.log(bhattacharyya_coefficient(p, q))
     assert distance == pytest.approx(2.0, abs=1e-3)  # equal widths, 4 sigma apart
     assert largest_cliques(np.stack([p, q]), distance) == [(0, 1)]
     assert largest_cliques(np.stack([p, q]), distance * (1 - 1e-6)) == [(0,), (1,)]
@@ -132,3 +132,11 @@ def test_the_channel_filter_revives_no_cell() -> None:
     prior, told = np.array([0.0, 0.5, 0.5]), np.array([[0.0, 0.8, 0.2], [0.0, 0.4, 0.6]])
     assert POOLS["channel-filter"](told, common=[prior]) == pytest.approx([0, 0.32 / 0.44, 0.12 / 0.44])
     assert POOLS["channel-filter"](told + np.array([0.1, -0.1, 0.0]), common=[prior])[0] == 0.0
+
+
+def test_two_opinions_nearly_alike_have_a_geometric_median_between_them() -> None:
+    centred = Grid((40, 40), 0.5, (-10.0, -10.0))
+    p, q = (gaussian(centred, (x, 0), 2).p for x in (0.0, 1e-9))
+    far = gaussian(centred, (5, 5), 1).p
+    pooled = POOLS["geometric-median"](np.stack([p, q, far]))
+    assert np.abs(pooled - p).max() < 1e-6

@@ -8,7 +8,7 @@ from hypothesis import given
 
 from blackboard import POOLS, Grid, entropy_weights
 from blackboard.opinion.belief import gaussian
-from blackboard.opinion.components import alphas, memberships, powered_components
+from blackboard.opinion.components import alphas, log_components, memberships
 from blackboard.opinion.grid import Array
 from blackboard.opinion.pools import fuse
 from blackboard.opinion.rules import Pooled, read_rule
@@ -44,7 +44,7 @@ def test_the_weights_depend_on_the_rule() -> None:
 def test_memberships_are_the_sum_over_all_subsets(kind: str, n: int) -> None:
     rng = np.random.default_rng(n)
     opinions, weights = make(kind, n, (5,), rng), rng.random(n)
-    terms = powered_components(opinions, weights, alphas(n))
+    terms = log_components(opinions, weights) / alphas(n)[:, np.newaxis]
     mass = np.exp(terms - terms.max())
     mass /= mass.sum()
     assert memberships(opinions, weights, mass) == pytest.approx(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from blackboard.process.clock import ManualClock
 from blackboard.process.loop import AFTER_FAILURE, LONGEST_WAIT, run
 from blackboard.wire.envelope import Envelope
+from tests.clocks import ManualClock
 
 
 class Post:

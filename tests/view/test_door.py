@@ -11,10 +11,10 @@ import pytest
 
 import blackboard.__main__
 from blackboard.errors import RunFailed, UserError
-from blackboard.process.clock import ManualClock
 from blackboard.run import door
 from blackboard.view import __main__ as room
 from blackboard.wire.envelope import Envelope, Kind
+from tests.clocks import ManualClock
 from tests.view.recorded import recorded, team_of
 
 

@@ -39,11 +39,6 @@ def draw(grid: Grid, moments: Moments) -> Belief:
     return Belief(grid, p / p.sum())
 
 
-def moments_of(belief: Belief) -> Moments:
-    """Mean and covariance of a belief on a grid, the width of a cell included."""
-    return Moments(belief.mean(), belief.covariance() + np.eye(belief.grid.ndim) * belief.grid.cell**2 / 12)
-
-
 def _box(grid: Grid, axis: int, mean: float, reach: float) -> tuple[int, int]:
     """The first cell and the one behind the last along an axis that are within reach of the mean; none: equal."""
     low, high = ((mean + sign * reach - grid.origin[axis]) / grid.cell for sign in (-1, 1))
