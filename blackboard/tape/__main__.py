@@ -6,7 +6,7 @@ Long, because it is the door of six commands, each with its flags.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from importlib.metadata import version
@@ -23,8 +23,9 @@ from blackboard.process.clock import UnixClock
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, TeamFlags
 from blackboard.run.logs import quiet
+from blackboard.run.overrides import parse_set, path_of, with_settings
 from blackboard.run.progress import progress
-from blackboard.tape.compare import changed_board, side_by_side, told
+from blackboard.tape.compare import side_by_side, told
 from blackboard.tape.content import Tape, load_tape, summary
 from blackboard.tape.content import cut as cut_out
 from blackboard.tape.file import TapeWriter, copy, create
@@ -129,7 +130,7 @@ class Changes:
         if not 0.0 <= self.loss <= 1.0:
             raise UserError(f"--loss {self.loss:g}: give a share from 0 to 1")
         scenario = TeamFlags(rule=self.rule, fusion=self.fusion).apply(scenario)
-        scenario = changed_board(scenario, self.set)
+        scenario = _with_boards(scenario, self.set)
         if scenario.board.fusion == "joint" and tape.scenario.board.fusion != "joint":
             raise UserError(
                 '--fusion joint: the robots of this tape sent no evidence; record a team with fusion = "joint"'
@@ -178,6 +179,17 @@ def replay(
         if changes.given:
             return _what_if(found, story, changes, output, keep)
         return _again(found, story, output, keep)
+
+
+def _with_boards(scenario: Scenario, sets: Sequence[str]) -> Scenario:
+    """A scenario with settings KEY=VALUE of its boards. UserError: of something else, or several values."""
+    settings = {}
+    for given in sets:
+        key, values = parse_set(given)
+        if path_of(key)[0] != "board" or len(values) > 1:
+            raise UserError(f"--set {given}: only boards are run again; say board.KEY=VALUE, as board.gate=8")
+        settings[key] = values[0]
+    return with_settings(scenario, settings)
 
 
 def _again(found: Tape, story: Course, output: OutputFlags, keep: Keep) -> int:

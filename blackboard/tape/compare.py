@@ -1,31 +1,12 @@
-"""Replays told: what was changed, scorecards side by side, and whether a replay is the recording. Pure."""
+"""Replays told: scorecards side by side, and whether a replay is the recording. Pure."""
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Sequence
 from typing import Any
 
-from blackboard.config import Scenario
-from blackboard.errors import UserError
 from blackboard.tape.judge import Match
 from blackboard.tape.replay import Replay
 from sim_world.referee import GROUPS, LEVELS
-
-
-def changed_board(scenario: Scenario, settings: Sequence[str]) -> Scenario:
-    """A scenario with settings KEY=VALUE of its boards, VALUE as in TOML (or a bare word). UserError: what cannot be set."""
-    for setting in settings:
-        key, equals, value = setting.partition("=")
-        section, _, name = key.strip().partition(".")
-        if not equals or section != "board" or not name:
-            raise UserError(f"--set {setting}: only boards are run again; say board.KEY=VALUE, as board.gate=8")
-        try:
-            scenario = scenario.changed("board", **{name: tomllib.loads(f"value = {value}")["value"]})
-        except tomllib.TOMLDecodeError:
-            scenario = scenario.changed("board", **{name: value.strip()})
-    _ = scenario.board
-    return scenario
 
 
 def told(found: Replay, matched: Match) -> list[str]:

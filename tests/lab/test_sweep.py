@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 import blackboard.__main__
-from blackboard.config import Scenario, load
+from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.lab import __main__ as room
 from blackboard.lab import parallel, sweep
-from blackboard.lab.sweep_plan import label, parse_seeds, parse_set, plan, with_settings
+from blackboard.lab.sweep_plan import label, parse_seeds, plan
 from blackboard.lab.sweep_report import report, rows, text
 from blackboard.lab.team import Team
 from blackboard.opinion.intervals import student
@@ -45,25 +45,6 @@ def test_seeds_are_numbers_and_ranges(given: str, seeds: list[int]) -> None:
 def test_seeds_that_are_none_are_one_line(given: str) -> None:
     with pytest.raises(UserError, match=r"^--seeds .*: give numbers and ranges, as 1\.\.20 or 1,5,9"):
         parse_seeds(given)
-
-
-@pytest.mark.parametrize(
-    ("given", "key", "values"),
-    [
-        ("board.rule=cooperative,coalition", "board.rule", ["cooperative", "coalition"]),
-        ("world.vision.gain=0.05, 0.1", "world.vision.gain", [0.05, 0.1]),
-        ("grid.shape=[20, 20],[30, 30]", "grid.shape", [[20, 20], [30, 30]]),
-        ('board.rule="a,b",c', "board.rule", ["a,b", "c"]),
-        ("robot.vision.mates=true,false", "robot.vision.mates", [True, False]),
-        (
-            'board.subjects."object/ball"={rule="linear", k=1}',
-            'board.subjects."object/ball"',
-            [{"rule": "linear", "k": 1}],
-        ),
-    ],
-)
-def test_a_setting_has_values_as_in_toml_or_bare_words(given: str, key: str, values: list[Any]) -> None:
-    assert parse_set(given) == (key, values)
 
 
 @pytest.mark.parametrize(
@@ -99,11 +80,6 @@ def test_every_combination_runs_with_every_seed() -> None:
     assert last.scenario.tables["world"] == {"objects": {"ball": {}}, "vision": {"gain": 0.1}, "seed": 7}
     assert "vision" not in TINY.tables["world"]
     assert label(plan(TINY, [1], [])[0].settings) == "as it is"
-
-
-def test_a_rule_is_set_before_its_parameters_and_without_those_of_the_old_one() -> None:
-    one = with_settings(load("demo"), {"board.gamma": 0.4, "board.rule": "cooperative"})
-    assert one.board.in_force() == {"rule": "cooperative", "k": 2.0, "gamma": 0.4}
 
 
 def card(rmse: float, seed: int) -> dict[str, Any]:

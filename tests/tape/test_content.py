@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from blackboard.errors import UserError
-from blackboard.tape.compare import changed_board, side_by_side, told
+from blackboard.tape.compare import side_by_side, told
 from blackboard.tape.content import Tape, cut, load_tape, messages, summary
 from blackboard.tape.judge import Match, course, judge, match, recorded
 from blackboard.tape.player import Part, Player
@@ -126,16 +126,6 @@ def test_a_gap_and_a_message_that_is_not_there_are_counted(run: tuple[dict[str, 
     again = replay(holey)
     assert (again.gaps, again.missing) == (1, 1)
     assert not match(holey.runs[0], recorded(holey), again.output).exact
-
-
-def test_settings_of_boards_and_of_nobody_else() -> None:
-    board = changed_board(SMALL, ["board.gate=8", "board.feedback=off", "board.max_age = 3"]).board
-    assert (board.feedback, board.max_age, board.in_force()["gate"]) == ("off", 3.0, 8)
-    for wrong in ("robot.speed=1", "gate=1", "board.gate", "board.=1"):
-        with pytest.raises(UserError, match="only boards are run again"):
-            changed_board(SMALL, [wrong])
-    with pytest.raises(UserError, match=r"board\.gait"):
-        changed_board(SMALL, ["board.gait=1"])
 
 
 def test_scorecards_stand_side_by_side(run: tuple[dict[str, Any], Tape, Path]) -> None:

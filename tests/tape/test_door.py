@@ -20,9 +20,12 @@ import pytest
 
 from blackboard.__main__ import app
 from blackboard.errors import UserError
-from blackboard.tape.file import read
+from blackboard.tape.__main__ import Changes
+from blackboard.tape.content import Tape
+from blackboard.tape.file import About, read
 from sim_world.referee import GROUPS
 from sim_world.series import read_series
+from tests.tape.teams import SMALL
 
 GOLDEN = Path(__file__).parent / "golden.mcap"
 HASH = "49c983bbfd0415129f978d8d58a1a23af7a9ca1dca04a4eb9c2eaf07395acbb3"
@@ -94,6 +97,21 @@ def test_what_if_shows_what_was_recorded_beside_it(capsys: pytest.CaptureFixture
 def test_a_mistake_is_one_line(arguments: list[str], says: str) -> None:
     with pytest.raises(UserError, match=says):
         call("replay", GOLDEN, *arguments)
+
+
+def test_settings_of_boards_and_of_nobody_else() -> None:
+    tape = Tape(SMALL, [], About())
+    board = Changes(set=["board.gate=8", "board.feedback=off", "board.max_age = 3"]).apply(tape).board
+    assert (board.feedback, board.max_age, board.in_force()["gate"]) == ("off", 3.0, 8)
+    for wrong, says in {
+        "robot.speed=1": "only boards are run again",
+        "board.gate=1,2": "only boards are run again",
+        "gate=1": "no key of a section",
+        "board.gate": "say KEY=VALUE",
+        "board.gait=1": r"board\.gait",
+    }.items():
+        with pytest.raises(UserError, match=says):
+            Changes(set=[wrong]).apply(tape)
 
 
 def test_a_lie_is_a_change_with_intervals(capsys: pytest.CaptureFixture[str]) -> None:
