@@ -19,7 +19,7 @@ from cyclopts import Parameter
 from blackboard.config import Scenario, load
 from blackboard.errors import UserError, missing_extra
 from blackboard.run import door
-from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
+from blackboard.run.flags import MemberFlags, OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
 from blackboard.run.progress import progress
 
 log = logging.getLogger(__name__)
@@ -101,43 +101,27 @@ def scenario(section: Literal["team", "grid", "time", "board", "robot", "world",
 
 def serve(
     *,
-    team: str | None = None,
+    which: MemberFlags = MemberFlags(),
     sub_team: str,
     board: Annotated[str | None, Parameter(name="--id")] = None,
-    scenario: str | None = None,
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
-    """Run the board of one sub-team until it is stopped.
+    """Run the board of one sub-team until it is stopped; the scenario has the grid and the board's settings.
 
     Parameters
     ----------
-    team
-        Name of the team [default: the scenario's].
     sub_team
         The sub-team whose reports it fuses.
     board
         Name of the board [default: board-SUB_TEAM].
-    scenario
-        A scenario file with the grid and the board's settings, or the name of one that comes with the package.
     """
-    from blackboard.board.service import BoardService
     from blackboard.tape.journal import Journaled
+    from blackboard.tape.replay import board_service
 
-    chosen = load(scenario) if scenario else Scenario({})
-    name = board or f"board-{sub_team}"
-    for what, value in (("--team", team or chosen.team.name), ("--sub-team", sub_team), ("--id", name)):
-        door.check_name(what, value)
-    for warning in chosen.unknown_sub_teams([sub_team]) if scenario else ():
-        log.warning(warning)
-    service = BoardService(
-        team=team or chosen.team.name,
-        sub_team=sub_team,
-        board=name,
-        grid=chosen.grid,
-        settings=chosen.board,
-    )
-    journaled = Journaled(service, team=service.team, sub_team=sub_team, board=name)
-    door.serve(journaled, name, flags)
+    chosen, name = which.chosen(), board or f"board-{sub_team}"
+    which.check_member(chosen, name, [sub_team])
+    service = board_service(chosen, sub_team, name)
+    door.serve(Journaled(service, team=service.team, sub_team=sub_team, board=name), name, flags)
     return 0
 
 

@@ -11,12 +11,10 @@ from robot_agent.config import RobotSection
 from robot_agent.service import AgentService
 
 
-def robot_of(
-    scenario: Scenario, robot: str, *, team: str | None = None, sub_teams: Sequence[str] | None = None
-) -> AgentService:
-    """The service of a robot, by default in the scenario's team and sub-teams. UserError: a mistake in the scenario."""
+def robot_of(scenario: Scenario, robot: str, *, sub_teams: Sequence[str] | None = None) -> AgentService:
+    """The service of a robot, by default in the scenario's sub-teams. UserError: a mistake in the scenario."""
     arguments: dict[str, Any] = {
-        "team": team or scenario.team.name,
+        "team": scenario.team.name,
         "sub_teams": scenario.team.of(robot) if sub_teams is None else sub_teams,
         "robot": robot,
         "grid": scenario.grid,

@@ -23,7 +23,7 @@ ERRORS, PLUGINS, CONFIG = "blackboard.errors", "blackboard.plugins", "blackboard
 OPINION, WIRE, PROCESS = "blackboard.opinion", "blackboard.wire", "blackboard.process"
 CLOCK, LOOP = "blackboard.process.clock", "blackboard.process.loop"
 BOARD, NET, RUN, LAB = "blackboard.board", "blackboard.net", "blackboard.run", "blackboard.lab"
-STATE = "blackboard.state"
+STATE, SOURCE = "blackboard.state", "blackboard.view.source"
 VIEW, WEB, TUI = "blackboard.view", "blackboard.view.web", "blackboard.view.tui"
 TAPE, BRIDGES, ROS = "blackboard.tape", "blackboard.bridges", "blackboard.bridges.ros"
 ACCESS = "blackboard.access"
@@ -73,9 +73,10 @@ ALLOWED: dict[str, set[str]] = {
     "blackboard.__main__": {RUN},
     COMMANDS: {*SHARED, BOARD, TAPE, LAB, RUN, "robot_agent", "sim_world"},
     "blackboard.lab.__main__": {*SHARED, LAB, RUN, "sim_world"},
-    "blackboard.view.__main__": {*SHARED, STATE, VIEW, WEB, TUI, TAPE, NET, RUN, CLOCK},
+    SOURCE: {*SHARED, STATE, VIEW, TAPE, NET, RUN, CLOCK},
+    "blackboard.view.__main__": {*SHARED, STATE, VIEW, SOURCE, WEB, TUI, NET, RUN, CLOCK},
     "blackboard.client.__main__": {*SHARED, CLIENT, NET, RUN, CLOCK, LOOP},
-    "blackboard.bridges.__main__": {*SHARED, BRIDGES, ROS, STATE, VIEW, TAPE, CLIENT, NET, RUN, CLOCK, LOOP},
+    "blackboard.bridges.__main__": {*SHARED, BRIDGES, ROS, STATE, VIEW, SOURCE, CLIENT, NET, RUN, CLOCK, LOOP},
     "blackboard.chaos.__main__": {*SHARED, CHAOS, RUN},
     "blackboard.tape.__main__": {*SHARED, TAPE, NET, RUN, CLOCK, "sim_world"},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
@@ -92,6 +93,7 @@ LIBRARIES = {
         ROS,
         RUN,
         LAB,
+        SOURCE,
         "blackboard.__main__",
         COMMANDS,
         "blackboard.lab.__main__",
@@ -285,6 +287,7 @@ DOORS = {
                     "run/health",
                     "run/launch",
                     "chaos/team",
+                    "view/source",
                 )
             },
         ),

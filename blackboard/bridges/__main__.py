@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from blackboard.bridges.stream import Stream
-from blackboard.config import Scenario, load
+from blackboard.config import Scenario
 from blackboard.errors import UserError, missing_extra
 from blackboard.net.attached import AttachedLink
-from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.process.loop import run
 from blackboard.run import door
-from blackboard.view.feed import Feed
-from blackboard.view.taped import Taped
+from blackboard.run.flags import WhichTeam
+from blackboard.view.source import TeamSource, open_tape
 
 if TYPE_CHECKING:
     from blackboard.bridges.ros.service import Sources
@@ -30,9 +29,8 @@ app = door.new_app("blackboard-rerun", "Show a team that runs, or one on a tape,
 
 @app.default
 def rerun(
-    file: Path | None = None,
+    source: TeamSource = TeamSource(),
     *,
-    team: str | None = None,
     save: Path | None = None,
     viewer: Annotated[str | None, Parameter(name="--viewer")] = None,
     flags: door.ZenohFlags = door.ZenohFlags(),
@@ -41,10 +39,6 @@ def rerun(
 
     Parameters
     ----------
-    file
-        A tape (MCAP) to show instead of a running team.
-    team
-        Its team [default: demo, or the one on the tape].
     save
         Write a recording (.rrd) instead of opening a viewer.
     viewer
@@ -54,36 +48,25 @@ def rerun(
 
     if save is not None and viewer is not None:
         raise UserError("--save --viewer: give one of them")
-    if file is not None:
-        taped = open_tape(file, team)
-        sink, stream = open_viewer(taped.team, save, viewer), Stream(taped.feed, taped.team)
-        moments = 0
+    looked, shown = source.open(flags, "rerun", 30.0, door.Stop()), 0
+    sink = open_viewer(looked.team, save, viewer)
+    with looked:
+        stream = Stream(looked.feed, looked.team)
 
-        def look() -> None:
-            nonlocal moments
-            moments += stream.new(sink)
+        def show() -> None:
+            nonlocal shown
+            shown += stream.new(sink)
 
-        taped.read_on(look)
-        sink.close()
-        sys.stderr.write(f"{file}: {moments} ticks shown\n")
-        return door.DONE
-    name = team or "demo"
-    door.check_name("--team", name)
-    sink, stop = open_viewer(name, save, viewer), door.Stop()
-    with Link(flags.link(), "rerun", patience=30.0, stopped=stop) as link:
-        feed = Feed(link, UnixClock().now, name)
-        stream = Stream(feed, name)
-        while not stop():
-            feed.take(feed.receive())
-            stream.new(sink)
+        looked.read_on(show)
     sink.close()
+    if source.file is not None:
+        sys.stderr.write(f"{source.file}: {shown} ticks shown\n")
     return door.DONE
 
 
 def ros(
     *,
-    scenario: str | None = None,
-    team: str | None = None,
+    which: WhichTeam = WhichTeam(),
     sub_team: str | None = None,
     domain: int = 0,
     namespace: str | None = None,
@@ -98,10 +81,6 @@ def ros(
 
     Parameters
     ----------
-    scenario
-        The team's scenario, a file or the name of one that comes with the package [default: demo].
-    team
-        Its team [default: the scenario's].
     sub_team
         The sub-team of the robots of --pose [default: as in the scenario].
     domain
@@ -124,14 +103,13 @@ def ros(
         raise UserError("--keys: a router with keys gives ROS no keys of its own; run the bridge on an open router")
     if not 0 <= domain <= names.MAX_DOMAIN:
         raise UserError(f"--domain {domain}: give 0 to {names.MAX_DOMAIN}, as in ROS_DOMAIN_ID")
-    chosen = load(scenario or "demo")
-    name = team or chosen.team.name
-    door.check_name("--team", name)
+    chosen = which.chosen()
+    name = chosen.team.name
     space = (namespace or names.part(name)).strip("/")
     if not names.is_topic(space):
         raise UserError(f"--namespace {space!r}: use letters, digits, '_' and '/', as in names of ROS")
     sources = _sources(odometry, fix, pose)
-    members = {robot: _member(chosen, name, sub_team, robot) for robot in sources.poses}
+    members = {robot: _member(chosen, sub_team, robot) for robot in sources.poses}
     stop, clock = door.Stop(), UnixClock()
     with AttachedLink(flags.link(), "ros", patience=30.0, stopped=stop, clock=clock) as link:
         node = names.Node("cop_blackboard", link.session_id, domain, clock.now)
@@ -156,12 +134,14 @@ def _sources(odometry: list[str] | None, fix: list[str] | None, pose: list[str] 
     return sources
 
 
-def _member(scenario: Scenario, team: str, sub_team: str | None, robot: str) -> Member:
+def _member(scenario: Scenario, sub_team: str | None, robot: str) -> Member:
     """A robot of --pose, whose reports the bridge makes."""
     from blackboard.client.member import Member
 
     sub_teams = (sub_team,) if sub_team else tuple(scenario.team.of(robot))
-    return Member(team=team, sub_teams=sub_teams, robot=robot, grid=scenario.grid, settings=scenario.board)
+    return Member(
+        team=scenario.team.name, sub_teams=sub_teams, robot=robot, grid=scenario.grid, settings=scenario.board
+    )
 
 
 def _topics(flag: str, given: list[str] | None) -> dict[str, str]:
@@ -199,14 +179,6 @@ def export(file: Path, out: Path, *, to: Literal["foxglove"] = "foxglove", team:
     count = write(open_tape(file, team), out)
     sys.stderr.write(f"{out}: {count} messages for {to}\n")
     return door.DONE
-
-
-def open_tape(file: Path, team: str | None) -> Taped:
-    """A tape to look at. UserError: it is none, or empty."""
-    from blackboard.tape.file import About, look_through  # extra `record`
-
-    about = About()
-    return Taped(file, look_through(file, about), lambda: about.metadata, team)
 
 
 def main() -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import logging
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +15,10 @@ from cyclopts import Parameter
 from blackboard.config import Scenario, load
 from blackboard.errors import UserError
 from blackboard.faults import without_faults
+from blackboard.run import door
 from blackboard.run.terminal import in_lines
+
+log = logging.getLogger(__name__)
 
 
 @Parameter(name="*")
@@ -45,6 +49,41 @@ class RecordingFlags:
         if self.given and scenario.tables["world"].get("kind") != "mrclam":
             raise UserError("--start and --protocol are about a recording: name its folder with --mrclam")
         return scenario
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class MemberFlags:
+    """Which team a process is of."""
+
+    team: str | None = None
+    "Name of the team [default: the scenario's]."
+    scenario: str | None = None
+    "The team's scenario, a file or the name of one that comes with the package."
+
+    def chosen(self) -> Scenario:
+        """The named scenario, or the defaults, with the name of the team. UserError: no such scenario, or no possible name."""
+        chosen = load(self.scenario) if self.scenario else Scenario({})
+        if self.team is None:
+            return chosen
+        door.check_name("--team", self.team)
+        return chosen.changed("team", name=self.team)
+
+    def check_member(self, chosen: Scenario, name: str, sub_teams: Sequence[str]) -> None:
+        """Check the names of a member, and warn of each of its sub-teams that the named scenario lacks. UserError: a name."""
+        for flag, value in (("--id", name), *(("--sub-team", sub_team) for sub_team in sub_teams)):
+            door.check_name(flag, value)
+        for warning in chosen.unknown_sub_teams(sub_teams) if self.scenario else ():
+            log.warning(warning)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class WhichTeam(MemberFlags):
+    """Which team a command is about."""
+
+    scenario: str | None = "demo"
+    "The team's scenario, a file or the name of one that comes with the package."
 
 
 @Parameter(name="*")

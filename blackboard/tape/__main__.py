@@ -16,12 +16,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from cyclopts import App, Parameter
 
-from blackboard.config import Scenario, load
+from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
 from blackboard.net.bus import intersects
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
-from blackboard.run.flags import OutputFlags, TeamFlags
+from blackboard.run.flags import MemberFlags, OutputFlags, TeamFlags
 from blackboard.run.logs import quiet
 from blackboard.run.overrides import parse_set, path_of, with_settings
 from blackboard.run.progress import progress
@@ -60,26 +60,22 @@ tape.command(
 def record(
     file: Path,
     *,
-    team: str | None = None,
-    scenario: str | None = None,
+    which: MemberFlags = MemberFlags(),
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
     """Record every message and token of a running team onto a tape, until a signal comes.
+
+    The scenario is kept on the tape, for replays.
 
     Parameters
     ----------
     file
         The tape (MCAP); a file that is there already is not overwritten.
-    team
-        Name of the team [default: the scenario's].
-    scenario
-        The team's scenario, a file or the name of one that comes with the package. It is kept on the tape, for replays.
     """
-    chosen = load(scenario) if scenario else None
-    name = team or (chosen or Scenario({})).team.name
-    door.check_name("--team", name)
+    chosen = which.chosen()
+    name = chosen.team.name
     with create(file) as out:
-        writer = TapeWriter(out, _about(name, chosen))
+        writer = TapeWriter(out, _about(name, chosen if which.scenario else None))
         writer.check(file)
         door.serve(Recorder(name, writer), "recorder", flags, linger=1.0)
         writer.close()

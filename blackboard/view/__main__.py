@@ -13,25 +13,20 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from blackboard.config import load
-from blackboard.errors import RunFailed, UserError, missing_extra
+from blackboard.errors import UserError, missing_extra
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
 from blackboard.run.browser import open_page
-from blackboard.run.flags import OutputFlags
+from blackboard.run.flags import OutputFlags, WhichTeam
 from blackboard.run.terminal import beneath
-from blackboard.state.fold import TeamFold
-from blackboard.state.moments import Moment
 from blackboard.view.echo import Rates, key_expression, line
 from blackboard.view.feed import Feed
+from blackboard.view.source import PATIENCE, TeamSource
 from blackboard.view.summary import summary, text
-from blackboard.view.taped import Taped
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
 
-PATIENCE = 3.0  # seconds to wait for a router, and for a team to settle something
-TEAM = "demo"  # the scenario where no other is named
 NICE = 10  # lower priority of what looks on: where processors are short, boards and robots come first
 CLEAR = "\x1b[H\x1b[2J"  # of a terminal
 
@@ -42,11 +37,9 @@ Seconds = Annotated[float, Parameter(name="--seconds")]
 @app.command
 def why(
     subject: str,
-    file: Path | None = None,
+    source: TeamSource = TeamSource(),
     *,
     at: int | None = None,
-    team: str | None = None,
-    scenario: str | None = None,
     drift: float | None = None,
     seconds: Seconds = PATIENCE,
     output: OutputFlags = OutputFlags(),
@@ -58,60 +51,18 @@ def why(
     ----------
     subject
         As robot/r1 or object/ball.
-    file
-        A tape (MCAP) to look at instead of a running team; of several runs on it, the last one.
     at
         The tick to explain: of a running team the newest, or one that is still to come [default: the newest].
-    team
-        Its team [default: the scenario's, or the one on the tape].
-    scenario
-        The team's scenario, a file or the name of one that comes with the package [default: demo].
     drift
         The boards' [board] drift, by which old reports spread [default: the scenario's, or the tape's].
     seconds
         How long to wait for the tick of a running team.
     """
-    if file is not None:
-        taped = open_tape(file, team, flags)
-        moment = taped.moment(at)
-        found = explain(taped.fold, moment, subject, taped.drift if drift is None else drift)
-    else:
-        chosen = load(scenario or TEAM)
-        name = team or chosen.team.name
-        door.check_name("--team", name)
-        with Link(flags.link(), "why", patience=PATIENCE) as link:
-            feed = Feed(link, UnixClock().now, name)
-            moment = _wait_for(feed, name, at, seconds)
-        found = explain(feed.fold.teams[name], moment, subject, chosen.board.drift if drift is None else drift)
+    with source.open(flags, "why") as looked:
+        moment = looked.moment(at, seconds)
+        found = explain(looked.fold, moment, subject, looked.drift if drift is None else drift)
     output.show(found, lambda it: "\n".join(sentences(it)))
     return door.DONE
-
-
-def _wait_for(feed: Feed, name: str, tick: int | None, seconds: float) -> Moment:
-    """A moment of which everything was seen, so not the first one; of a team that stands still, the one that it stands at."""
-    first = _newest(feed, name)
-    if tick is not None and first is not None and tick < first.tick:
-        raise UserError(f"--at {tick}: that tick is over, the newest is {first.tick}; ask for a later one")
-
-    def enough() -> bool:
-        newest = _newest(feed, name)
-        if newest is None or (first is not None and newest.tick <= first.tick + 1 and newest.run == first.run):
-            return False
-        return tick is None or newest.tick >= tick
-
-    feed.follow(seconds, enough)
-    team = feed.fold.teams.get(name) or TeamFold(name)
-    found = team.moments.newest if tick is None else team.moments.at(tick)
-    if found is None:
-        what = "has settled nothing" if tick is None else f"did not settle tick {tick}"
-        others = ", ".join(sorted(other for other in feed.fold.teams if other != name))
-        raise RunFailed(f"team {name} {what} within {seconds:g} s" + (f"; there is {others}" if others else ""))
-    return found
-
-
-def _newest(feed: Feed, name: str) -> Moment | None:
-    team = feed.fold.teams.get(name)
-    return None if team is None else team.moments.newest
 
 
 @app.command
@@ -145,7 +96,7 @@ def status(
     if file is not None:
         if watch:
             raise UserError("--watch: a tape does not change; leave it out")
-        taped = open_tape(file, team, flags)
+        taped = TeamSource(file, which=WhichTeam(team=team)).open(flags, "status")
         taped.read_on()
         output.show(summary(taped.feed.fold, taped.feed.now), text)
         return door.DONE if taped.feed.fold.teams else door.FAILED
@@ -216,10 +167,8 @@ def hz(key: str = "cop/**", *, seconds: Seconds = 5.0, flags: door.ZenohFlags = 
 
 @app.command
 def view(
-    file: Path | None = None,
+    source: TeamSource = TeamSource(),
     *,
-    team: str | None = None,
-    scenario: str | None = None,
     port: int = 8642,
     host: str = "127.0.0.1",
     name: Annotated[list[str] | None, Parameter(negative="", show_default=False)] = None,
@@ -230,12 +179,6 @@ def view(
 
     Parameters
     ----------
-    file
-        A tape (MCAP) to show instead of a running team; of several runs on it, the last one.
-    team
-        Its team [default: the scenario's, or the one on the tape].
-    scenario
-        The team's scenario, a file or the name of one that comes with the package [default: demo].
     port
         Where the page is served; 0 takes a free one.
     host
@@ -252,69 +195,30 @@ def view(
         from blackboard.view.web.server import Address, serve
     except ImportError:
         raise missing_extra("the live page", "web") from None
-    clock = UnixClock()
-    if file is not None:
-        taped = open_tape(file, team, flags)
-        stop = door.Stop()
-        serve(taped.feed, taped.team, clock.now, Address(host, port, name), stop, ready, taped.drift)
-        return door.DONE
-    chosen = load(scenario or TEAM)
-    of = team or chosen.team.name
-    door.check_name("--team", of)
-    os.nice(NICE)
     stop = door.Stop()
-    with Link(flags.link(), "view", patience=30.0, stopped=stop) as link:
-        feed = Feed(link, clock.now, of)
-        serve(feed, of, clock.now, Address(host, port, name), stop, ready, chosen.board.drift)
+    with _in_the_background(source).open(flags, "view", 30.0, stop) as looked:
+        serve(looked.feed, looked.team, UnixClock().now, Address(host, port, name), stop, ready, looked.drift)
     return door.DONE
 
 
 @app.command
-def top(
-    file: Path | None = None,
-    *,
-    team: str | None = None,
-    scenario: str | None = None,
-    flags: door.ZenohFlags = door.ZenohFlags(),
-) -> int:
-    """Show a running team, or how one on a tape ends, in this terminal until q is pressed (extra `tui`).
-
-    Parameters
-    ----------
-    file
-        A tape (MCAP) to show instead of a running team.
-    team
-        Its team [default: the scenario's, or the one on the tape].
-    scenario
-        The team's scenario, a file or the name of one that comes with the package [default: demo].
-    """
+def top(source: TeamSource = TeamSource(), *, flags: door.ZenohFlags = door.ZenohFlags()) -> int:
+    """Show a running team, or how one on a tape ends, in this terminal until q is pressed (extra `tui`)."""
     try:
         from blackboard.view.tui.top import Top
     except ImportError:
         raise missing_extra("the terminal", "tui") from None
-    if file is not None:
-        taped = open_tape(file, team, flags)
-        Top(taped.feed, taped.team, taped.drift).run()
-        return door.DONE
-    chosen = load(scenario or TEAM)
-    of = team or chosen.team.name
-    door.check_name("--team", of)
-    os.nice(NICE)
-    with Link(flags.link(), "top", patience=PATIENCE) as link:
-        feed = Feed(link, UnixClock().now, of)
+    with _in_the_background(source).open(flags, "top") as looked:
         logging.disable()  # the terminal is drawn on standard error, where logs go
-        Top(feed, of, chosen.board.drift).run()
+        Top(looked.feed, looked.team, looked.drift).run()
     return door.DONE
 
 
-def open_tape(file: Path, team: str | None, flags: door.ZenohFlags) -> Taped:
-    """A tape to look at. UserError: it is none, is empty, or the flags are for a network."""
-    if flags != door.ZenohFlags():
-        raise UserError(f"{file}: a tape is looked at without a network; leave out where the network is")
-    from blackboard.tape.file import About, look_through  # extra `record`
-
-    about = About()
-    return Taped(file, look_through(file, about), lambda: about.metadata, team)
+def _in_the_background(source: TeamSource) -> TeamSource:
+    """The same source; beside a running team this process takes the processor last."""
+    if source.file is None:
+        os.nice(NICE)
+    return source
 
 
 def _ready(url: str) -> None:

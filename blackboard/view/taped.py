@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
+from types import TracebackType
 
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
@@ -35,6 +36,12 @@ class Taped:
         self.feed = TapeFeed(chain([first], envelopes))
         self.drift = _drift(about.get("scenario", ""))
 
+    def __enter__(self) -> Taped:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Nothing was opened but the file, which is closed at its end."""
+
     @property
     def fold(self) -> TeamFold:
         """The team as far as the tape was read."""
@@ -46,8 +53,8 @@ class Taped:
             self.feed.take(self.feed.receive())
             each()
 
-    def moment(self, tick: int | None) -> Moment:
-        """The moment of a tick in the last run that has it, or the newest; reads to the end. RunFailed: there is none."""
+    def moment(self, tick: int | None, seconds: float = 0.0) -> Moment:
+        """The moment of a tick in the last run that has it, or the newest; reads to the end in any time. RunFailed: there is none."""
         found: Moment | None = None
         seen: Moment | None = None
 

@@ -13,6 +13,7 @@ import blackboard.__main__
 from blackboard.errors import RunFailed, UserError
 from blackboard.run import door
 from blackboard.view import __main__ as room
+from blackboard.view import source
 from blackboard.wire.envelope import Envelope, Kind
 from tests.clocks import ManualClock
 from tests.view.recorded import recorded, team_of
@@ -47,8 +48,9 @@ class Recording:
 
 @pytest.fixture(autouse=True)
 def _on_a_recording(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "Link", Recording)
-    monkeypatch.setattr(room, "UnixClock", lambda: Recording.clock)
+    for module in (room, source):
+        monkeypatch.setattr(module, "Link", Recording)
+        monkeypatch.setattr(module, "UnixClock", lambda: Recording.clock)
     monkeypatch.setattr(door, "Stop", lambda: lambda: False)  # the real one sets signal handlers of this process
 
 

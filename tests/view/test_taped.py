@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from blackboard.bridges.__main__ import open_tape
 from blackboard.errors import RunFailed, UserError
 from blackboard.state import moments
 from blackboard.state.fold import Fold
 from blackboard.tape.file import create, read
 from blackboard.tape.table import rows
 from blackboard.view.feed import Feed, TapeFeed, newest
+from blackboard.view.source import open_tape
 from blackboard.wire.envelope import Envelope, Kind
 from tests.tape.test_door import GOLDEN, call
 from tests.view.recorded import recorded

@@ -1,0 +1,123 @@
+"""The team that a command looks at: one on a tape, or one that runs. For doors, because it connects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+
+from cyclopts import Parameter
+
+from blackboard.errors import RunFailed, UserError
+from blackboard.net.link import Link
+from blackboard.net.settings import LinkConfig
+from blackboard.process.clock import UnixClock
+from blackboard.run import door
+from blackboard.run.flags import WhichTeam
+from blackboard.state.fold import TeamFold
+from blackboard.state.moments import Moment
+from blackboard.view.feed import Feed
+from blackboard.view.taped import Taped
+
+PATIENCE = 3.0  # seconds to wait for a router, and for a team to settle something
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class TeamSource:
+    """Which team is looked at."""
+
+    file: Path | None = None
+    "A tape (MCAP) to look at instead of a running team; of several runs on it, the last one. It says the team, too."
+    which: WhichTeam = field(default=WhichTeam(), kw_only=True)
+
+    def open(
+        self,
+        flags: door.ZenohFlags,
+        name: str,
+        patience: float = PATIENCE,
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> Taped | Running:
+        """The team, as a context manager: a tape, or one to which `name` connects within `patience` seconds when it is entered.
+
+        UserError: no tape or an empty one, flags for a network beside a tape, no such scenario, or a team of no possible name.
+        """
+        if self.file is not None:
+            if flags != door.ZenohFlags():
+                raise UserError(f"{self.file}: a tape is looked at without a network; leave out where the network is")
+            return open_tape(self.file, self.which.team)
+        chosen = self.which.chosen()
+        return Running(flags.link(), name, chosen.team.name, chosen.board.drift, patience, stopped)
+
+
+class Running:
+    """A running team: its name, its boards' drift, and a feed that follows it while this context lasts."""
+
+    feed: Feed
+
+    def __init__(
+        self,
+        config: LinkConfig,
+        name: str,
+        team: str,
+        drift: float,
+        patience: float,
+        stopped: Callable[[], bool],
+    ) -> None:
+        self.team, self.drift = team, drift
+        self._config, self._name, self._patience, self._stopped = config, name, patience, stopped
+
+    def __enter__(self) -> Running:
+        self._link = Link(self._config, self._name, patience=self._patience, stopped=self._stopped)
+        self._link.__enter__()
+        self.feed = Feed(self._link, UnixClock().now, self.team)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._link.__exit__(kind, error, at)
+
+    @property
+    def fold(self) -> TeamFold:
+        """The team as far as it was heard."""
+        return self.feed.fold.teams.get(self.team) or TeamFold(self.team)
+
+    def read_on(self, each: Callable[[], None] = lambda: None) -> None:
+        """Take in what arrives until it is stopped, and call `each` after every look."""
+        while not self._stopped():
+            self.feed.take(self.feed.receive())
+            each()
+
+    def moment(self, tick: int | None, seconds: float) -> Moment:
+        """The moment of a tick to come, or the newest of which everything was seen, so not the first one.
+
+        Of a team that stands still it is the one at which it stands. UserError: the tick is over. RunFailed: nothing
+        was settled within `seconds`.
+        """
+        first = self.fold.moments.newest
+        if tick is not None and first is not None and tick < first.tick:
+            raise UserError(f"--at {tick}: that tick is over, the newest is {first.tick}; ask for a later one")
+
+        def enough() -> bool:
+            newest = self.fold.moments.newest
+            if newest is None or (first is not None and newest.tick <= first.tick + 1 and newest.run == first.run):
+                return False
+            return tick is None or newest.tick >= tick
+
+        self.feed.follow(seconds, enough)
+        moments = self.fold.moments
+        found = moments.newest if tick is None else moments.at(tick)
+        if found is None:
+            what = "has settled nothing" if tick is None else f"did not settle tick {tick}"
+            others = ", ".join(sorted(other for other in self.feed.fold.teams if other != self.team))
+            there = f"; there is {others}" if others else ""
+            raise RunFailed(f"team {self.team} {what} within {seconds:g} s{there}")
+        return found
+
+
+def open_tape(file: Path, team: str | None) -> Taped:
+    """A tape to look at. UserError: it is none, or empty."""
+    from blackboard.tape.file import About, look_through  # extra `record`
+
+    about = About()
+    return Taped(file, look_through(file, about), lambda: about.metadata, team)
