@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, wraps
+from inspect import signature
+from typing import Concatenate, ParamSpec
 
 import numpy as np
-import numpy.typing as npt
 
+from blackboard.opinion import given
 from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.region import Mask, least_inside, polygons
+
+P = ParamSpec("P")
+
+
+def _making(masses: Callable[Concatenate[Grid, P], Array]) -> staticmethod[Concatenate[Grid, P], Belief]:
+    """A static method that makes a belief, by a function that gives the masses of the cells."""
+
+    @wraps(masses)
+    def make(grid: Grid, *args: P.args, **keywords: P.kwargs) -> Belief:
+        return Belief(grid, masses(grid, *args, **keywords))
+
+    make.__signature__ = signature(masses).replace(return_annotation="Belief")  # type: ignore[attr-defined]
+    return staticmethod(make)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,114 +62,38 @@ class Belief:
                 found[i, j] = found[j, i] = float((weighted * b).sum())
         return found
 
-    # --- from what people have, and back: `given` and `region` say all, and are loaded when they are asked for ----------------
-
-    @classmethod
-    def from_gaussian(cls, grid: Grid, mean: npt.ArrayLike, covariance: npt.ArrayLike) -> Belief:
-        """A Gaussian with any covariance (`given.from_gaussian`)."""
-        from blackboard.opinion import given
-
-        return given.from_gaussian(grid, mean, covariance)
-
-    @classmethod
-    def from_mixture(
-        cls,
-        grid: Grid,
-        means: Sequence[npt.ArrayLike],
-        covariances: Sequence[npt.ArrayLike],
-        weights: npt.ArrayLike | None = None,
-    ) -> Belief:
-        """A mixture of Gaussians (`given.from_mixture`)."""
-        from blackboard.opinion import given
-
-        return given.from_mixture(grid, means, covariances, weights)
-
-    @classmethod
-    def from_particles(
-        cls,
-        grid: Grid,
-        xy: npt.ArrayLike,
-        weights: npt.ArrayLike | None = None,
-        bandwidth: float | Sequence[float] | None = None,
-    ) -> Belief:
-        """Weighted particles, each spread by a bandwidth in the grid's unit (`given.from_particles`)."""
-        from blackboard.opinion import given
-
-        return given.from_particles(grid, xy, weights, bandwidth)
-
-    @classmethod
-    def from_range_bearing(
-        cls,
-        grid: Grid,
-        position: npt.ArrayLike,
-        heading: float,
-        *,
-        distance: float | None = None,
-        bearing: float | None = None,
-        distance_sigma: float = 0.0,
-        bearing_sigma: float = 0.0,
-        heading_sigma: float = 0.0,
-        position_sigma: float = 0.0,
-    ) -> Belief:
-        """Where something is that is seen at a distance, a bearing, or both (`given.from_range_bearing`)."""
-        from blackboard.opinion import given
-
-        return given.from_range_bearing(
-            grid,
-            position,
-            heading,
-            distance=distance,
-            bearing=bearing,
-            distance_sigma=distance_sigma,
-            bearing_sigma=bearing_sigma,
-            heading_sigma=heading_sigma,
-            position_sigma=position_sigma,
-        )
-
-    @classmethod
-    def from_occupancy(
-        cls,
-        grid: Grid,
-        values: npt.ArrayLike,
-        *,
-        source: Grid | None = None,
-        unknown: float = 50.0,
-        free: bool = False,
-    ) -> Belief:
-        """Mass by occupancy, 0 to 100 and -1, or by freedom (`given.from_occupancy`)."""
-        from blackboard.opinion import given
-
-        return given.from_occupancy(grid, values, source=source, unknown=unknown, free=free)
-
-    def resampled(self, grid: Grid, lost: float = 0.01) -> Belief:
-        """The same on another grid (`given.resampled`)."""
-        from blackboard.opinion import given
-
-        return given.resampled(self, grid, lost)
-
     def mode(self) -> Array:
-        """The centre of the likeliest cell in the grid's unit, shape (ndim,)."""
-        from blackboard.opinion import region
+        """The centre of the likeliest cell in the grid's unit, shape (ndim,); of several the first."""
+        return self.grid.centre([int(i) for i in np.unravel_index(int(self.p.argmax()), self.grid.shape)])
 
-        return region.mode(self)
+    def region(self, share: float = 0.95) -> Mask:
+        """The cells of the smallest region that holds at least `share` of the mass (0 to 1), in the grid's shape.
 
-    def region(self, share: float = 0.95) -> npt.NDArray[np.bool_]:
-        """The cells of the highest-density region of `share` of the mass (`region.region`)."""
-        from blackboard.opinion import region
-
-        return region.region(self, share)
+        Cells of equal density are in it together, so an even belief's region is the whole grid. ValueError: a share outside (0, 1].
+        """
+        if not 0.0 < share <= 1.0:
+            raise ValueError(f"region: share {share}; give one above 0 and at most 1")
+        return np.asarray(self.p >= least_inside(self.p, share))
 
     def polygons(self, share: float = 0.95) -> list[Array]:
-        """The borders of that region as closed rings in the grid's unit (`region.polygons`)."""
-        from blackboard.opinion import region
-
-        return region.polygons(self, share)
+        """The borders of `region` on a grid of 2 axes (`blackboard.opinion.region.polygons`). ValueError: other axes."""
+        return polygons(self.grid, self.region(share))
 
     def samples(self, n: int, rng: np.random.Generator) -> Array:
-        """Points drawn from it, shape (n, ndim), in the grid's unit (`region.samples`)."""
-        from blackboard.opinion import region
+        """Points drawn from it, shape (n, ndim) in the grid's unit: a cell by its mass, then anywhere in it."""
+        grid, flat = self.grid, self.p.ravel()
+        cells = np.stack(np.unravel_index(rng.choice(flat.size, size=n, p=flat / flat.sum()), grid.shape), axis=-1)
+        return np.asarray(np.asarray(grid.origin) + (cells + rng.random((n, grid.ndim))) * grid.cell)
 
-        return region.samples(self, n, rng)
+    def resampled(self, grid: Grid, lost: float = 0.01) -> Belief:
+        """The same on another grid (`blackboard.opinion.given.resampled`)."""
+        return Belief(grid, given.resampled(self.grid, self.p, grid, lost))
+
+    from_gaussian = _making(given.from_gaussian)
+    from_mixture = _making(given.from_mixture)
+    from_particles = _making(given.from_particles)
+    from_range_bearing = _making(given.from_range_bearing)
+    from_occupancy = _making(given.from_occupancy)
 
 
 def uniform(grid: Grid) -> Belief:

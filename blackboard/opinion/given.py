@@ -1,4 +1,4 @@
-"""Beliefs of what people have: a covariance matrix, particles, a mixture, a range and a bearing, an occupancy grid, another grid.
+"""The masses of beliefs of what people have: a covariance matrix, particles, a mixture, a range and a bearing, an occupancy grid, another grid.
 
 Positions are in the grid's unit, angles in radians. Whatever cannot become a belief is a ValueError that names the value and where
 it is. Densities are integrated over each cell by Gauss-Legendre quadrature. Nothing narrower than a quarter of a cell can be told on
@@ -17,7 +17,6 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array, Grid
 
 NARROWEST = 0.25  # cells: the least standard deviation
@@ -29,7 +28,7 @@ FURTHEST = 5.0  # sigmas by which what is seen may be outside the grid
 REACH = 8.0  # sigmas that the table of the normal distribution covers on each side
 
 
-def from_gaussian(grid: Grid, mean: npt.ArrayLike, covariance: npt.ArrayLike) -> Belief:
+def from_gaussian(grid: Grid, mean: npt.ArrayLike, covariance: npt.ArrayLike) -> Array:
     """A Gaussian with any covariance in unit**2, shape (ndim, ndim): mean in the grid; an eigenvalue of 0 is taken as NARROWEST."""
     place = _place(grid, "from_gaussian: mean", mean)
     return _gaussian(grid, place, _covariance(grid, "from_gaussian: covariance", covariance))
@@ -40,7 +39,7 @@ def from_mixture(
     means: Sequence[npt.ArrayLike],
     covariances: Sequence[npt.ArrayLike],
     weights: npt.ArrayLike | None = None,
-) -> Belief:
+) -> Array:
     """A mixture of Gaussians, shapes (N, ndim), (N, ndim, ndim) and (N,); weights [default: equal] in any scale."""
     n = len(means)
     if not n or len(covariances) != n:
@@ -51,8 +50,8 @@ def from_mixture(
     p = np.zeros(grid.shape)
     for i in range(n):
         place = _place(grid, f"from_mixture: mean {i}", means[i])
-        p += share[i] * _gaussian(grid, place, _covariance(grid, f"from_mixture: covariance {i}", covariances[i])).p
-    return _normalised(grid, p)
+        p += share[i] * _gaussian(grid, place, _covariance(grid, f"from_mixture: covariance {i}", covariances[i]))
+    return _normalised(p)
 
 
 def from_particles(
@@ -60,7 +59,7 @@ def from_particles(
     xy: npt.ArrayLike,
     weights: npt.ArrayLike | None = None,
     bandwidth: float | Sequence[float] | None = None,
-) -> Belief:
+) -> Array:
     """Particles, shape (N, ndim), each spread by a Gaussian of `bandwidth` (unit; one, or one for each axis) within the grid.
 
     Without a bandwidth Scott's rule chooses it: the standard deviation times n ** (-1 / (ndim + 4)) along each axis, n being the
@@ -87,7 +86,7 @@ def from_particles(
         for other in axes[1:]:
             rest = (rest[:, :, None] * other[:, None, :]).reshape(len(other), -1)
         p += (axes[0] * share[some, None]).T @ rest
-    return _normalised(grid, p.reshape(grid.shape))
+    return _normalised(p.reshape(grid.shape))
 
 
 def from_range_bearing(
@@ -101,7 +100,7 @@ def from_range_bearing(
     bearing_sigma: float = 0.0,
     heading_sigma: float = 0.0,
     position_sigma: float = 0.0,
-) -> Belief:
+) -> Array:
     """Where something is that a robot at `position` with `heading` sees at a distance and a bearing (0: ahead), on a grid of 2 axes.
 
     Without a bearing it is a ring, without a distance a ray. Before, every place was as likely as another, so the mass is in
@@ -136,7 +135,7 @@ def from_range_bearing(
     if distance is not None:
         direction = None if bearing is None else heading + bearing
         _check_reached(grid, here, distance, direction, along, math.hypot(bearing_sigma, heading_sigma))
-    return _normalised(grid, _integrated(grid, log_density, least))
+    return _normalised(_integrated(grid, log_density, least))
 
 
 def _check_told(**told: float | None) -> None:
@@ -168,7 +167,7 @@ def _check_reached(
 
 def from_occupancy(
     grid: Grid, values: npt.ArrayLike, *, source: Grid | None = None, unknown: float = 50.0, free: bool = False
-) -> Belief:
+) -> Array:
     """The mass of each cell in proportion to its occupancy, 0 to 100, or with `free` to 100 less it; -1 counts as `unknown`.
 
     As in nav_msgs/OccupancyGrid, but indexed [ix, iy]: `np.reshape(data, (height, width)).T`. `source` is its own grid where that
@@ -187,39 +186,38 @@ def from_occupancy(
             f"from_occupancy: cell {cell} holds {found[cell]:g}; give 0 to 100, or -1 where it is not known"
         )
     known = np.where(found == -1, unknown, found)
-    belief = _normalised(own, 100.0 - known if free else known)
-    return belief if own is grid else resampled(belief, grid)
+    p = _normalised(100.0 - known if free else known)
+    return p if own is grid else resampled(own, p, grid)
 
 
-def resampled(belief: Belief, grid: Grid, lost: float = 0.01) -> Belief:
-    """The belief on another grid of the same frame and unit: each cell's mass goes to those that it overlaps, evenly over its volume.
+def resampled(old: Grid, p: Array, grid: Grid, lost: float = 0.01) -> Array:
+    """A belief on another grid of the same frame and unit: each cell's mass goes to those that it overlaps, evenly over its volume.
 
     ValueError where more than the share `lost` of the mass is outside the other grid; of less, the rest is normalised.
     """
-    old = belief.grid
     if (old.ndim, old.unit) != (grid.ndim, grid.unit):
         raise ValueError(f"resampled: from {old.ndim} axes in {old.unit} to {grid.ndim} in {grid.unit}")
     if old.frame and grid.frame and old.frame != grid.frame:
         raise ValueError(f"resampled: from frame {old.frame!r} to {grid.frame!r}; transform it first")
-    p = belief.p
+    before = math.fsum(p.ravel())
     for axis in range(old.ndim):
         edges = [g.origin[axis] + np.arange(g.shape[axis] + 1) * g.cell for g in (grid, old)]
         low = np.maximum(edges[0][:-1, None], edges[1][None, :-1])
         high = np.minimum(edges[0][1:, None], edges[1][None, 1:])
         share = np.clip(high - low, 0.0, None) / old.cell  # of each old cell in each new one
         p = np.moveaxis(np.tensordot(share, p, axes=(1, axis)), 0, axis)
-    outside = 1.0 - math.fsum(p.ravel()) / math.fsum(belief.p.ravel())
+    outside = 1.0 - math.fsum(p.ravel()) / before
     if outside > lost:
         raise ValueError(
             f"resampled: {outside:.1%} of the mass is outside the grid, which is {_told(grid)}; at most {lost:.1%} may be"
         )
-    return _normalised(grid, p)
+    return _normalised(p)
 
 
 # --- integrals over cells --------------------------------------------------------------------------------------------------
 
 
-def _gaussian(grid: Grid, mean: Array, covariance: Array) -> Belief:
+def _gaussian(grid: Grid, mean: Array, covariance: Array) -> Array:
     values, vectors = np.linalg.eigh(covariance)
     sigmas = np.maximum(np.sqrt(np.clip(values, 0.0, None)), NARROWEST * grid.cell)
     whiten = vectors / sigmas
@@ -227,7 +225,7 @@ def _gaussian(grid: Grid, mean: Array, covariance: Array) -> Belief:
     def log_density(x: Array) -> Array:
         return np.asarray(-0.5 * (((x - mean) @ whiten) ** 2).sum(axis=-1))
 
-    return _normalised(grid, _integrated(grid, log_density, float(sigmas.min())))
+    return _normalised(_integrated(grid, log_density, float(sigmas.min())))
 
 
 def _integrated(grid: Grid, log_density: Callable[[Array], Array], finest: float) -> Array:
@@ -323,11 +321,11 @@ def _weights(what: str, n: int, given: npt.ArrayLike | None) -> Array:
     return np.asarray(w / w.sum())
 
 
-def _normalised(grid: Grid, p: Array) -> Belief:
+def _normalised(p: Array) -> Array:
     total = math.fsum(p.ravel())
     if not total > 0:
         raise ValueError("no cell holds any mass")
-    return Belief(grid, p / total)
+    return np.asarray(p / total)
 
 
 def _borders(grid: Grid) -> list[tuple[float, float]]:

@@ -1,30 +1,14 @@
-"""What a belief says, in forms that people use: its likeliest place, highest-density regions as cells and polygons, samples."""
+"""Highest-density regions: which cells are in one, and the polygons around them."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.opinion.belief import Belief
-from blackboard.opinion.grid import Array
+from blackboard.opinion.grid import Array, Grid
 
 Mask = npt.NDArray[np.bool_]
 Corner = tuple[int, int]  # a corner of cells: (0, 0) is the lower corner of the grid
-
-
-def mode(belief: Belief) -> Array:
-    """The centre of the likeliest cell in the grid's unit, shape (ndim,); of several the first."""
-    return belief.grid.centre(np.unravel_index(int(belief.p.argmax()), belief.grid.shape))  # type: ignore[arg-type]
-
-
-def region(belief: Belief, share: float = 0.95) -> Mask:
-    """The cells of the smallest region that holds at least `share` of the mass (0 to 1), in the grid's shape.
-
-    Cells of equal density are in it together, so an even belief's region is the whole grid. ValueError: a share outside (0, 1].
-    """
-    if not 0.0 < share <= 1.0:
-        raise ValueError(f"region: share {share}; give one above 0 and at most 1")
-    return np.asarray(belief.p >= least_inside(belief.p, share))
 
 
 def least_inside(p: Array, share: float) -> float:
@@ -38,16 +22,15 @@ def least_inside(p: Array, share: float) -> float:
     return float(densest[min(last, len(densest) - 1)])
 
 
-def polygons(belief: Belief, share: float = 0.95) -> list[Array]:
-    """The borders of `region` along the edges of its cells, of a belief on 2 axes: closed rings in the grid's unit, shape (M, 2).
+def polygons(grid: Grid, inside: Mask) -> list[Array]:
+    """The borders of some cells of a grid of 2 axes, along their edges: closed rings in the grid's unit, shape (M, 2).
 
     The first point comes again as the last. Rings around cells run counter-clockwise, those around holes clockwise. Cells that
     touch in a corner alone are in different rings. ValueError: the grid has not 2 axes.
     """
-    grid = belief.grid
     if grid.ndim != 2:
         raise ValueError(f"polygons: a grid of {grid.ndim} axes; only those of 2 have polygons")
-    after = _edges(region(belief, share))
+    after = _edges(inside)
     rings = []
     while after:
         start = min(after)
@@ -66,14 +49,6 @@ def polygons(belief: Belief, share: float = 0.95) -> list[Array]:
             way = turn
         rings.append(np.array([*ring, start]) * grid.cell + np.asarray(grid.origin))
     return rings
-
-
-def samples(belief: Belief, n: int, rng: np.random.Generator) -> Array:
-    """Points drawn from a belief, shape (n, ndim) in the grid's unit: a cell by its mass, then anywhere in it."""
-    grid = belief.grid
-    flat = belief.p.ravel()
-    cells = np.stack(np.unravel_index(rng.choice(flat.size, size=n, p=flat / flat.sum()), grid.shape), axis=-1)
-    return np.asarray(np.asarray(grid.origin) + (cells + rng.random((n, grid.ndim))) * grid.cell)
 
 
 def _edges(inside: Mask) -> dict[Corner, list[Corner]]:
