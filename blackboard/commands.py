@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -25,46 +26,34 @@ from blackboard.run.progress import progress
 log = logging.getLogger(__name__)
 
 
-def demo(
-    *,
-    team: TeamFlags = TeamFlags(),
-    run: RunFlags = RunFlags(),
-    recording: RecordingFlags = RecordingFlags(),
-    look: ViewFlags = ViewFlags(),
-    record: Path | None = None,
-    output: OutputFlags = OutputFlags(),
-    flags: door.ZenohFlags = door.ZenohFlags(),
-) -> int:
-    """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team.
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class LaunchFlags:
+    """Which team runs on this machine and how, and what is kept and shown of it."""
 
-    Parameters
-    ----------
-    record
-        Record every message of the team onto this tape (MCAP).
-    """
-    return _run(run.apply(team.apply(recording.scenario())), run, look, record, output, flags)
+    team: TeamFlags = TeamFlags()
+    run: RunFlags = RunFlags()
+    look: ViewFlags = ViewFlags()
+    record: Path | None = None
+    "Record every message of the team onto this tape (MCAP)."
+    output: OutputFlags = OutputFlags()
+    flags: door.ZenohFlags = door.ZenohFlags()
 
 
-def up(
-    scenario: str,
-    *,
-    team: TeamFlags = TeamFlags(),
-    run: RunFlags = RunFlags(),
-    look: ViewFlags = ViewFlags(),
-    record: Path | None = None,
-    output: OutputFlags = OutputFlags(),
-    flags: door.ZenohFlags = door.ZenohFlags(),
-) -> int:
+def demo(*, recording: RecordingFlags = RecordingFlags(), how: LaunchFlags = LaunchFlags()) -> int:
+    """Run a whole team on this machine: six simulated robots in two sub-teams and two objects, or a recorded real team."""
+    return _run(recording.scenario(), how)
+
+
+def up(scenario: str, *, how: LaunchFlags = LaunchFlags()) -> int:
     """Run every process of a scenario on this machine.
 
     Parameters
     ----------
     scenario
         A scenario file (TOML), or the name of one that comes with the package.
-    record
-        Record every message of the team onto this tape (MCAP).
     """
-    return _run(run.apply(team.apply(load(scenario))), run, look, record, output, flags)
+    return _run(load(scenario), how)
 
 
 def scenario(section: Literal["team", "grid", "time", "board", "robot", "world", "fault"] | None = None) -> int:
@@ -131,19 +120,13 @@ def router(*, flags: door.ZenohFlags = door.ZenohFlags()) -> int:
     return 0
 
 
-def _run(
-    scenario: Scenario,
-    run: RunFlags,
-    look: ViewFlags,
-    record: Path | None,
-    output: OutputFlags,
-    flags: door.ZenohFlags,
-) -> int:
+def _run(scenario: Scenario, how: LaunchFlags) -> int:
     from blackboard.run.browser import can_open
     from blackboard.run.launch import Interrupted, TapeIncomplete, run_scenario
     from sim_world.scorecard import text
     from sim_world.table import check_folder, check_table
 
+    scenario, run, look, record = how.run.apply(how.team.apply(scenario)), how.run, how.look, how.record
     _check(scenario)
     if run.table is not None:
         check_table(run.table, "--table")
@@ -159,13 +142,13 @@ def _run(
         with progress(scenario.name) as show_progress:
             try:
                 status, card = run_scenario(
-                    scenario, show_progress, flags.link(), samples, record, view=look.view, open_page=opens
+                    scenario, show_progress, how.flags.link(), samples, record, view=look.view, open_page=opens
                 )
             except Interrupted as stopped:
                 status, card = door.INTERRUPTED, stopped.card
             except TapeIncomplete as found:
                 status, card, incomplete = door.FAILED, found.card, found
-        output.show(card, text)
+        how.output.show(card, text)
     if incomplete is not None:
         raise incomplete
     return status

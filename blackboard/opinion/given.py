@@ -1,4 +1,4 @@
-"""The masses of beliefs of what people have: a covariance matrix, particles, a mixture, a range and a bearing, an occupancy grid, another grid.
+"""Beliefs of what people have, as masses: a covariance matrix, particles, a mixture, a range and a bearing, an occupancy grid.
 
 Positions are in the grid's unit, angles in radians. Whatever cannot become a belief is a ValueError that names the value and where
 it is. Densities are integrated over each cell by Gauss-Legendre quadrature. Nothing narrower than a quarter of a cell can be told on

@@ -124,4 +124,5 @@ def test_a_fraction_is_no_whole_number(app: App, command: str, says: str) -> Non
 
 def test_a_whole_number_and_a_length_with_a_fraction_are_taken() -> None:
     _, bound, _ = blackboard.__main__.app.parse_args("demo --robots 3.0 --seconds 1.5", exit_on_error=False)
-    assert (bound.arguments["team"].robots, bound.arguments["run"].seconds) == (3, 1.5)
+    how = bound.arguments["how"]
+    assert (how.team.robots, how.run.seconds) == (3, 1.5)
