@@ -71,7 +71,7 @@ class MemberFlags:
 
     def check_member(self, chosen: Scenario, name: str, sub_teams: Sequence[str]) -> None:
         """Check the names of a member, and warn of each of its sub-teams that the named scenario lacks. UserError: a name."""
-        for flag, value in (("--id", name), *(("--sub-team", sub_team) for sub_team in sub_teams)):
+        for flag, value in (*(("--sub-team", sub_team) for sub_team in sub_teams), ("--id", name)):
             door.check_name(flag, value)
         for warning in chosen.unknown_sub_teams(sub_teams) if self.scenario else ():
             log.warning(warning)
