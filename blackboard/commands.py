@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra
 from blackboard.run import door
 from blackboard.run.flags import MemberFlags, OutputFlags, RecordingFlags, RunFlags, TeamFlags, ViewFlags
 from blackboard.run.progress import progress
@@ -160,10 +160,8 @@ def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Itera
     if plot is None:
         yield table
         return
-    try:
+    with extra("plot", "--plot"):
         from blackboard.lab import run_drawing
-    except ModuleNotFoundError:
-        raise missing_extra("--plot", "plot") from None
     from sim_world.series import read_series, series_file
 
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import difflib
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class OpinionError(ValueError):
@@ -59,7 +60,20 @@ def nearest(given: object, known: Iterable[str]) -> str:
     return f"; did you mean {found[0]}?" if found else ""
 
 
-def missing_extra(what: str, extra: str) -> UserError:
-    """What cannot be done because an extra of the package is not installed, and the command that installs it here."""
-    cure = f"{sys.executable} -m pip install 'cop-blackboard[{extra}]' (in a clone: -e '.[{extra}]')"
-    return UserError(f"{what} needs the extra `{extra}`: {cure}")
+@contextmanager
+def extra(name: str, what: str) -> Iterator[None]:
+    """Around imports of what an extra of the package installs. UserError: it is not there; says what needs it, and the cure."""
+    try:
+        yield
+    except ModuleNotFoundError:
+        cure = f"{sys.executable} -m pip install 'cop-blackboard[{name}]' (in a clone: -e '.[{name}]')"
+        raise UserError(f"{what} needs the extra `{name}`: {cure}") from None
+
+
+@contextmanager
+def writing(file: object) -> Iterator[None]:
+    """Around what writes a file, named in the error. UserError: it cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"{file}: cannot be written ({error.strerror or error}); choose another place") from error

@@ -16,7 +16,7 @@ from dataclasses import asdict, astuple, fields
 from pathlib import Path
 from typing import Any, TextIO, TypeVar
 
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra
 
 ENDINGS = (".csv", ".jsonl", ".parquet")
 GROUP = 50_000  # rows that are written to a Parquet file at once
@@ -30,10 +30,8 @@ def check_table(file: Path, flag: str) -> None:
     if file.suffix not in ENDINGS:
         raise UserError(f"{flag} {file}: tables are written as {', '.join(ENDINGS)}; choose one of these endings")
     if file.suffix == ".parquet":
-        try:
+        with extra("table", f"{flag} {file}: Parquet"):
             import pyarrow  # noqa: F401
-        except ImportError:
-            raise missing_extra(f"{flag} {file}: Parquet", "table") from None
     if file.is_dir():
         raise UserError(f"{flag} {file}: is a folder; give the name of a file")
     if not file.parent.is_dir():

@@ -9,16 +9,14 @@ import ipaddress
 from dataclasses import dataclass
 
 from blackboard.access.members import Member
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra
 from blackboard.process.clock import utc
 
-try:
+with extra("keys", "what makes keys and certificates"):
     from cryptography import x509
     from cryptography.hazmat.primitives import hashes, serialization
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
-except ImportError:
-    raise missing_extra("what makes keys and certificates", "keys") from None
 
 DAY = 86400.0  # seconds
 AUTHORITY_DAYS = 3650.0

@@ -47,10 +47,6 @@ class Entries(Generic[Source]):
         """Everybody of whom something is kept."""
         return {source for entries in self._table.values() for source in entries}
 
-    def subjects_of(self, source: Source) -> list[str]:
-        """The subjects of which something of this source is kept, sorted."""
-        return [subject for subject in self if source in self._table[subject]]
-
     def keep(self, subject: str, source: Source, entry: Entry) -> None:
         """Keep an entry unless a newer one of the same source is kept.
 

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from blackboard.bridges.stream import Stream
 from blackboard.config import Scenario
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra
 from blackboard.net.attached import AttachedLink
 from blackboard.process.clock import UnixClock
 from blackboard.process.loop import run
@@ -48,7 +48,7 @@ def rerun(
 
     if save is not None and viewer is not None:
         raise UserError("--save --viewer: give one of them")
-    looked, shown = source.open(flags, "rerun", 30.0, door.Stop()), 0
+    looked, shown = source.open(flags, "rerun", door.PATIENCE, door.Stop()), 0
     sink = open_viewer(looked.team, save, viewer)
     with looked:
         stream = Stream(looked.feed, looked.team)
@@ -94,11 +94,9 @@ def ros(
     pose
         ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /amcl_pose, reported as that robot's own belief, without a `robot-agent`.
     """
-    try:
+    with extra("ros", "the bridge to ROS 2"):
         from blackboard.bridges.ros import names
         from blackboard.bridges.ros.service import RosBridge
-    except ImportError:
-        raise missing_extra("the bridge to ROS 2", "ros") from None
     if flags.keys is not None:
         raise UserError("--keys: a router with keys gives ROS no keys of its own; run the bridge on an open router")
     if not 0 <= domain <= names.MAX_DOMAIN:
@@ -111,7 +109,7 @@ def ros(
     sources = _sources(odometry, fix, pose)
     members = {robot: _member(chosen, sub_team, robot) for robot in sources.poses}
     stop, clock = door.Stop(), UnixClock()
-    with AttachedLink(flags.link(), "ros", patience=30.0, stopped=stop, clock=clock) as link:
+    with AttachedLink(flags.link(), "ros", patience=door.PATIENCE, stopped=stop, clock=clock) as link:
         node = names.Node("cop_blackboard", link.session_id, domain, clock.now)
         service = RosBridge(name, node, sources, members, space)
         link.outlet = node.publishers.get

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from blackboard.bridges.stream import Stream, agreed, corner, masses
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra, writing
 from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import Moment, Point
 from blackboard.view.taped import Taped
@@ -30,17 +30,13 @@ CELL = np.dtype([("probability", "<f4"), ("red", "u1"), ("green", "u1"), ("blue"
 
 def export(taped: Taped, out: Path) -> int:
     """Write a tape into a new file, and return how many messages that has. UserError: it is there already, or the extra is missing."""
-    try:
+    with extra("foxglove", "the export"):
         import foxglove
-    except ImportError:
-        raise missing_extra("the export", "foxglove") from None
     if out.exists():
         raise UserError(f"{out}: is there already; choose another name")
-    try:
+    with writing(out):
         context = foxglove.Context()
         writer = foxglove.open_mcap(out, context=context)
-    except OSError as error:
-        raise UserError(f"{out}: cannot be written ({error}); choose another place") from error
     with writer:
         sink = _File(foxglove, context)
         stream = Stream(taped.feed, taped.team)

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.bridges.stream import TRAIL, agreed, masses
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra
 from blackboard.opinion.grid import Grid
 from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import Moment, Point
@@ -32,10 +32,8 @@ TROUBLE = {"gone", "conflict", "left out", "refused", "namesake"}  # events that
 
 def open_viewer(team: str, save: Path | None, viewer: str | None) -> RerunSink:
     """A file, a viewer that runs (`rerun+http://127.0.0.1:9876/proxy`), or else one that is started here. UserError: no extra."""
-    try:
+    with extra("rerun", "the bridge"):
         import rerun
-    except ImportError:
-        raise missing_extra("the bridge", "rerun") from None
     recording = rerun.RecordingStream(f"cop-blackboard {team}")
     if save is not None:
         if save.exists():

@@ -18,8 +18,6 @@ from blackboard.process.loop import run
 from blackboard.run import door
 from blackboard.wire.names import LONGEST_NAME, NAME, OF_TEAM, VIA
 
-PATIENCE = 30.0  # seconds to wait for a router, and then for a board of the team that is told
-
 
 def share(
     source: str,
@@ -54,7 +52,7 @@ def share(
     settings = BoardSection() if chosen is None else chosen.board
     _check(source, team, sub_team, subjects, every, settings.max_age, flags)
     stop, clock = door.Stop(), UnixClock()
-    with Link(flags.link(), VIA + source, patience=PATIENCE, stopped=stop, clock=clock) as link:
+    with Link(flags.link(), VIA + source, patience=door.PATIENCE, stopped=stop, clock=clock) as link:
         told = _told(link, clock, team, sub_team, chosen, stop)
         if told.feedback != "guarded":
             raise UserError(
@@ -76,7 +74,7 @@ def _told(
     """Where the reports go. UserError: no board says it and no scenario either, or it could be several sub-teams."""
     if scenario is None:
         named = () if sub_team is None else (sub_team,)
-        return ask(link.get, clock.now, team, team, named, PATIENCE, stop, cure="say --sub-team")
+        return ask(link.get, clock.now, team, team, named, door.PATIENCE, stop, cure="say --sub-team")
     sub_teams = sorted(scenario.team.sub_teams)
     if sub_team is None and len(sub_teams) > 1:
         raise UserError(f"{team}: there are {', '.join(sub_teams)}; say --sub-team")

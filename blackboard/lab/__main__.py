@@ -16,7 +16,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra
 from blackboard.lab import comparison, paper, parallel, sweep_report, tuning, tuning_report
 from blackboard.lab import streams as streams_of_fusions
 from blackboard.lab.estimates import RuleScores
@@ -223,12 +223,7 @@ def figures(
         parts = parallel.run_jobs(parallel.score_figures, jobs, show_progress)
         runs = {n: [p for job, p in zip(jobs, parts, strict=True) if job[1] is worlds[n]] for n in sizes}
     found = paper.numbers(runs, np.random.default_rng(1))
-    files = []
-    for name, figure in drawing.paper(found).items():
-        for ending in (".svg", ".png"):
-            files.append(out / f"{name}{ending}")
-            drawing.save(figure, files[-1])
-    told = [str(file) for file in files]
+    told = [str(file) for file in drawing.save_all(drawing.paper(found), out)]
     output.show({**found, "files": told}, lambda _: "\n".join(told))
     return 0
 
@@ -318,7 +313,5 @@ def _at_least(**numbers: tuple[float, float]) -> None:
 
 def _drawing(what: str, module: str = "drawing") -> ModuleType:
     """A module of the laboratory that draws. UserError: matplotlib, which it needs, is not installed."""
-    try:
+    with extra("plot", what):
         return import_module(f"blackboard.lab.{module}")
-    except ModuleNotFoundError:
-        raise missing_extra(what, "plot") from None

@@ -13,7 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from blackboard.errors import UserError
+from blackboard.errors import UserError, writing
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
@@ -38,12 +38,17 @@ def save(figure: Figure, file: Path) -> None:
     )
     if not metadata:
         raise UserError(f"{file}: pictures are written as .svg or .png; choose one of these endings")
-    try:
+    with writing(file), mpl.rc_context(STYLE):
         file.parent.mkdir(parents=True, exist_ok=True)
-        with mpl.rc_context(STYLE):
-            figure.savefig(file, metadata=metadata)
-    except OSError as error:
-        raise UserError(f"{file}: cannot be written ({error.strerror}); choose another place") from error
+        figure.savefig(file, metadata=metadata)
+
+
+def save_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
+    """Write each figure by its name as SVG and as PNG into a folder: the files."""
+    files = [(figure, folder / f"{name}{ending}") for name, figure in figures.items() for ending in (".svg", ".png")]
+    for figure, file in files:
+        save(figure, file)
+    return [file for _, file in files]
 
 
 def comparison(found: Mapping[str, Any]) -> Figure:

@@ -27,7 +27,7 @@ from robot_agent.estimator import newest
 from robot_agent.gaussian.sensors import Sensors, sensors_of, simulated
 from sim_world.scenario import WorldSection
 from sim_world.sensors import FAR, NEAR, vision_sigma
-from sim_world.sources import SensorSource, open_sensor_source
+from sim_world.sources import open_sensor_source
 
 GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # for the mean over a normal distribution
@@ -197,14 +197,12 @@ def ideal(scenario: Scenario) -> Ideal:
     return Ideal(replace(told, wheels=wheels), drifts)
 
 
-def ideal_beliefs(
-    scenario: Scenario, wanted: Collection[Asked], source: SensorSource | None = None
-) -> dict[Asked, Belief]:
+def ideal_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked, Belief]:
     """What the ideal filter of a scenario believes, on the grid, for each subject and time asked for; uniform where it knows nothing.
 
     The readings are those that the robots of the scenario get. UserError: a wrong scenario.
     """
-    world, time, it = source or open_sensor_source(scenario), scenario.time, ideal(scenario)
+    world, time, it = open_sensor_source(scenario), scenario.time, ideal(scenario)
     at: dict[float, list[Asked]] = {}
     for asked in wanted:
         at.setdefault(asked[0], []).append(asked)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from blackboard.errors import RunFailed
-from blackboard.lab.drawing import BLACK, BLUE, ORANGE, STYLE, VERMILION, save
+from blackboard.lab.drawing import BLACK, BLUE, ORANGE, STYLE, VERMILION, save_all
 from blackboard.opinion.grid import Array
 from blackboard.opinion.scores import held
 from sim_world.referee import GROUPS
@@ -31,14 +31,9 @@ def draw_run(samples: Sequence[Sample], unit: str, folder: Path) -> list[Path]:
     """Draw a run into a folder, as SVG and PNG: the files. RunFailed: it has no samples."""
     if not samples:
         raise RunFailed(f"--plot {folder}: the run has no samples, so there is nothing to draw")
-    files = []
     with mpl.rc_context(STYLE):
         figures = {"over-time": over_time(samples, unit), "trajectories": trajectories(samples, unit)}
-    for name, figure in figures.items():
-        for ending in (".svg", ".png"):
-            save(figure, folder / f"{name}{ending}")
-            files.append(folder / f"{name}{ending}")
-    return files
+    return save_all(figures, folder)
 
 
 def over_time(samples: Sequence[Sample], unit: str) -> Figure:

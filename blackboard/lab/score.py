@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from blackboard.config import Scenario
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra, writing
 from blackboard.lab import bench
 from blackboard.run.flags import OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.launch import run_scenario
@@ -190,16 +190,12 @@ def _csv(found: dict[str, Any]) -> str:
 
 
 def _write(file: Path, content: str) -> None:
-    try:
+    with writing(file):
         file.write_text(content, encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"{file}: cannot be written ({error.strerror}); choose another place") from error
 
 
 def _drawing() -> ModuleType:
     """`blackboard.lab.bench_drawing`. UserError: matplotlib, which it needs, is not installed."""
-    try:
+    with extra("plot", "--pictures"):
         from blackboard.lab import bench_drawing
-    except ModuleNotFoundError:
-        raise missing_extra("--pictures", "plot") from None
     return bench_drawing

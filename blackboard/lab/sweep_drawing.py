@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from blackboard.lab.drawing import BLACK, SKY, STYLE, VERMILION, save
+from blackboard.lab.drawing import BLACK, SKY, STYLE, VERMILION, save_all
 from blackboard.lab.sweep_plan import Planned
 from blackboard.lab.sweep_report import Card, measure
 from sim_world.referee import GROUPS
@@ -20,9 +20,7 @@ COLUMNS = {"rmse": "RMSE [{unit}]", "log_score": "log score [nats]", "coverage_9
 def draw_sweep(found: Mapping[str, Any], planned: Sequence[Planned], cards: Sequence[Card], folder: Path) -> None:
     """Draw what was agreed in each combination into a folder, as sweep.svg and sweep.png."""
     with mpl.rc_context(STYLE):
-        figure = comparison(found, planned, cards)
-    for ending in (".svg", ".png"):
-        save(figure, folder / f"sweep{ending}")
+        save_all({"sweep": comparison(found, planned, cards)}, folder)
 
 
 def comparison(found: Mapping[str, Any], planned: Sequence[Planned], cards: Sequence[Card]) -> Figure:

@@ -37,6 +37,7 @@ log = logging.getLogger(__name__)
 
 DONE, FAILED, USER_ERROR, INTERRUPTED, NO_READER = 0, 1, 2, 130, 141  # exit statuses; a command may return others
 ERROR = "error: "  # before the one line on standard error of what ended a command
+PATIENCE = 30.0  # seconds to wait for a router
 PARENT = "BLACKBOARD_PARENT"  # set for a child: the process that it must not outlive
 
 
@@ -93,7 +94,7 @@ class Stop:
         return self._event.wait(seconds)
 
 
-def serve(service: Service, name: str, flags: ZenohFlags, *, patience: float = 30.0, linger: float = 0.0) -> None:
+def serve(service: Service, name: str, flags: ZenohFlags, *, linger: float = 0.0) -> None:
     """Run a service over a Zenoh session of its own until it is done or a signal comes.
 
     What is on its way then is still handed to the service, until nothing came for 0.1 s, for at most `linger` seconds.
@@ -103,7 +104,7 @@ def serve(service: Service, name: str, flags: ZenohFlags, *, patience: float = 3
     identity = config.identity()
     if identity is not None:
         identity.check_tokens(service.tokens)
-    with Link(config, name, patience=patience, stopped=stop, clock=clock) as link:
+    with Link(config, name, patience=PATIENCE, stopped=stop, clock=clock) as link:
         say("ready", process=name, tokens=list(service.tokens))
         run(service, link, clock, stop)
         end = clock.now() + linger

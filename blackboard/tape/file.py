@@ -18,20 +18,18 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra, writing
 from blackboard.tape.backlog import Backlog
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.raw import MAX_BYTES, VERSION
 
-try:
+with extra("record", "a tape"):
     import zstandard
     from mcap.opcode import Opcode
     from mcap.records import Channel, Chunk, Header, McapRecord, Message, Metadata
     from mcap.stream_reader import StreamReader, breakup_chunk
     from mcap.writer import Writer
-except ModuleNotFoundError:
-    raise missing_extra("a tape", "record") from None
 
 PROFILE = "cop-blackboard"
 FORMAT = "1"  # of the tape: another one is refused
@@ -227,10 +225,8 @@ def check_new(path: Path) -> None:
 def create(path: Path) -> Iterator[BinaryIO]:
     """A new file for a tape, unbuffered. UserError: it is there already, or cannot be made."""
     check_new(path)
-    try:
+    with writing(path):
         file = path.open("xb", buffering=0)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
     with file:
         yield file
 

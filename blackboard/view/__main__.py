@@ -8,12 +8,13 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from blackboard.errors import UserError, missing_extra
+from blackboard.errors import UserError, extra
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
@@ -188,15 +189,13 @@ def view(
     open_it
         Also open it in the browser, where there is one.
     """
-    ready = _ready_and_open if open_it else _ready
     if not 0 <= port < 65536:
         raise UserError(f"--port {port}: give 0 to 65535")
-    try:
+    with extra("web", "the live page"):
         from blackboard.view.web.server import Address, serve
-    except ImportError:
-        raise missing_extra("the live page", "web") from None
     stop = door.Stop()
-    with _in_the_background(source).open(flags, "view", 30.0, stop) as looked:
+    with _in_the_background(source).open(flags, "view", door.PATIENCE, stop) as looked:
+        ready = partial(announce, opened=open_it)
         serve(looked.feed, looked.team, UnixClock().now, Address(host, port, name), stop, ready, looked.drift)
     return door.DONE
 
@@ -204,10 +203,8 @@ def view(
 @app.command
 def top(source: TeamSource = TeamSource(), *, flags: door.ZenohFlags = door.ZenohFlags()) -> int:
     """Show a running team, or how one on a tape ends, in this terminal until q is pressed (extra `tui`)."""
-    try:
+    with extra("tui", "the terminal"):
         from blackboard.view.tui.top import Top
-    except ImportError:
-        raise missing_extra("the terminal", "tui") from None
     with _in_the_background(source).open(flags, "top") as looked:
         logging.disable()  # the terminal is drawn on standard error, where logs go
         Top(looked.feed, looked.team, looked.drift).run()
@@ -221,13 +218,11 @@ def _in_the_background(source: TeamSource) -> TeamSource:
     return source
 
 
-def _ready(url: str) -> None:
+def announce(url: str, *, opened: bool) -> None:
+    """Log where the page is served, and open it in the browser where that is asked for."""
     door.say("live page", url=url)
-
-
-def _ready_and_open(url: str) -> None:
-    _ready(url)
-    open_page(url)
+    if opened:
+        open_page(url)
 
 
 def main() -> None:

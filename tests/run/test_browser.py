@@ -44,9 +44,9 @@ def test_the_browser_is_started_by_a_process_that_holds_no_stream_of_ours() -> N
 def test_a_page_that_is_to_be_opened_is_opened_once_it_is_served(monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
     monkeypatch.setattr(room, "open_page", opened.append)
-    room._ready("http://127.0.0.1:1/")
+    room.announce("http://127.0.0.1:1/", opened=False)
     assert opened == []
-    room._ready_and_open("http://127.0.0.1:1/")
+    room.announce("http://127.0.0.1:1/", opened=True)
     assert opened == ["http://127.0.0.1:1/"]
 
 
