@@ -17,8 +17,8 @@ from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.run.door import PARENT
 from blackboard.wire.envelope import Envelope, Kind
+from tests.files import ROOT
 
-ROOT = Path(__file__).parents[1]
 AnyLink = Link | BusLink
 LONG = 30.0  # seconds: a deadline that only a broken program misses, however slow the machine
 

@@ -7,7 +7,7 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 
-from tests.processes import ROOT
+from tests.files import ROOT
 
 #: A fenced block, or lines that are indented by four spaces below an empty line.
 BLOCK = re.compile(

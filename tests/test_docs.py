@@ -12,7 +12,7 @@ from cyclopts import App
 import blackboard.__main__
 import robot_agent.__main__
 import sim_world.__main__
-from tests.processes import ROOT
+from tests.files import ROOT
 
 PAGES = [
     ROOT / "README.md",

@@ -11,7 +11,7 @@ from importlib.metadata import version
 import pytest
 
 import blackboard
-from tests.processes import ROOT
+from tests.files import ROOT
 from tests.test_rooms import PACKAGES, loaded_by
 
 

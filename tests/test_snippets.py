@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from tests.processes import ROOT
+from tests.files import ROOT
 from tests.snippets import Block, blocks, pages
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,16 +13,10 @@ from blackboard.errors import UserError
 from blackboard.lab.team import Team
 from blackboard.net.settings import LinkConfig
 from blackboard.run.flags import TeamFlags
-from blackboard.run.keys import app
 from blackboard.run.launch import process_table
-from tests.processes import ROOT
+from tests.commands import blackboard, call
 
 SHORT = ("demo", "--robots", "3", "--seconds", "4", "--json")
-
-
-def blackboard(*arguments: str, timeout: float = 110) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "blackboard", *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=timeout, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -59,15 +51,11 @@ def test_a_robot_without_a_certificate_ends_the_run_in_one_line(directory: Path)
     assert "robot/r3: its certificate" in line or "no certificate of robot/r4" in line
 
 
-def run(*arguments: str) -> object:
-    return app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
-
-
 def test_what_must_be_restarted_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     where = str(tmp_path / "keys")
 
     def say(*arguments: str) -> str:
-        assert run(*arguments, "--dir", where) == 0
+        assert call("keys", *arguments, "--dir", where) == 0
         return capsys.readouterr().out
 
     assert "an authority for team demo and 12 certificates" in say(
@@ -97,7 +85,7 @@ def test_what_must_be_restarted_is_said(tmp_path: Path, capsys: pytest.CaptureFi
 )
 def test_a_mistake_is_one_line(keys: Path, arguments: Sequence[str], says: str) -> None:
     with pytest.raises(UserError, match=says) as caught:
-        run(*arguments, "--dir", str(keys))
+        call("keys", *arguments, "--dir", str(keys))
     assert "\n" not in str(caught.value)
 
 

@@ -17,7 +17,8 @@ from blackboard.errors import UserError
 from blackboard.state.fold import Fold, TeamFold
 from blackboard.tape.file import read
 from blackboard.wire.arrays import unpack
-from tests.tape.test_door import GOLDEN, call
+from tests.commands import call
+from tests.files import GOLDEN
 
 pytest.importorskip("foxglove", reason="no foxglove-sdk: pip install '.[foxglove]'")
 

@@ -10,7 +10,7 @@ import pytest
 
 from blackboard.bridges.__main__ import app
 from blackboard.errors import UserError
-from tests.tape.test_door import GOLDEN
+from tests.files import GOLDEN
 
 
 def call(*arguments: object) -> object:

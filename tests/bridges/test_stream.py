@@ -10,7 +10,7 @@ from blackboard.state.moments import Moment
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.arrays import unpack
-from tests.tape.test_door import GOLDEN
+from tests.files import GOLDEN
 
 
 class Seen:

@@ -20,7 +20,8 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parent.parent.parent
+from tests.files import ROOT
+
 SUITE = "trixie"  # Debian 13, which the official slim image rests on too; it has Python 3.13
 STAND_IN = f"cop-blackboard-stand-in:{SUITE}"
 LEFT_OUT = ("./var/cache/apt", "./var/lib/apt/lists", "./usr/share/doc/*", "./usr/share/man/*", "./usr/share/locale/*")

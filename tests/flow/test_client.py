@@ -9,7 +9,7 @@ from blackboard.wire import keys
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Clock, Consensus
-from tests.flow.test_team import SCENARIO
+from tests.scenarios import SCENARIO
 
 
 class Still(Member):

@@ -12,7 +12,7 @@ from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Forward
 from blackboard.wire.messages import Consensus, Truth
 from robot_agent.service import AgentService
-from tests.flow.test_team import SCENARIO
+from tests.scenarios import SCENARIO
 
 JOINT = SCENARIO.changed("board", fusion="joint").changed("time", seconds=3.0)
 

@@ -16,16 +16,9 @@ from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory
 from blackboard.wire.messages import Clock
-from tests.flow.test_team import SCENARIO
 from tests.flow.test_twins import Stream
+from tests.scenarios import LEARNS
 from tests.tape.teams import recorded_run
-
-LEARNS = (
-    SCENARIO.changed("team", sub_teams={"a": ["r1", "r2", "r3"], "b": ["r4"]})
-    .changed("grid", shape=[16, 16])
-    .changed("time", seconds=10.0)
-    .changed("board", independence="learn", max_age=1.0)
-)  # ticks 0 to 20
 
 
 def memory(it: Any) -> tuple[object, object]:

@@ -14,15 +14,7 @@ from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus
 from blackboard.wire.raw import MAX_BYTES
-
-SCENARIO = Scenario(
-    {
-        "team": {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r3"]}},
-        "grid": {"shape": [24, 24]},
-        "time": {"tick": 0.5, "seconds": 2.5},
-        "world": {"seed": 3},
-    }
-)
+from tests.scenarios import SCENARIO
 
 
 def team_of(scenario: Scenario = SCENARIO, shuffle: int | None = None) -> Team:

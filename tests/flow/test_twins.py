@@ -12,7 +12,7 @@ from blackboard.lab.team import Team, board
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus
-from tests.flow.test_team import SCENARIO
+from tests.scenarios import SCENARIO
 
 LONGER = SCENARIO.changed("time", seconds=4.0)  # ticks 0 to 8
 FUSIONS = ("opinions", "joint")

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import blackboard.__main__
 from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.lab import __main__ as room
@@ -25,6 +24,7 @@ from blackboard.lab.team import Team
 from blackboard.opinion.intervals import student
 from blackboard.run.door import version
 from sim_world.table import table_file
+from tests.commands import call
 
 TINY = Scenario({
     "team": {"name": "t", "sub_teams": {"a": ["r1"], "b": ["r2"]}},
@@ -232,11 +232,6 @@ def test_the_picture_has_a_dot_for_each_run(tmp_path: Path) -> None:
     assert [line.get_xdata()[0] for line in dots] == [cards[i]["scores"]["robots"]["agreed"]["rmse"] for i in range(10)]
     drawing.draw_sweep(found, planned, cards, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.png", "sweep.svg"]
-
-
-def call(*arguments: object) -> object:
-    words = [str(each) for each in arguments]
-    return blackboard.__main__.app(words, exit_on_error=False, print_error=False, result_action="return_value")
 
 
 @pytest.mark.parametrize("command", [("sweep",), ("demo",), ("up", "demo")])

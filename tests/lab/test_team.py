@@ -11,7 +11,7 @@ from blackboard.errors import RunFailed, UserError
 from blackboard.lab.team import Team, board
 from blackboard.net.scheduler import BEGIN
 from blackboard.wire.envelope import Envelope
-from tests.flow.test_team import SCENARIO
+from tests.scenarios import SCENARIO
 from tests.sim_world.datasets import write
 
 

@@ -21,7 +21,7 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Report
-from tests.flow.test_team import SCENARIO
+from tests.scenarios import SCENARIO
 from tests.sim_world.datasets import write
 
 GRID = Grid((20, 20))

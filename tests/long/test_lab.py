@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.system.test_demo import blackboard
+from tests.commands import blackboard
 from tests.system.test_lab import SMALL
 
 

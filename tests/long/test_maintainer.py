@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes import ROOT
+from tests.files import ROOT
 from tests.snippets import Block, block, blocks
 
 pytestmark = pytest.mark.timeout(600)

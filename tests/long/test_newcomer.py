@@ -19,7 +19,8 @@ from pathlib import Path
 import pytest
 
 from blackboard.run.launch import free_port
-from tests.processes import ROOT, Program, children, is_running, wait_until
+from tests.files import ROOT
+from tests.processes import Program, children, is_running, wait_until
 from tests.snippets import block, blocks
 
 pytestmark = pytest.mark.timeout(1200)

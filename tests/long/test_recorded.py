@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from blackboard.lab.bench import SOLO
-from tests.system.test_demo import RECORDING, blackboard
+from tests.commands import blackboard
+from tests.files import DATASET7, needs_dataset7
 
 
+@needs_dataset7
 def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
     """Ten seconds of each fusion, as processes: the numbers of the table are the scorecards' own."""
-    if not RECORDING.is_dir():
-        pytest.skip("needs the MRCLAM recording in ../shared/mrclam/dataset7")
     arguments = (
         "--start",
         "1248446200",
@@ -26,7 +26,7 @@ def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
         "--runs",
         str(tmp_path),
     )
-    run = blackboard("score", "--mrclam", str(RECORDING), *arguments)
+    run = blackboard("score", "--mrclam", str(DATASET7), *arguments)
     assert run.returncode == 0, run.stderr
     scores = json.loads(run.stdout)["protocols"]["C_blind12"]["scores"]
     assert list(scores) == ["team", "r1", "r2", "r3", "r4", "r5"]

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from sim_world.series import read_series
-from tests.processes import ROOT
+from tests.files import ROOT
 
 PAGE = re.sub(r" *\\\n +", " ", (ROOT / "docs" / "research.md").read_text(encoding="utf-8"))
 COMMANDS = re.findall(r"^    blackboard (.+)$", PAGE, re.MULTILINE)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from blackboard.tape.file import read
 from blackboard.wire.envelope import Kind
+from tests.commands import blackboard
 from tests.processes import children, program, wait_until
-from tests.system.test_demo import blackboard
 
 
 def child(pid: int, named: str) -> int | None:

@@ -19,9 +19,9 @@ from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
 from sim_world.sources import open_sensor_source
-from tests.sim_world.datasets import DATASET7
+from tests.files import DATASET7, needs_dataset7
 
-pytestmark = pytest.mark.skipif(not DATASET7.is_dir(), reason="needs the MRCLAM recording in ../shared/mrclam/dataset7")
+pytestmark = needs_dataset7
 SECONDS = 420.0  # a robot that is off by 5 % in its turns has contradicted its mates three times by then
 
 

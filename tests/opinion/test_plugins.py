@@ -19,9 +19,10 @@ from blackboard.lab.cases import GRID, TRIALS
 from blackboard.opinion import laws, rules
 from blackboard.opinion.averages import Linear
 from blackboard.opinion.rules import Rule, find, read_rule, rule
+from tests.files import page
 from tests.opinion.stacks import make
 
-PAGE = (Path(__file__).parents[2] / "docs" / "operations.md").read_text(encoding="utf-8")
+PAGE = page("operations")
 EXAMPLE = re.search(r"## A rule of your own.*?```python\n(.*?)```", PAGE, re.DOTALL)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes import ROOT
+from tests.files import ROOT
 
 TARGET = os.environ.get("CARGO_TARGET_DIR", str(ROOT / ".cargo-target"))
 

@@ -12,7 +12,8 @@ from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.run.launch import free_port
-from tests.processes import ROOT, Letters, Program, command, program, wait_until
+from tests.files import ROOT
+from tests.processes import Letters, Program, command, program, wait_until
 
 pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
 from blackboard.bridges.ros.names import HASHES, MAP, POSE, gid, key

@@ -15,7 +15,8 @@ from blackboard.wire.arrays import unpack, unpacked_grid
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, Report
-from tests.processes import ROOT, Letters, command, program, wait_until
+from tests.files import ROOT
+from tests.processes import Letters, command, program, wait_until
 
 pytestmark = [pytest.mark.rust, pytest.mark.timeout(1800)]  # seconds: the first build takes minutes
 

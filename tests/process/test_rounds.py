@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from blackboard.process.rounds import TABLES, Rounds, Row, text
 from blackboard.process.team_clock import Pace
+from tests.files import page
 
 NOW = 1_000_000.0
 WAITS = {"patience": 2.0, "half a period": 0.1, "gather": 60.0, "give_up": 20.0, "tick": 0.2, "linger": 1.0}
@@ -86,5 +86,4 @@ def test_the_tables_are_printed() -> None:
     )
     assert done.stdout.rstrip() == text()
     assert len(text().splitlines()) == 1 + len(ROWS)
-    page = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design")

@@ -15,7 +15,8 @@ from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.run.door import INTERRUPTED, NO_READER
 from blackboard.run.launch import free_port
-from tests.processes import IN_THE_BACKGROUND, LONG, ROOT, children, is_running, program, silent_server
+from tests.files import ROOT
+from tests.processes import IN_THE_BACKGROUND, LONG, children, is_running, program, silent_server
 
 pytestmark = pytest.mark.system
 

@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import msgpack
 import pytest
 
-import blackboard.__main__
 from blackboard.errors import UserError
 from blackboard.run import health
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.raw import MAX_BYTES
+from tests.commands import call
 
 
 class Nobody:
@@ -33,10 +33,6 @@ class Nobody:
     def get(self, key_expr: str) -> list[object]:
         self.asked.append(key_expr)
         return []
-
-
-def call(*arguments: str) -> Any:
-    return blackboard.__main__.app([*arguments], exit_on_error=False, print_error=False, result_action="return_value")
 
 
 def test_the_team_is_the_scenario_s_unless_it_is_named(

@@ -5,15 +5,14 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from blackboard.config import load
 from blackboard.run.reference import meaning_of
+from tests.files import ROOT, page
 
-ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
+PAGE = page("scenario")
 
 
 def printed(*arguments: str) -> str:

@@ -1,10 +1,9 @@
-"""A tiny recording in MRCLAM format, and where a real one may be."""
+"""A tiny recording in MRCLAM format, and the times of a real one."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-DATASET7 = Path(__file__).parents[3] / "shared" / "mrclam" / "dataset7"
 T0 = 1248446200.0  # the start of the window that its page uses
 
 HEAD = "# a recording of nobody\n"

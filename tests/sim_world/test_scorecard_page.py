@@ -5,17 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from sim_world import calibration
 from sim_world.referee import GROUPS, LEVELS
 from sim_world.scorecard import scorecard
 from sim_world.series import COLUMNS
+from tests.files import page
 from tests.sim_world.instants import at, both, instant, referee, solo
 from tests.sim_world.test_scorecard import RESULT
 
-PAGE = (Path(__file__).parents[2] / "docs" / "scorecard.md").read_text(encoding="utf-8")
+PAGE = page("scorecard")
 BLOCK = {"n", "rmse", "mean", "p95", "max", "entropy", "log_score", "coverage"}
 #: Names that differ from run to run, below these paths.
 NAMED = ("messages.refused", "counters", "missing", "scores.GROUP.by_name")

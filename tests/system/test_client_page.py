@@ -11,7 +11,8 @@ from blackboard.config import Scenario
 from blackboard.opinion.grid import Anchor
 from blackboard.run.launch import free_port
 from examples import draw_beliefs
-from tests.processes import ROOT, program
+from tests.files import ROOT
+from tests.processes import program
 
 PAGE = (ROOT / "docs" / "client.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)

@@ -9,7 +9,8 @@ from blackboard.net.settings import LinkConfig
 from blackboard.run.launch import free_port
 from blackboard.wire.codec import decode
 from blackboard.wire.messages import Consensus
-from tests.processes import ROOT, program, wait_until
+from tests.files import ROOT
+from tests.processes import program, wait_until
 
 GRID = '{"shape": [50, 50], "cell": 1.0, "origin": [0.0, 0.0]}'
 

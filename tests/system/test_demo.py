@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,17 +11,9 @@ import pytest
 from blackboard.config import load
 from blackboard.lab.team import Team
 from blackboard.run.door import INTERRUPTED
+from tests.commands import blackboard
+from tests.files import DATASET7, needs_dataset7
 from tests.processes import children, is_running, program, wait_until
-
-ROOT = Path(__file__).parents[2]
-RECORDING = ROOT.parent / "shared" / "mrclam" / "dataset7"
-PYTHON = (sys.executable, "-m")
-
-
-def blackboard(*arguments: str, timeout: float = 110) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*PYTHON, "blackboard", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=timeout, check=False
-    )
 
 
 def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Path) -> None:
@@ -117,12 +107,11 @@ def test_for_a_folder_that_is_not_there_nothing_is_started() -> None:
 
 
 @pytest.mark.long
+@needs_dataset7
 def test_the_recorded_team_runs_as_processes() -> None:
     """The first 20 seconds: five real robots, everything over Zenoh; the whole window is in benchmarks."""
-    if not RECORDING.is_dir():
-        pytest.skip("needs the MRCLAM recording in ../shared/mrclam/dataset7")
     arguments = ("--start", "1248446200", "--seconds", "20", "--protocol", "C_blind12", "--json")
-    run = blackboard("demo", "--mrclam", str(RECORDING), *arguments)
+    run = blackboard("demo", "--mrclam", str(DATASET7), *arguments)
     card = json.loads(run.stdout)
     assert card["unit"] == "m"
     assert card["scores"]["robots"]["agreed"]["n"] == 100

@@ -9,7 +9,6 @@ import sys
 import threading
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -26,8 +25,8 @@ from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Status
+from tests.files import ROOT
 
-ROOT = Path(__file__).parents[2]
 ROBOTS, SECONDS = 3, 4.0  # a router, two boards, a world and these: everybody who can be spoken to
 DEMO = TeamFlags(robots=ROBOTS).apply(load("demo")).changed("time", seconds=SECONDS)
 BURST, PAUSE = 200, 0.01  # envelopes, and seconds between them: up to 20 000 a second

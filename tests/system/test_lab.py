@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from blackboard.__main__ import app
 from blackboard.errors import UserError
 from blackboard.run.door import INTERRUPTED
+from tests.commands import blackboard, call
+from tests.files import ROOT
 from tests.processes import IN_THE_BACKGROUND, program, wait_until
-from tests.system.test_demo import ROOT, blackboard
 
 SMALL = """
 [team.sub_teams]
@@ -81,7 +81,7 @@ def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) 
 )
 def test_mistakes_are_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
     with pytest.raises(UserError, match=re.escape(message)) as mistake:
-        app(list(arguments), exit_on_error=False, print_error=False, result_action="return_value")
+        call(*arguments)
     assert "\n" not in str(mistake.value)
 
 

@@ -12,7 +12,8 @@ from blackboard.run.launch import free_port
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.messages import Consensus
-from tests.processes import ROOT, program, wait_until
+from tests.files import ROOT
+from tests.processes import program, wait_until
 
 
 def test_readings_reach_the_team_with_no_world_running() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -16,9 +15,8 @@ from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Status
 from blackboard.wire.raw import MAX_BYTES
+from tests.files import ROOT
 from tests.processes import wait_until
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

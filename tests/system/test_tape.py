@@ -14,12 +14,12 @@ import pytest
 from blackboard.net.link import Link
 from blackboard.tape.file import read
 from blackboard.wire.envelope import Kind
+from tests.commands import blackboard
+from tests.files import GOLDEN
 from tests.processes import Letters
-from tests.system.test_demo import blackboard
 
 #: Runs a command of the blackboard in this interpreter, with the arguments that follow.
 RUN_COMMAND = "from blackboard.__main__ import main; main()"
-GOLDEN = Path(__file__).parents[1] / "tape" / "golden.mcap"
 
 
 @pytest.mark.long

@@ -16,7 +16,7 @@ from blackboard.tape.file import TapeWriter
 from blackboard.tape.journal import Journaled
 from blackboard.tape.recorder import Recorder
 from blackboard.wire.envelope import Envelope
-from tests.flow.test_team import SCENARIO
+from tests.scenarios import SCENARIO
 
 SMALL = SCENARIO.changed("grid", shape=[14, 14]).changed("time", seconds=2.0)  # 5 ticks, from 0 to 4
 

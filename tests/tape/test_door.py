@@ -18,21 +18,17 @@ from typing import Any
 
 import pytest
 
-from blackboard.__main__ import app
 from blackboard.errors import UserError
 from blackboard.tape.__main__ import Changes
 from blackboard.tape.content import Tape
 from blackboard.tape.file import About, read
 from sim_world.referee import GROUPS
 from sim_world.series import read_series
+from tests.commands import call
+from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-GOLDEN = Path(__file__).parent / "golden.mcap"
 HASH = "49c983bbfd0415129f978d8d58a1a23af7a9ca1dca04a4eb9c2eaf07395acbb3"
-
-
-def call(*arguments: object) -> object:
-    return app([str(each) for each in arguments], exit_on_error=False, print_error=False, result_action="return_value")
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:

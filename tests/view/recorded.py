@@ -9,7 +9,7 @@ from blackboard.lab.team import Team
 from blackboard.process.service import Service
 from blackboard.state.fold import Fold, TeamFold
 from blackboard.wire.envelope import Envelope, Kind
-from tests.flow.test_team import SCENARIO
+from tests.scenarios import SCENARIO
 
 JOINT = SCENARIO.changed("board", fusion="joint").changed("robot", localizer="position")
 

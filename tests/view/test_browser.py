@@ -5,7 +5,6 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,10 @@ from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.arrays import unpack
 from blackboard.wire.envelope import Envelope, Kind
+from tests.files import GOLDEN
 from tests.view.browser import FOUND, MISSING, Browser, browser
 from tests.view.recorded import recorded
 from tests.view.serving import served
-
-GOLDEN = Path(__file__).parent.parent / "tape" / "golden.mcap"
 
 pytestmark = pytest.mark.skipif(FOUND is None, reason=MISSING)
 

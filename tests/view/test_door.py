@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-import blackboard.__main__
 from blackboard.errors import RunFailed, UserError
 from blackboard.run import door
 from blackboard.view import __main__ as room
 from blackboard.view import source
 from blackboard.wire.envelope import Envelope, Kind
 from tests.clocks import ManualClock
+from tests.commands import call
 from tests.view.recorded import recorded, team_of
 
 
@@ -54,58 +54,54 @@ def _on_a_recording(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(door, "Stop", lambda: lambda: False)  # the real one sets signal handlers of this process
 
 
-def run(*arguments: str) -> Any:
-    return blackboard.__main__.app([*arguments], exit_on_error=False, print_error=False, result_action="return_value")
-
-
 def test_why_says_it_in_words_or_as_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("why", "robot/r1", "--team", "t") == 0
+    assert call("why", "robot/r1", "--team", "t") == 0
     assert capsys.readouterr().out.startswith("robot/r1 in tick ")
-    assert run("why", "robot/r1", "--team", "t", "--at", "3", "--json") == 0
+    assert call("why", "robot/r1", "--team", "t", "--at", "3", "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["subject"], found["tick"]) == ("robot/r1", 3)
 
 
 def test_whys_mistakes_are_one_line() -> None:
     with pytest.raises(UserError, match="no board has a belief about it"):
-        run("why", "object/none", "--team", "t")
+        call("why", "object/none", "--team", "t")
     with pytest.raises(RunFailed, match="team other has settled nothing within 3 s; there is t"):
-        run("why", "robot/r1", "--team", "other")
+        call("why", "robot/r1", "--team", "other")
     with pytest.raises(RunFailed, match="did not settle tick 99"):
-        run("why", "robot/r1", "--team", "t", "--at", "99")
+        call("why", "robot/r1", "--team", "t", "--at", "99")
     with pytest.raises(UserError, match="--team 'a/b'"):
-        run("why", "robot/r1", "--team", "a/b")
+        call("why", "robot/r1", "--team", "a/b")
 
 
 def test_status_prints_all_teams_or_one(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("status", "--seconds", "5") == 0
+    assert call("status", "--seconds", "5") == 0
     assert "team t: lockstep" in capsys.readouterr().out
-    assert run("status", "--seconds", "5", "--json") == 0
+    assert call("status", "--seconds", "5", "--json") == 0
     it = json.loads(capsys.readouterr().out)
     newest = team_of().moments.newest
     assert newest is not None
     assert it["teams"][0]["tick"] == newest.tick
     with pytest.raises(UserError, match="give one of them"):
-        run("status", "--watch", "--once")
+        call("status", "--watch", "--once")
 
 
 def test_echo_prints_what_comes_until_it_has_enough(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("echo", "cop/**", "--count", "60") == 0
+    assert call("echo", "cop/**", "--count", "60") == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 60
     assert lines[0].endswith(f" {Kind.ALIVE.value}")
 
 
 def test_hz_counts_for_its_seconds(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("hz", "--seconds", "2") == 0
+    assert call("hz", "--seconds", "2") == 0
     assert " Hz " in capsys.readouterr().out
     with pytest.raises(UserError, match="--seconds 0"):
-        run("hz", "--seconds", "0")
+        call("hz", "--seconds", "0")
 
 
 def test_the_page_without_its_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "blackboard.view.web.server", None)
     with pytest.raises(UserError, match="needs the extra `web`"):
-        run("view")
+        call("view")
     with pytest.raises(UserError, match="--port 70000"):
-        run("view", "--port", "70000")
+        call("view", "--port", "70000")

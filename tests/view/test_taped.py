@@ -15,7 +15,8 @@ from blackboard.tape.table import rows
 from blackboard.view.feed import Feed, TapeFeed, newest
 from blackboard.view.source import open_tape
 from blackboard.wire.envelope import Envelope, Kind
-from tests.tape.test_door import GOLDEN, call
+from tests.commands import call
+from tests.files import GOLDEN
 from tests.view.recorded import recorded
 
 

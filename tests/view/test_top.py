@@ -15,7 +15,8 @@ from blackboard.opinion.grid import Grid
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
 from blackboard.view.tui.heat import BACK, colour, heat
-from tests.tape.test_door import GOLDEN, call
+from tests.commands import call
+from tests.files import GOLDEN
 from tests.view.recorded import team_of
 
 pytest.importorskip("textual", reason="no textual: pip install '.[tui]'")

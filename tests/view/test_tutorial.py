@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.tape.test_door import GOLDEN, call
+from tests.commands import call
+from tests.files import GOLDEN, page
 
-TUTORIAL = Path(__file__).parent.parent.parent / "docs" / "tutorial.md"
 NOT_HERE = ("demo", "view")  # start processes, or end only when they are stopped: tests/long/test_newcomer.py
 
 
 def commands() -> list[str]:
     """What follows `.venv/bin/blackboard` on lines of code about this tape."""
-    lines = re.findall(r"^    \.venv/bin/blackboard ([^#\n]+)", TUTORIAL.read_text(encoding="utf-8"), re.MULTILINE)
+    lines = re.findall(r"^    \.venv/bin/blackboard ([^#\n]+)", page("tutorial"), re.MULTILINE)
     return [line.strip() for line in lines if "run.mcap" in line and line.split()[0] not in NOT_HERE]
 
 

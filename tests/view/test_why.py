@@ -22,8 +22,7 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Camp, Consensus, Dissent, Status
-from tests.flow.test_memory import LEARNS
-from tests.flow.test_team import SCENARIO
+from tests.scenarios import LEARNS, SCENARIO
 from tests.view.recorded import record, recorded, team_of
 
 #: What quantised logarithms on the wire cost: reports are read back before they are fused, the consensus is read back once more.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import zlib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,9 @@ from blackboard.wire.codec import decode
 from blackboard.wire.messages import MAX_CELLS, REASONS, Report
 from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS, MAX_TEXT, MAX_TOTAL, VERSION
 from blackboard.wire.types import LARGEST, LEAST, MAX_NAME, MAX_OPINIONS, Message, Part
+from tests.files import page
 
-PAGE = (Path(__file__).parents[2] / "docs" / "wire.md").read_text(encoding="utf-8")
+PAGE = page("wire")
 MODELS = [
     model
     for model in {**vars(messages), **vars(evidence), **vars(memory)}.values()

@@ -6,12 +6,8 @@ import sys
 
 import pytest
 
-from blackboard.__main__ import app
 from blackboard.errors import UserError
-
-
-def call(*arguments: str) -> object:
-    return app(["ros", *arguments], exit_on_error=False, print_error=False, result_action="return_value")
+from tests.commands import call
 
 
 @pytest.mark.parametrize(
@@ -37,7 +33,7 @@ def call(*arguments: str) -> object:
 def test_a_mistake_is_one_line(arguments: tuple[str, ...], text: str) -> None:
     pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
     with pytest.raises(UserError) as error:
-        call(*arguments)
+        call("ros", *arguments)
     assert str(error.value).startswith(text)
     assert "\n" not in str(error.value)
 
@@ -48,4 +44,4 @@ def test_without_the_extra_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setitem(sys.modules, "rosbags", None)
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     with pytest.raises(UserError, match="needs the extra `ros`: .* -m pip install 'cop-blackboard"):
-        call()
+        call("ros")

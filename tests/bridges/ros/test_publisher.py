@@ -18,7 +18,7 @@ from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, Status
-from tests.tape.test_door import GOLDEN
+from tests.files import GOLDEN
 
 JAZZY = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
 GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from blackboard.errors import UserError
 from sim_world.mrclam.files import LONGEST_GAP, Track, read_recording
-from tests.sim_world.datasets import DATASET7, T0, write
+from tests.files import DATASET7, needs_dataset7
+from tests.sim_world.datasets import T0, write
 
 
 @pytest.fixture
@@ -131,7 +132,7 @@ def test_truth_is_interpolated_over_short_gaps_only() -> None:
     assert it.pose(11.1) is None
 
 
-@pytest.mark.skipif(not DATASET7.is_dir(), reason="../shared/mrclam/dataset7 is not there")
+@needs_dataset7
 def test_dataset_7_is_what_its_page_says() -> None:
     """13 758 readings in the window of 600 s; a robot sees some landmark in 63 % of the seconds."""
     it = read_recording(DATASET7)

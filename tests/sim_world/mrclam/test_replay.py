@@ -14,10 +14,10 @@ from sim_world.mrclam.files import Recording, read_recording
 from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS
 from sim_world.mrclam.replay import Replay
 from sim_world.scenario import WorldSection
-from tests.sim_world.datasets import DATASET7, T0, write
+from tests.files import DATASET7, needs_dataset7
+from tests.sim_world.datasets import T0, write
 
 ROBOTS = ("r1", "r2", "r3", "r4", "r5")
-real = pytest.mark.skipif(not DATASET7.is_dir(), reason="../shared/mrclam/dataset7 is not there")
 
 
 @pytest.fixture
@@ -132,7 +132,7 @@ def landmarks(protocol: str, seconds: int) -> dict[str, list[tuple[int, str]]]:
     return found
 
 
-@real
+@needs_dataset7
 def test_protocols_withhold_landmarks() -> None:
     everything = landmarks("A_all", 60)
     assert all(everything.values())
@@ -150,7 +150,7 @@ def test_protocols_withhold_landmarks() -> None:
         assert seen == mine  # the sightings of second k carry stamps in (k - 1, k]
 
 
-@real
+@needs_dataset7
 @pytest.mark.parametrize(("protocol", "lost"), [("A_all", ()), ("G_wake", ROBOTS), ("H_lost12", ("r1", "r2"))])
 def test_the_lost_have_a_compass_and_no_start(protocol: str, lost: tuple[str, ...]) -> None:
     it = replay(dataset7(), *ROBOTS, start=T0, protocol=protocol)
@@ -186,7 +186,7 @@ def test_an_object_that_is_not_in_the_recording_is_a_mistake(tiny: Recording) ->
         replay(tiny, protocol="O1_landmark20")
 
 
-@real
+@needs_dataset7
 def test_the_object_protocols_are_judged_at_the_events_of_the_recording_s_page() -> None:
     """1 066 events for O1 and 159 for O2 (../shared/mrclam/README.md)."""
     for family, events in (("O1_landmark", 1066), ("O2_mate", 159)):
@@ -194,7 +194,7 @@ def test_the_object_protocols_are_judged_at_the_events_of_the_recording_s_page()
         assert sum(it.judged(tick) for it in runs for tick in range(601)) == events
 
 
-@real
+@needs_dataset7
 def test_mates_are_seen_under_every_protocol() -> None:
     expected = sum(row[1] <= 5 for track in dataset7().tracks.values() for row in track.sightings_in(T0, T0 + 30))
     assert expected > 100
@@ -204,7 +204,7 @@ def test_mates_are_seen_under_every_protocol() -> None:
         assert mates == expected
 
 
-@real
+@needs_dataset7
 def test_what_is_said_rests_on_the_past_only() -> None:
     """With everything after a moment cut off or replaced, all readings until then are the same to the bit."""
     ticks, end = 60, T0 + 30.0
@@ -222,7 +222,7 @@ def test_what_is_said_rests_on_the_past_only() -> None:
     assert a.advance("run", ticks + 1)[1] != b.advance("run", ticks + 1)[1]
 
 
-@real
+@needs_dataset7
 def test_the_commands_follow_the_true_turns() -> None:
     """The lag of 0.22 s fits: with it the turns of half a second agree with motion capture, without it much less."""
 

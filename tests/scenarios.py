@@ -1,0 +1,23 @@
+"""Small teams that several rooms run."""
+
+from __future__ import annotations
+
+from blackboard.config import Scenario
+
+#: Three robots in two sub-teams; ticks 0 to 4.
+SCENARIO = Scenario(
+    {
+        "team": {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r3"]}},
+        "grid": {"shape": [24, 24]},
+        "time": {"tick": 0.5, "seconds": 2.5},
+        "world": {"seed": 3},
+    }
+)
+
+#: Four robots whose boards learn whom to believe, on a small grid; ticks 0 to 20.
+LEARNS = (
+    SCENARIO.changed("team", sub_teams={"a": ["r1", "r2", "r3"], "b": ["r4"]})
+    .changed("grid", shape=[16, 16])
+    .changed("time", seconds=10.0)
+    .changed("board", independence="learn", max_age=1.0)
+)
