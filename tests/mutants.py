@@ -13,6 +13,7 @@ import argparse
 import ast
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -35,7 +36,8 @@ from cosmic_ray.mutating import mutate_and_test
 from cosmic_ray.operators.operator import Operator
 from cosmic_ray.work_item import MutationSpec, TestOutcome
 
-ROOT = Path(__file__).parent.parent
+from tests.files import ROOT
+
 KNOWN = ROOT / "docs" / "mutants.md"
 COPIED = ("blackboard", "robot_agent", "sim_world", "tests", "docs", "examples", "benchmarks")
 
@@ -264,9 +266,19 @@ def report(verdicts: list[Verdict], least: float) -> int:
     for title, found in (
         ("survived, not in docs/mutants.md", [line for line in survivors if line not in known]),
         ("survived, explained in docs/mutants.md", [line for line in survivors if line in known]),
+        ("in docs/mutants.md, of lines that have changed since", outdated(known)),
     ):
         print(f"\n{title}: {len(found)}", *found, sep="\n")
     return int(share < least)
+
+
+def outdated(known: str) -> list[str]:
+    """The entries of docs/mutants.md whose file or line is no more."""
+    return [
+        entry
+        for entry, path, before in re.findall(r"^(- `([^`]+\.py)`: `([^`]+)` → `[^`]+`)", known, re.MULTILINE)
+        if not (ROOT / path).is_file() or before not in (ROOT / path).read_text(encoding="utf-8")
+    ]
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 
 from blackboard.wire import keys
 from blackboard.wire.messages import MODELS
+from tests.files import ROOT
 
 name = st.text("abcXYZ019_.-", min_size=1, max_size=64)
 subject = st.builds("{}/{}".format, st.sampled_from(["robot", "object", "landmark"]), name)
@@ -71,9 +71,8 @@ def test_no_robot_may_read_the_truth() -> None:
 
 
 def test_the_pattern_of_a_name_is_written_once() -> None:
-    root = Path(__file__).parents[2]
     packages = ("blackboard", "robot_agent", "sim_world")
-    files = [path for package in packages for path in (root / package).rglob("*.py")]
+    files = [path for package in packages for path in (ROOT / package).rglob("*.py")]
     found = [path.name for path in files if "A-Za-z0-9_" in path.read_text(encoding="utf-8")]
     assert found == ["names.py"]
 

@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.messages import PackedBelief, Report
 from examples import minimal_robot
 from tests.wire.beliefs import KINDS, belief_of
 from tests.wire.messages import REPORT, as_map
-from tests.wire.test_arrays import GRID
 
+GRID = Grid((6, 4))
 SOURCE = Path(minimal_robot.__file__).read_text(encoding="utf-8")
 
 
