@@ -165,7 +165,15 @@ def test_its_bounds_hold_and_what_is_counted_adds_up(steps: list[tuple[int, int,
     samples = [e for e in rest if e.kind is Kind.PUT]
     assert len(samples) <= 12
     assert sum(len(e.payload) for e in samples) <= 60
-    assert (inbox._count, inbox._bytes, inbox._sources, inbox._changes) == (0, 0, {}, {})
+    dropped = inbox.dropped
+    again = [
+        *([member("r9"), member("r9", Kind.GONE)] * (CHANGES // 2)),
+        *(Envelope(f"x/{i}", bytes(5)) for i in range(6)),
+    ]
+    for envelope in again:
+        inbox.put(envelope, len(envelope.payload))
+    assert drain(inbox) == again, "once it is empty it has room for as much as a new one"
+    assert inbox.dropped == dropped
 
 
 @given(LETTERS)

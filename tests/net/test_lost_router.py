@@ -11,7 +11,7 @@ from blackboard.net.link import Link
 from blackboard.net.outage import PAUSE, Outage
 from blackboard.net.settings import LinkConfig
 from blackboard.run.launch import free_port
-from tests.processes import program, wait_until
+from tests.processes import introduce, program, wait_until
 
 
 def connected() -> Outage:
@@ -120,7 +120,7 @@ def test_a_link_logs_it_while_it_is_read(mode: str, caplog: pytest.LogCaptureFix
         def says(text: str) -> None:
             wait_until(lambda: not a.receive(0.05) and text in caplog.text, f"it says {text!r}")
 
-        wait_until(a._session.info.routers_zid, "it is connected")
+        introduce(a, router)
         router.close()
         says("a: lost the router")
         with Link(config, "router"):
