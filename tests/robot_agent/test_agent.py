@@ -4,63 +4,28 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from blackboard.opinion.belief import Belief, gaussian
-from blackboard.opinion.grid import Grid
+from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.levels import Coding
-from blackboard.wire.messages import Consensus, Fix, Odometry, PackedBelief, Readings, Report, Sighting
-from robot_agent.agent import Agent, Agreed, Feedback
+from blackboard.wire.messages import Fix, PackedBelief, Sighting
+from robot_agent.agent import Agent, Feedback
 from robot_agent.config import RobotSection
 from robot_agent.position import PositionLocalizer
-
-GRID = Grid((30, 30))
-
-
-def readings(tick: int, *sightings: Sighting, fix: tuple[float, float] | None = None) -> Readings:
-    return Readings(
-        run="x",
-        robot="r1",
-        tick=tick,
-        time=0.5 * tick,
-        odometry=Odometry(distance=0.5, turn=0.0, dt=0.5) if tick else None,
-        compass=0.0,
-        fix=None if fix is None else Fix(position=fix, sigma=1.0),
-        sightings=list(sightings),
-    )
+from tests.robot_agent.robots import BALL, CAMERA, FINE, GRID, STILL, agreed, by_subject, position_localizer, readings
 
 
-def agreed(tick: int, x: float, y: float, *, subject: str = "robot/r1") -> dict[str, Agreed]:
-    consensus = Consensus(
-        board="a",
-        sub_team="a",
-        level="agreed",
-        subject=subject,
-        tick=tick,
-        time=0.5 * tick,
-        belief=pack(gaussian(GRID, (x, y), 0.8)),
-        ancestors={"r1": 0.5 * tick, "r2": 0.5 * tick},
-        used=[],
-        entropy=1.0,
-        conflict=False,
-        rule="coalition",
-    )
-    return {subject: Agreed.unpacked(consensus, GRID)}
+def near(x: float, y: float) -> Belief:
+    return gaussian(GRID, (x, y), 0.8)
 
 
 def agent(feedback: Feedback = "guarded") -> Agent:
     return Agent("r1", RobotSection(), GRID, feedback)
-
-
-BALL = Sighting(subject="object/ball", range=5.0, bearing=0.3)
-
-
-def by_subject(reports: list[Report]) -> dict[str, Report]:
-    return {report.subject: report for report in reports}
 
 
 def test_alone_it_reports_first_hand_only() -> None:
@@ -74,7 +39,7 @@ def test_alone_it_reports_first_hand_only() -> None:
 def test_solo_and_first_hand_never_depend_on_the_team() -> None:
     helped, alone = agent(), agent()
     for tick in range(5):
-        told = agreed(tick - 1, 14 + 0.5 * tick, 12) if tick else {}
+        told = agreed(tick - 1, near(14 + 0.5 * tick, 12)) if tick else {}
         said = readings(tick, BALL, fix=(10, 10) if tick == 0 else None)
         (with_team, solo), (without, same) = helped.tick(said, told), alone.tick(said, {})
         assert solo == same
@@ -84,7 +49,7 @@ def test_solo_and_first_hand_never_depend_on_the_team() -> None:
 def test_the_agreed_belief_is_taken_over_with_its_ancestors() -> None:
     it = agent()
     it.tick(readings(0, fix=(10, 10)), {})
-    reports, _ = it.tick(readings(1), agreed(0, 12, 11))
+    reports, _ = it.tick(readings(1), agreed(0, near(12, 11)))
     own = by_subject(reports)["robot/r1"]
     assert own.informed is not None
     assert set(own.informed.ancestors) == {"r1", "r2"}
@@ -97,10 +62,10 @@ def test_a_late_agreed_belief_is_taken_at_its_own_tick() -> None:
     prompt, late = agent(), agent()
     for it in (prompt, late):
         it.tick(readings(0, fix=(10, 10)), {})
-    prompt.tick(readings(1), agreed(0, 12, 11))
+    prompt.tick(readings(1), agreed(0, near(12, 11)))
     prompt.tick(readings(2), {})
     late.tick(readings(1), {})
-    late.tick(readings(2), agreed(0, 12, 11))
+    late.tick(readings(2), agreed(0, near(12, 11)))
     first, second = (it.informed.localizer.marginal().p for it in (prompt, late))
     assert np.allclose(first, second, atol=1e-3)
 
@@ -111,7 +76,7 @@ def test_without_a_common_tick_an_agreed_belief_is_taken_at_its_time() -> None:
     for it in (by_tick, by_time):
         for tick in range(4):
             it.tick(readings(tick, fix=(10, 10) if tick == 0 else None), {})
-    told = agreed(2, 12, 11)["robot/r1"]
+    told = agreed(2, near(12, 11))["robot/r1"]
     by_tick.tick(readings(4), {"robot/r1": told})
     by_time.tick(readings(4), {"robot/r1": replace(told, tick=8_500_000_000, time=told.time + 0.4)})
     first, second = (it.informed.localizer.marginal().p for it in (by_tick, by_time))
@@ -127,7 +92,7 @@ def test_without_a_common_tick_an_agreed_belief_is_taken_at_its_time() -> None:
 def test_feedback_off_listens_to_nobody() -> None:
     it = agent("off")
     it.tick(readings(0, fix=(10, 10)), {})
-    reports, _ = it.tick(readings(1), agreed(0, 12, 11))
+    reports, _ = it.tick(readings(1), agreed(0, near(12, 11)))
     assert all(report.informed is None for report in reports)
 
 
@@ -159,5 +124,97 @@ def test_each_belief_is_marginalised_and_packed_once_a_tick(monkeypatch: pytest.
     reports, solo = it.tick(readings(1, BALL), {})
     assert (marginals["made"], packs["made"]) == (1, 2)
     assert solo.beliefs == {report.subject: report.belief for report in reports}
-    it.tick(readings(2, BALL), agreed(1, 12, 11))
+    it.tick(readings(2, BALL), agreed(1, near(12, 11)))
     assert (marginals["made"], packs["made"]) == (3, 5)  # now also the informed belief about itself
+
+
+# --- against exact expectations ------------------------------------------------------------------------------------------
+
+FIX = Fix(position=(0.5, 5.5), sigma=0.5)
+MATE = Sighting(subject="robot/r2", range=3.5, bearing=0.3)
+still = partial(readings, distance=0.0)
+
+
+def bump(x: float, y: float, sigma: float) -> Belief:
+    return gaussian(FINE, (x, y), sigma)
+
+
+def seeing(**vision: object) -> Agent:
+    """An agent with a camera of range and bearing."""
+    return Agent("r1", RobotSection.model_validate({"vision": {**CAMERA, **vision}}), FINE)
+
+
+@pytest.mark.parametrize("mates", [True, False])
+def test_a_mate_is_a_landmark_only_where_the_settings_say_so(mates: bool) -> None:
+    informed = {}
+    for told in (True, False):
+        it = seeing(mates=mates)
+        it.tick(still(0, fix=FIX), {})
+        team = agreed(0, bump(0.5, 5.5, 0.5))
+        if told:
+            team |= agreed(0, bump(4.5, 6.0, 0.2), "robot/r2")
+        it.tick(still(1, MATE), team)
+        informed[told] = it.informed.localizer.marginal().p
+    assert (np.abs(informed[True] - informed[False]).max() > 1e-4) == mates
+
+
+@pytest.mark.parametrize("sigma", [0.9, 1.3])
+def test_an_informed_belief_about_another_is_told_only_where_it_is_half_a_nat_sharper(sigma: float) -> None:
+    """What the team told of the robot's own place sharpens where it sees a ball, by the more the surer the team is."""
+    it = seeing()
+    it.tick(still(0, fix=FIX), {})
+    it.firsthand = replace(it.firsthand, localizer=position_localizer(bump(0.5, 5.5, 1.4)))
+    it.informed = replace(
+        it.firsthand, localizer=position_localizer(bump(0.5, 5.5, sigma)), ancestors={"r1": 0.0, "r2": 0.0}
+    )
+    reports, _ = it.tick(still(1, Sighting(subject="object/ball", range=2.0, bearing=0.3)), {})
+    first = it.firsthand.objects["object/ball"].p
+    informed = it.informed.objects["object/ball"].p
+    ball = by_subject(reports)["object/ball"]
+    gained = entropy(first) - entropy(informed)
+    assert (ball.informed is not None) == (gained > 0.5)
+    assert by_subject(reports)["robot/r1"].informed is not None  # about itself always
+    assert unpack(ball.belief).p == pytest.approx(unpack(pack(Belief(FINE, first))).p)
+    assert 0.6 < gained < 0.7 if sigma == 0.9 else 0.1 < gained < 0.5
+
+
+@pytest.mark.parametrize(("back", "taken"), [(8, True), (9, False)])
+def test_an_agreed_belief_may_come_eight_ticks_late(back: int, taken: bool) -> None:
+    it = seeing()
+    it.tick(still(0, fix=FIX), {})
+    for tick in range(1, back):
+        it.tick(still(tick), {})
+    it.tick(still(back), agreed(0, bump(1.2, 5.5, 0.3)))
+    assert (it.informed is not it.firsthand) == taken
+
+
+def test_an_agreed_belief_without_ancestors_is_nobodys() -> None:
+    it = seeing()
+    it.tick(still(0, fix=FIX), {})
+    reports, _ = it.tick(still(1), agreed(0, uniform(FINE), ancestors=()))
+    assert all(report.informed is None for report in reports)
+
+
+@pytest.mark.parametrize("rounds", [1, 3])
+def test_a_team_that_agrees_with_what_was_reported_changes_nothing(rounds: int) -> None:
+    """To the bit: what came back is compared with what was sent, not with what it was coded from."""
+    it = seeing()
+    reports, _ = it.tick(still(0, fix=FIX), {})
+    for tick in range(1, rounds + 1):
+        own = by_subject(reports)["robot/r1"]
+        sent = own.informed.belief if own.informed else own.belief
+        reports, _ = it.tick(still(tick), agreed(tick - 1, unpack(sent)))
+        assert it.informed.ancestors.keys() == {"r1", "r2"}
+        assert it.informed.localizer.marginal().p == pytest.approx(it.firsthand.localizer.marginal().p, abs=1e-12)
+
+
+def test_a_second_agreed_belief_of_the_same_tick_is_compared_with_the_first_report_too() -> None:
+    """What was told did not change when the first answer came, so the second adds its own news to it."""
+    it = seeing()
+    (report,), _ = it.tick(still(0, fix=FIX), {})
+    it.tick(still(1), agreed(0, bump(0.8, 5.5, 0.4)))
+    after = it.informed.localizer.marginal().p
+    it.tick(still(2), agreed(0, unpack(report.belief)))
+    assert it.informed.localizer.predict(STILL, 0.0).marginal().mean() == pytest.approx(
+        Belief(FINE, after).mean(), abs=1e-6
+    )

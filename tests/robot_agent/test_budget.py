@@ -32,8 +32,8 @@ from robot_agent.coarse import coarser
 from robot_agent.config import RobotSection, SendSection
 from robot_agent.gaussian.agent import JointAgent
 from sim_world.traffic import Traffic
-from tests.robot_agent.test_agent import GRID as AGENT_GRID
-from tests.robot_agent.test_agent import readings
+from tests.robot_agent.robots import GRID as AGENT_GRID
+from tests.robot_agent.robots import readings
 
 GRID = Grid((20, 20))
 SUBJECTS = ("robot/r1", "robot/r2", "object/ball", "object/can")

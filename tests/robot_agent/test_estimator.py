@@ -3,69 +3,65 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from blackboard.opinion.belief import Belief, blur, gaussian
 from blackboard.opinion.chernoff import chernoff
-from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
-from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from blackboard.wire.messages import Sighting
 from robot_agent.config import RobotSection
-from robot_agent.estimator import CONTRADICTION, SPLIT_WEIGHTS, VAGUE, Estimator, Mate, combined, newest
+from robot_agent.estimator import CONTRADICTION, Estimator, Mate, combined, newest
+from tests.robot_agent.robots import BALL, CAMERA, FINE, STILL, position_localizer
+from tests.robot_agent.robots import readings as driven
 
-GRID = Grid((30, 30))
-NOISE = 0.6  # cells, of a seen position at any distance
-SETTINGS = RobotSection.model_validate(
-    {"vision": {"gain": 1e-6, "floor": NOISE, "outlier": 0.0, "misread": 30.0}, "objects": {"drift": 0.5}}
-)
-BALL = Sighting(subject="object/ball", range=6.0, bearing=0.0)
-MATE = Sighting(subject="robot/r2", range=6.0, bearing=0.0)
-
-
-def readings(
-    tick: int, *sightings: Sighting, fix: Fix | None = None, distance: float | None = None, dt: float = 0.5
-) -> Readings:
-    odometry = None if distance is None else Odometry(distance=distance, turn=0.0, dt=dt)
-    return Readings(
-        run="x",
-        robot="r1",
-        tick=tick,
-        time=0.5 * tick,
-        odometry=odometry,
-        compass=0.0,
-        fix=fix,
-        sightings=list(sightings),
-    )
+GRID = FINE
+PLACE = np.array([4.0, 7.0])
+MATE = Sighting(subject="robot/r2", range=3.5, bearing=0.3)
+readings = partial(driven, distance=0.0)
 
 
-def begun(*sightings: Sighting, sigma: float = 1.5, settings: RobotSection = SETTINGS) -> Estimator:
-    """r1 at about (10, 15), looking along x."""
-    fix = Fix(position=(10.0, 15.0), sigma=sigma)
-    return Estimator.begin(settings, GRID, "r1").advance(readings(0, *sightings, fix=fix))
+def bump(x: float, y: float, sigma: float) -> Belief:
+    return gaussian(GRID, (x, y), sigma)
 
 
-def mate(variance: float, *ancestors: str, mean: tuple[float, float] = (16.0, 15.0)) -> dict[str, Mate]:
-    return {"robot/r2": Mate(np.array(mean), np.eye(2) * variance, dict.fromkeys(ancestors, 0.0))}
+def estimator(*, sigma: float = 1.2, **settings: object) -> Estimator:
+    """r1 at about (0.5, 5.5) m, looking along x."""
+    tables = {"vision": {**CAMERA, "outlier": 0.01}, "objects": {"drift": 0.4}, **settings}
+    begun = Estimator.begin(RobotSection.model_validate(tables), GRID, "r1")
+    return replace(begun, localizer=position_localizer(bump(0.5, 5.5, sigma), vision=tables["vision"]))  # type: ignore[arg-type]
+
+
+def with_ball(ball: Belief, **settings: object) -> Estimator:
+    return replace(estimator(**settings), objects={"object/ball": ball})  # type: ignore[arg-type]
 
 
 # --- objects ---------------------------------------------------------------------------------------------------------
 
 
-def test_an_object_and_a_mate_are_projected_and_landmarks_and_the_robot_itself_are_not() -> None:
-    landmark = Sighting(subject="landmark/6", range=6.0, bearing=0.0, landmark=(16.0, 15.0))
-    it = begun(BALL, MATE, landmark, Sighting(subject="robot/r1", range=3.0, bearing=0.0))
-    assert (set(it.objects), set(it.seen)) == ({"object/ball"}, {"robot/r2"})
-    assert it.objects["object/ball"].mean() == pytest.approx((16, 15), abs=0.1)
-    assert it.advance(readings(1)).seen == {}  # a mate moves: what was seen counts in its tick only
-    assert set(it.advance(readings(1)).objects) == {"object/ball"}
+def test_what_is_seen_becomes_an_object_or_a_mate_but_never_a_landmark_or_oneself() -> None:
+    sightings = [
+        Sighting(subject="landmark/l1", range=3.0, bearing=0.1, landmark=(4.0, 6.0)),
+        Sighting(subject="robot/r1", range=3.0, bearing=0.1),
+        Sighting(subject="robot/r2", range=3.0, bearing=0.1),
+        Sighting(subject="object/ball", range=3.0, bearing=2.0),
+        Sighting(subject="object/ball", range=2.0, bearing=0.1),
+    ]
+    after = estimator().advance(readings(0, *sightings))
+    assert set(after.objects) == {"object/ball"}
+    assert set(after.seen) == {"robot/r2"}
+    assert after.objects["object/ball"].p == pytest.approx(after.localizer.project(sightings[-1], None).p)  # the newest
+    assert after.advance(readings(1)).seen == {}
 
 
 def test_a_landmark_is_used_before_what_else_was_seen_is_projected() -> None:
-    landmark = Sighting(subject="landmark/6", range=6.0, bearing=0.0, landmark=(17.0, 15.0))
-    assert begun(BALL, landmark, sigma=3.0).objects["object/ball"].mean()[0] == pytest.approx(17.0, abs=0.2)
+    landmark = Sighting(subject="landmark/6", range=3.0, bearing=0.0, landmark=(4.5, 5.5))
+    ball = estimator(sigma=3.0).advance(readings(0, BALL, landmark)).objects["object/ball"]
+    assert ball.mean()[0] == pytest.approx(1.5 + 5.0 * math.cos(0.3), abs=0.3)
 
 
 def test_the_last_sighting_of_each_subject_counts() -> None:
@@ -76,62 +72,77 @@ def test_the_last_sighting_of_each_subject_counts() -> None:
 
 
 def test_an_object_drifts_with_the_square_root_of_time_however_short_the_ticks() -> None:
-    it = begun(BALL)
-    before = it.objects["object/ball"]
+    ball = bump(3.0, 6.0, 0.6)
+    it = with_ball(ball)
     for tick in range(1, 41):
-        it = it.advance(readings(tick, distance=0.0, dt=0.1))
-    expected = blur(before.p, 0.5 * math.sqrt(4.0))
-    after = it.objects["object/ball"]
-    pending = it.pending_variance
-    assert Belief(GRID, blur(after.p, math.sqrt(pending))).p == pytest.approx(expected, abs=1e-9)
-    assert pending <= 1 / 9
+        it = it.advance(readings(tick, dt=0.1))
+    found = Belief(GRID, blur(it.objects["object/ball"].p, math.sqrt(it.pending_variance) / GRID.cell))
+    assert found.p == pytest.approx(blur(ball.p, 0.4 * math.sqrt(4.0) / GRID.cell), abs=1e-9)
+    assert it.pending_variance <= (GRID.cell / 3) ** 2
 
 
 def test_nothing_drifts_while_no_time_passes() -> None:
-    it = begun(BALL)
-    assert it.advance(readings(1)).objects["object/ball"] is it.objects["object/ball"]
+    ball = bump(3.0, 6.0, 0.6)
+    assert with_ball(ball).advance(readings(1, distance=None)).objects["object/ball"] is ball
 
 
-@pytest.mark.parametrize(("forget", "kept"), [(0.9, False), (0.999, True)])
-def test_a_belief_that_became_nearly_uniform_is_dropped(forget: float, kept: bool) -> None:
-    settings = SETTINGS.model_copy(update={"objects": SETTINGS.objects.model_copy(update={"forget": forget})})
-    it = begun(BALL, settings=settings).advance(readings(1, distance=0.0, dt=400.0))
-    assert ("object/ball" in it.objects) == kept
-    most = blur(begun(BALL).objects["object/ball"].p, 0.5 * math.sqrt(400.0))
-    assert 0.9 * math.log(900) < entropy(most) < 0.999 * math.log(900)
+def test_a_drift_below_a_third_of_a_cell_waits() -> None:
+    third = (0.5 / 3) ** 2
+    ball = bump(3.0, 6.0, 0.6)
+    for share, blurred in ((0.99, False), (1.01, True)):
+        drift = math.sqrt(share * third / 0.5)
+        it = with_ball(ball, objects={"drift": drift}).advance(readings(1))
+        assert (it.objects["object/ball"] is not ball) == blurred
+        assert it.pending_variance == pytest.approx(0.0 if blurred else share * third)
+    assert it.objects["object/ball"].p == pytest.approx(blur(ball.p, math.sqrt(1.01 * third) / 0.5))
+
+
+@pytest.mark.parametrize("forget", [0.7, 0.9])
+def test_an_object_is_forgotten_once_its_entropy_exceeds_its_share_of_ln_m(forget: float) -> None:
+    it = estimator(objects={"drift": 1.0, "forget": forget})
+    most = forget * math.log(GRID.size)
+    kept, lost = (gaussian(GRID, (3.0, 6.0), s) for s in _sigmas(most))
+    after = replace(it, objects={"object/kept": kept, "object/lost": lost}).advance(readings(1))
+    assert set(after.objects) == {"object/kept"}
+
+
+def _sigmas(most: float) -> tuple[float, float]:
+    """Two sigmas (m) for which a Gaussian has less and more entropy than `most`, after a drift of 0.7 m."""
+    found = [s for s in np.arange(0.2, 9.0, 0.05) if entropy(blur(bump(3.0, 6.0, s).p, math.sqrt(0.5) / 0.5)) < most]
+    return found[-1], found[-1] + 0.1
 
 
 # --- a tracked object and a new sighting of it -----------------------------------------------------------------------
 
 
 def test_the_first_sighting_is_taken_as_it_is() -> None:
-    seen = gaussian(GRID, (10, 10), 1.0)
+    seen = gaussian(GRID, (2, 6), 0.5)
     assert combined(None, seen, 0.1) is seen
 
 
 def test_of_two_that_agree_the_geometric_mean_of_least_entropy_is_taken() -> None:
-    tracked, seen = gaussian(GRID, (10, 10), (1.0, 3.0)), gaussian(GRID, (10.5, 10), (3.0, 1.0))
+    tracked, seen = gaussian(GRID, (2, 6), (0.5, 1.5)), gaussian(GRID, (2.25, 6), (1.5, 0.5))
     expected, w = chernoff(tracked.p, seen.p)
     assert 0 < w < 1
     assert combined(tracked, seen, 0.5).p == pytest.approx(expected)
 
 
 def test_a_sharper_tracked_belief_learns_the_new_share_of_a_sighting() -> None:
-    tracked, seen = gaussian(GRID, (10, 10), 1.0), gaussian(GRID, (11, 10), 4.0)
+    tracked, seen = gaussian(GRID, (2, 6), 0.5), gaussian(GRID, (2.5, 6), 2.0)
     expected = tracked.p * seen.p**0.3
     assert combined(tracked, seen, 0.3).p == pytest.approx(expected / expected.sum())
     assert combined(tracked, seen, 0.0).p == pytest.approx(tracked.p)
 
 
 def test_a_sharper_sighting_replaces_the_tracked_belief() -> None:
-    tracked, seen = gaussian(GRID, (10, 10), 4.0), gaussian(GRID, (11, 10), 1.0)
+    tracked, seen = gaussian(GRID, (2, 6), 2.0), gaussian(GRID, (2.5, 6), 0.5)
     assert combined(tracked, seen, 0.3).p == pytest.approx(seen.p)
 
 
 @pytest.mark.parametrize(("apart", "both"), [(6.4, True), (5.6, False)])
 def test_of_two_that_contradict_each_other_both_are_kept(apart: float, both: bool) -> None:
-    """Two Gaussians of sigma 1 have the coefficient exp(-d^2 / 8): 0.01 at d = 6.07."""
-    tracked, seen = gaussian(GRID, (10, 10), 1.0), gaussian(GRID, (10 + apart, 10), 1.0)
+    """Two Gaussians that are `apart` sigmas apart have the coefficient exp(-d^2 / 8): 0.01 at d = 6.07."""
+    tracked, seen = gaussian(GRID, (2, 6), 0.5), gaussian(GRID, (2 + apart / 2, 6), 0.5)
     assert (math.exp(-(apart**2) / 8) < CONTRADICTION) == both
     mean = 0.5 * (tracked.p + seen.p)
     found = combined(tracked, seen, 0.0).p
@@ -142,59 +153,65 @@ def test_of_two_that_contradict_each_other_both_are_kept(apart: float, both: boo
 # --- team-mates as landmarks -----------------------------------------------------------------------------------------
 
 
-def variance_after(mates: Mapping[str, Mate], sigma: float = 1.5) -> float:
-    """Of the robot's x, once it has seen r2 where the mates say."""
-    after = begun(sigma=sigma).advance(readings(1, MATE), mates)
-    return float(after.localizer.marginal().covariance()[0, 0])
+def belief_after(ancestors: dict[str, float], covariance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    mate = Mate(PLACE, covariance, ancestors)
+    return estimator().advance(readings(0, MATE), {"robot/r2": mate}).localizer.marginal().p
 
 
-def test_a_mate_with_other_evidence_counts_in_full() -> None:
-    own = float(begun().localizer.marginal().covariance()[0, 0])
-    expected = 1 / (1 / own + 1 / (0.5 + NOISE**2))
-    assert variance_after(mate(0.5, "r2")) == pytest.approx(expected, rel=0.03)
+def test_a_mate_of_independent_origin_is_a_landmark() -> None:
+    covariance = np.array([[0.4, 0.1], [0.1, 0.3]])
+    before = estimator().localizer.predict(STILL, 0.0)
+    expected = before.update_with_sighting(MATE, None, PLACE, covariance).marginal().p
+    assert belief_after({"r2": 0.0}, covariance) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("variance", [0.02, 0.2, 1.0])
-def test_a_mate_that_may_hold_the_robots_own_evidence_counts_by_split_covariance_intersection(variance: float) -> None:
-    """Gaussians: 1 / var = w / own + 1 / (mate's / (1 - w) + noise), with the w of the least variance; w = 1 is own."""
-    own = float(begun().localizer.marginal().covariance()[0, 0])
-    options = [own] + [1 / (w / own + 1 / (variance / (1 - w) + NOISE**2)) for w in SPLIT_WEIGHTS]
-    assert variance_after(mate(variance, "r1", "r2")) == pytest.approx(min(options), rel=0.03)
+@pytest.mark.parametrize("variance", [0.05, 0.6, 3.0])
+def test_a_mate_that_may_hold_the_robots_own_evidence_is_split_by_the_least_entropy(variance: float) -> None:
+    """Split covariance intersection: the own belief to the power w, the mate's covariance divided by 1 - w."""
+    covariance = variance * np.eye(2)
+    own = estimator().localizer.predict(STILL, 0.0)
+    options = [own]
+    for w in (0.95, 0.8, 0.5, 0.2):
+        options.append(own.tempered(w).update_with_sighting(MATE, None, PLACE, covariance / (1.0 - w)))
+    expected = min(options, key=lambda option: option.entropy())
+    assert (expected is own) == (variance > 1.0)  # so vague a mate may only repeat what the robot knows
+    assert belief_after({"r1": 0.0, "r2": 0.0}, covariance) == pytest.approx(expected.marginal().p)
 
 
-def test_a_mate_that_knows_less_than_the_robot_is_no_help_where_it_may_hold_its_evidence() -> None:
-    it = begun()
-    after = it.advance(readings(1, MATE), mate(30.0, "r1"))
-    assert np.allclose(after.localizer.marginal().p, it.localizer.marginal().p)
+@pytest.mark.parametrize(("sigma", "used"), [(4.9, True), (5.1, False)])
+def test_a_mate_less_certain_than_ten_cells_is_no_landmark(sigma: float, used: bool) -> None:
+    """The standard deviation is that of both axes together: 10 cells of 0.5 m."""
+    alone = estimator().advance(readings(0)).localizer.marginal().p
+    after = belief_after({"r2": 0.0}, np.diag([sigma**2 / 2, sigma**2 / 2]))
+    assert (np.abs(after - alone).max() > 1e-6) == used
 
 
-@pytest.mark.parametrize(("deviation", "used"), [(1.01 * VAGUE, False), (0.99 * VAGUE, True)])
-def test_a_vague_mate_is_no_landmark(deviation: float, used: bool) -> None:
-    """The standard deviation of both axes together: the root of the trace."""
-    after = begun().advance(readings(1, MATE), mate(deviation**2 / 2, "r2"))
-    assert ("r2" in after.ancestors) == used
+def test_a_mate_of_unknown_place_does_not_hide_the_next() -> None:
+    stranger = Sighting(subject="robot/r9", range=2.0, bearing=-0.5)
+    mate = Mate(PLACE, 0.2 * np.eye(2), {"r2": 0.0})
+    alone = estimator().advance(readings(0, MATE), {"robot/r2": mate}).localizer.marginal().p
+    both = estimator().advance(readings(0, stranger, MATE), {"robot/r2": mate}).localizer.marginal().p
+    assert both == pytest.approx(alone, abs=1e-12)
 
 
 def test_the_evidence_of_a_mate_that_was_used_is_in_it_from_then_on() -> None:
-    it = begun().advance(readings(1, MATE), mate(0.5, "r2", "r3"))
-    assert it.ancestors == {"r1": 0.5, "r2": 0.0, "r3": 0.0}
-    unseen = begun().advance(readings(1, BALL), mate(0.5, "r2"))
-    assert unseen.ancestors == {"r1": 0.5}
+    """But no later time of the robot's own than that of its readings."""
+    mate = {"robot/r2": Mate(PLACE, 0.1 * np.eye(2), {"r1": 9.0, "r2": 3.0})}
+    assert estimator().advance(readings(2, MATE), mate).ancestors == {"r1": 1.0, "r2": 3.0}
+    assert estimator().advance(readings(2, BALL), mate).ancestors == {"r1": 1.0}
 
 
 # --- folding back ----------------------------------------------------------------------------------------------------
 
 
-def test_folding_keeps_the_latest_time_of_each_source() -> None:
-    it = begun().folded(gaussian(GRID, (10, 15), 1.0), None, {"r1": -1.0, "r2": 3.0})
-    assert it.ancestors == {"r1": 0.0, "r2": 3.0}
-    assert it.folded(gaussian(GRID, (10, 15), 1.0), None, {"r2": 2.0, "r1": 5.0}).ancestors == {"r1": 5.0, "r2": 3.0}
+def test_folding_keeps_the_latest_time_of_each_ancestor() -> None:
+    it = replace(estimator(), ancestors={"r1": 4.0, "r2": 1.0})
+    after = it.folded(bump(1.0, 5.5, 0.8), None, {"r2": 3.0, "r1": 2.0, "r3": 5.0})
+    assert after.ancestors == {"r1": 4.0, "r2": 3.0, "r3": 5.0}
 
 
 def test_folding_divides_by_what_was_reported() -> None:
-    """Reported at 10 with variance v, agreed at 11: who has moved on to 12 since is at 13 now."""
-    it = begun()
-    agreed = gaussian(GRID, (11, 15), 1.5)
-    assert it.folded(agreed, None, {}).localizer.marginal().mean()[0] == pytest.approx(11.0, abs=0.05)
-    reported = gaussian(GRID, (11, 15), 1.5)
-    assert it.folded(agreed, reported, {}).localizer.marginal().mean()[0] == pytest.approx(10.0, abs=0.05)
+    """If the robot has moved on by some distance since its report, it is that distance from what was agreed."""
+    it, agreed = estimator(sigma=0.8), bump(1.0, 5.5, 0.8)
+    assert it.folded(agreed, None, {}).localizer.marginal().mean()[0] == pytest.approx(1.0, abs=0.03)
+    assert it.folded(agreed, agreed, {}).localizer.marginal().mean()[0] == pytest.approx(0.5, abs=0.03)

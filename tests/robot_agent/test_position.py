@@ -1,112 +1,197 @@
-"""The position grid against brute force."""
+"""The position grid against exact expectations and brute force."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
-from blackboard.opinion.belief import Belief, gaussian
-from blackboard.opinion.grid import Grid
+from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Fix, Sighting
-from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer
-from robot_agent.position import PositionLocalizer
-from robot_agent.sensing import Motion, position_likelihood, uncertain_likelihood
+from robot_agent.sensing import Motion, position_likelihood
+from tests.robot_agent.robots import CAMERA, FINE, position_localizer
 
-GRID = Grid((24, 18))
-SETTINGS = RobotSection.model_validate({"vision": {"outlier": 0.0}})
-
-
-def standing(p: Belief, **more: object) -> PositionLocalizer:
-    return replace(PositionLocalizer.unknown(SETTINGS, GRID), p=p.p, **more)  # type: ignore[arg-type]
+GRID = FINE
+PLACE = np.array([4.0, 7.0])
 
 
-def step(distance: float, along: float = 0.0) -> Motion:
-    return Motion(distance, 0.0, 1.0, along, 0.0, 0.0)
+def normal(difference: npt.NDArray[np.float64], covariance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """exp(-d^T C^-1 d / 2) of differences (..., 2)."""
+    solved = np.linalg.solve(covariance, difference[..., None])[..., 0]
+    return np.asarray(np.exp(-0.5 * (difference * solved).sum(axis=-1)))
 
 
-def test_projection_is_the_sum_over_all_own_places_and_all_places_of_the_subject() -> None:
-    it = standing(gaussian(GRID, (9, 8), 1.5), heading=0.4, offset=(0.3, -0.2))
-    sighting = Sighting(subject="object/ball", range=6.0, bearing=0.2)
-    angle = 0.4 + 0.2
-    seen = 6.0 * math.cos(angle), 6.0 * math.sin(angle)
+def camera_covariance(distance: float, angle: float) -> npt.NDArray[np.float64]:
+    """Of the seen displacement: the range's variance along the line of sight, the bearing's across, and half a cell's."""
+    along = 2.0 * (0.3**2 + (0.1 * distance) ** 2)
+    across = 2.0 * (distance * 0.2) ** 2
+    sight = np.array([math.cos(angle), math.sin(angle)])
+    aside = np.array([-math.sin(angle), math.cos(angle)])
+    return along * np.outer(sight, sight) + across * np.outer(aside, aside) + np.eye(2) * 0.5**2 / 12
+
+
+def points(offset: tuple[float, float] = (0.0, 0.0)) -> npt.NDArray[np.float64]:
+    """The places at which the cells stand, (nx, ny, 2)."""
+    x, y = GRID.centres(0) + offset[0], GRID.centres(1) + offset[1]
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+
+
+@pytest.mark.parametrize("kind", ["range-bearing", "position"])
+def test_a_projection_sums_over_all_own_places_on_any_grid(kind: str) -> None:
+    vision = {**CAMERA, "kind": kind, "outlier": 0.1}
+    it = position_localizer(gaussian(GRID, (0.2, 5.0), 0.7), heading=0.4, vision=vision, offset=(0.15, -0.1))
+    sighting = Sighting(subject="object/ball", range=4.0, bearing=0.3, age=0.5)
+    moved = Motion(0.8, 0.2, 1.0, 0.0, 0.0, 0.0)
+    angle = 0.4 - 0.1 + 0.3  # half of the turn came after the sighting, and half of the way
+    seen = np.array([4.0 * math.cos(angle) - 0.4 * math.cos(0.4), 4.0 * math.sin(angle) - 0.4 * math.sin(0.4)])
     expected = np.zeros(GRID.shape)
-    gx, gy = GRID.mesh()
-    for i in range(GRID.shape[0]):
-        for j in range(GRID.shape[1]):
-            dx, dy = gx - (GRID.centres(0)[i] + 0.3), gy - (GRID.centres(1)[j] - 0.2)
-            expected += it.p[i, j] * position_likelihood(dx, dy, seen, SETTINGS.vision)
-    assert np.allclose(it.project(sighting, None).p, expected / expected.sum(), atol=1e-12)
+    for own, mass in zip(points((0.15, -0.1)).reshape(-1, 2), it.p.ravel(), strict=True):
+        away = points() - own
+        if kind == "position":
+            expected += mass * position_likelihood(away[..., 0], away[..., 1], (seen[0], seen[1]), it.settings.vision)
+        else:
+            expected += mass * normal(away - seen, camera_covariance(4.0, 0.7))
+    expected = 0.9 * expected / expected.sum() + 0.1 / GRID.size
+    assert it.project(sighting, moved).p == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (-1, 0), (0, -1), (-1, -1)])
+def test_a_projection_reaches_from_each_corner_of_the_grid_to_the_opposite_one(corner: tuple[int, int]) -> None:
+    own, other = np.array([GRID.centres(axis)[i] for axis, i in enumerate(corner)]), (-1 - corner[0], -1 - corner[1])
+    p = np.zeros(GRID.shape)
+    p[corner] = 1.0
+    away = np.array([GRID.centres(axis)[i] for axis, i in enumerate(other)]) - own
+    distance, angle = math.hypot(*away), math.atan2(away[1], away[0])
+    it = position_localizer(Belief(GRID, p))
+    expected = normal(points() - own - away, camera_covariance(distance, angle))
+    found = it.project(Sighting(subject="object/ball", range=distance, bearing=angle), None)
+    assert found.p == pytest.approx(expected / expected.sum(), abs=1e-12)
+    assert np.unravel_index(found.p.argmax(), GRID.shape) == (other[0] % 24, other[1] % 18)
+
+
+def test_a_camera_of_range_and_bearing_weighs_every_place() -> None:
+    it = position_localizer(gaussian(GRID, (1.0, 5.0), 1.5), heading=0.5, offset=(0.1, 0.2))
+    sighting = Sighting(subject="robot/r2", range=3.5, bearing=-0.2)
+    covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
+    seen = 3.5 * np.array([math.cos(0.3), math.sin(0.3)])
+    likelihood = normal(PLACE - points((0.1, 0.2)) - seen, camera_covariance(3.5, 0.3) + covariance)
+    expected = it.p * (likelihood + math.exp(-7.0) * likelihood.max())
+    after = it.update_with_sighting(sighting, None, PLACE, covariance)
+    assert after.p == pytest.approx(expected / expected.sum(), abs=1e-12)
+
+
+def test_evidence_that_meets_no_mass_replaces_the_belief() -> None:
+    p = np.zeros(GRID.shape)
+    p[0, 0] = 1.0
+    it = position_localizer(Belief(GRID, p)).update_with_fix(Fix(position=(6.0, 9.0), sigma=0.2))
+    assert it.marginal().mean() == pytest.approx((6.0, 9.0), abs=0.05)
+
+
+def test_a_fix_weighs_by_its_sigma_and_the_cells_and_may_tell_the_heading() -> None:
+    it = position_localizer(gaussian(GRID, (1.0, 5.0), 0.8), offset=(0.2, -0.15), heading=1.0)
+    after = it.update_with_fix(Fix(position=(2.0, 6.0), sigma=0.3, heading=0.7, heading_sigma=0.1))
+    away = points((0.2, -0.15)) - np.array([2.0, 6.0])
+    expected = it.p * np.exp(-0.5 * (away**2).sum(axis=-1) / (0.3**2 + 0.5**2 / 12))
+    assert after.p == pytest.approx(expected / expected.sum(), abs=1e-12)
+    assert after.heading == 0.7
+    assert it.update_with_fix(Fix(position=(2.0, 6.0), sigma=0.3)).heading == 1.0
+
+
+@pytest.mark.parametrize("many", [1, 40])
+def test_noise_along_and_across_turns_with_the_heading(many: int) -> None:
+    """Whether the variance is still pending or was blurred into the grid, the marginal holds all of it."""
+    it = position_localizer(gaussian(GRID, (3.0, 6.0), 0.6))
+    before = it.marginal().covariance()
+    after = it
+    for _ in range(many):
+        after = after.predict(Motion(0.0, 0.0, 1.0, 0.6 / many, 0.1 / many, 0.0), 0.5)
+    c, s = math.cos(0.5) ** 2, math.sin(0.5) ** 2
+    grown = after.marginal().covariance() - before
+    assert np.diag(grown) == pytest.approx([0.6 * c + 0.1 * s, 0.6 * s + 0.1 * c], rel=0.05)
+
+
+def test_a_pending_variance_is_blurred_in_once_it_exceeds_a_third_of_a_cell() -> None:
+    it = position_localizer(gaussian(GRID, (3.0, 6.0), 0.6))
+    third = (0.5 / 3) ** 2
+    for axis, heading in ((0, 0.0), (1, math.pi / 2)):
+        waits = it.predict(Motion(0.0, 0.0, 1.0, 0.99 * third, 0.0, 0.0), heading)
+        assert np.array_equal(waits.p, it.p)
+        assert waits.pending_covariance[axis] == pytest.approx(0.99 * third)
+        done = it.predict(Motion(0.0, 0.0, 1.0, 1.01 * third, 0.0, 0.0), heading)
+        assert done.pending_covariance == (0.0, 0.0, 0.0)
+        assert done.marginal().covariance()[axis, axis] > it.marginal().covariance()[axis, axis] + 0.8 * third
+
+
+def test_without_a_compass_the_heading_is_reckoned_and_the_way_goes_along_it() -> None:
+    it = position_localizer(gaussian(GRID, (1.0, 5.0), 0.6), heading=0.3)
+    after = it.predict(Motion(2.3, 0.4, 1.0, 0.0, 0.0, 0.0), None)
+    assert after.heading == pytest.approx(0.7)
+    way = 2.3 * np.array([math.cos(0.7), math.sin(0.7)])
+    assert after.marginal().mean() == pytest.approx(it.marginal().mean() + way, abs=0.01)
+    assert max(abs(x) for x in after.offset) <= 0.25  # whole cells are moved, only the rest is carried
+
+
+def test_a_belief_to_a_power_and_its_entropy() -> None:
+    it = position_localizer(gaussian(GRID, (1.0, 5.0), 0.8))
+    assert it.tempered(0.5).p == pytest.approx(it.p**0.5 / (it.p**0.5).sum())
+    assert it.entropy() == pytest.approx(entropy(it.p))
+
+
+def test_folding_reads_the_ratio_where_the_cells_stand() -> None:
+    """Half a cell beside the team's grid the agreed belief still becomes the marginal."""
+    it = position_localizer(gaussian(GRID, (3.0, 6.0), 1.2), offset=(0.2, -0.2))
+    agreed = gaussian(GRID, (3.6, 5.5), 1.0)
+    after = it.fold(agreed, it.marginal()).marginal()
+    assert after.mean() == pytest.approx(agreed.mean(), abs=0.03)
+    assert after.covariance() == pytest.approx(agreed.covariance(), abs=0.08)
 
 
 def test_motion_moves_the_mean_and_does_not_blur() -> None:
-    it: Localizer = standing(gaussian(GRID, (6, 8), 1.0))
+    it: Localizer = position_localizer(gaussian(GRID, (0.0, 6.0), 0.5))
     before = it.marginal().covariance()
     for _ in range(20):
-        it = it.predict(step(0.37), 0.0)
+        it = it.predict(Motion(0.185, 0.0, 1.0, 0.0, 0.0, 0.0), 0.0)
     after = it.marginal()
-    assert after.mean()[0] == pytest.approx(6 + 20 * 0.37, abs=0.02)
-    assert after.covariance()[0, 0] - before[0, 0] <= 0.26  # of the one resampling into the team's grid
-
-
-def test_odometry_noise_adds_its_variance() -> None:
-    it: Localizer = standing(gaussian(GRID, (12, 9), 1.0))
-    before = it.marginal().covariance()
-    for _ in range(10):
-        it = it.predict(step(0.0, along=0.2), 0.0)
-    spread = it.marginal().covariance() - before
-    assert spread[0, 0] == pytest.approx(2.0, rel=0.1)
-    assert spread[1, 1] == pytest.approx(0.0, abs=0.02)
-
-
-def test_a_fix_is_the_product_with_a_gaussian() -> None:
-    it = standing(gaussian(GRID, (10, 8), 2.0)).update_with_fix(Fix(position=(12.0, 8.0), sigma=2.0))
-    assert it.marginal().mean() == pytest.approx((11.0, 8.0), abs=0.05)
+    assert after.mean()[0] == pytest.approx(20 * 0.185, abs=0.01)
+    assert after.covariance()[0, 0] - before[0, 0] <= 0.26 * 0.5**2  # of the one resampling into the team's grid
 
 
 def test_folding_what_was_reported_changes_nothing() -> None:
-    it = standing(gaussian(GRID, (10, 8), 2.0), offset=(0.2, 0.4))
+    it = position_localizer(gaussian(GRID, (3.0, 6.0), 1.0), offset=(0.1, 0.2))
     reported = it.marginal()
     assert np.array_equal(it.fold(reported, reported).p, it.p / it.p.sum())
 
 
-def test_folding_takes_the_agreed_position_over() -> None:
-    it = standing(gaussian(GRID, (10, 8), 2.0))
-    agreed = gaussian(GRID, (12, 9), 1.0)
-    assert np.abs(it.fold(agreed, it.marginal()).p - agreed.p).sum() < 1e-3
+def test_a_lost_position_forgets_its_offset_and_pending_noise() -> None:
+    it = position_localizer(gaussian(GRID, (6.0, 4.0), 0.4), offset=(0.2, -0.2), pending_covariance=(0.01, 0.02, 0.005))
+    agreed = gaussian(GRID, (-1.0, 9.0), 0.5)
+    after = it.fold(agreed, it.marginal())
+    assert after.marginal().p == pytest.approx(agreed.p)
+    assert (after.offset, after.pending_covariance) == ((0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def test_a_lost_robot_starts_again_where_the_team_says() -> None:
-    it = standing(gaussian(GRID, (3, 3), 0.6))
-    agreed = gaussian(GRID, (20, 15), 0.8)
-    assert np.allclose(it.fold(agreed, it.marginal()).p, agreed.p)
+def test_a_marginal_holds_the_pending_noise() -> None:
+    belief = gaussian(GRID, (3.0, 6.0), 0.7)
+    pending = position_localizer(belief, pending_covariance=(0.02, 0.01, 0.005))
+    grown = pending.marginal().covariance() - position_localizer(belief).marginal().covariance()
+    assert np.diag(grown) == pytest.approx((0.02, 0.01), rel=0.05)
+    assert grown[0, 1] == pytest.approx(0.005, rel=0.1)
 
 
-def test_an_uncertain_mate_counts_as_the_mean_over_all_places_where_it_may_be() -> None:
-    """Where sigma hardly depends on the distance, the likelihood is the exact marginal."""
-    vision = SETTINGS.vision.model_copy(update={"floor": 1.5, "gain": 1e-6})
-    covariance = np.array([[1.2, 0.5], [0.5, 0.8]])
-    dx, dy = np.array([[5.0, 6.0, 7.5]]), np.array([[1.0, -0.5, 2.0]])
-    seen = 6.2, 0.4
-    rng = np.random.default_rng(1)
-    shifts = rng.multivariate_normal((0, 0), covariance, 200_000)
-    expected = [
-        position_likelihood(x + shifts[:, 0], y + shifts[:, 1], seen, vision).mean()
-        for x, y in zip(dx[0], dy[0], strict=True)
-    ]
-    assert uncertain_likelihood(dx, dy, seen, covariance, vision)[0] == pytest.approx(np.array(expected), rel=0.02)
-    nearly = uncertain_likelihood(dx, dy, seen, 1e-12 * covariance, SETTINGS.vision)
-    assert nearly == pytest.approx(position_likelihood(dx, dy, seen, SETTINGS.vision), rel=1e-9)
-
-
-def test_a_robot_that_sees_a_mate_of_known_place_finds_itself() -> None:
-    it = standing(gaussian(GRID, (9, 9), 3.0), heading=0.0)
-    mate, covariance = np.array([15.0, 10.0]), np.eye(2) * 0.3
-    after = it.update_with_sighting(
-        Sighting(subject="robot/r2", range=7.5, bearing=0.0), None, mate, covariance
-    ).marginal()
-    assert after.mean() == pytest.approx((7.5, 10.0), abs=0.4)
-    assert np.trace(after.covariance()) < 2.0
+@pytest.mark.parametrize(
+    ("heading", "axis", "end"), [(0.0, 0, -1), (math.pi, 0, 0), (math.pi / 2, 1, -1), (-math.pi / 2, 1, 0)]
+)
+def test_what_would_leave_the_grid_stays_in_the_last_row(heading: float, axis: int, end: int) -> None:
+    it = position_localizer(uniform(GRID))
+    after = it.predict(Motion(3 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p
+    rows = after.sum(axis=1 - axis)
+    n = GRID.shape[axis]
+    assert rows[end] == pytest.approx(4 / n)
+    assert rows[:3] == pytest.approx([0.0] * 3 if end else [4 / n, 1 / n, 1 / n])
+    assert rows[-3:] == pytest.approx([1 / n, 1 / n, 4 / n] if end else [0.0] * 3)
+    far = it.predict(Motion(100 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p.sum(axis=1 - axis)
+    assert far[end] == pytest.approx(1.0)

@@ -24,23 +24,18 @@ from robot_agent.sensing import (
 )
 from sim_world.sensors import vision_sigma
 
-PAPER = VisionSection(gain=1.0, floor=0.5)
-
 
 @pytest.mark.parametrize(
-    ("distance", "sigma"),
+    ("distance", "printed"),
     [
-        (3.0, 36.0),
-        (11.0, 28.0),
-        (5.0, 20.0),
-        (7.5, 0.5),
-        (2.999999, 30.08),
-        (11.000001, 25.06),
-        (12.5, 20 * math.log(5)),
+        (1.0, math.inf), (1.001, 20 * math.log(6.499)), (2.9, 20 * math.log(4.6)), (3.0, 36.0), (5.0, 20.0), (7.5, 0.0), (10.0, 20.0),
+        (11.0, 28.0), (11.1, 20 * math.log(3.6)), (12.99, 20 * math.log(5.49)), (13.0, math.inf),
     ],
-)
-def test_sigma_is_as_printed(distance: float, sigma: float) -> None:
-    assert position_sigma(np.array([distance]), PAPER)[0] == pytest.approx(sigma, abs=0.01)
+)  # fmt: skip
+def test_the_printed_sigma_by_distance(distance: float, printed: float) -> None:
+    """(VI-.1): 8 |d - 7.5| from 3 to 11, 20 ln |d - 7.5| beyond, nothing seen up to 1 and from 13 on."""
+    vision = VisionSection(gain=0.05, floor=0.5)
+    assert position_sigma(np.array([distance]), vision)[0] == pytest.approx(max(0.5, 0.05 * printed))
 
 
 @given(distance=st.floats(0.0, 20.0), gain=st.sampled_from([1.0, 0.05]))
@@ -65,25 +60,52 @@ def test_the_likelihood_of_a_seen_position_is_a_density() -> None:
     assert position_likelihood(np.array([0.5, 14.0]), np.zeros(2), (0.5, 0.0), VisionSection()).tolist() == [0.0, 0.0]
 
 
-def test_an_uncertain_subject_is_a_sum_over_its_possible_distances() -> None:
-    """The formula of the docstring, node by node; the weights are those of 7 points for a standard normal distribution."""
-    vision, covariance = VisionSection(), np.array([[1.2, 0.5], [0.5, 0.8]])
-    seen = np.array([6.2, 0.4])
-    nodes, weights = np.polynomial.hermite.hermgauss(7)
-    for x, y in ((5.0, 1.0), (2.0, -0.5), (-7.0, 8.0), (1.5, 0.0)):
-        mean = np.array([x, y])
-        distance = np.linalg.norm(mean)
-        spread = math.sqrt(mean @ covariance @ mean) / distance
-        expected = 0.0
-        for node, weight in zip(nodes, weights, strict=True):
-            sigma = vision_sigma(distance + math.sqrt(2) * node * spread, vision.gain, vision.floor)
-            if sigma is not None:
-                total = covariance + np.eye(2) * sigma**2
-                away = (mean - seen) @ np.linalg.solve(total, mean - seen)
-                density = math.exp(-0.5 * away) / (2 * math.pi * math.sqrt(np.linalg.det(total)))
-                expected += weight / math.sqrt(math.pi) * density
-        found = uncertain_likelihood(np.array([x]), np.array([y]), (6.2, 0.4), covariance, vision)[0]
+SLANTED = np.array([[0.5, -0.3], [-0.3, 0.4]])
+
+
+def test_where_sigma_is_constant_an_uncertain_mate_counts_as_the_sum_of_both_covariances() -> None:
+    vision = VisionSection(gain=1e-9, floor=0.4)
+    whole = SLANTED + 0.4**2 * np.eye(2)
+    inverse, seen = np.linalg.inv(whole), np.array([4.5, 1.0])
+    for place in ((5.0, 1.2), (4.0, 2.0), (6.0, -0.5)):
+        away = np.array(place) - seen
+        exact = math.exp(-0.5 * away @ inverse @ away) / (2 * math.pi * math.sqrt(np.linalg.det(whole)))
+        dx, dy = np.array([[place[0]]]), np.array([[place[1]]])
+        assert uncertain_likelihood(dx, dy, (4.5, 1.0), SLANTED, vision)[0, 0] == pytest.approx(exact, rel=1e-9)
+
+
+def test_where_sigma_rises_an_uncertain_mate_counts_as_the_mean_over_its_distances() -> None:
+    """The distance's own variance decides which sigmas count, so a slant towards the robot or across matters."""
+    vision = VisionSection(gain=0.05, floor=0.1)
+    rng = np.random.default_rng(3)
+    for covariance in (0.3 * SLANTED, 0.3 * SLANTED * [[1, -1], [-1, 1]]):
+        shifts = rng.multivariate_normal((0, 0), covariance, 200_000)
+        dx, dy = 3.6, 3.2
+        x, y = dx + shifts[:, 0], dy + shifts[:, 1]
+        sigma = position_sigma(np.hypot(x, y), vision)
+        away = (x - dx) ** 2 + (y - dy) ** 2
+        exact = (np.exp(-0.5 * away / sigma**2) / (2 * math.pi * sigma**2)).mean()
+        found = uncertain_likelihood(np.array([[dx]]), np.array([[dy]]), (dx, dy), covariance, vision)[0, 0]
+        assert found == pytest.approx(exact, rel=0.05)
+
+
+def test_an_uncertain_mate_counts_by_the_formula_at_any_distance() -> None:
+    """Place by place: the sum over 7 nodes x_k of w_k N(seen; (dx, dy), sigma(d + x_k s)^2 I + C)."""
+    vision = VisionSection(gain=0.05, floor=0.3)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(7)
+    for dx, dy in ((0.2, 0.1), (0.7, -0.4), (-0.9, 0.3), (1.2, 0.5), (-3.0, 4.0), (-7.0, 8.0), (9.0, 8.0)):
+        along = np.array([dx, dy]) / math.hypot(dx, dy)
+        s, expected = math.sqrt(along @ SLANTED @ along), 0.0
+        for node, weight in zip(nodes, weights / weights.sum(), strict=True):
+            sigma = position_sigma(np.array([math.hypot(dx, dy) + node * s]), vision)[0]
+            if math.isfinite(sigma):
+                whole = SLANTED + sigma**2 * np.eye(2)
+                away = np.array([dx - 0.8, dy - 0.6])
+                density = math.exp(-0.5 * away @ np.linalg.inv(whole) @ away)
+                expected += weight * density / (2 * math.pi * math.sqrt(np.linalg.det(whole)))
+        found = uncertain_likelihood(np.array([[dx]]), np.array([[dy]]), (0.8, 0.6), SLANTED, vision)[0, 0]
         assert found == pytest.approx(expected, rel=1e-9)
+        assert found > 0
 
 
 MODEL = OdometrySection(distance_scale=0.9, turn_scale=1.1, along=0.2, across=0.05, turn=0.02, standing=0.3)
@@ -91,7 +113,7 @@ MODEL = OdometrySection(distance_scale=0.9, turn_scale=1.1, along=0.2, across=0.
 
 @pytest.mark.parametrize(
     ("distance", "turn", "share"),
-    [(0.5, 0.1, 1.0), (0.5, 0.0, 1.0), (0.0, -0.1, 1.0), (-0.5, 0.0, 1.0), (0.0, 0.0, 0.09)],
+    [(0.5, 0.1, 1.0), (0.5, 0.0, 1.0), (0.0, -0.1, 1.0), (-0.5, 0.0, 1.0), (0.0, 0.0, 0.09), (1e-10, -1e-10, 0.09)],
 )
 def test_motion_is_scaled_and_its_noise_grows_with_time(distance: float, turn: float, share: float) -> None:
     found = motion(Odometry(distance=distance, turn=turn, dt=0.5), MODEL)

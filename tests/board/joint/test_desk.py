@@ -20,7 +20,7 @@ from blackboard.wire.messages import Consensus
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
-from tests.robot_agent.test_agent import readings
+from tests.robot_agent.robots import readings
 
 GRID = Grid((30, 30))
 MAKE = partial(Consensus, board="board-a", sub_team="a", level="agreed", tick=0, time=0.0)

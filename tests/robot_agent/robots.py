@@ -1,0 +1,84 @@
+"""What tests of a robot are made of: its readings, what its team agreed on, and its reports by subject."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Grid
+from blackboard.wire.arrays import pack
+from blackboard.wire.messages import Consensus, Fix, Odometry, Readings, Report, Sighting
+from robot_agent.agent import Agreed
+from robot_agent.config import RobotSection
+from robot_agent.position import PositionLocalizer
+from robot_agent.sensing import Motion
+
+GRID = Grid((30, 30))
+BALL = Sighting(subject="object/ball", range=5.0, bearing=0.3)
+
+#: A grid whose cell is not 1 and whose origin is not 0, and a camera whose noise is easily written down.
+FINE = Grid((24, 18), 0.5, (-3.0, 2.0), "m")
+CAMERA: Mapping[str, object] = {
+    "kind": "range-bearing",
+    "outlier": 0.0,
+    "frames": 2.0,
+    "range_floor": 0.3,
+    "range_share": 0.1,
+    "bearing": 0.2,
+}
+STILL = Motion(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+def position_localizer(
+    belief: Belief, *, heading: float = 0.0, vision: Mapping[str, object] = CAMERA, **more: object
+) -> PositionLocalizer:
+    """A position grid that holds a belief."""
+    begun = PositionLocalizer.unknown(RobotSection.model_validate({"vision": vision}), belief.grid)
+    return replace(begun, p=belief.p, heading=heading, **more)  # type: ignore[arg-type]
+
+
+def readings(
+    tick: int,
+    *sightings: Sighting,
+    fix: Fix | tuple[float, float] | None = None,
+    distance: float | None = 0.5,
+    dt: float = 0.5,
+) -> Readings:
+    """Those of r1 that looks along x and has driven since the tick before; a `fix` that is a place has a sigma of 1."""
+    moved = bool(tick) and distance is not None
+    return Readings(
+        run="x",
+        robot="r1",
+        tick=tick,
+        time=0.5 * tick,
+        odometry=Odometry(distance=distance, turn=0.0, dt=dt) if moved else None,
+        compass=0.0,
+        fix=Fix(position=fix, sigma=1.0) if isinstance(fix, tuple) else fix,
+        sightings=list(sightings),
+    )
+
+
+def agreed(
+    tick: int, belief: Belief, subject: str = "robot/r1", ancestors: Iterable[str] = ("r1", "r2")
+) -> dict[str, Agreed]:
+    """What a team agreed on about a subject in a tick."""
+    consensus = Consensus(
+        board="a",
+        sub_team="a",
+        level="agreed",
+        subject=subject,
+        tick=tick,
+        time=0.5 * tick,
+        belief=pack(belief),
+        ancestors=dict.fromkeys(ancestors, 0.5 * tick),
+        used=[],
+        entropy=1.0,
+        conflict=False,
+        rule="coalition",
+    )
+    return {subject: Agreed.unpacked(consensus, belief.grid)}
+
+
+def by_subject(reports: Iterable[Report]) -> dict[str, Report]:
+    return {report.subject: report for report in reports}
