@@ -14,6 +14,20 @@ SCENARIO = Scenario(
     }
 )
 
+#: The same with a joint belief.
+JOINT = SCENARIO.changed("board", fusion="joint")
+
+#: The text of a file of one sub-team of three; ticks 0 to 7.
+SMALL_FILE = """
+[team.sub_teams]
+a = ["r1", "r2", "r3"]
+[grid]
+shape = [24, 24]
+[time]
+tick = 0.5
+seconds = 4
+"""
+
 #: Four robots whose boards learn whom to believe, on a small grid; ticks 0 to 20.
 LEARNS = (
     SCENARIO.changed("team", sub_teams={"a": ["r1", "r2", "r3"], "b": ["r4"]})

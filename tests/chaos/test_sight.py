@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from blackboard.chaos.sight import FRESH, Look, Sight, recovery, settled
 from blackboard.config import TeamSection
-from blackboard.opinion.belief import Belief
+from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
-from blackboard.wire.arrays import pack
-from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Status
+from blackboard.wire.messages import Clock, Status
+from tests.wire.envelopes import consensus, put, token
 
-BELIEF = pack(Belief(Grid((4, 4)), np.full((4, 4), 1 / 16)))
+BELIEF = uniform(Grid((4, 4)))
 TEAM = TeamSection(name="t", sub_teams={"a": ["r1"], "b": ["r2"]})
 
 
 def clock(time: float) -> Envelope:
-    message = Clock(run="1", tick=round(5 * time), time=time, mode="realtime")
-    return Envelope(keys.CLOCK.key(team="t"), encode(message))
+    return put(Clock(run="1", tick=round(5 * time), time=time, mode="realtime"))
 
 
 def agreed(sub_team: str, subject: str, time: float, **ancestors: float) -> Envelope:
-    message = Consensus(
-        board=f"board-{sub_team}", sub_team=sub_team, level="agreed", subject=subject, tick=0, time=time, belief=BELIEF,
-        ancestors=ancestors, used=[], entropy=1.0, conflict=False, rule="linear",
-    )  # fmt: skip
-    return Envelope(keys.AGREED.key(team="t", sub_team=sub_team, subject=subject), encode(message))
+    return put(consensus(BELIEF, subject, board=f"board-{sub_team}", sub_team=sub_team, time=time, ancestors=ancestors))
 
 
 def told(*envelopes: Envelope) -> Sight:
@@ -76,16 +68,15 @@ def test_messages_are_counted_by_whom_they_are_from() -> None:
         Envelope(keys.REPORT.key(team="t", sub_team="a", source="r1", subject="robot/r1"), b"?"),
         Envelope(keys.SOLO.key(team="t", robot="r1"), b"?"),
         Envelope(keys.SOLO.key(team="t", robot="r2"), b"?"),
-        Envelope(keys.STATUS.key(team="t", sub_team="a", process="r1"), encode(status)),
+        put(status),
     )
     assert sight.statuses == {"r1": (status, 3)}
 
 
 def test_who_holds_a_token() -> None:
-    token = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
-    sight = told(Envelope(token, kind=Kind.ALIVE))
+    sight = told(token(keys.MEMBER, "r1"))
     assert (sight.holds("r1"), sight.holds("r2")) == (True, False)
-    sight.take(Envelope(token, kind=Kind.GONE), 1.0)
+    sight.take(token(keys.MEMBER, "r1", kind=Kind.GONE), 1.0)
     assert not sight.holds("r1")
 
 

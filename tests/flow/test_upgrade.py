@@ -25,7 +25,8 @@ from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, Report
 from robot_agent.team import robot_of
-from tests.hostile.attack import JOINT, SCENARIO, Attack, report_key, status_key
+from tests.hostile.attack import Attack, report_key, status_key
+from tests.scenarios import JOINT, SCENARIO
 from tests.wire.messages import as_map
 
 BEFORE = Path(__file__).parents[1] / "golden" / "before.mcap"

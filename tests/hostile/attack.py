@@ -13,17 +13,7 @@ from blackboard.wire import keys
 from blackboard.wire.codec import encode, open_envelope
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.types import Message
-
-#: Small and short: an attack takes part of a second.
-SCENARIO = Scenario(
-    {
-        "team": {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r3"]}},
-        "grid": {"shape": [24, 24]},
-        "time": {"tick": 0.5, "seconds": 2.5},
-        "world": {"seed": 3},
-    }
-)
-JOINT = SCENARIO.changed("board", fusion="joint")
+from tests.scenarios import SCENARIO
 
 
 class Attack:

@@ -24,8 +24,8 @@ from blackboard.lab.team import Team
 from blackboard.process.roll_call import MAX_SOURCES
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
-from tests.hostile.attack import JOINT, SCENARIO
 from tests.hostile.examples import RICH
+from tests.scenarios import JOINT, SCENARIO
 from tests.wire.messages import TOPICS, as_map
 
 PER_RUN = 500

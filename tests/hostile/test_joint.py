@@ -9,7 +9,8 @@ from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.wire import keys
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence
 from tests.board.joint.test_desk import MAKE, at, desk, means
-from tests.hostile.attack import JOINT, Attack
+from tests.hostile.attack import Attack
+from tests.scenarios import JOINT
 
 ROBOTS = [f"r{i}" for i in range(1, 8)]
 

@@ -6,7 +6,8 @@ import pytest
 
 from blackboard.wire import keys
 from blackboard.wire.messages import Status
-from tests.hostile.attack import SCENARIO, Attack, calm, status_key
+from tests.hostile.attack import Attack, calm, status_key
+from tests.scenarios import SCENARIO
 
 SOON = 6.0  # seconds of the bus in which a run of its own takes next to none; the world gives nobody up before 20
 

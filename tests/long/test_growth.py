@@ -10,7 +10,7 @@ import pytest
 
 from blackboard.lab.team import Team
 from tests.holdings import grown, holdings
-from tests.hostile.attack import JOINT, SCENARIO
+from tests.scenarios import JOINT, SCENARIO
 
 TICKS = 80  # by then windows, histories and caches are full
 LOOKS = (

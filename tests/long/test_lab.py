@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.commands import blackboard
-from tests.system.test_lab import SMALL
+from tests.scenarios import SMALL_FILE
 
 
 def without_time(found: dict[str, Any]) -> dict[str, Any]:
@@ -19,7 +19,7 @@ def without_time(found: dict[str, Any]) -> dict[str, Any]:
 
 def test_the_lab_twice_with_one_seed_says_the_same(tmp_path: Path) -> None:
     small = str(tmp_path / "small.toml")
-    Path(small).write_text(SMALL)
+    Path(small).write_text(SMALL_FILE)
     picture = tmp_path / "lab.svg"
     arguments = ("lab", small, "--runs", "3", "--variants", "2", "--json", "--picture", str(picture))
     first, second = (blackboard(*arguments) for _ in range(2))

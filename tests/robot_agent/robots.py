@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
-from blackboard.wire.arrays import pack
-from blackboard.wire.messages import Consensus, Fix, Odometry, Readings, Report, Sighting
+from blackboard.wire.messages import Fix, Odometry, Readings, Report, Sighting
 from robot_agent.agent import Agreed
 from robot_agent.config import RobotSection
 from robot_agent.position import PositionLocalizer
 from robot_agent.sensing import Motion
+from tests.wire.envelopes import consensus
 
 GRID = Grid((30, 30))
 BALL = Sighting(subject="object/ball", range=5.0, bearing=0.3)
@@ -63,21 +63,9 @@ def agreed(
     tick: int, belief: Belief, subject: str = "robot/r1", ancestors: Iterable[str] = ("r1", "r2")
 ) -> dict[str, Agreed]:
     """What a team agreed on about a subject in a tick."""
-    consensus = Consensus(
-        board="a",
-        sub_team="a",
-        level="agreed",
-        subject=subject,
-        tick=tick,
-        time=0.5 * tick,
-        belief=pack(belief),
-        ancestors=dict.fromkeys(ancestors, 0.5 * tick),
-        used=[],
-        entropy=1.0,
-        conflict=False,
-        rule="coalition",
-    )
-    return {subject: Agreed.unpacked(consensus, belief.grid)}
+    time = 0.5 * tick
+    said = consensus(belief, subject, tick=tick, time=time, ancestors=dict.fromkeys(ancestors, time))
+    return {subject: Agreed.unpacked(said, belief.grid)}
 
 
 def by_subject(reports: Iterable[Report]) -> dict[str, Report]:

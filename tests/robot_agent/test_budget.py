@@ -34,17 +34,11 @@ from robot_agent.gaussian.agent import JointAgent
 from sim_world.traffic import Traffic
 from tests.robot_agent.robots import GRID as AGENT_GRID
 from tests.robot_agent.robots import readings
+from tests.scenarios import SCENARIO
 
 GRID = Grid((20, 20))
 SUBJECTS = ("robot/r1", "robot/r2", "object/ball", "object/can")
-SCENARIO = Scenario(
-    {
-        "team": {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r3"]}},
-        "grid": {"shape": [24, 24]},
-        "time": {"tick": 0.5, "seconds": 4.0},
-        "world": {"seed": 3},
-    }
-)
+LONGER = SCENARIO.changed("time", seconds=4.0)
 
 
 def size(report: Report) -> int:
@@ -216,7 +210,7 @@ def run(scenario: Scenario) -> tuple[str, int, dict[str, list[Status]], list[Rep
 
 @pytest.fixture(params=["opinions", "joint"])
 def scenario(request: pytest.FixtureRequest) -> Scenario:
-    return SCENARIO.changed("board", fusion=request.param)
+    return LONGER.changed("board", fusion=request.param)
 
 
 def test_an_infinite_budget_is_the_stream_without_one(scenario: Scenario) -> None:
@@ -310,7 +304,7 @@ def test_a_whole_state_is_repeated_rarely_until_a_board_needs_one() -> None:
 
 
 def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
-    scenario = SCENARIO.changed("board", fusion="joint").changed("robot", send={"budget": 700.0})
+    scenario = LONGER.changed("board", fusion="joint").changed("robot", send={"budget": 700.0})
     scenario = scenario.changed("time", seconds=12.0)
     team = Team(scenario)
     known = list[tuple[float, bool]]()
@@ -340,7 +334,7 @@ def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
 
 
 def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() -> None:
-    team, statuses = Team(SCENARIO.changed("robot", send={"budget": 700.0})), list[Status]()
+    team, statuses = Team(LONGER.changed("robot", send={"budget": 700.0})), list[Status]()
 
     def spy(envelope: Envelope) -> None:
         found = keys.parse(envelope.key)

@@ -15,10 +15,10 @@ from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
-from blackboard.wire.arrays import pack
-from blackboard.wire.messages import Consensus, Fix, Odometry, Readings, Sighting
-from robot_agent.agent import Agent, Agreed, beliefs
+from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from robot_agent.agent import Agent, beliefs
 from robot_agent.config import RobotSection
+from tests.robot_agent.robots import agreed
 
 GRID = Grid((40, 36), 0.5)
 
@@ -75,26 +75,10 @@ def settings(setup: tuple[str, str], key: str | None = None, value: Any = None) 
     return Scenario({"robot": tables}).section("robot", RobotSection)
 
 
-def agreed(subject: str, x: float, y: float) -> Consensus:
-    return Consensus(
-        board="a",
-        sub_team="a",
-        level="agreed",
-        subject=subject,
-        tick=1,
-        time=0.5,
-        belief=pack(gaussian(GRID, (x, y), 0.3)),
-        ancestors={"r2": 0.5},
-        used=[],
-        entropy=1.0,
-        conflict=False,
-        rule="coalition",
-    )
-
-
 def story(it: RobotSection) -> list[np.ndarray]:
     """All beliefs of a robot that drives, stands, and sees an object, a mate of agreed place and a landmark."""
     agent = Agent("r1", it, GRID)
+    mate = agreed(1, gaussian(GRID, (12.0, 9.5), 0.3), "robot/r2", ("r2",))
     found = []
     for tick in range(6):
         moving = tick < 4
@@ -113,7 +97,7 @@ def story(it: RobotSection) -> list[np.ndarray]:
             fix=None if tick else Fix(position=(7.0, 9.0), sigma=0.6, heading=0.1, heading_sigma=0.1),
             sightings=sightings if tick in (0, 2, 3) else [],
         )
-        agent.tick(readings, {"robot/r2": Agreed.unpacked(agreed("robot/r2", 12.0, 9.5), GRID)} if tick == 2 else {})
+        agent.tick(readings, mate if tick == 2 else {})
         found += [belief.p for e in (agent.firsthand, agent.informed) for _, belief in sorted(beliefs(e).items())]
     return found
 

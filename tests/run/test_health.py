@@ -14,9 +14,9 @@ from blackboard.opinion.grid import Grid
 from blackboard.run.health import ProcessKind, board_named, diagnose, part
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Report, Status
+from tests.wire.envelopes import put, token
 
 NOW = 1_700_000_000.0
 
@@ -32,18 +32,16 @@ class Answers:
 
 
 def clock(time: float) -> Envelope:
-    return Envelope(keys.CLOCK.key(team="t"), encode(Clock(run="1", tick=1, time=time, mode="lockstep")))
+    return put(Clock(run="1", tick=1, time=time, mode="lockstep"))
 
 
 def belief(robot: str, time: float) -> Envelope:
     subject = f"robot/{robot}"
-    report = Report(source=robot, subject=subject, tick=1, time=time, belief=pack(uniform(Grid((5, 5)))))
-    return Envelope(keys.REPORT.key(team="t", sub_team="a", source=robot, subject=subject), encode(report))
+    return put(Report(source=robot, subject=subject, tick=1, time=time, belief=pack(uniform(Grid((5, 5))))))
 
 
 def status(board: str, time: float) -> Envelope:
-    said = Status(process=board, kind="board", tick=1, time=time)
-    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=board), encode(said))
+    return put(Status(process=board, kind="board", tick=1, time=time))
 
 
 def ask(kind: ProcessKind, name: str, *envelopes: Envelope) -> str | None:
@@ -89,13 +87,13 @@ def test_a_board_that_repeats_its_status_and_settles_nothing_is_not_healthy(mode
         return diagnose(Answers(*said[-1:]), "board", "a", now, team="t", max_age=5.0)
 
     assert diagnosis(NOW) is None  # no world: it settles by Unix time
-    board.receive(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), NOW)
+    board.receive(token(keys.WORLD), NOW)
     told = Clock(run="1", tick=1, time=NOW, mode=mode)  # type: ignore[arg-type]
-    board.receive(Envelope(keys.CLOCK.key(team="t"), encode(told)), NOW)
+    board.receive(put(told), NOW)
     board.wake(NOW)  # as the loop does after a batch
     assert [diagnosis(NOW + seconds) for seconds in (1.0, 2.5, 4.0)] == [None] * 3
     assert "board a settled last" in (diagnosis(NOW + 6.0) or "")
-    board.receive(Envelope(keys.WORLD.key(team="t"), kind=Kind.GONE), NOW + 7.0)
+    board.receive(token(keys.WORLD, kind=Kind.GONE), NOW + 7.0)
     board.wake(NOW + 8.0)
     assert [diagnosis(NOW + seconds) for seconds in (9.5, 11.0)] == [None] * 2  # the world is gone: Unix time again
 
@@ -117,15 +115,13 @@ def test_who_asks_has_come_through_the_router() -> None:
 
 @pytest.mark.parametrize(("follows", "told"), [(True, ", follows"), (False, "")])
 def test_a_board_that_follows_another_one_is_told_from_one_that_leads(follows: bool, told: str) -> None:
-    said = Status(process="board-a2", kind="board", tick=1, time=3.0, follows=follows)
-    network = Answers(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a2"), encode(said)))
+    network = Answers(put(Status(process="board-a2", kind="board", tick=1, time=3.0, follows=follows)))
     assert part(network, "board", "board-a2", team="t") == told
     assert part(network, "robot", "board-a2", team="t") == ""
 
 
 def test_a_healthy_world_says_its_tick() -> None:
-    said = Clock(run="1", tick=12, time=2.4, mode="lockstep")
-    network = Answers(Envelope(keys.CLOCK.key(team="t"), encode(said)))
+    network = Answers(put(Clock(run="1", tick=12, time=2.4, mode="lockstep")))
     assert part(network, "world", "world", team="t") == ", tick 12"
     assert part(Answers(), "world", "world", team="t") == ""
 
@@ -133,8 +129,7 @@ def test_a_healthy_world_says_its_tick() -> None:
 def test_several_processes_of_one_name_are_told() -> None:
     def answers(kind: ProcessKind, *sent: int) -> str:
         said = [Status(process="x", kind="board", tick=1, time=3.0, counters={"sent": n}) for n in sent]
-        of = [(keys.STATUS.key(team="t", sub_team=s, process="x"), it) for it in said for s in ("a", "b")]
-        return part(Answers(*(Envelope(key, encode(it)) for key, it in of)), kind, "x", team="t")
+        return part(Answers(*(put(it, sub_team=s) for it in said for s in ("a", "b"))), kind, "x", team="t")
 
     assert answers("robot", 1) == answers("board", 1, 1) == ""  # the same bytes again: who keeps what it sent
     assert answers("robot", 1, 2) == ", but 2 processes answer as robot x"
@@ -144,11 +139,10 @@ def test_several_processes_of_one_name_are_told() -> None:
 def test_a_board_may_be_named_by_its_sub_team() -> None:
     def named(name: str, *said: tuple[str, str, Literal["board", "robot"], bool]) -> str:
         statuses = (
-            (sub_team, Status(process=process, kind=kind, tick=1, time=3.0, follows=follows))
+            put(Status(process=process, kind=kind, tick=1, time=3.0, follows=follows), sub_team=sub_team)
             for sub_team, process, kind, follows in said
         )
-        of = [(keys.STATUS.key(team="t", sub_team=s, process=it.process), it) for s, it in statuses]
-        return board_named(Answers(*(Envelope(key, encode(it)) for key, it in of)), name, team="t")
+        return board_named(Answers(*statuses), name, team="t")
 
     twins = ("a", "board-a", "board", True), ("a", "desk", "board", False), ("a", "r1", "robot", False)
     other = ("b", "a", "board", False)

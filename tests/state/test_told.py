@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,15 +15,10 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import hdr_level, region_area
 from blackboard.state.told import DEPTH, STEP, draw
 from blackboard.view.frame import frame
-from tests.view.recorded import team_of
+from tests.view.recorded import read, team_of
 
 GRID = Grid((7, 5), 0.5, (1.0, -2.0))
 BELIEFS = arrays(np.float64, GRID.shape, elements=st.floats(0, 1) | st.floats(0, 1e-6)).filter(lambda p: p.sum() > 1e-3)
-
-
-def read(frame: bytes) -> tuple[dict[str, Any], bytes]:
-    length = int.from_bytes(frame[:4], "little")
-    return json.loads(frame[4 : 4 + length]), frame[4 + length :]
 
 
 @given(BELIEFS)

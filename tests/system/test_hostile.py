@@ -22,10 +22,10 @@ from blackboard.process.clock import UnixClock
 from blackboard.run.flags import TeamFlags
 from blackboard.run.launch import free_port
 from blackboard.wire import keys
-from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Status
 from tests.files import ROOT
+from tests.wire.envelopes import put
 
 ROBOTS, SECONDS = 3, 4.0  # a router, two boards, a world and these: everybody who can be spoken to
 DEMO = TeamFlags(robots=ROBOTS).apply(load("demo")).changed("time", seconds=SECONDS)
@@ -40,7 +40,7 @@ def flood() -> list[Envelope]:
     found = []
     for i in range(200):
         status = Status(process=f"x{i}", kind="robot", tick=1, time=0.2, phase="reported", subjects=["object/ball"])
-        found.append(Envelope(keys.STATUS.key(team=team, sub_team=sub_team, process=f"x{i}"), encode(status)))
+        found.append(put(status, team=team, sub_team=sub_team))
         report = keys.REPORT.key(team=team, sub_team=sub_team, source=f"x{i}", subject="object/ball")
         found.append(Envelope(report, bytes(500)))
         found.append(Envelope(keys.FORWARD.key(team=team, sub_team=sub_team, board=f"x{i}"), b"\x80"))

@@ -17,22 +17,13 @@ from blackboard.run.door import INTERRUPTED
 from tests.commands import blackboard, call
 from tests.files import ROOT
 from tests.processes import IN_THE_BACKGROUND, program, wait_until
-
-SMALL = """
-[team.sub_teams]
-a = ["r1", "r2", "r3"]
-[grid]
-shape = [24, 24]
-[time]
-tick = 0.5
-seconds = 4
-"""
+from tests.scenarios import SMALL_FILE
 
 
 @pytest.fixture
 def small(tmp_path: Path) -> str:
     file = tmp_path / "small.toml"
-    file.write_text(SMALL)
+    file.write_text(SMALL_FILE)
     return str(file)
 
 
@@ -57,7 +48,7 @@ def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) 
     for choice in found["choices"].values():
         assert all(e["low"] is None for e in choice["parameters"].values())
     scenario = tmp_path / "tuned.toml"
-    scenario.write_text(SMALL + found["board"])
+    scenario.write_text(SMALL_FILE + found["board"])
     team = blackboard("up", str(scenario), "--seconds", "1", "--json")
     assert json.loads(team.stdout)["rule"] == found["recommended"]["rule"], team.stderr
 

@@ -1,8 +1,10 @@
-"""The envelopes of a team in one process, with the tokens that its services hold: what the tests of this room look at."""
+"""The envelopes of a team in one process, with the tokens that its services hold, and the frames that a page gets of them."""
 
 from __future__ import annotations
 
+import json
 from functools import cache
+from typing import Any
 
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
@@ -39,3 +41,9 @@ def folded(joint: bool = False) -> Fold:
 
 def team_of(joint: bool = False) -> TeamFold:
     return folded(joint).teams["t"]
+
+
+def read(frame: bytes) -> tuple[dict[str, Any], bytes]:
+    """The header of a frame of the page, and its levels."""
+    length = int.from_bytes(frame[:4], "little")
+    return json.loads(frame[4 : 4 + length]), frame[4 + length :]

@@ -7,8 +7,7 @@ from typing import Any
 
 from blackboard.view.frame import frame, line
 from blackboard.view.web.frames import BEAT, LEAST_GAP, Frames
-from tests.state.test_told import read
-from tests.view.recorded import folded, team_of
+from tests.view.recorded import folded, read, team_of
 
 
 def remembered() -> Frames:

@@ -14,7 +14,7 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import PackedAnchor, PackedGrid, Status
 from blackboard.wire.types import Message
-from tests.state.test_told import read
+from tests.view.recorded import read
 from tests.wire.messages import CONSENSUS
 
 GRID = Grid((9, 7), 0.5, (1.0, -2.0), "m", "map")

@@ -19,8 +19,7 @@ from blackboard.view.feed import Feed
 from blackboard.view.web.application import FILES
 from blackboard.view.web.server import Address, serve
 from blackboard.wire.envelope import Envelope
-from tests.state.test_told import read
-from tests.view.recorded import recorded, team_of
+from tests.view.recorded import read, recorded, team_of
 from tests.view.serving import served
 
 

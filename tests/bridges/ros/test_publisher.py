@@ -14,11 +14,13 @@ from blackboard.bridges.ros.service import RosBridge, Sources
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.tape.file import read
-from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.codec import decode, encode
+from blackboard.wire import keys
+from blackboard.wire.arrays import unpack
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, Status
 from tests.files import GOLDEN
+from tests.wire.envelopes import consensus, put, token
 
 JAZZY = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
 GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")
@@ -101,36 +103,18 @@ def test_subjects_without_end_are_not_published_without_end(caplog: pytest.LogCa
 
 
 def agreed(subject: str, tick: int, belief: Belief | None = None) -> Consensus:
-    return Consensus(
-        board="desk",
-        sub_team="a",
-        level="agreed",
-        subject=subject,
-        tick=tick,
-        time=START + tick,
-        belief=pack(belief or Belief.from_gaussian(GRID, (3, 4), np.eye(2))),
-        ancestors={},
-        used=[],
-        entropy=1.0,
-        conflict=False,
-        rule="coalition",
-    )
+    belief = belief or Belief.from_gaussian(GRID, (3, 4), np.eye(2))
+    return consensus(belief, subject, board="desk", tick=tick, time=START + tick)
 
 
 def settle(one: RosBridge, told: list[Consensus]) -> list[Envelope]:
     """A board tells this, tick by tick."""
-    out = one.receive(Envelope("cop/t/a/board/desk", kind=Kind.ALIVE), START)
+    out = one.receive(token(keys.BOARD, "desk"), START)
     for tick in sorted({it.tick for it in told}):
         now = [it for it in told if it.tick == tick]
         for it in now:
-            out += one.receive(Envelope(f"cop/t/a/agreed/{it.subject}", encode(it)), START + tick)
-        status = Status(
-            process="desk",
-            kind="board",
-            tick=tick,
-            time=START + tick,
-            phase="agreed",
-            subjects=sorted(it.subject for it in now),
-        )
-        out += one.receive(Envelope("cop/t/a/status/desk", encode(status)), START + tick)
+            out += one.receive(put(it), START + tick)
+        subjects = sorted(it.subject for it in now)
+        status = Status(process="desk", kind="board", tick=tick, time=START + tick, phase="agreed", subjects=subjects)
+        out += one.receive(put(status), START + tick)
     return out
