@@ -15,5 +15,5 @@ needs_dataset7 = pytest.mark.skipif(
 
 
 def page(name: str) -> str:
-    """The text of a page of the documentation."""
-    return (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    """The text of a page of the documentation, by the name of its file."""
+    return (ROOT / "docs" / name).read_text(encoding="utf-8")

@@ -86,4 +86,4 @@ def test_the_tables_are_printed() -> None:
     )
     assert done.stdout.rstrip() == text()
     assert len(text().splitlines()) == 1 + len(ROWS)
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design")
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design.md")

@@ -12,7 +12,7 @@ from blackboard.config import load
 from blackboard.run.reference import meaning_of
 from tests.files import ROOT, page
 
-PAGE = page("scenario")
+PAGE = page("scenario.md")
 
 
 def printed(*arguments: str) -> str:

@@ -15,7 +15,7 @@ from tests.files import page
 from tests.sim_world.instants import at, both, instant, referee, solo
 from tests.sim_world.test_scorecard import RESULT
 
-PAGE = page("scorecard")
+PAGE = page("scorecard.md")
 BLOCK = {"n", "rmse", "mean", "p95", "max", "entropy", "log_score", "coverage"}
 #: Names that differ from run to run, below these paths.
 NAMED = ("messages.refused", "counters", "missing", "scores.GROUP.by_name")

@@ -16,7 +16,7 @@ NOT_HERE = ("demo", "view")  # start processes, or end only when they are stoppe
 
 def commands() -> list[str]:
     """What follows `.venv/bin/blackboard` on lines of code about this tape."""
-    lines = re.findall(r"^    \.venv/bin/blackboard ([^#\n]+)", page("tutorial"), re.MULTILINE)
+    lines = re.findall(r"^    \.venv/bin/blackboard ([^#\n]+)", page("tutorial.md"), re.MULTILINE)
     return [line.strip() for line in lines if "run.mcap" in line and line.split()[0] not in NOT_HERE]
 
 

@@ -20,7 +20,7 @@ from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS, MAX_TEXT, MAX_TOTAL, VERSI
 from blackboard.wire.types import LARGEST, LEAST, MAX_NAME, MAX_OPINIONS, Message, Part
 from tests.files import page
 
-PAGE = page("wire")
+PAGE = page("wire.md")
 MODELS = [
     model
     for model in {**vars(messages), **vars(evidence), **vars(memory)}.values()
