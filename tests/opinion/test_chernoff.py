@@ -95,14 +95,6 @@ def test_the_pool_of_many_is_no_vaguer_than_any_mean(opinions: Array) -> None:
         assert fused <= entropy(POOLS["geometric"](opinions)) + 1e-6
 
 
-def test_the_pool_of_three_gaussians_finds_the_best_weights() -> None:
-    sources = [gaussian(GRID, (20, 20), s).p for s in ((8, 1.5), (1.5, 8), (6, 6))]
-    stack = np.stack(sources)
-    fused = POOLS["chernoff"](stack)
-    weights = [(i, j, 20 - i - j) for i in range(21) for j in range(21 - i)]
-    assert entropy(fused) <= min(entropy(POOLS["geometric"](stack, w)) for w in weights) + 1e-3
-
-
 def test_of_opinions_that_contradict_each_other_it_believes_the_sharpest() -> None:
     """Its known flaw (theory.md): one sure liar against four."""
     honest = [gaussian(GRID, (15 + i, 20), 3).p for i in range(4)]
@@ -148,8 +140,7 @@ def test_cells_far_below_what_matters_change_nothing() -> None:
     assert chernoff(first, second)[1] == pytest.approx(chernoff(floored[0], floored[1])[1], abs=0.02)
 
 
-@pytest.mark.parametrize("kept", [0.0, 1e-3])
-def test_a_mean_hardly_sharper_than_an_opinion_is_not_worth_it(kept: float) -> None:
+def test_a_mean_hardly_sharper_than_an_opinion_is_not_worth_it() -> None:
     """Of beliefs equal to rounding the first stands as it is, whichever has less entropy by less than a millionth of a nat."""
     p = gaussian(CENTRED, (0, 0), 2).p
     q = p * (1 + 1e-9 * np.sin(np.arange(p.size)).reshape(p.shape))
@@ -179,8 +170,3 @@ def test_the_pool_of_many_finds_the_weights_of_least_entropy() -> None:
 def test_a_pool_of_many_that_gains_nothing_is_the_sharpest_opinion_itself() -> None:
     sharp, vague = gaussian(CENTRED, (0, 0), 1).p, gaussian(CENTRED, (0, 0), 3).p
     assert np.array_equal(POOLS["chernoff"](np.stack([vague, sharp, vague])), sharp / sharp.sum())
-
-
-def test_weights_that_are_given_are_not_optimised() -> None:
-    stack = np.stack([gaussian(CENTRED, (0, 0), s).p for s in ((2.0, 0.8), (0.8, 2.0))])
-    assert POOLS["chernoff"](stack, [0.9, 0.1]) == pytest.approx(mean(stack[0], stack[1], 0.9), abs=1e-12)
