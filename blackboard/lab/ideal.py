@@ -19,19 +19,19 @@ from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.joint import Block, Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive, entering, wrap
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive, entering
 from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Odometry, Readings, Sighting
+from blackboard.wire.messages import Odometry, Readings
 from robot_agent.config import RobotSection
 from robot_agent.estimator import newest
+from robot_agent.gaussian.absolute import starting_pose, take_absolute
+from robot_agent.gaussian.filter import GATE
 from robot_agent.gaussian.sensors import Sensors, sensors_of, simulated
+from robot_agent.sensing import NODES
 from sim_world.scenario import WorldSection
 from sim_world.sensors import FAR, NEAR, vision_sigma
 from sim_world.sources import open_sensor_source
 
-GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
-NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # for the mean over a normal distribution
-WEIGHTS = WEIGHTS / WEIGHTS.sum()
 DISTANCES = np.linspace(
     NEAR + 0.01, FAR - 0.01, 121
 )  # unit: where the filter samples the world's sigma of a sighting (VI-.1)
@@ -53,9 +53,8 @@ class Ideal:
     )
     joint: Joint = field(default_factory=Joint)
     _before: dict[str, Odometry] = field(default_factory=dict)  # robot -> the odometry of the tick before
-    _groups: dict[tuple[str, str], tuple[float, float]] = field(
-        default_factory=dict
-    )  # robot, first of a group -> its place
+    #: robot -> first landmark of a group -> its place
+    _groups: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
 
     def step(self, dt: float, readings: Sequence[Readings]) -> None:
         """Take the readings of all robots of a tick of `dt` seconds: motions, then fixes and compasses, then what was seen."""
@@ -98,47 +97,28 @@ class Ideal:
 
     def _take(self, robot: str, readings: Readings) -> None:
         """The fix and the compass; a robot enters with its first heading, and a flat position if it has no fix."""
-        fix, rows = readings.fix, np.eye(STATES)
-        headings = [(readings.compass, self.sensors.compass)] if readings.compass is not None else []
-        if fix is not None and fix.heading is not None:
-            headings.append((fix.heading, fix.heading_sigma))
-        if robot not in self.joint:
-            if not headings:
-                return
-            heading, sigma = headings.pop()
-            x, y = (0.0, 0.0) if fix is None else fix.position
-            variance = FLAT if fix is None else fix.sigma**2
-            pose = Moments(np.array([x, y, heading]), np.diag([variance, variance, sigma**2]))
+        if robot in self.joint:
+            take_absolute(self.joint, robot, readings, self.sensors.compass)
+        elif (pose := starting_pose(readings, self.sensors.compass)) is not None:
             self.joint.add(robot, entering(pose, self.sensors.wheels.nuisance))
-        elif fix is not None:
-            off = np.array(fix.position) - self.joint.moments(robot).mean[AXES]
-            correct(self.joint, off, {robot: rows[AXES]}, np.eye(2) * fix.sigma**2)
-        for heading, sigma in headings:
-            off = np.array([wrap(heading - float(self.joint.moments(robot).mean[HEADING]))])
-            correct(self.joint, off, {robot: rows[[HEADING]]}, np.array([[sigma**2]]))
 
     def _sightings(self, readings: Sequence[Readings]) -> list[tuple[Relative, Array | None]]:
         """What was seen in a tick, with its place where that is known: landmarks first, then mates, then objects."""
-        found = []
+        found, camera = [], self.sensors.camera
         for one in readings:
             robot, told = f"robot/{one.robot}", one.odometry
             before = self._before.get(robot, told)
             turned = 0.0 if told is None or before is None else max(abs(told.turn), abs(told.turn - before.turn))
             for sighting in newest(one.sightings):
-                group, dt = self._group(robot, sighting), 0.0 if told is None else told.dt
-                place = None if sighting.landmark is None else np.array(sighting.landmark)
-                found.append((self.sensors.camera.relative(robot, sighting, turned, dt, group), place))
+                group, dt, place = "", 0.0 if told is None else told.dt, None
+                if sighting.landmark is not None:
+                    groups = self._groups.setdefault(robot, {})
+                    group, place = (
+                        camera.group(groups, sighting.subject, sighting.landmark),
+                        np.array(sighting.landmark),
+                    )
+                found.append((camera.relative(robot, sighting, turned, dt, group), place))
         return sorted(found, key=lambda it: (it[1] is None, it[0].subject.startswith("object/")))
-
-    def _group(self, robot: str, sighting: Sighting) -> str:
-        """The first landmark that the robot saw of those that stand together: they share their lasting errors."""
-        if sighting.landmark is None:
-            return ""
-        for (observer, first), there in self._groups.items():
-            if observer == robot and math.dist(sighting.landmark, there) < self.sensors.camera.together:
-                return first
-        self._groups[robot, sighting.subject] = sighting.landmark
-        return sighting.subject
 
     def _see(self, relative: Relative, motions: Mapping[str, Motion], place: Array | None) -> None:
         if relative.observer not in self.joint:
@@ -174,7 +154,8 @@ class Ideal:
         distance = max(float(np.hypot(*away)), NEAR)
         sigma = math.sqrt(float(away @ spread @ away)) / distance
         distances, variances = np.array(relative.profile).T
-        variance = float(WEIGHTS @ np.interp(distance + sigma * NODES, distances, variances))
+        nodes, weights = NODES
+        variance = float(weights @ np.interp(distance + sigma * nodes, distances, variances))
         correct(self.joint, seen - expected, rows, np.eye(2) * variance)
 
 

@@ -19,8 +19,6 @@ from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
 from blackboard.opinion.gaussian.vehicle import (
-    AXES,
-    FLAT,
     HEADING,
     POSE,
     STATES,
@@ -31,13 +29,13 @@ from blackboard.opinion.gaussian.vehicle import (
     wrap,
 )
 from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Fix, Readings
+from blackboard.wire.messages import Readings
+from robot_agent.gaussian.absolute import starting_pose, take_absolute
 from robot_agent.gaussian.along import AlongNoise
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.sensing import unseen
 
 GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
-MAX_GROUPS = 1024  # of landmarks that stand together
 LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
 FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
@@ -123,11 +121,14 @@ class FirstHand:
         if not self.known:
             self._start(readings)
         else:
-            self._take(readings.fix, readings.compass)
-        groups = {n: self._group(n, s.landmark) for n, s in sorted(newest.items()) if s.landmark is not None}
+            take_absolute(self.joint, self.robot, readings, self.sensors.compass)
+        camera = self.sensors.camera
+        groups = {
+            n: camera.group(self._groups, n, s.landmark) for n, s in sorted(newest.items()) if s.landmark is not None
+        }
         alike = Counter(groups.values())
         relatives = {
-            name: self.sensors.camera.relative(
+            name: camera.relative(
                 self.robot, sighting, self._turned, motion.dt, groups.get(name, ""), alike[groups.get(name, "")] or 1
             )
             for name, sighting in sorted(newest.items())
@@ -236,40 +237,8 @@ class FirstHand:
         return moved.mean
 
     def _start(self, readings: Readings) -> None:
-        """Begin with a heading from the fix or the compass, and a position from the fix or flat."""
-        fix, covariance = readings.fix, np.zeros((3, 3))
-        if fix is not None and fix.heading is not None:
-            heading, sigma = fix.heading, fix.heading_sigma
-        elif readings.compass is not None:
-            heading, sigma = readings.compass, self.sensors.compass
-        else:
-            return
-        place = (0.0, 0.0) if fix is None else fix.position
-        covariance[AXES, AXES] = np.eye(2) * (FLAT if fix is None else fix.sigma**2)
-        covariance[HEADING, HEADING] = sigma**2
-        self.enter(Moments(np.array([*place, heading]), covariance))
-
-    def _take(self, fix: Fix | None, compass: float | None) -> None:
-        mean = self.joint.mean[self.joint.blocks[self.robot]]
-        rows = np.eye(STATES)
-        if fix is not None:
-            residual, noise = np.array(fix.position) - mean[AXES], np.eye(2) * fix.sigma**2
-            correct(self.joint, residual, {self.robot: rows[AXES]}, noise)
-        told = [(compass, self.sensors.compass)] if compass is not None else []
-        if fix is not None and fix.heading is not None:
-            told.append((fix.heading, fix.heading_sigma))
-        for heading, sigma in told:
-            now = float(self.joint.moments(self.robot).mean[HEADING])
-            correct(self.joint, np.array([wrap(heading - now)]), {self.robot: rows[[HEADING]]}, np.array([[sigma**2]]))
-
-    def _group(self, landmark: str, place: tuple[float, float]) -> str:
-        """Landmarks that stand together share their lasting errors."""
-        for first, there in self._groups.items():
-            if math.dist(place, there) < self.sensors.camera.together:
-                return first
-        if len(self._groups) < MAX_GROUPS:
-            self._groups[landmark] = place
-        return landmark
+        if (pose := starting_pose(readings, self.sensors.compass)) is not None:
+            self.enter(pose)
 
     def _sight(self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None) -> None:
         """Landmarks; what is beyond the gate is not taken, and counted."""

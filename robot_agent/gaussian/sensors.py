@@ -11,6 +11,7 @@ the truth in 59 to 75 % of its 95 % regions. Units: metres or cells, radians, se
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +31,7 @@ RECORDED = Nuisance(
     memory=(300.0, 2.3, 300.0),
 )
 ALIKE = 4 / 3  # times the sigma of a frame: bearings that follow each other err alike (correlation .60, after 8 s .28)
+MAX_GROUPS = 1024  # of landmarks that stand together
 STILL = 1e-9  # unit or radians: less is no motion
 
 
@@ -80,6 +82,15 @@ class Camera:
     bend: float = 0.05  # rad/s: at most so much
     together: float = 0.6  # unit
     profile: tuple[tuple[float, float], ...] = ()  # see `Relative.profile`; replaces all of these
+
+    def group(self, groups: dict[str, tuple[float, float]], landmark: str, place: tuple[float, float]) -> str:
+        """The first landmark that was seen of those that stand together with this one; `groups` keeps their places, unit."""
+        for first, there in groups.items():
+            if math.dist(place, there) < self.together:
+                return first
+        if len(groups) < MAX_GROUPS:
+            groups[landmark] = place
+        return landmark
 
     def relative(
         self, robot: str, sighting: Sighting, turned: float, dt: float, group: str = "", alike: int = 1
