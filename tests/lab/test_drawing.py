@@ -12,7 +12,7 @@ import pytest
 from blackboard.errors import UserError
 from blackboard.lab import comparison, drawing
 from blackboard.lab.__main__ import _drawing
-from tests.lab.test_paper import numbers
+from tests.lab.figures import numbers
 from tests.lab.trials import judged
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from functools import cache, reduce
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -11,26 +11,16 @@ import numpy as np
 import pytest
 
 from blackboard.config import load
-from blackboard.lab import paper, parallel
+from blackboard.lab import paper
 from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases
 from blackboard.lab.team_joint import joint_sizes
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.opinion.weights import entropy
+from tests.lab.figures import numbers, score_figures
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parent.parent / "golden" / "paper.json").read_text(encoding="utf-8")
 )
-
-
-@cache
-def score_figures(seed: int) -> paper.FigureScores:
-    world = paper.world(load("paper"), 25, 3, 12.0)
-    return parallel.score_figures(paper.RULES, world, seed, 4.0)
-
-
-@cache
-def numbers() -> dict[str, Any]:
-    return paper.numbers({25: [score_figures(seed) for seed in range(4)]}, np.random.default_rng(1))
 
 
 def merged(part: str, rule: str) -> TeamSizeScores:

@@ -19,7 +19,7 @@ from blackboard.wire.keys import CLOCK
 from blackboard.wire.messages import Clock
 from sim_world.scorecard import scorecard
 from tests.tape.teams import SMALL, recorded_run
-from tests.tape.test_file import ENVELOPES, written
+from tests.tape.written import ENVELOPES, written
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from blackboard.tape.backlog import MOST
 from blackboard.tape.file import About, TapeWriter, copy, look_through
 from blackboard.tape.recorder import Recorder
 from blackboard.wire.envelope import Envelope
-from tests.tape.test_file import ENVELOPES, saved, written
+from tests.tape.written import ENVELOPES, saved, written
 
 SENT = [(1e9 + i, Envelope(f"cop/t/a/report/r{i % 7}/object/ball", bytes([i % 251]) * 300)) for i in range(400)]
 
