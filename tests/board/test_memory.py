@@ -21,8 +21,8 @@ from blackboard.opinion.provenance import Opinion
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory
 from blackboard.wire.raw import MAX_BYTES
+from tests.board.opinions import opinion, stream
 from tests.board.reports import GRID
-from tests.board.test_learning import opinion, stream
 from tests.wire.messages import MEMORY
 
 EMPTY = PackedMemory(learner=PackedLearner())

@@ -16,7 +16,7 @@ from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory
 from blackboard.wire.messages import Clock
-from tests.flow.test_twins import Stream
+from tests.flow.streams import Stream
 from tests.scenarios import LEARNS
 from tests.tape.teams import recorded_run
 

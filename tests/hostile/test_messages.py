@@ -14,7 +14,7 @@ from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Informed, Report, Status
 from tests.board.desk import NOW, Desk, clock, report, reported
 from tests.hostile.attack import Attack, calm, report_key, status_key
-from tests.robot_agent.test_service import kinds, readings, service
+from tests.robot_agent.services import kinds, readings, service
 from tests.scenarios import JOINT, SCENARIO
 from tests.wire.messages import as_map
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
@@ -70,3 +71,12 @@ def agreed(
 
 def by_subject(reports: Iterable[Report]) -> dict[str, Report]:
     return {report.subject: report for report in reports}
+
+
+Pose = tuple[float, float, float]
+
+
+def seen(pose: Pose, name: str, place: tuple[float, float], landmark: bool = True) -> Sighting:
+    dx, dy = place[0] - pose[0], place[1] - pose[1]
+    bearing = math.atan2(dy, dx) - pose[2]
+    return Sighting(subject=name, range=math.hypot(dx, dy), bearing=bearing, landmark=place if landmark else None)

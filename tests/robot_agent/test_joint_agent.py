@@ -16,8 +16,7 @@ from blackboard.wire.messages import Odometry, Readings, Report, Sighting
 from robot_agent.agent import Agreed
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.agent import JointAgent
-from tests.robot_agent.robots import BALL, GRID, by_subject, readings
-from tests.robot_agent.test_kalman import Pose, seen
+from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, seen
 
 MATE = Sighting(subject="robot/r2", range=6.0, bearing=-0.2)
 

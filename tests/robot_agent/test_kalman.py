@@ -5,8 +5,6 @@ Long, because every test steps the same small robot among the same landmarks.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -16,17 +14,11 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.gaussian.filter import LOST, FirstHand
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated
+from tests.robot_agent.robots import Pose, seen
 
 ROBOT = "robot/r1"
 LANDMARKS = {"landmark/6": (2.0, 1.0), "landmark/7": (1.0, -2.0), "landmark/8": (3.0, -0.5)}
 GRID = Grid((40, 40), 0.1, (-2.0, -2.0), "m")
-Pose = tuple[float, float, float]
-
-
-def seen(pose: Pose, name: str, place: tuple[float, float], landmark: bool = True) -> Sighting:
-    dx, dy = place[0] - pose[0], place[1] - pose[1]
-    bearing = math.atan2(dy, dx) - pose[2]
-    return Sighting(subject=name, range=math.hypot(dx, dy), bearing=bearing, landmark=place if landmark else None)
 
 
 def readings(tick: int, **what: object) -> Readings:

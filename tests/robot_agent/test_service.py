@@ -3,80 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
 
 import pytest
 
-from blackboard.opinion.belief import gaussian
-from blackboard.opinion.grid import Grid
 from blackboard.process.team_clock import WORLD_SILENT
 from blackboard.wire import keys
-from blackboard.wire.arrays import pack
-from blackboard.wire.codec import encode, open_envelope
+from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Fix, Odometry, Readings, Report, Solo, Status
-from blackboard.wire.types import Message
-from robot_agent.config import RobotSection
-from robot_agent.service import MAX_AGREED, AgentService
-
-GRID = Grid((20, 20))
-NOW = 1_000_000.0
-WORLD = keys.WORLD.key(team="t")
-
-
-def service(*sub_teams: str) -> AgentService:
-    robot = AgentService(team="t", sub_teams=sub_teams or ("a",), robot="r1", grid=GRID, settings=RobotSection())
-    for board in ("board-a", "one", "two"):
-        robot.receive(Envelope(keys.BOARD.key(team="t", sub_team="a", board=board), kind=Kind.ALIVE), NOW)
-    return robot
-
-
-def readings(tick: int, run: str = "x", time: float | None = None) -> Envelope:
-    message = Readings(
-        run=run,
-        robot="r1",
-        tick=tick,
-        time=0.2 * tick if time is None else time,
-        odometry=Odometry(distance=0.1, turn=0.0, dt=0.2),
-        compass=0.0,
-        fix=None if tick else Fix(position=(10.0, 10.0), sigma=1.0),
-    )
-    return Envelope(keys.READING.key(team="t", robot="r1"), encode(message))
-
-
-def clock(tick: int, run: str = "x", *, settled: Iterable[str] = (), end: bool = False) -> Envelope:
-    message = Clock(run=run, tick=tick, time=0.2 * tick, mode="lockstep", settled={"a": list(settled)}, end=end)
-    return Envelope(keys.CLOCK.key(team="t"), encode(message))
-
-
-def agreed(tick: int, subject: str = "robot/r1", board: str = "board-a", time: float | None = None) -> Envelope:
-    message = Consensus(
-        board=board,
-        sub_team="a",
-        level="agreed",
-        subject=subject,
-        tick=tick,
-        time=0.2 * tick if time is None else time,
-        belief=pack(gaussian(GRID, (10, 10), 1.0)),
-        ancestors={"r1": 0.0, "r2": 0.0},
-        used=[],
-        entropy=1.0,
-        conflict=False,
-        rule="coalition",
-    )
-    return Envelope(keys.AGREED.key(team="t", sub_team="a", subject=subject), encode(message))
-
-
-def world(kind: Kind = Kind.ALIVE) -> Envelope:
-    return Envelope(WORLD, kind=kind)
-
-
-def said(answers: Iterable[Envelope]) -> list[Message]:
-    return [open_envelope(envelope)[2] for envelope in answers]
-
-
-def kinds(answers: Iterable[Envelope]) -> list[str]:
-    return [type(message).__name__ for message in said(answers)]
+from blackboard.wire.messages import Clock, Refusal, Report, Solo, Status
+from robot_agent.service import MAX_AGREED
+from tests.robot_agent.services import NOW, agreed, clock, kinds, readings, said, service, world
 
 
 def test_without_a_world_a_robot_reports_with_its_readings(caplog: pytest.LogCaptureFixture) -> None:
@@ -243,3 +179,43 @@ def test_who_joins_a_run_takes_what_was_agreed_in_the_tick_before() -> None:
     robot.receive(agreed(22), NOW)
     assert robot.refused == {"future": 1}
     assert robot.counters["late"] == 0
+
+
+def test_a_clock_that_asks_others_is_not_answered_and_one_that_asks_for_a_status_with_that_alone() -> None:
+    robot = service()
+    robot.receive(world(), NOW)
+    robot.receive(readings(0), NOW)
+    first = robot.receive(clock(0), NOW)
+
+    def asked(**fields: list[str]) -> list[Envelope]:
+        again = decode(Clock, clock(0).payload).model_copy(update=fields)
+        return robot.receive(Envelope(keys.CLOCK.key(team="t"), encode(again)), NOW + 1)
+
+    assert asked(asked=["robot/r2"], again=["board/a/x"]) == []
+    assert kinds(asked(asked=["robot/r1"])) == ["Status"]
+    assert said(asked(again=["robot/r1"]))[:-1] == said(first)[:-1]
+
+
+def refusal(reason: str, board: str = "board-a") -> Envelope:
+    said = Refusal(
+        board=board, sub_team="a", robot="r1", time=1.0, subject="object/ball", reason=reason, text="no\nlines", count=1
+    )
+    return Envelope(keys.REFUSED.key(team="t", sub_team="a", robot="r1"), encode(said))
+
+
+def test_it_logs_each_reason_once_in_one_line(caplog: pytest.LogCaptureFixture) -> None:
+    robot = service("a")
+    for reason in ("grid", "grid", "past"):
+        robot.receive(refusal(reason), NOW)
+    lines = [record.getMessage() for record in caplog.records]
+    assert [line.split(";")[0] for line in lines] == [
+        f"board-a refused the report about object/ball of r1 ({reason}: no\\nlines)" for reason in ("grid", "past")
+    ]
+    assert robot.counters["told_refused"] == 3
+
+
+def test_who_is_no_board_tells_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    robot = service("a")
+    robot.receive(refusal("grid", board="x"), NOW)
+    assert robot.counters["told_refused"] == 0
+    assert robot.refused["unregistered"] == 1

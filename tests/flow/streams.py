@@ -1,0 +1,46 @@
+"""What consumers of a team's consensuses get of a run."""
+
+from __future__ import annotations
+
+from blackboard.lab.team import Team
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Consensus
+
+Key = tuple[str, str, str, int]  # sub-team, level, subject, tick
+
+
+class Stream:
+    """Every consensus of a run as consumers get it, in the order of sending."""
+
+    def __init__(self, team: Team) -> None:
+        self.sent: list[Consensus] = []
+        team.bus.spies.append(self._record)
+
+    def _record(self, envelope: Envelope) -> None:
+        if "/consensus/" in envelope.key or "/agreed/" in envelope.key:
+            self.sent.append(decode(Consensus, envelope.payload))
+
+    @staticmethod
+    def key(it: Consensus) -> Key:
+        return it.sub_team, it.level, it.subject, it.tick
+
+    @property
+    def beliefs(self) -> dict[Key, Consensus]:
+        """The consensus of each key, without the name of its board."""
+        return {self.key(it): it.model_copy(update={"board": ""}) for it in self.sent}
+
+    def check(self) -> None:
+        """One stream: nothing goes back in time, and what is said again, to a Clock that is repeated, is the same."""
+        first: dict[Key, Consensus] = {}
+        newest: dict[tuple[str, str, str], int] = {}
+        for it in self.sent:
+            where = it.sub_team, it.level, it.subject
+            assert it.tick >= newest.get(where, -1), it
+            assert first.setdefault(self.key(it), it) == it
+            newest[where] = it.tick
+
+    def boards(self, sub_team: str) -> list[str]:
+        """Who spoke for a sub-team, by tick."""
+        by_tick = {it.tick: it.board for it in self.sent if it.sub_team == sub_team}
+        return [by_tick[tick] for tick in sorted(by_tick)]

@@ -1,0 +1,64 @@
+"""A robot's process without a network, and what its world and its team say to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from blackboard.opinion.belief import gaussian
+from blackboard.opinion.grid import Grid
+from blackboard.wire import keys
+from blackboard.wire.codec import open_envelope
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Fix, Odometry, Readings
+from blackboard.wire.types import Message
+from robot_agent.config import RobotSection
+from robot_agent.service import AgentService
+from tests.wire.envelopes import consensus, put, token
+
+GRID = Grid((20, 20))
+NOW = 1_000_000.0
+WORLD = keys.WORLD.key(team="t")
+
+
+def service(*sub_teams: str) -> AgentService:
+    robot = AgentService(team="t", sub_teams=sub_teams or ("a",), robot="r1", grid=GRID, settings=RobotSection())
+    for board in ("board-a", "one", "two"):
+        robot.receive(token(keys.BOARD, board), NOW)
+    return robot
+
+
+def readings(tick: int, run: str = "x", time: float | None = None) -> Envelope:
+    message = Readings(
+        run=run,
+        robot="r1",
+        tick=tick,
+        time=0.2 * tick if time is None else time,
+        odometry=Odometry(distance=0.1, turn=0.0, dt=0.2),
+        compass=0.0,
+        fix=None if tick else Fix(position=(10.0, 10.0), sigma=1.0),
+    )
+    return put(message)
+
+
+def clock(tick: int, run: str = "x", *, settled: Iterable[str] = (), end: bool = False) -> Envelope:
+    return put(Clock(run=run, tick=tick, time=0.2 * tick, mode="lockstep", settled={"a": list(settled)}, end=end))
+
+
+def agreed(tick: int, subject: str = "robot/r1", board: str = "board-a", time: float | None = None) -> Envelope:
+    ancestors = {"r1": 0.0, "r2": 0.0}
+    time = 0.2 * tick if time is None else time
+    return put(
+        consensus(gaussian(GRID, (10, 10), 1.0), subject, board=board, tick=tick, time=time, ancestors=ancestors)
+    )
+
+
+def world(kind: Kind = Kind.ALIVE) -> Envelope:
+    return token(keys.WORLD, kind=kind)
+
+
+def said(answers: Iterable[Envelope]) -> list[Message]:
+    return [open_envelope(envelope)[2] for envelope in answers]
+
+
+def kinds(answers: Iterable[Envelope]) -> list[str]:
+    return [type(message).__name__ for message in said(answers)]
