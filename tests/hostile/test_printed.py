@@ -23,12 +23,11 @@ from blackboard.run import door
 from blackboard.run.flags import OutputFlags
 from blackboard.run.progress import progress
 from blackboard.tape.file import TapeWriter, create
-from blackboard.view import __main__ as view
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.envelope import Envelope, Kind
 from tests.hostile.poison import HARMFUL, PIECES, Poison
 from tests.tape.teams import SMALL, recorded_run
-from tests.view import test_door
+from tests.view.links import Recording, put_in_place
 
 NASTY = st.text(st.sampled_from(HARMFUL) | st.characters(), max_size=30)
 CLEAN = "no name"  # takes the same places as the others
@@ -160,15 +159,13 @@ def on_a_link(monkeypatch: pytest.MonkeyPatch, text: str, more: list[Envelope]) 
     """Commands meet a link that tells more, then a run with a text in all its messages."""
     poison = Poison(text)
 
-    class Poisoned(test_door.Recording):
+    class Poisoned(Recording):
         def __init__(self, *_: Any, **__: Any) -> None:
             super().__init__()
-            self._left = more + [poison.envelope(envelope) for envelope in self._left]
+            self.left = more + [poison.envelope(envelope) for envelope in self.left]
 
     with monkeypatch.context() as patched:
-        patched.setattr(view, "Link", Poisoned)
-        patched.setattr(view, "UnixClock", lambda: Poisoned.clock)
-        patched.setattr(door, "Stop", lambda: lambda: False)
+        put_in_place(patched, Poisoned)
         yield
 
 

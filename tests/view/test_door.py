@@ -4,54 +4,19 @@ from __future__ import annotations
 
 import json
 import sys
-from types import TracebackType
-from typing import Any
 
 import pytest
 
 from blackboard.errors import RunFailed, UserError
-from blackboard.run import door
-from blackboard.view import __main__ as room
-from blackboard.view import source
-from blackboard.wire.envelope import Envelope, Kind
-from tests.clocks import ManualClock
+from blackboard.wire.envelope import Kind
 from tests.commands import call
-from tests.view.recorded import recorded, team_of
-
-
-class Recording:
-    """A link on which a run is told in pieces; the clock goes on with each, by a tenth of a second."""
-
-    clock = ManualClock(1_000_000.0)
-
-    def __init__(self, *_: Any, **__: Any) -> None:
-        self._left = [envelope for envelope, _ in recorded()]
-
-    def __enter__(self) -> Recording:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        return
-
-    def subscribe(self, key_expr: str) -> None: ...
-
-    def watch(self, key_expr: str) -> None: ...
-
-    def get(self, key_expr: str) -> list[Envelope]:
-        return []
-
-    def receive(self, timeout: float) -> list[Envelope]:
-        self.clock.advance(0.1)
-        found, self._left = self._left[:50], self._left[50:]
-        return found
+from tests.view.links import put_in_place
+from tests.view.recorded import team_of
 
 
 @pytest.fixture(autouse=True)
 def _on_a_recording(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (room, source):
-        monkeypatch.setattr(module, "Link", Recording)
-        monkeypatch.setattr(module, "UnixClock", lambda: Recording.clock)
-    monkeypatch.setattr(door, "Stop", lambda: lambda: False)  # the real one sets signal handlers of this process
+    put_in_place(monkeypatch)
 
 
 def test_why_says_it_in_words_or_as_json(capsys: pytest.CaptureFixture[str]) -> None:
