@@ -1,22 +1,23 @@
-"""Who speaks where a sub-team has several boards: one leads, the others do the same and keep what they would say. Pure.
+"""Which of a sub-team's boards publishes: one leads, the others settle the same and keep what they would publish. Pure.
 
-All boards of a sub-team hear and settle the same. One publishes; the others publish their status alone, which says that they
-follow, and keep what they settled until the status of the one that leads says that it has published that. Where the leader's token
-is gone, or it says nothing new for a while, one of the others leads and publishes what it kept: nothing is lost, and nothing
-is older than what was published before.
+The others publish their status alone, which says that they follow, and keep what they settled until the status of the one that leads
+says that it has published that. So where one of them takes over, nothing is lost, and nothing is older than what was published before.
 
-Who leads: whoever leads already. Where nobody does, the board that has settled for longest, and among equals, as at the
-beginning of a run, the one whose name sorts first. Of two that lead, as after a freeze or a cut network, the one that took over
-last stays, because the other was found silent. A board that starts waits for the others' statuses before it leads, and one that was
-frozen is as one that starts: what reaches it first may be old.
+Long, because `TABLE`, when a board's part changes, stands with its machine; `python -m blackboard.board.lead` prints it. Of two that
+lead, as after a freeze or a cut network, the one that took over last has the better claim, because the other was found silent. Else
+the board that has settled for longest has it, and among equals, as at the beginning of a run, the one whose name sorts first. A board
+that was frozen is as one that starts: what reaches it first may be old.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
 
+from blackboard.process.columns import columns
 from blackboard.process.roster import Roster
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Status
@@ -27,6 +28,45 @@ MAX_KEPT = 64  # phases of ticks that are kept while nobody is known to have pub
 MAX_KEPT_BYTES = 8 << 20
 MAX_TERM = (1 << 53) - 1
 PHASES = ("consensus", "agreed")
+
+
+class Part(Enum):
+    """What a board is among the boards of its sub-team."""
+
+    UNKNOWN = "unknown"  # it has just started, or was frozen
+    LEADS = "leads"
+    FOLLOWS = "follows"
+
+
+class Fact(Enum):
+    """What changes a part: the first that holds and that the table has for it."""
+
+    FROZEN = "it was frozen"
+    OUTRANKED = "another leads with a better claim"
+    STUCK = "the leader publishes nothing"
+    LED = "another leads"
+    AWAITED = "another has said nothing yet"
+    FIRST = "its own claim is the best"
+    SECOND = "another has a better claim"
+
+
+#: The part that follows.
+TABLE: Mapping[tuple[Part, Fact], Part] = {
+    (Part.UNKNOWN, Fact.FROZEN): Part.UNKNOWN,
+    (Part.UNKNOWN, Fact.STUCK): Part.LEADS,
+    (Part.UNKNOWN, Fact.LED): Part.FOLLOWS,
+    (Part.UNKNOWN, Fact.AWAITED): Part.UNKNOWN,
+    (Part.UNKNOWN, Fact.FIRST): Part.LEADS,
+    (Part.UNKNOWN, Fact.SECOND): Part.FOLLOWS,
+    (Part.LEADS, Fact.FROZEN): Part.UNKNOWN,
+    (Part.LEADS, Fact.OUTRANKED): Part.FOLLOWS,
+    (Part.FOLLOWS, Fact.FROZEN): Part.UNKNOWN,
+    (Part.FOLLOWS, Fact.STUCK): Part.LEADS,
+    (Part.FOLLOWS, Fact.LED): Part.FOLLOWS,
+    (Part.FOLLOWS, Fact.AWAITED): Part.UNKNOWN,
+    (Part.FOLLOWS, Fact.FIRST): Part.LEADS,
+    (Part.FOLLOWS, Fact.SECOND): Part.FOLLOWS,
+}
 
 
 @dataclass(frozen=True)
@@ -56,10 +96,7 @@ class Claim:
 
 
 class Lead:
-    """Whether one board leads its sub-team, from the tokens on its roster and the statuses of the other boards.
-
-    `leads` is None while it cannot know yet; it keeps what it settles then, too. All `now` are Unix time in seconds.
-    """
+    """The part of one board, from the tokens on its roster and the statuses of the other boards. All `now` are Unix seconds."""
 
     def __init__(self, roster: Roster, sub_team: str, board: str, silent: float) -> None:
         """`silent` is how many seconds a leader that is alive may publish nothing while this board settles."""
@@ -69,7 +106,7 @@ class Lead:
 
     def begin(self, since: float | None) -> None:
         """Everything begins anew, at a team time in seconds (None: it is not known yet)."""
-        self.leads: bool | None = None
+        self.part = Part.UNKNOWN
         self.term = 0  # how often the lead was taken over, as far as the newest leader knew
         self.since = since
         self._highest = -1  # term of a leader that was heard
@@ -79,6 +116,11 @@ class Lead:
         self._kept: deque[tuple[float, Said]] = deque()  # and when it was settled
         self._kept_bytes = 0
         self._asks = True
+
+    @property
+    def leads(self) -> bool:
+        """Whether it publishes; a board that does not know yet keeps what it settles, too."""
+        return self.part is Part.LEADS
 
     # --- events -------------------------------------------------------------------------------------------------------
 
@@ -101,31 +143,33 @@ class Lead:
         return before is None or before.since != since
 
     def look(self, now: float) -> bool:
-        """Decide anew. True if the others should hear of it: `leads` has changed, or there is somebody who does not know."""
-        before, frozen = self.leads, self._looked is not None and now - self._looked > FROZEN
+        """Decide anew. True if the others should hear of it: the part has changed, or there is a board that does not know it."""
+        before, frozen = self.part, self._looked is not None and now - self._looked > FROZEN
         self._looked = now
         if self.roster.away:
             return False
         others = [board for board in self.roster.boards.get(self.sub_team, []) if board != self.board]
         if frozen and others:
-            self.leads, self.since, self._others, self._unknown = None, None, {}, {}
+            self._enter(Fact.FROZEN)
+            self.since, self._others, self._unknown = None, {}, {}
         new = self._keep_only(others, now) if others or self._others or self._unknown else []
-        self._decide(now)
+        self._enter(next((fact for fact in self._facts(now) if (self.part, fact) in TABLE), None))
         asks, self._asks = self._asks or bool(new), False
-        return (self.leads != before and before is not None) or (bool(others) and (asks or self.leads != before))
+        changed = self.part is not before
+        return (changed and before is not Part.UNKNOWN) or (bool(others) and (asks or changed))
 
     def changes_at(self) -> float:
         """When time alone changes something; infinity if it does not."""
         if self.leads or self.roster.away:
             return math.inf
-        heard_out = max(self._unknown.values(), default=math.inf) if self.leads is None else math.inf
+        heard_out = max(self._unknown.values(), default=math.inf) if self.part is Part.UNKNOWN else math.inf
         return min(self._stuck_at(), heard_out)
 
     # --- what is said ---------------------------------------------------------------------------------------------------
 
     def may_say(self, time: float) -> bool:
         """Whether this board publishes what it settled at a team time in seconds: it leads, and nothing later was published."""
-        return self.leads is True and time >= self._floor
+        return self.leads and time >= self._floor
 
     def keep(self, said: Said, now: float) -> None:
         """Keep what is not published; the oldest goes where it is too much."""
@@ -148,6 +192,13 @@ class Lead:
             return self.board
         return min(self._leaders())[2] if self._leaders() else None
 
+    def check(self) -> None:
+        """AssertionError: what holds between two events does not."""
+        assert self._kept_bytes == sum(said.size for _, said in self._kept) <= MAX_KEPT_BYTES
+        assert len(self._kept) <= MAX_KEPT
+        assert not self._others.keys() & self._unknown.keys()
+        assert self.board not in self._others
+
     # --- inside -------------------------------------------------------------------------------------------------------
 
     def _keep_only(self, others: list[str], now: float) -> list[str]:
@@ -161,24 +212,26 @@ class Lead:
     def _leaders(self) -> list[tuple[int, float, str]]:
         return [(-claim.term, claim.since, name) for name, claim in self._others.items() if not claim.follows]
 
-    def _decide(self, now: float) -> None:
+    def _facts(self, now: float) -> Iterator[Fact]:
+        """What holds now, in the order of `Fact`."""
         since = math.inf if self.since is None else self.since
         leaders = self._leaders()
-        if self.leads:
-            self.leads = not leaders or (-self.term, since, self.board) < min(leaders)
-        elif now >= self._stuck_at():
-            self._take()
-        elif leaders:
-            self.leads = False
-        elif any(now < until for until in self._unknown.values()):
-            self.leads = None
-        elif all((since, self.board) < (claim.since, name) for name, claim in self._others.items()):
-            self._take()
-        else:
-            self.leads = False  # a board that has settled for longer, or comes first by name, takes it
+        if leaders and (-self.term, since, self.board) > min(leaders):
+            yield Fact.OUTRANKED
+        if now >= self._stuck_at():
+            yield Fact.STUCK
+        if leaders:
+            yield Fact.LED
+        if any(now < until for until in self._unknown.values()):
+            yield Fact.AWAITED
+        is_first = all((since, self.board) < (claim.since, name) for name, claim in self._others.items())
+        yield Fact.FIRST if is_first else Fact.SECOND
 
-    def _take(self) -> None:
-        self.leads, self.term = True, min(self._highest + 1, MAX_TERM)
+    def _enter(self, fact: Fact | None) -> None:
+        if fact is not None:
+            self.part = TABLE[self.part, fact]
+            if self.leads:
+                self.term = min(self._highest + 1, MAX_TERM)
 
     def _stuck_at(self) -> float:
         """When a leader that is alive and publishes nothing is given up."""
@@ -192,3 +245,13 @@ class Lead:
         done = status.tick, PHASES.index(status.phase)
         left = [(at, it) for at, it in self._kept if not any_tick and (it.tick, PHASES.index(it.phase)) > done]
         self._kept, self._kept_bytes = deque(left), sum(said.size for _, said in left)
+
+
+def text() -> str:
+    """The table as text."""
+    rows = [(part.value, fact.value, then.value) for (part, fact), then in TABLE.items()]
+    return "\n".join(columns([("part", "fact", "then"), *rows]))
+
+
+if __name__ == "__main__":
+    print(text())  # noqa: T201

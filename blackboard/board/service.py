@@ -17,7 +17,7 @@ from typing import TypeVar
 from blackboard.board.board import Board
 from blackboard.board.clocks import Clocks
 from blackboard.board.joint.desk import JointDesk
-from blackboard.board.lead import Lead, Said
+from blackboard.board.lead import Lead, Part, Said
 from blackboard.board.participants import Participants
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
@@ -256,7 +256,7 @@ class BoardService:
         """
         if memory.board not in self.roster.boards.get(self.sub_team, []):
             raise TooEarly  # its token may be on its way
-        if self.lead.leads is not False or memory.board != self.lead.leader or memory.run != self._run:
+        if self.lead.part is not Part.FOLLOWS or memory.board != self.lead.leader or memory.run != self._run:
             return
         self.board.check_time(memory.time, time)
         older = self._agreed_at is not None and memory.tick < self._agreed_at[0]
@@ -509,7 +509,7 @@ class BoardService:
     def _refusals(self, now: float) -> list[Envelope]:
         """Tell robots of the sub-team what was refused under their names, unless this board follows one that does."""
         told = self.intake.refusals.due(now)
-        if not told or self.lead.leads is False:
+        if not told or self.lead.part is Part.FOLLOWS:
             return []
         parts, time = {"team": self.team, "sub_team": self.sub_team}, self.clock.time(now)
         return [

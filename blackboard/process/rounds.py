@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from blackboard.process.columns import columns
 from blackboard.process.team_clock import Pace
 
 
@@ -102,16 +103,12 @@ class Rounds:
 
 def text() -> str:
     """The tables as text."""
-    rows = [("process", "pace", "phase", "until", "at most", "then")]
-    rows += [
+    rows = [
         (name, pace.value, phase, row.until or "-", row.at_most, row.then)
         for name, table in TABLES.items()
         for (pace, phase), row in table.items()
     ]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
+    return "\n".join(columns([("process", "pace", "phase", "until", "at most", "then"), *rows]))
 
 
 if __name__ == "__main__":

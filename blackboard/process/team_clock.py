@@ -1,26 +1,25 @@
 """Team time: by whose clock a process goes, and which tick it is. Pure.
 
-A process follows the `Clock` of a world while the world's liveliness token is there. A Clock that comes without that token
-is kept and followed as soon as the token appears; the first such Clock makes a process that has no world wait for the token,
-for `WORLD_SILENT` seconds. So somebody who publishes a Clock and leaves delays nobody for longer. When the token of the world is
-gone and the Clock that is followed is older than `WORLD_SILENT`, the process goes by Unix time again. A token without any Clock is
-waited for `CLOCKLESS` seconds at most, and one whose Clock has stopped `STOPPED` seconds.
+A process follows the Clock of a world while the world's liveliness token is there. `TABLE` has its states, and what each event
+means in each of them; `python -m blackboard.process.team_clock` prints it. Long, because the table stands with its machine.
 
-A world holds its token before it sends a Clock. So a run whose Clocks came for more than `EARLY` seconds before that token is somebody
-else's: for `WORLD_SILENT` seconds after the token, the first Clock of any other run is followed instead.
+A world holds its token before it sends a Clock. So a run whose Clocks came for more than `EARLY` seconds before that token is a
+stranger's: for `WORLD_SILENT` seconds after the token, the first Clock of any other run is followed instead.
 
 Who has sent a Clock cannot be known without keys. So the Clock that is followed goes on by its next tick (in real time by up to
 `LOST` ticks), and another one is a **rival** until it is confirmed: heard again, not earlier than `CONFIRMED` seconds later and
 without the followed one in between. A rival of another run must also wait until the followed run was silent for `WORLD_SILENT`
-seconds, unless the world's token has come anew. So a single Clock moves nobody, and a true clock is followed again soon after
+seconds, unless the world's token has come anew. So a single Clock moves no process, and a true clock is followed again soon after
 a false one has stopped.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from enum import Enum
 
+from blackboard.process.columns import columns
 from blackboard.process.roster import Roster
 from blackboard.wire.messages import Clock
 
@@ -42,14 +41,73 @@ class Pace(Enum):
     REALTIME = "realtime"  # the world paces, team time runs on between two Clocks
 
 
+class State(Enum):
+    """What a process has of a world."""
+
+    FREE = "free"  # nothing that is waited for
+    CLOCK = "clock only"  # a Clock without a token, which is waited for
+    TOKEN = "token only"  # a token without a Clock, which is waited for
+    FOLLOWED = "followed"  # its token and its Clock; the pace is that of the Clock
+
+
+class Event(Enum):
+    """What a Clock, a token, or the time is to a process."""
+
+    COMES = "the token comes"
+    RETURNS = "the token comes again after its Clock was waited for in vain"
+    GOES = "the token goes"
+    STRAY = "a Clock without a token"
+    MORE = "more Clocks without a token"
+    STRANGER = "the Clock of a stranger"
+    FIRST = "the first Clock"
+    NEXT = "the next Clock"
+    SAME = "the same Clock"
+    RIVAL = "a rival"
+    JUMP = "a confirmed rival further on in the run"
+    RUN = "a confirmed rival of another run, or further back"
+    TOKENLESS = "no token in time"
+    CLOCKLESS = "no Clock in time"
+    SILENT = "no more Clocks in time"
+    PERIOD = "a period of Unix time is over"
+
+
 class News(Enum):
-    """What a Clock, or the time, means for the process."""
+    """What an event means for the process."""
 
     NOTHING = "nothing"
     REPEATED = "repeated"  # the Clock of this tick again: the world has not received every answer
     TICK = "tick"  # a tick begins
     RUN = "run"  # a tick begins, in another run: everything before is to be forgotten
     FREE = "free"  # the world is gone: everything is to be forgotten, stamps are Unix time from now on
+
+
+#: State and event -> the state that follows, and the news. The first three events are the roster's, and change the state only.
+TABLE: Mapping[tuple[State, Event], tuple[State, News]] = {
+    (State.FREE, Event.COMES): (State.TOKEN, News.NOTHING),
+    (State.FREE, Event.RETURNS): (State.FREE, News.NOTHING),
+    (State.FREE, Event.GOES): (State.FREE, News.NOTHING),
+    (State.FREE, Event.STRAY): (State.CLOCK, News.NOTHING),
+    (State.FREE, Event.MORE): (State.FREE, News.NOTHING),
+    (State.FREE, Event.STRANGER): (State.FREE, News.NOTHING),
+    (State.FREE, Event.FIRST): (State.FOLLOWED, News.RUN),
+    (State.FREE, Event.PERIOD): (State.FREE, News.TICK),
+    (State.CLOCK, Event.COMES): (State.CLOCK, News.NOTHING),
+    (State.CLOCK, Event.MORE): (State.CLOCK, News.NOTHING),
+    (State.CLOCK, Event.TOKENLESS): (State.FREE, News.NOTHING),
+    (State.TOKEN, Event.GOES): (State.FREE, News.NOTHING),
+    (State.TOKEN, Event.STRANGER): (State.TOKEN, News.NOTHING),
+    (State.TOKEN, Event.FIRST): (State.FOLLOWED, News.RUN),
+    (State.TOKEN, Event.CLOCKLESS): (State.FREE, News.NOTHING),
+    (State.FOLLOWED, Event.COMES): (State.FOLLOWED, News.NOTHING),
+    (State.FOLLOWED, Event.GOES): (State.FOLLOWED, News.NOTHING),
+    (State.FOLLOWED, Event.MORE): (State.FOLLOWED, News.NOTHING),
+    (State.FOLLOWED, Event.NEXT): (State.FOLLOWED, News.TICK),
+    (State.FOLLOWED, Event.SAME): (State.FOLLOWED, News.REPEATED),
+    (State.FOLLOWED, Event.RIVAL): (State.FOLLOWED, News.NOTHING),
+    (State.FOLLOWED, Event.JUMP): (State.FOLLOWED, News.TICK),
+    (State.FOLLOWED, Event.RUN): (State.FOLLOWED, News.RUN),
+    (State.FOLLOWED, Event.SILENT): (State.FREE, News.FREE),
+}
 
 
 class TeamClock:
@@ -62,70 +120,56 @@ class TeamClock:
         self.tick = -1  # the newest that began: the world's count, or Unix time in periods
         self.heard_at = 0.0  # Unix seconds, when the Clock of this tick arrived first
         self._spoke_at = 0.0  # Unix seconds, when a Clock of the followed run arrived last
-        self._unannounced: Clock | None = None  # the newest Clock that came without a world's token
-        self._unannounced_since = 0.0  # Unix seconds, when the first Clock of its run came
-        self._stranger, self._stranger_until = "", 0.0  # a run that is not the world's, and until when that is believed
-        self._token_due: float | None = None  # until when that token is waited for
+        #: the newest Clock that came without a world's token, and when the first one of its run came
+        self._stray: tuple[Clock, float] | None = None
+        self._stranger = "", 0.0  # a run that is not the world's, and until when that is believed
+        self._token_due: float | None = None  # until when a token is waited for
         self._clock_due: float | None = None  # until when the Clock of a world that has a token is waited for
         self._has_waited = False  # whether that was in vain, so that a token alone is not waited for again
         self._token_seen = 0  # how often the world's token had come when its Clock was followed last
-        self._rival: Clock | None = None  # the newest Clock that does not go on with the followed one
-        self._rival_since = 0.0  # Unix seconds, when the first of these arrived
+        self._rival: tuple[Clock, float] | None = (
+            None  # the newest, and when the first one arrived that it goes on from
+        )
         self._was_away = False  # whether no Clock could arrive when it was looked last
+
+    @property
+    def state(self) -> State:
+        if self.followed is not None:
+            return State.FOLLOWED
+        if self._token_due is not None:
+            return State.CLOCK
+        return State.TOKEN if self.roster.world and not self._has_waited else State.FREE
 
     @property
     def pace(self) -> Pace:
         if self.followed is not None:
-            return Pace.LOCKSTEP if self.followed.mode == "lockstep" else Pace.REALTIME
-        waits = (self.roster.world and not self._has_waited) or self._token_due is not None
-        return Pace.WAITING if waits else Pace.FREE
+            return Pace(self.followed.mode)
+        return Pace.FREE if self.state is State.FREE else Pace.WAITING
 
     def hear(self, clock: Clock, now: float) -> News:
         """Take a Clock. It is followed while a world's token is there, and kept until then; an older tick is ignored."""
-        if not self.roster.world:
-            if self.followed is None and self._unannounced is None:
-                self._token_due = now + WORLD_SILENT
-            if self._unannounced is None or self._unannounced.run != clock.run:
-                self._unannounced_since = now
-            self._unannounced = clock
-            return News.NOTHING
-        self._unannounced = self._token_due = None
-        if self.followed is None:
-            strange = clock.run == self._stranger and now < self._stranger_until
-            return News.NOTHING if strange else self._follow(clock, now, News.RUN)
-        if self._goes_on(self.followed, clock):
-            return self._follow(clock, now, News.TICK)
-        if (clock.run, clock.tick, clock.time) == (self.followed.run, self.tick, self.followed.time):
-            self._spoke_at, self._rival = now, None
-            return News.REPEATED
-        return self._doubt(clock, self.followed, now)
+        if self.roster.world:
+            self._stray = self._token_due = None
+        return self._enter(self._event_of(clock, now), now, clock)
 
     def look(self, now: float, *, ticks: bool = True) -> News:
         """What has changed with the roster and the time; call it again until it is NOTHING.
 
         Without `ticks` no tick begins by Unix time: a process that hears more than it can settle begins one after a batch only.
         """
-        if self._unannounced is not None and self.roster.world:
-            if self.followed is None and now - self._unannounced_since > EARLY:
-                self._stranger, self._stranger_until = self._unannounced.run, now + WORLD_SILENT
-            return self.hear(self._unannounced, now)
-        if self._token_due is not None and now >= self._token_due:
-            self._token_due = None
-        self._wait_for_the_first(now)
+        if self._stray is not None and self.roster.world:
+            clock, since = self._stray
+            if self.followed is None and now - since > EARLY:
+                self._stranger = clock.run, now + WORLD_SILENT
+            return self.hear(clock, now)
+        if self.state is State.TOKEN and self._clock_due is None:
+            self._clock_due = now + CLOCKLESS  # a token that comes and goes does not begin it anew
         if self._was_away and not self.roster.away:
             self._spoke_at = now
         self._was_away = self.roster.away
-        if self.followed is not None and now >= self._given_up_at():
-            self.followed, self._rival, self.tick, self._has_waited = None, None, -1, self.roster.world
-            return News.FREE
-        if (
-            ticks
-            and self.pace is Pace.FREE
-            and self.period is not None
-            and (tick := int(now / self.period)) != self.tick
-        ):
-            self.tick = tick
-            return News.TICK
+        while (event := self._event_at(now, ticks)) is not None:
+            if (news := self._enter(event, now)) is not News.NOTHING:
+                return news
         return News.NOTHING
 
     def changes_at(self) -> float:
@@ -143,46 +187,107 @@ class TeamClock:
             return now
         return self.followed.time + (now - self.heard_at if self.pace is Pace.REALTIME else 0.0)
 
+    def check(self) -> None:
+        """AssertionError: what holds between two events does not."""
+        assert self.followed is None or self.tick == self.followed.tick
+        assert self.followed is not None or self._rival is None
+        assert self._token_due is None or (self.followed is None and self._stray is not None)
+
     # --- inside -------------------------------------------------------------------------------------------------------
 
-    def _follow(self, clock: Clock, now: float, news: News) -> News:
-        self.followed, self.tick, self.heard_at, self._spoke_at = clock, clock.tick, now, now
-        self._rival, self._clock_due, self._has_waited = None, None, False
-        self._token_seen = self.roster.worlds
+    def _event_of(self, clock: Clock, now: float) -> Event:
+        """What a Clock is to this process now."""
+        followed = self.followed
+        if not self.roster.world:
+            return Event.STRAY if followed is None and self._stray is None else Event.MORE
+        if followed is None:
+            run, until = self._stranger
+            return Event.STRANGER if clock.run == run and now < until else Event.FIRST
+        if _goes_on(followed, clock):
+            return Event.NEXT
+        same = (clock.run, clock.tick, clock.time) == (followed.run, followed.tick, followed.time)
+        return Event.SAME if same else self._doubted(clock, followed, now)
+
+    def _doubted(self, clock: Clock, followed: Clock, now: float) -> Event:
+        """What a Clock is that does not go on with the one that is followed."""
+        confirmed = now - self._rival_since(clock, now) >= CONFIRMED
+        if clock.run != followed.run:
+            silent = confirmed and now - self._spoke_at >= WORLD_SILENT
+            return Event.RUN if silent or self.roster.worlds > self._token_seen else Event.RIVAL
+        if not confirmed:
+            return Event.RIVAL
+        return Event.JUMP if clock.tick > followed.tick and clock.time >= followed.time else Event.RUN
+
+    def _event_at(self, now: float, ticks: bool) -> Event | None:
+        """What time alone has brought about; None: nothing."""
+        if self._token_due is not None and now >= self._token_due:
+            return Event.TOKENLESS
+        if self.state is State.TOKEN and self._clock_due is not None and now >= self._clock_due:
+            return Event.CLOCKLESS
+        if self.followed is not None and now >= self._given_up_at():
+            return Event.SILENT
+        is_over = ticks and self.state is State.FREE and self._unix_tick(now) not in (None, self.tick)
+        return Event.PERIOD if is_over else None
+
+    def _enter(self, event: Event, now: float, clock: Clock | None = None) -> News:
+        """Keep what an event brings, and return its news. KeyError: it cannot be in this state."""
+        _, news = TABLE[self.state, event]
+        match event:
+            case Event.STRAY | Event.MORE if clock is not None:
+                goes_on = self._stray is not None and self._stray[0].run == clock.run
+                self._stray = clock, self._stray[1] if self._stray is not None and goes_on else now
+                self._token_due = now + WORLD_SILENT if event is Event.STRAY else self._token_due
+            case Event.FIRST | Event.NEXT | Event.JUMP | Event.RUN if clock is not None:
+                self.followed, self.tick, self.heard_at, self._spoke_at = clock, clock.tick, now, now
+                self._rival, self._clock_due, self._has_waited = None, None, False
+                self._token_seen = self.roster.worlds
+            case Event.RIVAL if clock is not None:
+                self._rival = clock, self._rival_since(clock, now)
+            case Event.SAME:
+                self._spoke_at, self._rival = now, None
+            case Event.TOKENLESS:
+                self._token_due = None
+            case Event.CLOCKLESS:
+                self._has_waited = True
+            case Event.SILENT:
+                self.followed, self._rival, self.tick, self._has_waited = None, None, -1, self.roster.world
+            case Event.PERIOD:
+                self.tick = self._unix_tick(now) or 0
         return news
 
-    @staticmethod
-    def _goes_on(before: Clock, clock: Clock) -> bool:
-        """Whether a Clock is one that may come after another of the same run."""
-        ticks, seconds = clock.tick - before.tick, clock.time - before.time
-        most = 1 if before.mode == "lockstep" else LOST
-        same = (clock.run, clock.mode) == (before.run, before.mode)
-        return same and 0 < ticks <= most and 0 <= seconds <= SLOWEST * ticks
+    def _unix_tick(self, now: float) -> int | None:
+        return None if self.period is None else int(now / self.period)
 
-    def _doubt(self, clock: Clock, followed: Clock, now: float) -> News:
-        """A Clock that does not go on with the followed one: believe it if it is confirmed, else remember it."""
-        rival, self._rival = self._rival, clock
-        goes_on = rival is not None and (
-            (rival.run, rival.tick) == (clock.run, clock.tick) or self._goes_on(rival, clock)
-        )
-        if not goes_on:
-            self._rival_since = now
-        confirmed = goes_on and now - self._rival_since >= CONFIRMED
-        if clock.run == followed.run:
-            ahead = clock.tick > followed.tick and clock.time >= followed.time
-            return self._follow(clock, now, News.TICK if ahead else News.RUN) if confirmed else News.NOTHING
-        if self.roster.worlds > self._token_seen or (confirmed and now - self._spoke_at >= WORLD_SILENT):
-            return self._follow(clock, now, News.RUN)
-        return News.NOTHING
-
-    def _wait_for_the_first(self, now: float) -> None:
-        """Count down how long a world's token without a Clock is waited for; a token that comes and goes does not begin it anew."""
-        if self.followed is None and self.roster.world and not self._has_waited:
-            if self._clock_due is None:
-                self._clock_due = now + CLOCKLESS
-            self._has_waited = now >= self._clock_due
+    def _rival_since(self, clock: Clock, now: float) -> float:
+        """When the first Clock came from which a rival goes on: now, if it is the first itself."""
+        if self._rival is not None:
+            before, since = self._rival
+            if (before.run, before.tick) == (clock.run, clock.tick) or _goes_on(before, clock):
+                return since
+        return now
 
     def _given_up_at(self) -> float:
         if not self.roster.world:
             return self.heard_at + WORLD_SILENT
         return math.inf if self.roster.away else self._spoke_at + STOPPED
+
+
+def _goes_on(before: Clock, clock: Clock) -> bool:
+    """Whether a Clock is one that may come after another of the same run."""
+    ticks, seconds = clock.tick - before.tick, clock.time - before.time
+    most = 1 if before.mode == "lockstep" else LOST
+    same = (clock.run, clock.mode) == (before.run, before.mode)
+    return same and 0 < ticks <= most and 0 <= seconds <= SLOWEST * ticks
+
+
+def text() -> str:
+    """The table as text."""
+    rows = [
+        (state.value, event.value, then.value, "-" if news is News.NOTHING else news.value)
+        for (state, event), (then, news) in TABLE.items()
+    ]
+    return "\n".join(columns([("state", "event", "then", "news"), *rows]))
+
+
+if __name__ == "__main__":
+    print(text())  # noqa: T201

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
+from blackboard.process.columns import columns
 from blackboard.state.fold import Fold, TeamFold
 from blackboard.state.moments import About, Moment
 from blackboard.state.processes import Process
@@ -142,7 +142,7 @@ def process_lines(it: Table) -> list[str]:
                 ", ".join(f"{reason} {count}" for reason, count in one["refused"].items()) or "-",
             )
         )
-    return _aligned(rows)
+    return columns(rows)
 
 
 def _state(one: Table) -> str:
@@ -166,7 +166,7 @@ def subject_lines(it: Table) -> list[str]:
                 _trouble(one),
             )
         )
-    return _aligned(rows)
+    return columns(rows)
 
 
 def _trouble(one: Table) -> str:
@@ -178,8 +178,3 @@ def _trouble(one: Table) -> str:
 
 def _number(value: float | None, form: str) -> str:
     return "-" if value is None else format(value, form)
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

@@ -120,6 +120,12 @@ def settled(sub_team: str, tick: int, *subjects: str, name: str | None = None, p
     return Envelope(keys.STATUS.key(team="t", sub_team=sub_team, process=process), encode(said))
 
 
+def leading(board: str, **part: object) -> Envelope:
+    """The status of another board of sub-team a, which leads."""
+    fields = {"process": board, "kind": "board", "tick": 0, "time": 0.0, "since": 0.0, **part}
+    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=board), encode(Status.model_validate(fields)))
+
+
 def levels(said: list[Envelope]) -> list[str]:
     return [e.key.split("/")[3] for e in said if "/consensus/" in e.key or "/agreed/" in e.key]
 

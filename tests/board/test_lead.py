@@ -4,58 +4,12 @@ from __future__ import annotations
 
 import math
 
-from blackboard.board.lead import HOLD, MAX_KEPT, Lead, Said
-from blackboard.process.roster import Roster
-from blackboard.wire import keys
-from blackboard.wire.codec import decode, encode
-from blackboard.wire.envelope import Envelope, Kind
+from blackboard.board.lead import HOLD, MAX_KEPT, Part
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Kind
 from blackboard.wire.messages import Consensus, Status
-from tests.board.desk import Desk, board_of, clock, levels, report, reported
-
-SILENT = 5.0
-
-
-def token(board: str, kind: Kind = Kind.ALIVE) -> Envelope:
-    return Envelope(keys.BOARD.key(team="t", sub_team="a", board=board), kind=kind)
-
-
-class Seat:
-    """A board x, and what it learns of the others of its sub-team."""
-
-    def __init__(self, since: float | None = 0.0) -> None:
-        self.roster = Roster()
-        self.it = Lead(self.roster, "a", "x", SILENT)
-        self.it.begin(since)
-        self.now = 100.0
-
-    def here(self, *boards: str, kind: Kind = Kind.ALIVE) -> bool:
-        for board in boards:
-            self.roster.hear(token(board, kind), self.now)
-        return self.it.look(self.now)
-
-    def wait(self, seconds: float) -> bool:
-        """Time passes as in the loop, which looks once a second."""
-        changed = False
-        end = self.now + seconds
-        while self.now < end:
-            self.now = min(end, self.now + 0.25)
-            self.roster.forget(self.now)
-            changed |= self.it.look(self.now)
-        return changed
-
-    def hear(self, board: str, tick: int = 0, phase: str = "agreed", **part: object) -> bool:
-        part = {"follows": False, "term": 0, "since": 0.0, "time": 0.2 * tick, **part}
-        status = Status(process=board, kind="board", tick=tick, phase=phase, **part)  # type: ignore[arg-type]
-        answers = self.it.hear(status, self.now, 1e6, any_tick=False)
-        self.it.look(self.now)
-        return answers
-
-    def settle(self, tick: int, phase: str = "agreed") -> None:
-        status = Status(process="x", kind="board", tick=tick, time=0.2 * tick)
-        self.it.keep(Said(tick, phase, 0.2 * tick, (Envelope("k", b"12"),), status), self.now)
-
-    def kept(self) -> list[tuple[int, str]]:
-        return [(said.tick, said.phase) for said in self.it.release()]
+from tests.board.desk import Desk, board_of, clock, leading, levels, report, reported
+from tests.board.seat import SILENT, Seat
 
 
 def test_a_board_alone_leads_at_once_and_tells_nobody() -> None:
@@ -67,12 +21,12 @@ def test_a_board_alone_leads_at_once_and_tells_nobody() -> None:
 def test_a_board_that_starts_waits_for_the_others_and_follows_who_leads() -> None:
     seat = Seat(since=8.0)
     assert seat.here("w", "z")
-    assert seat.it.leads is None
+    assert seat.it.part is Part.UNKNOWN
     assert seat.it.changes_at() == seat.now + HOLD
     seat.hear("z", follows=True)
-    assert seat.it.leads is None
+    assert seat.it.part is Part.UNKNOWN
     assert seat.hear("w")
-    assert (seat.it.leads, seat.it.leader) == (False, "w")
+    assert (seat.it.part, seat.it.leader) == (Part.FOLLOWS, "w")
     assert not seat.hear("w", tick=1)
 
 
@@ -95,7 +49,7 @@ def test_who_says_nothing_at_all_is_not_waited_for_longer_than_its_first_status_
     seat = Seat()
     seat.here("w")
     seat.wait(HOLD - 0.25)
-    assert seat.it.leads is None
+    assert seat.it.part is Part.UNKNOWN
     assert seat.wait(0.5)
     assert seat.it.leads
 
@@ -108,7 +62,7 @@ def test_a_board_that_waits_for_two_is_due_once_the_second_wait_is_over() -> Non
     seat.here("y")
     until = seat.now + HOLD
     seat.wait(0.75)
-    assert seat.it.leads is None
+    assert seat.it.part is Part.UNKNOWN
     assert seat.it.changes_at() == until
 
 
@@ -143,7 +97,7 @@ def test_the_death_of_the_leader_is_followed_by_what_it_did_not_say() -> None:
         seat.settle(tick)
     seat.hear("w", tick=2, phase="consensus")
     seat.here("w", kind=Kind.GONE)
-    assert seat.it.leads is False
+    assert seat.it.part is Part.FOLLOWS
     assert seat.wait(0.75)
     assert (seat.it.leads, seat.it.term) == (True, 1)
     assert seat.kept() == [(2, "agreed")]
@@ -155,13 +109,13 @@ def test_a_leader_that_lives_and_says_nothing_new_is_given_up() -> None:
     seat.here("w")
     seat.hear("w")
     seat.wait(10.0)
-    assert seat.it.leads is False, "nothing was settled"
+    assert seat.it.part is Part.FOLLOWS, "nothing was settled"
     seat.settle(1)
     assert seat.it.changes_at() == seat.now + SILENT
     for _ in range(4):
         seat.wait(1.0)
         seat.hear("w")  # the same again
-    assert seat.it.leads is False
+    assert seat.it.part is Part.FOLLOWS
     seat.wait(1.25)
     assert (seat.it.leads, seat.it.term) == (True, 1)
     seat.hear("w", tick=1)
@@ -176,9 +130,9 @@ def test_a_board_that_was_frozen_is_as_one_that_starts() -> None:
     assert seat.it.leads
     seat.now += 3.0
     assert seat.it.look(seat.now)
-    assert (seat.it.leads, seat.it.since) == (None, None)
+    assert (seat.it.part, seat.it.since) == (Part.UNKNOWN, None)
     seat.hear("w", follows=True, since=3.0)  # from before it took over
-    assert seat.it.leads is False
+    assert seat.it.part is Part.FOLLOWS
     seat.hear("w", term=1, since=3.0)
     assert seat.it.leader == "w"
 
@@ -212,16 +166,10 @@ def test_nothing_older_is_said_than_what_the_leader_said() -> None:
 # --- in a board process -------------------------------------------------------------------------------------------------
 
 
-def led(desk: Desk, **part: object) -> Envelope:
-    """The status of another board of the desk's sub-team, 0a, which leads."""
-    fields = {"process": "0a", "kind": "board", "tick": 0, "time": 0.0, "since": 0.0, **part}
-    return Envelope(keys.STATUS.key(team="t", sub_team="a", process="0a"), encode(Status.model_validate(fields)))
-
-
 def test_without_a_world_a_follower_publishes_its_status_alone_until_the_leader_is_gone() -> None:
     desk = Desk(world=False)
     desk.register("r1")
-    desk.tell(board_of("a"), board_of("a", name="0a"), led(desk, time=desk.now - 60.0))
+    desk.tell(board_of("a"), board_of("a", name="0a"), leading("0a", time=desk.now - 60.0))
     desk.tell(report("r1", 0, time=desk.now))
     assert levels(desk.wait(0.2)) == []
     assert desk.status().follows
@@ -238,7 +186,7 @@ def test_without_a_world_a_follower_publishes_its_status_alone_until_the_leader_
 def test_a_follower_answers_a_repeated_clock_with_its_statuses() -> None:
     desk = Desk()
     desk.register("r1")
-    desk.tell(board_of("a", name="0a"), clock(0, "r1"), led(desk, phase="idle"))
+    desk.tell(board_of("a", name="0a"), clock(0, "r1"), leading("0a", phase="idle"))
     said = desk.tell(report("r1", 0), reported("r1", 0, "object/ball"))
     assert [decode(Status, e.payload).phase for e in said] == ["consensus", "agreed"]
     assert [decode(Status, e.payload).subjects for e in said] == [[], []]

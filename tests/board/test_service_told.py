@@ -17,7 +17,7 @@ from blackboard.wire.arrays import pack, unpack, unpacked_grid
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import PackedAnchor, Refusal, Status
-from tests.board.desk import GRID, Desk, ball, board_of, report
+from tests.board.desk import GRID, Desk, ball, board_of, leading, report
 
 
 def refusals(said: list[Envelope]) -> list[Refusal]:
@@ -64,10 +64,11 @@ def test_a_robot_whose_token_came_later_than_its_report_is_told_nothing() -> Non
 
 def test_of_two_boards_the_one_that_follows_is_silent() -> None:
     desk = free("r1")
-    desk.it.lead.leads = False
-    assert desk.it.intake.refusals.due(desk.now) == []
-    desk.it.intake.refusals.record("cop/t/a/report/r1/object/ball", Refused("grid", ""))
-    assert desk.it._refusals(desk.now + 5) == []
+    desk.tell(board_of("a", name="0a"), leading("0a"))
+    desk.tell(report("r1", 1, gaussian(Grid((9, 9)), (3, 3), 1.0), time=desk.now))
+    desk.wait(5.0)
+    assert refusals(desk.said) == []
+    assert desk.status().refused == {"grid": 1}
 
 
 # --- frames ------------------------------------------------------------------------------------------------------------

@@ -1,0 +1,57 @@
+"""When a board's part changes: each row of the table is walked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from blackboard.board.lead import HOLD, TABLE, Fact, Part, text
+from blackboard.wire.envelope import Kind
+from tests.board.seat import SILENT, Seat
+
+Walk = list[Callable[[Seat], object]]
+COME: Walk = [lambda seat: seat.here("w")]
+LED: Walk = [*COME, lambda seat: seat.hear("w")]
+LEADS: Walk = [lambda seat: seat.here(), *COME, lambda seat: seat.hear("w", follows=True, since=1.0)]
+GONE: Walk = [lambda seat: seat.here("w", kind=Kind.GONE)]
+OLDER: Walk = [lambda seat: seat.here("y"), lambda seat: seat.hear("y", follows=True, since=-1.0)]
+WALKS: dict[tuple[Part, Fact], Walk] = {
+    (Part.LEADS, Fact.FROZEN): [*LEADS, Seat.freeze],
+    (Part.LEADS, Fact.OUTRANKED): [*LEADS, lambda seat: seat.hear("w", term=1)],
+    (Part.UNKNOWN, Fact.FROZEN): [*COME, Seat.freeze],
+    (Part.UNKNOWN, Fact.STUCK): [
+        lambda seat: seat.here("z"),
+        lambda seat: seat.settle(1),
+        *(lambda seat, name=name: (seat.here(name), seat.wait(SILENT / 4)) for name in "abcd"),
+    ],
+    (Part.UNKNOWN, Fact.LED): LED,
+    (Part.UNKNOWN, Fact.AWAITED): [*COME, lambda seat: seat.here("y")],
+    (Part.UNKNOWN, Fact.FIRST): [*COME, lambda seat: seat.wait(HOLD)],
+    (Part.UNKNOWN, Fact.SECOND): OLDER,
+    (Part.FOLLOWS, Fact.FROZEN): [*LED, Seat.freeze],
+    (Part.FOLLOWS, Fact.STUCK): [*LED, lambda seat: seat.settle(1), lambda seat: seat.wait(SILENT)],
+    (Part.FOLLOWS, Fact.LED): [*LED, lambda seat: seat.hear("w", tick=1)],
+    (Part.FOLLOWS, Fact.AWAITED): [*LED, *GONE, lambda seat: seat.here("y"), lambda seat: seat.wait(0.75)],
+    (Part.FOLLOWS, Fact.FIRST): [*LED, *GONE, lambda seat: seat.wait(0.75)],
+    (Part.FOLLOWS, Fact.SECOND): [*LED, *OLDER, *GONE, lambda seat: seat.wait(0.75)],
+}
+
+
+@pytest.mark.parametrize(("part", "fact"), TABLE, ids=[f"{p.value}-{f.name.lower()}" for p, f in TABLE])
+def test_each_row_is_walked(part: Part, fact: Fact) -> None:
+    seat = Seat()
+    *before, last = WALKS[part, fact]
+    for action in before:
+        action(seat)
+        seat.it.check()
+    assert seat.it.part is part
+    last(seat)
+    seat.it.check()
+    assert seat.it.part is TABLE[part, fact]
+
+
+def test_the_table_is_printed() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page

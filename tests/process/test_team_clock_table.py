@@ -1,0 +1,129 @@
+"""Whose clock is followed: each row of the table is walked, and no sequence of events is unknown to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard.process.roster import Roster
+from blackboard.process.team_clock import (
+    CLOCKLESS,
+    STOPPED,
+    TABLE,
+    WORLD_SILENT,
+    Event,
+    News,
+    Pace,
+    State,
+    TeamClock,
+    text,
+)
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock
+
+NOW = 1_000_000.0
+WORLD = keys.WORLD.key(team="t")
+
+
+class Walk:
+    """A clock, and what may happen to it: each action returns its news."""
+
+    def __init__(self, period: float | None = None) -> None:
+        self.it = TeamClock(Roster(grace=0.0), period)
+        self.now, self.tick = NOW, 0
+
+    def do(self, action: tuple[Any, ...]) -> list[News]:
+        name, *arguments = action
+        found: list[News] = getattr(self, f"_{name}")(*arguments)
+        self.it.check()
+        return found
+
+    def _token(self, kind: Kind) -> list[News]:
+        self.it.roster.hear(Envelope(WORLD, kind=kind), self.now)
+        self.it.roster.forget(self.now)
+        return []
+
+    def _clock(self, run: str, ticks: int) -> list[News]:
+        """A Clock that is so many ticks after the one before."""
+        self.tick = max(0, self.tick + ticks)
+        clock = Clock(run=run, tick=self.tick, time=0.2 * self.tick, mode="lockstep")
+        one = self.it.hear(clock, self.now)
+        return [] if one is News.NOTHING else [one]
+
+    def _wait(self, seconds: float) -> list[News]:
+        self.now += seconds
+        self.it.roster.forget(self.now)
+        return list(iter(lambda: self.it.look(self.now), News.NOTHING))
+
+
+ALIVE, GONE, CLOCK, AGAIN = ("token", Kind.ALIVE), ("token", Kind.GONE), ("clock", "one", 1), ("clock", "one", 0)
+JUMP, BACK, OTHER, LOOK, LATER = (
+    ("clock", "one", 9),
+    ("clock", "one", -1),
+    ("clock", "two", 1),
+    ("wait", 0.0),
+    ("wait", 1.0),
+)
+IN_VAIN = [ALIVE, LOOK, ("wait", CLOCKLESS)]  # a token without a Clock
+FOLLOWED = [ALIVE, CLOCK]
+STRANGER = [CLOCK, ("wait", 3.0), ALIVE, LOOK]  # its Clocks came long before the token
+WALKS: dict[tuple[State, Event], list[tuple[Any, ...]]] = {
+    (State.FREE, Event.COMES): [ALIVE],
+    (State.FREE, Event.RETURNS): [*IN_VAIN, GONE, ALIVE],
+    (State.FREE, Event.GOES): [*IN_VAIN, GONE],
+    (State.FREE, Event.STRAY): [CLOCK],
+    (State.FREE, Event.MORE): [CLOCK, ("wait", WORLD_SILENT), CLOCK],
+    (State.FREE, Event.STRANGER): [*IN_VAIN, GONE, *STRANGER, CLOCK],
+    (State.FREE, Event.FIRST): [*IN_VAIN, CLOCK],
+    (State.FREE, Event.PERIOD): [LATER],
+    (State.CLOCK, Event.COMES): [CLOCK, ALIVE],
+    (State.CLOCK, Event.MORE): [CLOCK, CLOCK],
+    (State.CLOCK, Event.TOKENLESS): [CLOCK, ("wait", WORLD_SILENT)],
+    (State.TOKEN, Event.GOES): [ALIVE, GONE],
+    (State.TOKEN, Event.STRANGER): [*STRANGER, CLOCK],
+    (State.TOKEN, Event.FIRST): FOLLOWED,
+    (State.TOKEN, Event.CLOCKLESS): IN_VAIN,
+    (State.FOLLOWED, Event.COMES): [*FOLLOWED, GONE, ALIVE],
+    (State.FOLLOWED, Event.GOES): [*FOLLOWED, GONE],
+    (State.FOLLOWED, Event.MORE): [*FOLLOWED, GONE, CLOCK],
+    (State.FOLLOWED, Event.NEXT): [*FOLLOWED, CLOCK],
+    (State.FOLLOWED, Event.SAME): [*FOLLOWED, AGAIN],
+    (State.FOLLOWED, Event.RIVAL): [*FOLLOWED, JUMP],
+    (State.FOLLOWED, Event.JUMP): [*FOLLOWED, JUMP, LATER, AGAIN],
+    (State.FOLLOWED, Event.RUN): [*FOLLOWED, BACK, LATER, AGAIN],
+    (State.FOLLOWED, Event.SILENT): [*FOLLOWED, ("wait", STOPPED)],
+}
+
+
+@pytest.mark.parametrize(("state", "event"), TABLE, ids=[f"{s.value}-{e.name.lower()}" for s, e in TABLE])
+def test_each_row_is_walked(state: State, event: Event) -> None:
+    walk = Walk(0.5 if event is Event.PERIOD else None)
+    *before, last = WALKS[state, event]
+    for action in before:
+        walk.do(action)
+    assert walk.it.state is state
+    then, one = TABLE[state, event]
+    assert (walk.do(last), walk.it.state) == ([] if one is News.NOTHING else [one], then)
+
+
+actions = st.sampled_from(
+    [ALIVE, GONE, CLOCK, AGAIN, JUMP, BACK, OTHER, LOOK, LATER, ("wait", 0.2), ("wait", 6.0), ("wait", 61.0)]
+)
+
+
+@given(st.lists(actions, max_size=30))
+def test_whatever_happens_the_table_knows_it(done: list[tuple[Any, ...]]) -> None:
+    walk = Walk(0.5)
+    for action in done:
+        walk.do(action)
+        assert (walk.it.pace is Pace.FREE) == (walk.it.state is State.FREE)
+
+
+def test_the_table_is_printed() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page
