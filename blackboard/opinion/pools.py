@@ -49,11 +49,6 @@ __all__ = [
 
 Pool = Callable[..., Array]
 
-#: The rules that come with the package, in the order in which they are listed.
-LISTED = (
-    "linear", "logarithmic", "geometric", "chernoff", "hoelder", "harmonic", "cooperative", "calibrated", "coalition",
-    "median-log", "geometric-median", "clique", "channel-filter",
-)  # fmt: skip
 #: Functions with arguments that are no parameters of a rule.
 _SPECIAL: dict[str, Pool] = {"channel-filter": channel_filter_pool}
 
@@ -77,7 +72,7 @@ class _Pools(Mapping[str, Pool]):
         return pool
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*LISTED, *rules.names()]))
+        return iter(rules.names())
 
     def __len__(self) -> int:
         return len(list(iter(self)))

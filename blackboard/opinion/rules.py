@@ -15,6 +15,7 @@ import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from importlib import import_module
 from typing import Any, ClassVar, Literal, TypeVar, dataclass_transform
 
 import numpy as np
@@ -172,6 +173,22 @@ def bounds_in_words(own: dataclasses.Field[Any]) -> str:
 
 # --- the registry ------------------------------------------------------------------------------------------------------
 
+#: The package's own rules as they are listed, and the module beside this one in which each registers when it is asked for.
+OWN = {
+    "linear": "averages",
+    "logarithmic": "averages",
+    "geometric": "averages",
+    "chernoff": "chernoff",
+    "hoelder": "averages",
+    "harmonic": "averages",
+    "cooperative": "cooperative",
+    "calibrated": "cooperative",
+    "coalition": "cooperative",
+    "median-log": "robust",
+    "geometric-median": "robust",
+    "clique": "robust",
+    "channel-filter": "averages",
+}
 _RULES: dict[str, type[Rule]] = {}
 R = TypeVar("R", bound=Rule)
 
@@ -183,6 +200,8 @@ def rule(name: str) -> Callable[[type[R]], type[R]]:
     def register(cls: type[R]) -> type[R]:
         made = dataclass(frozen=True, kw_only=True)(cls)
         made.name = name
+        if not made.__module__.startswith("blackboard.opinion."):
+            _load(name)
         known = _RULES.setdefault(name, made)
         if (known.__module__, known.__qualname__) != (made.__module__, made.__qualname__):
             raise ValueError(f"rule {name!r} is already {known.__module__}.{known.__qualname__}; choose another name")
@@ -192,36 +211,36 @@ def rule(name: str) -> Callable[[type[R]], type[R]]:
     return register
 
 
-def _registered() -> dict[str, type[Rule]]:
-    """The rules by name: those that come with the package register where they stand, in this order."""
-    from blackboard.opinion import averages, chernoff, cooperative, robust  # noqa: F401
-
-    return _RULES
-
-
 def find(name: str) -> type[Rule]:
     """The class of a rule by its name, from a plug-in where none is registered; RuleError for an unknown name."""
     from blackboard import plugins
 
-    if name not in _registered():
+    _load(name)
+    if name not in _RULES:
         offered = plugins.load(plugins.POOLS, name)
         if offered is None:
             raise RuleError("rule", f"{name!r} is none of {', '.join(sorted(names()))}{nearest(name, names())}")
-        if _registered().get(name) is not offered:
+        if _RULES.get(name) is not offered:
             raise UserError(f"plug-in {name!r} of {plugins.POOLS}: offers {offered!r}, which is no Rule of this name")
-    return _registered()[name]
+    return _RULES[name]
+
+
+def _load(name: str) -> None:
+    """Load the package's own rule of this name, if there is one."""
+    if name in OWN:
+        import_module(f"blackboard.opinion.{OWN[name]}")
 
 
 def names() -> list[str]:
-    """All rules: those that are registered, in this order, then those of plug-ins, which are not loaded for it."""
+    """All rules: those that are registered, then those of plug-ins, which are not loaded for it."""
     from blackboard import plugins
 
-    return list(dict.fromkeys([*_registered(), *plugins.names(plugins.POOLS)]))
+    return list(dict.fromkeys([*registered(), *plugins.names(plugins.POOLS)]))
 
 
 def registered() -> list[str]:
-    """The rules that come with the package, and those of scripts that were loaded, in the order in which they were registered."""
-    return list(_registered())
+    """The rules that come with the package, then those of scripts that were loaded, in the order in which they were registered."""
+    return list(dict.fromkeys([*OWN, *_RULES]))
 
 
 def read_rule(table: Mapping[str, Any]) -> Rule:
