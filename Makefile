@@ -9,6 +9,7 @@ PYTEST := $(BIN)/python -m pytest
 WHEELS       ?= wheels
 IMAGE_PYTHON ?= 3.13
 MACHINE      ?= $(shell uname -m)
+WORKERS      ?= 3
 MUTANTS      ?= 120
 SEED         ?= 1
 ONLY         ?=
@@ -27,10 +28,12 @@ help: ## this list
 demo: $(VENV)/.run ## six robots in two sub-teams localise themselves and two objects: ends with PASS or FAIL
 	@$(BIN)/blackboard demo
 
-# mypy runs beside the tests, which wait now and then; the longest tests come first (tests/conftest.py).
+# Many tests wait for other processes, so three run side by side on two cores; the longest come first (tests/conftest.py), and mypy
+# runs beside them. Python keeps what it compiles, also where the environment says otherwise: all test modules are compiled anew else.
+test unit team system: export PYTHONDONTWRITEBYTECODE :=
 test: $(VENV)/.dev lint format imports ## checks, unit tests, whole teams, real processes: all but `make long`, `fuzz`, `rust-test`, `compose-test`
 	@$(BIN)/mypy & types=$$!; trap 'kill $$types' INT TERM; \
-	$(PYTEST) -m "not ($(APART))" -n 2 --dist loadgroup --durations=5; tests=$$?; wait $$types && exit $$tests
+	$(PYTEST) -m "not ($(APART))" -n $(WORKERS) --dist loadgroup --durations=5; tests=$$?; wait $$types && exit $$tests
 
 check: lint format types imports rooms docs ## ruff, mypy --strict, import-linter, who imports what, the documentation without a warning
 
@@ -50,13 +53,13 @@ rooms: $(VENV)/.dev ## who may import whom, by what a fresh interpreter loads
 	$(PYTEST) tests/test_rooms.py
 
 unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
-	$(PYTEST) -m "not (system or team or $(APART))" --ignore tests/test_rooms.py -n 2 --durations=5
+	$(PYTEST) -m "not (system or team or $(APART))" --ignore tests/test_rooms.py -n $(WORKERS) --durations=5
 
 team: $(VENV)/.dev ## whole teams in one process, links, the laboratory, tapes and views
-	$(PYTEST) -m "team and not ($(APART))" -n 2 --dist loadgroup --durations=5
+	$(PYTEST) -m "team and not ($(APART))" -n $(WORKERS) --dist loadgroup --durations=5
 
 system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1, those of `make long` that are of this kind included
-	$(PYTEST) -m system -n 2 --dist loadgroup --durations=5
+	$(PYTEST) -m system -n $(WORKERS) --dist loadgroup --durations=5
 
 long: $(VENV)/.dev ## what takes minutes: network trouble, growth, deaths, the laboratory, and the documentation followed to its last line
 	$(PYTEST) -m long --durations=5

@@ -2,16 +2,41 @@
 
 from __future__ import annotations
 
+import io
+import logging
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from functools import partial
+from typing import Any
 
-from blackboard.__main__ import app
+import pytest
+
+from blackboard.__main__ import app as blackboard_app
+from blackboard.run import door
 from tests.files import ROOT
 
 
 def call(*words: object) -> object:
     """Run `blackboard` with these words in this process; errors are raised."""
-    return app([str(word) for word in words], exit_on_error=False, print_error=False, result_action="return_value")
+    return blackboard_app(
+        [str(word) for word in words], exit_on_error=False, print_error=False, result_action="return_value"
+    )
+
+
+class Ran:
+    """A command that its door ran in this process, to its end: what it wrote, and its exit status."""
+
+    def __init__(self, *words: str, app: Any = blackboard_app) -> None:
+        out, err = io.StringIO(), io.StringIO()
+        handlers, level = list(logging.root.handlers), logging.root.level
+        try:
+            with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as end:
+                door.main(partial(app, [*words]))  # type: ignore[arg-type]
+        finally:
+            logging.root.handlers[:], logging.root.level = handlers, level
+        self.status, self.out, self.err = end.value.code, out.getvalue(), err.getvalue()
+        self.text = self.out + self.err
 
 
 def blackboard(*words: str, timeout: float = 110) -> subprocess.CompletedProcess[str]:

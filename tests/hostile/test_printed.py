@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import io
 import json
 import logging
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from functools import partial
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,6 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-import blackboard.__main__
 from blackboard.errors import RunFailed, UserError
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags
@@ -25,6 +22,7 @@ from blackboard.run.progress import progress
 from blackboard.tape.file import TapeWriter, create
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.envelope import Envelope, Kind
+from tests.commands import Ran
 from tests.hostile.poison import HARMFUL, PIECES, Poison
 from tests.tape.teams import SMALL, recorded_run
 from tests.view.links import Recording, put_in_place
@@ -34,19 +32,8 @@ CLEAN = "no name"  # takes the same places as the others
 SHORT = "forged\n\r\x1b[2J\x7f\x9b\u202e\u2028"
 
 
-class Said:
-    """What a command wrote, and its exit status."""
-
-    def __init__(self, *arguments: str, app: Any = blackboard.__main__.app) -> None:
-        out, err = io.StringIO(), io.StringIO()
-        handlers, level = list(logging.root.handlers), logging.root.level
-        try:
-            with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as end:
-                door.main(partial(app, [*arguments]))  # type: ignore[arg-type]
-        finally:
-            logging.root.handlers[:], logging.root.level = handlers, level
-        self.status, self.out, self.err = end.value.code, out.getvalue(), err.getvalue()
-        self.text = self.out + self.err
+class Said(Ran):
+    """What a command wrote."""
 
     @property
     def is_printable(self) -> bool:

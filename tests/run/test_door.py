@@ -15,6 +15,7 @@ from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.run.door import INTERRUPTED, NO_READER
 from blackboard.run.launch import free_port
+from tests.commands import Ran
 from tests.files import ROOT
 from tests.processes import IN_THE_BACKGROUND, LONG, children, is_running, program, silent_server
 
@@ -25,28 +26,43 @@ pytestmark = pytest.mark.system
     ("arguments", "says"),
     [
         ("blackboard frobnicate", 'Unknown command "frobnicate"'),
-        ("blackboard serve", "--sub-team requires an argument"),
-        ("blackboard serve --sub-team a/b", "--sub-team 'a/b'"),
-        ("blackboard serve --sub-team a --mode both", 'Choose from: "client", "peer", "router"'),
-        ("blackboard serve --sub-team a --cfg lease", "--cfg lease: write KEY:VALUE"),
-        ("blackboard serve --sub-team a -c nowhere.json5", "--config nowhere.json5: No such file"),
-        ("blackboard up nowhere.toml", "nowhere.toml: cannot be read"),
-        ("blackboard demo --robots 1", "--robots 1: at least 2"),
-        ("blackboard demo --seed 1.5", "--seed 1.5: give a whole number"),
-        ("blackboard demo --start 5", "--start and --protocol are about a recording: name its folder with --mrclam"),
-        ("blackboard demo --protocol A_all", "--start and --protocol are about a recording"),
-        ("blackboard chaos --only storm", "--only storm: no such case; choose from calm, "),
         ("robot_agent --sub-team a --id r/1", "--id 'r/1'"),
         ("sim_world nowhere.toml", "nowhere.toml: cannot be read"),
     ],
 )
 def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
     with program("-m", *arguments.split()) as door:
-        assert door.ends() == 2
-        assert door.out == ""
+        assert (door.ends(), door.out) == (2, "")
         assert door.err.startswith("error: ")
         assert says in door.err
         assert door.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ("serve", "--sub-team requires an argument"),
+        ("serve --sub-team a/b", "--sub-team 'a/b'"),
+        ("serve --sub-team a --mode both", 'Choose from: "client", "peer", "router"'),
+        ("serve --sub-team a --cfg lease", "--cfg lease: write KEY:VALUE"),
+        ("serve --sub-team a -c nowhere.json5", "--config nowhere.json5: No such file"),
+        ("up nowhere.toml", "nowhere.toml: cannot be read"),
+        ("demo --robots 1", "--robots 1: at least 2"),
+        ("demo --seed 1.5", "--seed 1.5: give a whole number"),
+        ("demo --start 5", "--start and --protocol are about a recording: name its folder with --mrclam"),
+        ("demo --protocol A_all", "--start and --protocol are about a recording"),
+        ("chaos --only storm", "--only storm: no such case; choose from calm, "),
+    ],
+)
+def test_so_is_every_mistake_that_is_found_before_anything_is_started(
+    monkeypatch: pytest.MonkeyPatch, arguments: str, says: str
+) -> None:
+    monkeypatch.setattr("blackboard.run.door.Stop", lambda: lambda: False)  # it sets signal handlers of this process
+    ran = Ran(*arguments.split())
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.err.startswith("error: ")
+    assert says in ran.err
+    assert ran.err.count("\n") == 1
 
 
 def test_what_only_a_child_can_find_is_one_line_too(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from blackboard.config import load
 from blackboard.lab.team import Team
 from blackboard.run.door import INTERRUPTED
+from blackboard.run.flags import TeamFlags
 from tests.commands import blackboard
 from tests.files import DATASET7, needs_dataset7
 from tests.processes import children, is_running, program, wait_until
@@ -21,15 +22,17 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Pat
     pytest.importorskip("matplotlib", reason="needs the extra `plot`")
     table, folder = tmp_path / "run.jsonl", tmp_path / "pictures"
     more = ((), ("--table", str(table), "--plot", str(folder)))
-    runs = [blackboard("demo", "--seconds", "2", "--seed", "7", "--json", *flags) for flags in more]
+    runs = [blackboard("demo", "--robots", "3", "--seconds", "2", "--seed", "7", "--json", *flags) for flags in more]
     first, second = (json.loads(run.stdout) for run in runs)
     assert first["hash"] == second["hash"]
     assert first["ticks"] == 10
-    assert first["scores"]["robots"]["agreed"]["n"] == 6 * 10
+    assert first["scores"]["robots"]["agreed"]["n"] == 3 * 10
     assert first["messages"]["refused"] == {}
     assert {run.returncode for run in runs} <= {0, 1}
     assert (runs[0].returncode == 0) == (first["verdict"] == "PASS")
-    in_one_process = Team(load("demo").changed("world", seed=7).changed("time", seconds=2.0)).run()
+    in_one_process = Team(
+        TeamFlags(robots=3).apply(load("demo")).changed("world", seed=7).changed("time", seconds=2.0)
+    ).run()
     assert in_one_process["hash"] == first["hash"]
     assert in_one_process["scores"] == first["scores"]
 

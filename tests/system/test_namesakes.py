@@ -6,8 +6,6 @@ import json
 from collections.abc import Callable
 from contextlib import ExitStack
 
-import pytest
-
 from blackboard.net.link import Link
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
@@ -27,34 +25,39 @@ def run(stack: ExitStack, name: str, endpoint: str) -> Program:
     return running
 
 
-@pytest.mark.parametrize(("name", "kind"), [("board-a", "board"), ("r1", "robot")])
-def test_two_of_one_name_are_told_and_one_that_comes_back_is_not(
-    name: str, kind: str, endpoint: str, connect: Callable[[str], Link]
-) -> None:
-    link, key = connect("watcher"), keys.STATUS.key(team="t", sub_team="a", process=name)
+def test_two_of_one_name_are_told_and_one_that_comes_back_is_not(endpoint: str, connect: Callable[[str], Link]) -> None:
+    link = connect("watcher")
+    status = {name: keys.STATUS.key(team="t", sub_team="a", process=name) for name in COMMANDS}
 
-    def statuses() -> list[Status]:
-        return [decode(Status, envelope.payload) for envelope in link.get(key)]
+    def statuses(name: str) -> list[Status]:
+        return [decode(Status, envelope.payload) for envelope in link.get(status[name])]
+
+    def counted(name: str) -> list[int]:
+        return [it.namesakes for it in statuses(name)]
+
+    def sent(name: str) -> list[int]:
+        return [it.counters.get("sent", 0) for it in statuses(name)]
 
     with ExitStack() as stack:
-        first, second = run(stack, name, endpoint), run(stack, name, endpoint)
-        for running in (first, second):
-            running.says(f"{key}: {WARNING}")
-        wait_until(lambda: [it.namesakes for it in statuses()] == [1, 1], "each counts the other one")
-        with program("-m", "blackboard", "status", "--json", "-e", endpoint) as status:
-            assert status.ends() == 0, status.err
-            (found,) = json.loads(status.out)["teams"][0]["processes"]
-            assert (found["name"], found["counters"]["namesakes"]) == (name, 1)
-        command = ("health", kind, "--id", name, "--team", "t", "--max-age", "inf", "-e", endpoint)
+        twins = {name: [run(stack, name, endpoint) for _ in range(2)] for name in COMMANDS}
+        for name, running in twins.items():
+            for one in running:
+                one.says(f"{status[name]}: {WARNING}")
+        wait_until(lambda: all(counted(name) == [1, 1] for name in COMMANDS), "each counts the other one")
+        with program("-m", "blackboard", "status", "--json", "-e", endpoint) as shown:
+            assert shown.ends() == 0, shown.err
+            found = json.loads(shown.out)["teams"][0]["processes"]
+            assert {it["name"]: it["counters"]["namesakes"] for it in found} == dict.fromkeys(COMMANDS, 1)
+        command = ("health", "board", "--id", "board-a", "--team", "t", "--max-age", "inf", "-e", endpoint)
         with program("-m", "blackboard", *command) as health:
             health.ends()
-            assert kind == "robot" or health.out == f"healthy, but 2 processes answer as board {name}\n"
-        for running in (first, second):
-            running.running.kill()
-            running.ends()
-            assert running.err.count(WARNING) == 1
-        again = run(stack, name, endpoint)
+            assert health.out == "healthy, but 2 processes answer as board board-a\n"
+        for one in [one for running in twins.values() for one in running]:
+            one.running.kill()
+            one.ends()
+            assert one.err.count(WARNING) == 1
+        again = [run(stack, name, endpoint) for name in COMMANDS]
         # as many statuses as show another one of this name, one a second, and some more
-        wait_until(lambda: [it.counters.get("sent", 0) >= 8 for it in statuses()] == [True], "it speaks for a while")
-        assert [it.namesakes for it in statuses()] == [0]
-        assert WARNING not in again.err
+        wait_until(lambda: all(min(sent(name), default=0) >= 8 for name in COMMANDS), "they speak for a while")
+        assert [counted(name) for name in COMMANDS] == [[0], [0]]
+        assert not any(WARNING in one.err for one in again)
