@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blackboard.board.board import Board
 from blackboard.board.entries import MAX_SOURCES, MAX_SUBJECTS
-from blackboard.config import BoardSection
 from blackboard.errors import Refused
-from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.belief import Belief, blur, gaussian
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.pools import POOLS, chernoff, fuse
+from blackboard.opinion.pools import POOLS, fuse
 from blackboard.opinion.rules import read_rule
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.messages import Report
-from tests.board.reports import GRID, at, board, only, report
+from tests.board.reports import FINE, GRID, at, board, fine, only, report, said_by, same
+
+BOTH = {"r1": 0.0, "r2": 0.0}
 
 
 def test_first_hand_reports_are_pooled_with_the_rule() -> None:
@@ -90,57 +90,6 @@ def test_feeding_the_consensus_back_sharpens_only_where_the_paper_is_taken_liter
     assert gained["paper"] > 1.0
 
 
-def test_overlapping_beliefs_that_contradict_each_other_both_stay() -> None:
-    it = board()
-    it.hear(report("r1", at(5, 5, 1), informed=(at(30, 20, 1), {"r1": 0.0, "r2": 0.0})), 0.0)
-    belief = unpack(only(it.settle(0, 0.0)).belief)
-    assert belief.p[:15].sum() > 0.2
-    assert belief.p[20:].sum() > 0.2
-
-
-def test_overlapping_beliefs_that_agree_are_pooled_by_chernoff() -> None:
-    it = board()
-    sharp = at(11, 10, 1.5)
-    it.hear(report("r1", at(10, 10, 4), informed=(sharp, {"r1": 0.0, "r2": 0.0})), 0.0)
-    consensus = only(it.settle(0, 0.0))
-    expected, _ = chernoff(unpack(pack(at(10, 10, 4))).p, unpack(pack(sharp)).p)
-    assert entropy(unpack(consensus.belief).p) == pytest.approx(entropy(expected), abs=0.05)
-    assert consensus.firsthand is not None
-    assert consensus.firsthand.ancestors == {"r1": 0.0}
-    assert {u.how for u in consensus.used} == {"independent", "overlapping"}
-
-
-def test_silence_lowers_the_claim_and_then_ends_it() -> None:
-    it = board(max_age=5.0, drift=0.5)
-    it.hear(report("r1", at(10, 10, 1), subject="robot/r1"), 0.0)
-    entropies = [only(it.settle(t, float(t))).entropy for t in range(5)]
-    assert entropies == sorted(entropies)
-    assert entropies[-1] > entropies[0] + 0.3
-    assert it.settle(9, 9.0) == []
-
-
-def test_what_a_source_no_longer_lists_is_withdrawn() -> None:
-    it = board()
-    it.hear(report("r1", at(10, 10, 1), tick=1), 0.0)
-    it.hear(report("r1", at(10, 10, 1), tick=2, subject="robot/r1"), 0.0)
-    it.withdraw("r1", 2, ["robot/r1"])
-    assert [c.subject for c in it.settle(2, 0.0)] == ["robot/r1"]
-
-
-def test_stamps_out_of_bounds_and_other_grids_are_refused() -> None:
-    it = board(max_age=10.0, future=1.0)
-    for time, text in (
-        (5.5, "future: stamped 1.5 s ahead of team time 4.0 s"),
-        (-7.0, "past: stamped 11.0 s ago, older"),
-    ):
-        with pytest.raises(Refused, match=f"^{text}"):
-            it.hear(report("r1", at(1, 1, 1), time=time), 4.0)
-    with pytest.raises(Refused) as refusal:
-        it.hear(report("r1", gaussian(Grid((40, 31)), (1, 1), 1)), 0.0)
-    assert refusal.value.reason == "grid"
-    assert it.settle(0, 0.0) == []
-
-
 def test_an_older_word_does_not_replace_a_newer_one() -> None:
     it = board()
     it.hear(report("r1", at(10, 10, 1), time=2.0, tick=2), 2.0)
@@ -149,24 +98,162 @@ def test_an_older_word_does_not_replace_a_newer_one() -> None:
     assert it.settle(2, 2.0) == before
 
 
-def test_memory_is_bounded_whatever_a_member_invents() -> None:
+def test_beliefs_on_another_grid_are_refused() -> None:
     it = board()
+    with pytest.raises(Refused) as refusal:
+        it.hear(report("r1", gaussian(Grid((40, 31)), (1, 1), 1)), 0.0)
+    assert refusal.value.reason == "grid"
+    assert it.settle(0, 0.0) == []
+
+
+# --- ages, limits, weights and stamps, exactly ---------------------------------------------------------------------------
+
+
+def test_an_old_opinion_has_spread_by_the_drift_per_square_root_of_a_second() -> None:
+    it = board(grid=FINE, drift=0.8, max_age=10.0)
+    said = fine(10, 6, 0.9)
+    it.hear(report("r1", said, 3.0), 3.0)
+    consensus = only(it.settle(7, 5.25))
+    same(consensus, blur(said.p, 0.8 * 1.5 / 0.5), abs=1e-9)  # 2.25 s of age, cells of 0.5 m
+    used = consensus.used[0]
+    assert used.age == pytest.approx(2.25)
+    assert used.entropy == pytest.approx(entropy(blur(said.p, 2.4)), abs=1e-6)
+
+
+def test_an_opinion_that_does_not_spread_is_old_all_the_same() -> None:
+    it = board(grid=FINE, drift=0.0, max_age=10.0)
+    said = fine(10, 6, 0.9)
+    it.hear(report("r1", said, 3.0), 3.0)
+    consensus = only(it.settle(7, 5.25))
+    same(consensus, said.p)
+    assert consensus.used[0].age == pytest.approx(2.25)
+
+
+def test_an_opinion_from_a_clock_that_is_ahead_is_new() -> None:
+    it = board(grid=FINE, drift=0.8, future=1.0)
+    said = fine(10, 6, 0.9)
+    it.hear(report("r1", said, 3.5), 3.0)
+    consensus = only(it.settle(7, 3.0))
+    same(consensus, said.p)
+    assert consensus.used[0].age == 0.0
+
+
+def test_stamps_are_taken_up_to_the_limits_and_refused_beyond() -> None:
+    it = board(grid=FINE, max_age=4.0, future=0.5)
+    for time in (6.0, 10.5):
+        it.hear(report("r1", fine(10, 6, 1), time), 10.0)
+        it.hear_consensus(said_by("b", fine(10, 6, 1), time=time), 10.0)
+    for time, reason, words in (
+        (5.9, "past", "stamped 4.1 s ago, older"),
+        (10.6, "future", "stamped 0.6 s ahead of team time 10.0 s"),
+    ):
+        for hear in (
+            lambda time=time: it.hear(report("r1", fine(10, 6, 1), time), 10.0),
+            lambda time=time: it.hear_consensus(said_by("b", fine(10, 6, 1), time=time), 10.0),
+        ):
+            with pytest.raises(Refused, match=words) as refusal:
+                hear()
+            assert refusal.value.reason == reason
+
+
+def test_a_silent_source_is_left_out_once_with_its_age() -> None:
+    it = board(grid=FINE, max_age=4.0)
+    it.hear(report("r1", fine(10, 6, 1), 1.0), 1.0)
+    it.hear(report("r2", fine(10, 6, 1), 4.0), 4.0)
+    assert only(it.settle(0, 5.0)).left_out == []  # as old as is taken
+    found = [only(it.settle(tick, 5.5)) for tick in (1, 2)]
+    assert [(one.source, one.reason) for one in found[0].left_out] == [("r1", "silent for 4.5 s")]
+    assert found[1].left_out == []
+    assert [used.source for used in found[1].used] == ["r2"]
+
+
+def test_a_later_report_of_the_same_time_replaces_the_earlier() -> None:
+    it = board(grid=FINE)
+    it.hear(report("r1", fine(10, 6, 1)), 0.0)
+    second = fine(14, 8, 1)
+    it.hear(report("r1", second), 0.0)
+    same(only(it.settle(0, 0.0)), second.p)
+
+
+def test_only_what_was_said_before_the_tick_is_withdrawn() -> None:
+    it = board(grid=FINE)
+    for tick, subject in ((1, "object/a"), (2, "object/b"), (3, "object/c")):
+        it.hear(report("r1", fine(10, 6, 1), tick=tick, subject=subject), 0.0)
+    it.hear(report("r2", fine(10, 6, 1), tick=1, subject="object/a"), 0.0)
+    it.withdraw("r1", 2, [])
+    assert [(c.subject, [u.source for u in c.used]) for c in it.settle(3, 0.0)] == [
+        ("object/a", ["r2"]),
+        ("object/b", ["r1"]),
+        ("object/c", ["r1"]),
+    ]
+    it.withdraw("r1", 9, ["object/c"])
+    assert [c.subject for c in it.settle(3, 0.0)] == ["object/a", "object/c"]
+
+
+TINY = Grid((3,))
+
+
+def tiny(source: str, cell: int, subject: str, time: float = 0.0) -> Report:
+    """A one-hot belief on a small grid: only how many there are matters."""
+    p = np.zeros(TINY.shape)
+    p[cell] = 1.0
+    return Report(source=source, subject=subject, tick=0, time=time, belief=pack(Belief(TINY, p)))
+
+
+def test_as_many_subjects_and_sources_as_fit_may_go_on() -> None:
+    it = board(grid=TINY)
     for i in range(MAX_SUBJECTS):
-        it.hear(report("r1", at(1, 1, 1), subject=f"object/o{i}"), 0.0)
+        it.hear(tiny("r1", 0, f"object/o{i}"), 0.0)
     with pytest.raises(Refused, match="too-many"):
-        it.hear(report("r1", at(1, 1, 1), subject="object/one-more"), 0.0)
-    other = board()
+        it.hear(tiny("r1", 0, "object/one-more"), 0.0)
+    it.hear(tiny("r1", 1, "object/o0"), 0.0)
+    for i in range(2, MAX_SOURCES + 1):
+        it.hear(tiny(f"r{i}", 1, "object/o0"), 0.0)
+    it.hear(tiny("r1", 2, "object/o1"), 0.0)
+    it.hear(tiny("r1", 1, "object/o0"), 0.0)
+    first, second, *_ = it.settle(0, 0.0)
+    assert len(first.used) == MAX_SOURCES
+    assert [unpack(c.belief).p.argmax() for c in (first, second)] == [1, 2]
+
+
+def test_a_source_too_many_is_refused_where_all_say_equally_much() -> None:
+    it = board(grid=TINY)
     for i in range(MAX_SOURCES):
-        other.hear(report(f"r{i}", at(1, 1, 1)), 0.0)
+        it.hear(tiny(f"r{i}", 1, "object/o0"), 0.0)
     with pytest.raises(Refused, match="too-many"):
-        other.hear(report("one-more", at(1, 1, 1)), 0.0)
+        it.hear(tiny("one-more", 1, "object/o0"), 0.0)
 
 
-def test_an_old_report_spreads_by_the_drift_in_the_grid_s_unit() -> None:
-    """4 s at 0.5 m per square root of a second add 1 m^2 to each variance, on cells of 0.25 m."""
-    grid = Grid((80, 80), 0.25, (0.0, 0.0), "m")
-    it = Board("a", "a", grid, BoardSection(drift=0.5))
-    said = gaussian(grid, (10, 10), 1.0)
-    it.hear(Report(source="r1", subject="object/ball", tick=0, time=0.0, belief=pack(said)), 0.0)
-    spread = unpack(only(it.settle(20, 4.0)).belief)
-    assert spread.covariance() == pytest.approx(np.diag([2.0, 2.0]), abs=0.05)
+def test_a_subject_that_nobody_speaks_of_any_more_makes_room() -> None:
+    it = board(grid=TINY, max_age=4.0)
+    for i in range(MAX_SUBJECTS):
+        it.hear(tiny("r1", 0, f"object/o{i}"), 0.0)
+    assert it.settle(0, 4.5) == []
+    it.hear(tiny("r1", 0, "object/new", 4.5), 4.5)
+    assert only(it.settle(0, 4.5)).subject == "object/new"
+
+
+@pytest.mark.parametrize(("feedback", "sources"), [("guarded", 2), ("paper", 1), ("off", 1)])
+def test_feedback_says_which_opinions_of_a_report_count(feedback: str, sources: int) -> None:
+    first, informed = fine(10, 6, 2), fine(10.5, 6, 1)
+    it = board(grid=FINE, feedback=feedback)
+    it.hear(report("r1", first, informed=(informed, BOTH)), 0.0)
+    consensus = only(it.settle(0, 0.0))
+    assert len(consensus.used) == sources
+    assert consensus.ancestors == ({"r1": 0.0} if feedback == "off" else BOTH)
+    if sources == 1:
+        same(consensus, (first if feedback == "off" else informed).p)
+
+
+def test_a_consensus_carries_its_stamps_and_its_story() -> None:
+    it = board("b", grid=FINE, k=1.5)
+    first, second = fine(10, 6, 2), fine(10.5, 6, 1)
+    it.hear(report("r1", first, 2.0), 2.0)
+    it.hear(report("r2", second, 2.0), 2.0)
+    consensus = only(it.settle(4, 2.0))
+    assert (consensus.board, consensus.sub_team, consensus.level) == ("board-b", "b", "consensus")
+    assert (consensus.subject, consensus.tick, consensus.time) == ("object/ball", 4, 2.0)
+    assert consensus.firsthand is None  # it is the belief itself
+    assert [u.how for u in consensus.used] == ["independent"] * 2
+    assert [u.entropy for u in consensus.used] == pytest.approx([entropy(first.p), entropy(second.p)])
+    assert consensus.entropy == pytest.approx(entropy(unpack(consensus.belief).p), abs=0.02)

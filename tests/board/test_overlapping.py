@@ -16,11 +16,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blackboard.board.board import Board
-from blackboard.config import BoardSection
 from blackboard.opinion.belief import Belief
 from blackboard.wire.messages import Consensus
-from tests.board.reports import GRID, at, only, report
+from tests.board.reports import at, board, only, report
 
 PRODUCT = {"independence": 1.0, "gate": 50.0}
 OPINIONS = {
@@ -35,7 +33,7 @@ def home(cover: Cover, robot: str) -> str:
 
 def agreed(cover: Cover, opinions: Mapping[str, Belief] = OPINIONS, **rule: object) -> Consensus:
     """What the boards of a cover agree on, which is the same at each of them."""
-    boards = {s: Board(s, s, GRID, BoardSection.model_validate(rule)) for s in cover}
+    boards = {s: board(s, **rule) for s in cover}
     for sub_team, robots in cover.items():
         for robot in robots:
             boards[sub_team].hear(report(robot, opinions[robot]), 0.0)

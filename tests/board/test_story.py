@@ -8,13 +8,16 @@ import pytest
 from blackboard.board.fusion import fuse_opinions
 from blackboard.config import BoardSection
 from blackboard.opinion import components
-from blackboard.opinion.belief import Belief, gaussian
-from blackboard.opinion.pools import chernoff, fuse
+from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.chernoff import chernoff
+from blackboard.opinion.pools import fuse, linear_pool
 from blackboard.opinion.provenance import Opinion
 from blackboard.opinion.rules import read_rule
-from blackboard.opinion.weights import entropy_weights
+from blackboard.opinion.weights import entropy, entropy_weights
 from blackboard.wire.arrays import pack, unpack
-from tests.board.reports import GRID, at, board, only, report
+from tests.board.reports import FINE, GRID, at, board, fine, only, report, same
+
+BOTH = {"r1": 0.0, "r2": 0.0}
 
 
 def test_a_subject_has_its_own_rule_and_its_story_says_so() -> None:
@@ -114,14 +117,6 @@ def test_an_overlapping_opinion_that_adds_nothing_is_no_ancestor() -> None:
     assert replaced.ancestors == {"r1": 0.0, "r2": 0.0}
 
 
-def test_who_fell_silent_is_named_with_the_seconds() -> None:
-    it = board(max_age=5.0)
-    it.hear(report("r1", at(10, 10, 1), time=3.0), 3.0)
-    it.hear(report("r2", at(10, 10, 1), time=9.0), 9.0)
-    assert [(o.source, o.reason) for o in only(it.settle(9, 9.0)).left_out] == [("r1", "silent for 6.0 s")]
-    assert only(it.settle(10, 9.0)).left_out == []
-
-
 @pytest.mark.parametrize("independence", [0.0, 0.2, 1.0])
 @pytest.mark.parametrize(("x", "sigma", "disagrees"), [(12, 2, False), (12, 9, False), (20, 1.2, True), (20, 9, False)])
 def test_a_conflict_is_a_matter_of_opinions_and_not_of_the_rules_caution(
@@ -134,7 +129,48 @@ def test_a_conflict_is_a_matter_of_opinions_and_not_of_the_rules_caution(
     assert only(it.settle(0, 0.0)).conflict == disagrees
 
 
-def test_an_informed_belief_that_contradicts_is_a_conflict() -> None:
-    it = board()
-    it.hear(report("r1", at(5, 5, 1), informed=(at(30, 20, 1), {"r1": 0.0, "r2": 0.0})), 0.0)
-    assert only(it.settle(0, 0.0)).conflict
+# --- overlapping opinions, exactly ---------------------------------------------------------------------------------------
+
+
+def test_the_weights_of_overlapping_opinions_are_those_of_the_chain_of_means() -> None:
+    """The sharpest first; each takes its share from all before it, so the shares sum to 1."""
+    own = gaussian(FINE, (10, 6), (3.0, 0.6))
+    second, third = gaussian(FINE, (10.4, 6.2), (0.6, 3.0)), gaussian(FINE, (9.9, 6.1), (6.0, 0.4))
+    it = board(grid=FINE)
+    it.hear(report("r1", own, informed=(second, BOTH)), 0.0)
+    it.hear(report("r2", unpack(pack(uniform(FINE))), informed=(third, {**BOTH, "r3": 0.0})), 0.0)
+    consensus = only(it.settle(0, 0.0))
+    own, second, third = (unpack(pack(b)) for b in (own, second, third))
+    firsthand = unpack(consensus.firsthand.belief).p if consensus.firsthand else own.p
+    sharp, vague = sorted((second.p, third.p), key=entropy)
+    pooled, kept = chernoff(firsthand, sharp)
+    assert 0.05 < kept < 0.95
+    pooled, kept_again = chernoff(pooled, vague)
+    assert 0.05 < kept_again < 0.95
+    same(consensus, pooled, abs=1e-3)
+    weights = {(u.source, u.how): u.weight for u in consensus.used}
+    names = ["r1", "r2"] if sharp is second.p else ["r2", "r1"]
+    assert weights[names[0], "overlapping"] == pytest.approx((1 - kept) * kept_again, abs=0.02)
+    assert weights[names[1], "overlapping"] == pytest.approx(1 - kept_again, abs=0.02)
+    assert consensus.firsthand is not None
+    assert consensus.firsthand.ancestors == BOTH
+
+
+def test_a_contradiction_is_pooled_linearly_by_the_entropy_weights() -> None:
+    own, informed = fine(5, 2, 0.5), fine(16, 10, 1.5)
+    it = board(grid=FINE)
+    it.hear(report("r1", own, informed=(informed, BOTH)), 0.0)
+    consensus = only(it.settle(0, 0.0))
+    stack = np.stack([own.p, informed.p])
+    weights = entropy_weights(stack)
+    same(consensus, linear_pool(stack, weights), abs=1e-4)
+    assert [u.weight for u in consensus.used] == pytest.approx(list(weights))
+    assert consensus.conflict
+
+
+@pytest.mark.parametrize(("sigmas", "contradicts"), [(5.9, False), (6.2, True)])
+def test_equal_gaussians_six_sigma_apart_contradict_each_other(sigmas: float, contradicts: bool) -> None:
+    """Their Bhattacharyya coefficient is exp(-d^2 / 8): 0.0111 at 6 sigma, 0.0082 at 6.2."""
+    it = board(grid=FINE)
+    it.hear(report("r1", fine(6, 6, 1.0), informed=(fine(6 + sigmas, 6, 1.0), BOTH)), 0.0)
+    assert only(it.settle(0, 0.0)).conflict == contradicts

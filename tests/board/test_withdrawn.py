@@ -4,31 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from blackboard.board.board import Board
-from blackboard.config import BoardSection, Scenario
+from blackboard.config import Scenario
 from blackboard.lab.team import Team
-from blackboard.opinion.belief import gaussian
-from blackboard.opinion.grid import Grid
-from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Consensus, Report, Status
-
-GRID = Grid((30, 30))
-
-
-def consensus(board: str, sub_team: str, subject: str, tick: int) -> Consensus:
-    one = Board(sub_team, board, GRID, BoardSection())
-    belief = pack(gaussian(GRID, (10, 10), 2))
-    one.hear(Report(source="r9", subject=subject, tick=tick, time=0.2 * tick, belief=belief), 0.2 * tick)
-    (found,) = one.settle(tick, 0.2 * tick)
-    return found
+from blackboard.wire.messages import Consensus, Status
+from tests.board.reports import at, board, said_by
 
 
 def test_what_another_board_lists_no_longer_is_not_agreed_any_more() -> None:
-    it = Board("a", "board-a", GRID, BoardSection())
+    it = board()
     for subject in ("robot/r1", "object/ball"):
-        it.hear_consensus(consensus("board-b", "b", subject, 1), 0.2)
+        it.hear_consensus(said_by("b", at(10, 10, 2), subject=subject, time=0.2, tick=1), 0.2)
     it.withdraw_consensuses("b", 2, ["object/ball"])
     assert [c.subject for c in it.exchange(2, 0.4)] == ["object/ball"]
     it.withdraw_consensuses("c", 3, [])

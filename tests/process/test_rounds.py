@@ -87,3 +87,17 @@ def test_the_tables_are_printed() -> None:
     assert done.stdout.rstrip() == text()
     assert len(text().splitlines()) == 1 + len(ROWS)
     assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design.md")
+
+
+def test_a_phase_counts_as_late_where_time_ends_what_an_answer_should_have_ended() -> None:
+    late = {
+        (name, pace.value, phase) for name, table in TABLES.items() for (pace, phase), row in table.items() if row.late
+    }
+    assert late == {
+        ("board", "realtime", "reports"),
+        ("board", "realtime", "exchange"),
+        ("board", "lockstep", "reports"),
+        ("board", "lockstep", "exchange"),
+        ("robot", "lockstep", "agreed"),
+        ("world", "lockstep", "tick"),
+    }
