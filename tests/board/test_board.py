@@ -1,4 +1,7 @@
-"""The board of one sub-team: the reports it takes, the consensuses it settles, and what it does not count twice."""
+"""The board of one sub-team: the reports it takes, the consensuses it settles, and what it does not count twice.
+
+Long, because what it takes, what it settles and its exact numbers are of one machine.
+"""
 
 from __future__ import annotations
 
