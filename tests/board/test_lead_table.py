@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from blackboard.board.lead import HOLD, TABLE, Fact, Part, text
 from blackboard.wire.envelope import Kind
 from tests.board.seat import SILENT, Seat
+from tests.files import page
 
 Walk = list[Callable[[Seat], object]]
 COME: Walk = [lambda seat: seat.here("w")]
@@ -53,5 +53,4 @@ def test_each_row_is_walked(part: Part, fact: Fact) -> None:
 
 
 def test_the_table_is_printed() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design.md")

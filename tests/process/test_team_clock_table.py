@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,6 +24,7 @@ from blackboard.process.team_clock import (
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock
+from tests.files import page
 
 NOW = 1_000_000.0
 WORLD = keys.WORLD.key(team="t")
@@ -125,5 +125,4 @@ def test_whatever_happens_the_table_knows_it(done: list[tuple[Any, ...]]) -> Non
 
 
 def test_the_table_is_printed() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design.md")
