@@ -17,8 +17,8 @@ import numpy as np
 from blackboard.config import Scenario
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.gaussian.drawing import draw
-from blackboard.opinion.gaussian.joint import Block, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
+from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive, entering
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Odometry, Readings
@@ -130,9 +130,9 @@ class Ideal:
         if relative.profile and place is None:
             self._see_position(relative)
             return
-        expectation = expect(self.joint, relative, motions, place)
-        if expectation.innovation(self.joint).squared <= self.gate:
-            correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
+        factor = linearise(self.joint, relative, motions, place)
+        if self.joint.innovation(factor).squared <= self.gate:
+            correct(self.joint, factor)
 
     def _see_position(self, relative: Relative) -> None:
         """A position that was seen with an isotropic error, as the simulated cameras do: 0 = subject - observer - R(heading) seen.
@@ -147,7 +147,7 @@ class Ideal:
         mine, its = np.zeros((2, STATES)), np.zeros((2, subject.stop - subject.start))
         mine[:, AXES], its[:, AXES] = -np.eye(2), np.eye(2)
         rows: dict[Block, Array] = {relative.observer: mine, relative.subject: its}
-        spread = self.joint.innovation(seen - expected, rows, np.zeros((2, 2))).covariance
+        spread = self.joint.innovation(Factor(seen - expected, rows, np.zeros((2, 2)))).covariance
         mine[:, HEADING] = seen[1], -seen[0]
         # Where nothing is expected, the distance is the one that was seen.
         away, spread = (seen, np.zeros((2, 2))) if np.trace(spread) > FLAT / 2 else (expected, spread)
@@ -156,7 +156,7 @@ class Ideal:
         distances, variances = np.array(relative.profile).T
         nodes, weights = NODES
         variance = float(weights @ np.interp(distance + sigma * nodes, distances, variances))
-        correct(self.joint, seen - expected, rows, np.eye(2) * variance)
+        correct(self.joint, Factor(seen - expected, rows, np.eye(2) * variance))
 
 
 def ideal(scenario: Scenario) -> Ideal:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from blackboard.opinion.gaussian.joint import Block, Joint, Moments
+from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, correct, wrap
 from blackboard.wire.messages import Readings
 
@@ -32,10 +32,10 @@ def take_absolute(joint: Joint, robot: Block, readings: Readings, compass: float
     fix, rows = readings.fix, np.eye(STATES)
     if fix is not None:
         off = np.array(fix.position) - joint.moments(robot).mean[AXES]
-        correct(joint, off, {robot: rows[AXES]}, np.eye(2) * fix.sigma**2)
+        correct(joint, Factor(off, {robot: rows[AXES]}, np.eye(2) * fix.sigma**2))
     headings = [(readings.compass, compass)] if readings.compass is not None else []
     if fix is not None and fix.heading is not None:
         headings.append((fix.heading, fix.heading_sigma))
     for heading, sigma in headings:
         off = np.array([wrap(heading - float(joint.moments(robot).mean[HEADING]))])
-        correct(joint, off, {robot: rows[[HEADING]]}, np.array([[sigma**2]]))
+        correct(joint, Factor(off, {robot: rows[[HEADING]]}, np.array([[sigma**2]])))

@@ -18,7 +18,7 @@ from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, Motion, drive
+from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct, drive
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import pack_evidence
@@ -178,7 +178,7 @@ class JointAgent:
         drive(joint, self.subject, step.motion, self.filter.sensors.wheels.nuisance)
         gained = None if step.increment is None else likelihood(joint, self.subject, step.increment)
         if gained is not None:
-            gained.multiply(joint)
+            correct(joint, gained)
         return joint.moments(self.subject)
 
     def _informed(self, readings: Readings) -> Informed | None:

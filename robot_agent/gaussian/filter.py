@@ -17,7 +17,7 @@ import numpy as np
 
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
+from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.vehicle import (
     HEADING,
     POSE,
@@ -244,10 +244,10 @@ class FirstHand:
         """Landmarks; what is beyond the gate is not taken, and counted."""
         missed = 0
         for relative, place in seen:
-            expectation = expect(self.joint, relative, {self.robot: motion}, place, at)
-            if expectation.innovation(self.joint).squared > GATE:
+            factor = linearise(self.joint, relative, {self.robot: motion}, place, at)
+            if self.joint.innovation(factor).squared > GATE:
                 missed += 1
             else:
-                correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
+                correct(self.joint, factor)
         if seen:
             self._misses = [*self._misses, (len(seen), missed)][-LOST:]

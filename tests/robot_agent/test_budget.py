@@ -18,7 +18,7 @@ from blackboard.lab.team import Team, board
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint
-from blackboard.opinion.gaussian.vehicle import AXES, drive
+from blackboard.opinion.gaussian.vehicle import AXES, correct, drive
 from blackboard.opinion.grid import Grid
 from blackboard.state.fold import Fold
 from blackboard.wire import keys
@@ -257,7 +257,7 @@ def test_evidence_that_was_not_sent_is_gathered_into_the_next() -> None:
     drive(joint, it.robot, told.travelled.since(before.travelled), nuisance)
     gained = likelihood(joint, it.robot, told.unsent)
     assert gained is not None
-    gained.multiply(joint)
+    correct(joint, gained)
     now = it.belief
     assert now is not None
     assert joint.moments(it.robot).mean[AXES] == pytest.approx(now.mean[AXES], abs=0.02)

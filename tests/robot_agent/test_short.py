@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from blackboard.board.joint.evidence import shrank, unpack
 from blackboard.opinion.gaussian.increment import Increment, gained, likelihood
-from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
-from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance, correct
 from blackboard.opinion.grid import Array
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.evidence import PackedEvidence, pack_evidence, unpack_increment, unpack_state
@@ -37,7 +37,8 @@ def measured(before: Moments, rng: np.random.Generator, rank: int) -> Moments:
     joint.add("robot/r1", before)
     for i in range(rank):
         rows = rng.normal(size=(1, STATES)) / SIGMAS if i else (np.eye(STATES)[2] - np.eye(STATES)[6])[np.newaxis]
-        joint.update(rng.normal(size=1) * 0.01, {"robot/r1": rows}, np.array([[10.0 ** rng.uniform(-5, 0)]]))
+        residual, noise = rng.normal(size=1) * 0.01, np.array([[10.0 ** rng.uniform(-5, 0)]])
+        joint.update(Factor(residual, {"robot/r1": rows}, noise))
     return joint.moments("robot/r1")
 
 
@@ -53,7 +54,7 @@ def moved(before: Moments, increment: Increment) -> Moments:
     joint.add("robot/r1", before)
     it = likelihood(joint, "robot/r1", increment)
     assert it is not None
-    it.multiply(joint)
+    correct(joint, it)
     return joint.moments("robot/r1")
 
 

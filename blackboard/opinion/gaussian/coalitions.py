@@ -16,7 +16,7 @@ from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, expect
+from blackboard.opinion.gaussian.relation import Relative, linearise
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, Motion, correct
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy_weights
@@ -62,14 +62,13 @@ def about(joint: Joint, robot: str, piece: Increment | Relative, motions: Mappin
     block.covariance[AXES, AXES] = np.eye(2) * FLAT
     alone.add(robot, block)
     if isinstance(piece, Increment):
-        it = likelihood(alone, robot, piece)
-        if it is not None:
-            it.multiply(alone)
+        factor = likelihood(alone, robot, piece)
     else:
         other = piece.subject if piece.observer == robot else piece.observer
         alone.add(other, joint.moments(other))
-        seen = expect(alone, piece, motions)
-        correct(alone, seen.residual, seen.jacobians, seen.noise)
+        factor = linearise(alone, piece, motions)
+    if factor is not None:
+        correct(alone, factor)
     after = alone.moments(robot)
     place = Moments(after.mean[AXES], after.covariance[AXES, AXES])
     return place if np.trace(place.covariance) < KNOWN else None

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blackboard.opinion.gaussian.joint import Block, Innovation, Joint, Moments
-from blackboard.opinion.gaussian.vehicle import HEADING, correct, wrap
+from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
+from blackboard.opinion.gaussian.vehicle import HEADING, wrap
 from blackboard.opinion.grid import Array
 
 KNOWN = 1e-18  # a prior variance below this is taken for none: the state is known and cannot gain
@@ -58,23 +58,7 @@ def gained(prediction: Moments, belief: Moments) -> Increment | None:
     return Increment(prediction.mean.copy(), (rows.T * gain) @ rows, rows.T @ (moved * (1 + gain)))
 
 
-@dataclass(frozen=True, eq=False)
-class Likelihood:
-    """An increment against a joint belief: the arguments of `vehicle.correct`."""
-
-    residual: Array
-    rows: Array
-    noise: Array
-    robot: Block
-
-    def innovation(self, joint: Joint) -> Innovation:
-        return joint.innovation(self.residual, {self.robot: self.rows}, self.noise)
-
-    def multiply(self, joint: Joint) -> None:
-        correct(joint, self.residual, {self.robot: self.rows}, self.noise)
-
-
-def likelihood(joint: Joint, robot: Block, increment: Increment) -> Likelihood | None:
+def likelihood(joint: Joint, robot: Block, increment: Increment) -> Factor | None:
     """The increment as independent measurements along its axes; None where it says nothing."""
     place = joint.blocks[robot]
     scale = np.sqrt(np.diag(joint.covariance[place, place]))
@@ -88,4 +72,4 @@ def likelihood(joint: Joint, robot: Block, increment: Increment) -> Likelihood |
     apart = joint.mean[place] - increment.reference
     apart[HEADING] = wrap(float(apart[HEADING]))
     measured = (axes.T @ (increment.vector * scale)) / values
-    return Likelihood(measured - rows @ apart, rows, np.diag(1 / values), robot)
+    return Factor(measured - rows @ apart, {robot: rows}, np.diag(1 / values))

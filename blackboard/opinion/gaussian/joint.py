@@ -7,7 +7,7 @@ mean is the callers' (`vehicle`, `relation`). Units are the callers' too.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -51,9 +51,34 @@ class Innovation:
     covariance: Array
 
     @property
+    def freedom(self) -> int:
+        """The degrees of freedom, m."""
+        return len(self.residual)
+
+    @property
     def squared(self) -> float:
         """The squared Mahalanobis distance, chi-squared with m degrees of freedom where all models hold."""
         return squared_distance(self.residual, self.covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """A measurement, linearised at the mean of a joint belief: residual = sum of jacobian @ (error of the block) + noise.
+
+    `residual` has shape (m,), `noise` (m, m), the derivatives of what is expected, by block, (m, states of the block) each.
+    `priors` are of the blocks that come with the measurement, if the joint does not have them. `anchors` are means of blocks that
+    are not known at all: such a mean is arbitrary, and the measurement is linearised there.
+    """
+
+    residual: Array
+    jacobians: Mapping[Block, Array]
+    noise: Array
+    priors: Mapping[Block, Moments] = field(default_factory=dict)
+    anchors: Mapping[Block, Array] = field(default_factory=dict)
+
+    def widened(self, by: float) -> Factor:
+        """The same measurement with its noise times a factor."""
+        return replace(self, noise=self.noise * by)
 
 
 class Joint:
@@ -75,7 +100,6 @@ class Joint:
         """The same belief, which may be changed without changing this one."""
         other = Joint()
         other.blocks, other.mean, other.covariance = dict(self.blocks), self.mean.copy(), self.covariance.copy()
-        other._firsts = dict(self._firsts)
         return other
 
     def firsts(self, states: int) -> Array:
@@ -85,13 +109,24 @@ class Joint:
             self._firsts[states] = np.array(wide, dtype=np.intp)
         return self._firsts[states]
 
+    def among(self, blocks: Iterable[Block]) -> Joint:
+        """The belief of some blocks alone, in the order given: a joint of its own."""
+        found, states = Joint(), list[int]()
+        for block in blocks:
+            first = len(states)
+            states.extend(range(self.blocks[block].start, self.blocks[block].stop))
+            found.blocks[block] = slice(first, len(states))
+        index = np.array(states, dtype=np.intp)
+        found.mean, found.covariance = self.mean[index], self.covariance[index[:, np.newaxis], index]
+        return found
+
     def moments(self, *blocks: Block) -> Moments:
         """The marginal of some blocks, in the order given."""
         if len(blocks) == 1:
             at = self.blocks[blocks[0]]
             return Moments(self.mean[at].copy(), self.covariance[at, at].copy())
-        index = self._index(blocks)
-        return Moments(self.mean[index], self.covariance[np.ix_(index, index)])
+        local = self.among(blocks)
+        return Moments(local.mean, local.covariance)
 
     # --- blocks ---------------------------------------------------------------------------------------------------------
 
@@ -151,46 +186,55 @@ class Joint:
 
     # --- evidence -------------------------------------------------------------------------------------------------------
 
-    def innovation(self, residual: Array, jacobians: Mapping[Block, Array], noise: Array) -> Innovation:
-        """A measurement's residual with its covariance; `jacobians` are the derivatives of what is expected, by block."""
-        index = self._index(jacobians)
-        rows = np.concatenate(list(jacobians.values()), axis=1)
-        return Innovation(residual, rows @ self.covariance[index[:, np.newaxis], index] @ rows.T + noise)
+    def innovation(self, *factors: Factor) -> Innovation:
+        """What measurements say together beyond what is expected, with all that their errors share; it changes nothing."""
+        named = dict.fromkeys(block for factor in factors for block in factor.jacobians)
+        local = self.among(block for block in named if block in self.blocks)
+        for factor in factors:
+            local.begin(factor.priors)
+        residual = np.concatenate([factor.residual for factor in factors])
+        rows, noise, first = np.zeros((len(residual), len(local.mean))), np.zeros((len(residual),) * 2), 0
+        for factor in factors:
+            mine = slice(first, first + len(factor.residual))
+            for block, part in factor.jacobians.items():
+                rows[mine, local.blocks[block]] = part
+            noise[mine, mine] = factor.noise
+            first = mine.stop
+        return Innovation(residual, rows @ local.covariance @ rows.T + noise)
 
-    def innovation_of(self, measurements: Sequence[tuple[Array, Mapping[Block, Array], Array]]) -> tuple[float, int]:
-        """The squared Mahalanobis distance of several measurements together, and its degrees of freedom."""
-        row = np.concatenate([self._row(jacobians, len(residual)) for residual, jacobians, _ in measurements])
-        covariance = row @ self.covariance @ row.T
-        first = 0
-        for residual, _, noise in measurements:
-            place = slice(first, first + len(residual))
-            covariance[place, place] += noise
-            first = place.stop
-        residual = np.concatenate([residual for residual, _, _ in measurements])
-        return Innovation(residual, covariance).squared, len(residual)
+    def begin(self, priors: Mapping[Block, Moments], anchors: Mapping[Block, Array] | None = None) -> None:
+        """Add the blocks that are not there, and put means that are arbitrary at their anchors."""
+        for block, prior in priors.items():
+            if block not in self.blocks:
+                self.add(block, prior)
+        for block, anchor in (anchors or {}).items():
+            self.mean[self.blocks[block]] = anchor
 
-    def update(self, residual: Array, jacobians: Mapping[Block, Array], noise: Array) -> None:
+    def update(self, factor: Factor) -> Array:
         """Kalman's update, as P - W^T W with W = L^-1 H P, where L L^T is the innovation's covariance H P H^T + R.
 
-        LinAlgError: that is not positive.
+        Returned is by how much the mean moved. LinAlgError: that covariance is not positive.
         """
-        places = [(self.blocks[block], rows) for block, rows in jacobians.items()]
+        self.begin(factor.priors, factor.anchors)
+        residual, noise, before = factor.residual, factor.noise, self.mean
+        places = [(self.blocks[block], rows) for block, rows in factor.jacobians.items()]
         cross = np.zeros((len(residual), len(self.mean) + 1))  # H P, and the residual beside it
         for place, rows in places:
             cross[:, :-1] += rows @ self.covariance[place, :]
         spread = noise + sum(cross[:, place] @ rows.T for place, rows in places)
         if not np.any(spread):  # without an error on either side nothing can be learnt
-            return
+            return np.zeros_like(before)
         cross[:, -1] = residual
         root = np.linalg.cholesky(spread)
         white = np.linalg.solve(root, cross)
         gained = white[:, :-1]
-        self.mean = self.mean + white[:, -1] @ gained
-        before = self.covariance.diagonal()
-        if (before - np.square(gained).sum(axis=0) < CANCELLED * before).any():
+        self.mean = before + white[:, -1] @ gained
+        variances = self.covariance.diagonal()
+        if (variances - np.square(gained).sum(axis=0) < CANCELLED * variances).any():
             self.covariance = self._by_josephs_form(cross[:, :-1], np.linalg.solve(root.T, gained).T, places, noise)
         else:
             self.covariance -= gained.T @ gained  # of which NumPy computes one triangle
+        return self.mean - before
 
     def _by_josephs_form(self, cross: Array, gain: Array, places: Sequence[tuple[slice, Array]], noise: Array) -> Array:
         """The covariance after an update, as (I - K H) P (I - K H)^T + K R K^T: exact also where hardly any of P is left.
@@ -200,17 +244,6 @@ class Joint:
         part = self.covariance - gain @ cross
         seen = sum((part[:, place] @ rows.T for place, rows in places), np.zeros_like(gain))
         return _symmetric(part - seen @ gain.T + gain @ noise @ gain.T)
-
-    # --- inside ---------------------------------------------------------------------------------------------------------
-
-    def _index(self, blocks: Iterable[Block]) -> Array:
-        return np.concatenate([np.arange(self.blocks[b].start, self.blocks[b].stop) for b in blocks])
-
-    def _row(self, jacobians: Mapping[Block, Array], rows: int) -> Array:
-        whole = np.zeros((rows, len(self.mean)))
-        for block, part in jacobians.items():
-            whole[:, self.blocks[block]] += part
-        return whole
 
 
 def _symmetric(matrix: Array) -> Array:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blackboard.opinion.gaussian.joint import Block, Innovation, Joint, Moments
+from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.vehicle import (
     AXES,
     BEARING,
@@ -25,6 +25,9 @@ from blackboard.opinion.grid import Array
 QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])  # a turn by 90 degrees: the derivative of a rotation
 NEAREST = 1e-6  # unit: nearer than this there is no line of sight
 EXACT = 1e-9  # radians ** 2: a heading with less variance is exact
+BiasBlock = tuple[str, str, str, float]  # "bias", observer, group, time constant (s)
+NOTHING = Moments(np.zeros(2), np.eye(2) * FLAT)  # of a subject's place
+STANDARD = Moments(np.zeros(1), np.eye(1))  # of a lasting error
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # for the mean over a normal distribution
 
 
@@ -61,12 +64,12 @@ class Relative:
         """The line of sight in the observer's frame, shape (2,)."""
         return np.array([math.cos(self.bearing), math.sin(self.bearing)])
 
-    def blocks(self) -> dict[Block, float]:
+    def blocks(self) -> dict[BiasBlock, float]:
         """The blocks of the lasting errors, standard normal states, and how far each moves the range (unit)."""
         return {bias_block(self.observer, self.group or self.subject, b.seconds): b.sigma for b in self.biases}
 
 
-def bias_block(observer: str, group: str, seconds: float) -> Block:
+def bias_block(observer: str, group: str, seconds: float) -> BiasBlock:
     """The name of a lasting error's block."""
     return ("bias", observer, group, seconds)
 
@@ -76,47 +79,37 @@ def forget_biases(joint: Joint, dt: float) -> None:
     joint.decay({b: math.exp(-dt / b[3]) for b in joint.blocks if isinstance(b, tuple) and b[0] == "bias"})
 
 
-@dataclass(frozen=True, eq=False)
-class Expectation:
-    """A sighting against what a joint belief expects: the arguments of `vehicle.correct`."""
-
-    residual: Array
-    jacobians: dict[Block, Array]
-    noise: Array
-
-    def innovation(self, joint: Joint) -> Innovation:
-        return joint.innovation(self.residual, self.jacobians, self.noise)
-
-
-def expect(
+def linearise(
     joint: Joint,
     sighting: Relative,
     motions: Mapping[str, Motion],
     place: Array | None = None,
     at: Array | None = None,
-) -> Expectation:
-    """A sighting against the joint; the blocks of its lasting errors are added where they are new.
+) -> Factor:
+    """A sighting against what a joint belief expects; the joint is not changed.
 
     `motions` are those of the tick: they say where both stood when the sighting was taken. `place`, shape (2,), is the
-    subject's where it is known. `at`, shape (9,), is where to linearise instead of the observer's mean: it is no evidence.
-    KeyError: the observer, or a subject without a place, is not in the joint.
+    subject's where it is known; else a subject that the joint does not have is a point of which nothing is known. `at`, shape (9,),
+    is where to linearise instead of the observer's mean: it is no evidence. KeyError: the observer is not in the joint.
     """
-    for block in sighting.blocks():
-        if block not in joint:
-            joint.add(block, Moments(np.zeros(1), np.eye(1)))
-    _place_flat(joint, sighting, place)
-    mean = joint.mean[joint.blocks[sighting.observer]]
+    named: dict[Block, Moments] = {} if place is not None else {sighting.subject: NOTHING}
+    named |= dict.fromkeys(sighting.blocks(), STANDARD)
+    anchors = _anchors(joint, sighting, place)
+    priors = {b: replace(it, mean=anchors.pop(b, it.mean)) for b, it in named.items() if b not in joint}
+    local = joint.among(block for block in (sighting.observer, *named) if block in joint)
+    local.begin(priors, anchors)
+    mean = local.mean[local.blocks[sighting.observer]]
     observer = mean if at is None else at
     back, turned = moved_in(observer, motions.get(sighting.observer), sighting.age)
-    subject = None if place is not None else joint.blocks[sighting.subject]
+    subject = None if place is not None else local.blocks[sighting.subject]
     if subject is not None:
-        place = joint.mean[subject][AXES]
+        place = local.mean[subject][AXES]
         if subject.stop - subject.start == STATES:
-            place = place - moved_in(joint.mean[subject], motions.get(sighting.subject), sighting.age)[0]
+            place = place - moved_in(local.mean[subject], motions.get(sighting.subject), sighting.age)[0]
     away = place - (observer[AXES] - back)
     camera = float(observer[HEADING] - turned - observer[BEARING])
-    form = _polar if _prefers_polar(joint, sighting, away, subject) else _cartesian
-    residual, by_place, by_observer, by_range, noise = form(joint, sighting, away, camera, subject)
+    form = _polar if _prefers_polar(local, sighting, away, subject) else _cartesian
+    residual, by_place, by_observer, by_range, noise = form(local, sighting, away, camera, subject)
     residual = residual - by_range * (observer[RANGE] * sighting.range)
     by_observer[:, AXES] = -by_place
     by_observer[:, RANGE] = by_range * sighting.range
@@ -129,35 +122,36 @@ def expect(
         apart[HEADING] = wrap(float(apart[HEADING]))
         residual = residual - by_observer @ apart
     for block, sigma in sighting.blocks().items():
-        effect = by_range[:, None] * sigma
-        jacobians[block] = effect
-        residual = residual - effect @ joint.mean[joint.blocks[block]]
-    return Expectation(residual, jacobians, noise)
+        jacobians[block] = by_range[:, None] * sigma
+        residual = residual - jacobians[block] @ local.mean[local.blocks[block]]
+    return Factor(residual, jacobians, noise, priors, anchors)
 
 
-def _place_flat(joint: Joint, sighting: Relative, place: Array | None) -> None:
-    """Let a flat position have its mean where the sighting puts it, so that the sighting is linearised there.
+def _anchors(joint: Joint, sighting: Relative, place: Array | None) -> dict[Block, Array]:
+    """The mean of a flat position, at the place where the sighting puts it.
 
     The mean of a flat position that nothing else depends on is arbitrary; a wrong one would give a wrong lever to the heading.
     """
-    observer = joint.blocks[sighting.observer]
-    state = joint.mean[observer]
+    observer, subject = sighting.observer, sighting.subject
+    state = joint.mean[joint.blocks[observer]].copy()
     angle = float(state[HEADING] - state[BEARING]) + sighting.bearing
     seen = sighting.range * np.array([math.cos(angle), math.sin(angle)])
-    flat = _is_flat(joint, observer)
-    if place is not None:
-        if flat:
-            state[AXES] = place - seen
-        return
-    subject = joint.blocks[sighting.subject]
-    if flat and not _is_flat(joint, subject):
-        state[AXES] = joint.mean[subject][AXES] - seen
-    elif not flat and _is_flat(joint, subject):
-        joint.mean[subject][AXES] = state[AXES] + seen
+    is_flat, its_is_flat = _is_flat(joint, observer), place is None and _is_flat(joint, subject)
+    if is_flat and not its_is_flat:
+        state[AXES] = (joint.mean[joint.blocks[subject]][AXES] if place is None else place) - seen
+        return {observer: state}
+    if its_is_flat and not is_flat:
+        mean = joint.mean[joint.blocks[subject]].copy() if subject in joint else np.zeros(2)
+        mean[AXES] = state[AXES] + seen
+        return {subject: mean}
+    return {}
 
 
-def _is_flat(joint: Joint, block: slice) -> bool:
+def _is_flat(joint: Joint, name: str) -> bool:
     """Whether a position is not known, and tied to no other block."""
+    if name not in joint:
+        return True
+    block = joint.blocks[name]
     axes = slice(block.start, block.start + 2)
     if np.trace(joint.covariance[axes, axes]) < FLAT:
         return False

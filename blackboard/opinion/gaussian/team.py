@@ -22,12 +22,12 @@ from blackboard.opinion.gaussian.contacts import Claim, Contacts
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Tally, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
-from blackboard.opinion.gaussian.innovations import Innovations
-from blackboard.opinion.gaussian.joint import Block, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, expect, forget_biases
+from blackboard.opinion.gaussian.innovations import Innovations, Source
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive
-from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, correct, drive
+from blackboard.opinion.grid import Grid
 
 #: The 99.9 % quantiles of chi-squared, by degrees of freedom from 1 on.
 GATES = (10.83, 13.82, 16.27, 18.47, 20.52, 22.46, 24.32, 26.12, 27.88)
@@ -35,6 +35,8 @@ GATES = (10.83, 13.82, 16.27, 18.47, 20.52, 22.46, 24.32, 26.12, 27.88)
 DOUBTS = (6.63, 9.21, 11.34, 13.28, 15.09, 16.81, 18.48, 20.09, 21.67)
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
 PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
+MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
+FADED = 5.0  # time constants after which a lasting error that no sighting used is dropped: 0.7 % of it is left
 WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
 
 
@@ -77,6 +79,8 @@ class TeamJoint:
     _refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     _known: dict[str, Known] = field(default_factory=dict)
     _seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
+    #: Observer -> the lasting errors of its sightings -> seconds since one with it was taken, the longest first.
+    _used: dict[str, dict[BiasBlock, float]] = field(default_factory=dict)
 
     def copy(self) -> TeamJoint:
         """The same, which may be changed without changing this one; what is not changed in place is shared."""
@@ -89,6 +93,7 @@ class TeamJoint:
             innovations=self.innovations.copy(),
             _known=dict(self._known),
             _seen=dict(self._seen),
+            _used={observer: dict(used) for observer, used in self._used.items()},
         )
 
     # --- in -------------------------------------------------------------------------------------------------------------
@@ -153,7 +158,7 @@ class TeamJoint:
             drive(self.joint, robot, motions[robot], evidence.nuisance)
             self._check()
         self.speaks = ""
-        forget_biases(self.joint, dt)
+        self._forget_errors(dt)
         for name in self._seen:
             walk = np.eye(2) * self.objects.drift_of(name) ** 2 * dt
             self.joint.move(name, self.joint.moments(name).mean, np.eye(2), walk)
@@ -236,26 +241,47 @@ class TeamJoint:
         """
         found = {}
         heard = entered | set(motions)
+        made: dict[int, Factor | None] = {}  # by the id of a piece of evidence, of the joint as it is
         for robot in sorted(heard):
             pieces = self._pieces(robot, news, heard, entered) if self.knows(robot) else {}
-            if len(pieces) < 2 or not any(self._is_doubtful(robot, piece, motions) for piece in pieces.values()):
+            if len(pieces) < 2:
+                continue
+            factors = self._factors(robot, pieces, motions, made)
+            if not any(self._is_doubtful(factor) for factor in factors.values()):
                 continue
             said = {source: about(self.joint, robot, piece, motions) for source, piece in pieces.items()}
             opinions = {source: place for source, place in said.items() if place is not None}
             if len(opinions) > 1:
                 predicted = self.marginal(robot)
                 choice = choose({PREDICTION: predicted, **opinions}, self.rule)
-                if choice.outvoted and not self._is_refuted(
-                    robot, [pieces[n] for n in sorted(choice.members)], motions
-                ):
+                if choice.outvoted and not self._is_refuted([factors[name] for name in sorted(choice.members)]):
                     continue  # what they say agrees with the prediction once the errors that they share are counted
                 found[robot] = choice
-                if found[robot].outvoted:
-                    away = [opinions[name].mean - predicted.mean for name in found[robot].members]
+                if choice.outvoted:
+                    away = [opinions[name].mean - predicted.mean for name in choice.members]
                     self._widen(robot, float(np.hypot(*np.mean(away, axis=0))))
+                    made.clear()
                     self.trust.forget(robot)
                     self.tally.outvoted += 1
         return found
+
+    def _factors(
+        self,
+        robot: str,
+        pieces: Mapping[str, Increment | Relative],
+        motions: Mapping[str, Motion],
+        made: dict[int, Factor | None],
+    ) -> dict[str, Factor]:
+        """The factors of pieces of evidence, by source, without those that say nothing; what is made already is taken from there."""
+        for piece in pieces.values():
+            if id(piece) in made:
+                continue
+            if isinstance(piece, Relative):
+                made[id(piece)] = linearise(self.joint, piece, motions)
+            else:
+                made[id(piece)] = likelihood(self.joint, robot, piece)
+        found = {source: made[id(piece)] for source, piece in pieces.items()}
+        return {source: factor for source, factor in found.items() if factor is not None}
 
     def _pieces(
         self, robot: str, news: Mapping[str, Evidence], heard: set[str], entered: set[str]
@@ -275,25 +301,17 @@ class TeamJoint:
             found[robot] = own
         return found
 
-    def _is_doubtful(self, robot: str, piece: Increment | Relative, motions: Mapping[str, Motion]) -> bool:
+    def _is_doubtful(self, factor: Factor) -> bool:
         """Whether a piece of evidence hardly agrees with what is predicted."""
-        if isinstance(piece, Relative):
-            return expect(self.joint, piece, motions).innovation(self.joint).squared > DOUBTS[1]
-        it = likelihood(self.joint, robot, piece)
-        return it is not None and it.innovation(self.joint).squared > DOUBTS[len(it.residual) - 1]
+        found = self.joint.innovation(factor)
+        return found.squared > DOUBTS[found.freedom - 1]
 
-    def _is_refuted(self, robot: str, pieces: list[Increment | Relative], motions: Mapping[str, Motion]) -> bool:
+    def _is_refuted(self, factors: list[Factor]) -> bool:
         """Whether some evidence together is beyond the 99.9 % quantile, all that its errors share in the joint considered."""
-        parts: list[tuple[Array, dict[Block, Array], Array]] = []
-        for piece in pieces:
-            if isinstance(piece, Relative):
-                seen = expect(self.joint, piece, motions)
-                parts.append((seen.residual, seen.jacobians, seen.noise))
-            elif (it := likelihood(self.joint, robot, piece)) is not None:
-                parts.append((it.residual, {robot: it.rows}, it.noise))
-        squared, freedom = self.joint.innovation_of(parts)
+        found = self.joint.innovation(*factors)
+        freedom = found.freedom
         return (
-            squared > freedom * (1 - 2 / (9 * freedom) + 3.09 * math.sqrt(2 / (9 * freedom))) ** 3
+            found.squared > freedom * (1 - 2 / (9 * freedom) + 3.09 * math.sqrt(2 / (9 * freedom))) ** 3
         )  # Wilson, Hilferty 1931
 
     def _outvoted(self, robot: str, source: str) -> tuple[str, ...]:
@@ -318,27 +336,33 @@ class TeamJoint:
         for block in list(self.joint.blocks):
             if block == subject or (isinstance(block, tuple) and subject in block[1:3]):
                 self.joint.drop(block)
+                if isinstance(block, tuple):
+                    del self._used[block[1]][block]
 
     def _multiply(self, evidence: Evidence) -> None:
         """Take an increment into the joint, if the gate lets it through."""
         robot = evidence.robot
-        it = None if evidence.increment is None else likelihood(self.joint, robot, evidence.increment)
-        if it is None:
+        factor = None if evidence.increment is None else likelihood(self.joint, robot, evidence.increment)
+        if factor is None:
             return
-        source, freedom = (robot, "increment"), len(it.residual)
-        self.innovations.judge(source, it.innovation(self.joint).squared, freedom)
-        it = replace(it, noise=it.noise * self.innovations.variance(source))
-        squared = it.innovation(self.joint).squared
+        factor, squared = self._weighed((robot, "increment"), factor)
+        freedom = len(factor.residual)
         by = self._outvoted(robot, robot)
         taken = squared <= GATES[freedom - 1] and not by
         self._judge(Verdict(robot, robot, "increment", squared, freedom, taken, by))
         if taken:
-            it.multiply(self.joint)
+            correct(self.joint, factor)
         left_out = 0 if taken else self._known[robot].left_out + 1
         if left_out >= PATIENCE:
             self._widen(robot)
             left_out = 0
         self._known[robot] = replace(self._known[robot], left_out=left_out)
+
+    def _weighed(self, source: Source, factor: Factor) -> tuple[Factor, float]:
+        """A factor with the noise that its source's evidence has shown to have, and the squared distance of that."""
+        self.innovations.judge(source, self.joint.innovation(factor).squared, len(factor.residual))
+        factor = factor.widened(self.innovations.variance(source))
+        return factor, self.joint.innovation(factor).squared
 
     def _widen(self, robot: str, away: float = 0.0) -> None:
         """Widen position and heading of a robot that may have moved, by `away` (unit) or so, as its odometry did not measure."""
@@ -360,27 +384,42 @@ class TeamJoint:
         if robot and subject not in heard:  # how far it has moved in this tick is not known
             self.tally.silent += 1
             return
-        if subject not in self.joint:
-            self.joint.add(subject, Moments(np.zeros(2), np.eye(2) * FLAT))
-            self._seen[subject] = 0.0
-        expectation = expect(self.joint, relative, motions)
-        source = (observer, "relative")
-        self.innovations.judge(source, expectation.innovation(self.joint).squared, 2)
-        expectation = replace(expectation, noise=expectation.noise * self.innovations.variance(source))
-        squared = expectation.innovation(self.joint).squared
+        factor, squared = self._weighed((observer, "relative"), linearise(self.joint, relative, motions))
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
         agrees = squared <= GATES[1] and not by and not self._contradict(observer, subject)
         if (
-            subject in self._seen
+            not robot
         ):  # of two robots that contradict each other, the one that placed the object first is believed about it
             agrees = agrees and not any(self.contacts.contradict(observer, o) for o in self.trust.observers(subject))
         taken = agrees and not {observer, subject} & self._left_out
-        self.trust.judge(observer, subject, agrees)
+        if taken or subject in self.joint:
+            self.trust.judge(observer, subject, agrees)
         self._judge(Verdict(observer, subject, "relative", squared, 2, taken, by))
         if taken:
-            correct(self.joint, expectation.residual, expectation.jacobians, expectation.noise)
-            if subject in self._seen:
+            correct(self.joint, factor)
+            self._note_errors(relative)
+            if not robot:
                 self._seen[subject] = 0.0
+
+    def _note_errors(self, relative: Relative) -> None:
+        """The lasting errors of a sighting were of use; of an observer's those that were not for the longest go first."""
+        used = self._used.setdefault(relative.observer, {})
+        for block in relative.blocks():
+            used.pop(block, None)
+            used[block] = 0.0
+        for block in list(used)[:-MAX_ERRORS]:
+            self.joint.drop(block)
+            del used[block]
+
+    def _forget_errors(self, dt: float) -> None:
+        """Let all lasting errors forget for `dt` seconds, and drop those of which nothing is left to know."""
+        forget_biases(self.joint, dt)
+        for used in self._used.values():
+            for block in list(used):
+                used[block] += dt
+                if used[block] > FADED * block[3]:
+                    self.joint.drop(block)
+                    del used[block]
 
     def _check(self) -> None:
         """ArithmeticError: the joint is none any more, or absurd; the robot whose block that is `speaks` then, if it is one's."""
@@ -445,11 +484,11 @@ class TeamJoint:
 
 def claimed(observer: Moments, relative: Relative, motion: Motion | None) -> Claim:
     """Where a sighting puts its subject, by an observer's block and its motion in the tick."""
-    pair = Joint()
-    pair.add(relative.observer, observer)
-    pair.add(relative.subject, Moments(np.zeros(2), np.eye(2) * FLAT))
-    seen = expect(pair, relative, {} if motion is None else {relative.observer: motion})
-    back = np.linalg.inv(seen.jacobians.pop(relative.subject))  # of nothing known, the sighting alone decides
-    lasting = pair.innovation(seen.residual, seen.jacobians, np.zeros((2, 2))).covariance
-    place = pair.mean[pair.blocks[relative.subject]] + back @ seen.residual
+    alone = Joint()
+    alone.add(relative.observer, observer)
+    seen = linearise(alone, relative, {} if motion is None else {relative.observer: motion})
+    rows = dict(seen.jacobians)
+    back = np.linalg.inv(rows.pop(relative.subject))  # of nothing known, the sighting alone decides
+    lasting = alone.innovation(replace(seen, jacobians=rows, noise=np.zeros((2, 2)))).covariance
+    place = seen.priors[relative.subject].mean + back @ seen.residual
     return Claim(place, back @ lasting @ back.T, back @ seen.noise @ back.T)

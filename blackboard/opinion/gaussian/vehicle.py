@@ -8,12 +8,11 @@ ranges as a share of them. Scales and drift are random walks; bias, slip and ran
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from blackboard.opinion.gaussian.joint import Block, Joint, Moments
+from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.grid import Array
 
 X, Y, HEADING, FORWARD, TURN, DRIFT, BEARING, SLIP, RANGE = range(9)
@@ -106,16 +105,15 @@ def moved_in(state: Array, motion: Motion | None, age: float) -> tuple[Array, fl
     return np.array([way * math.cos(middle), way * math.sin(middle)]), turn
 
 
-def correct(joint: Joint, residual: Array, jacobians: Mapping[Block, Array], noise: Array) -> None:
+def correct(joint: Joint, factor: Factor) -> None:
     """`Joint.update` with the errors of all robots' poses kept in coordinates that turn with the heading's error.
 
     A position's error is held as what is left after the world is turned by the heading's error, so that moving the mean
     moves the tie between both along. Else the filter takes its changes of mind for knowledge of the heading
     (Barrau and Bonnabel, IEEE TAC 62(4), 2017; for teams Huang, Trawny, Mourikis, Roumeliotis, RSS 2009).
     """
-    before = joint.mean
-    joint.update(residual, jacobians, noise)
-    first, moved = joint.firsts(STATES), joint.mean - before
+    moved = joint.update(factor)
+    first = joint.firsts(STATES)
     dx, dy = moved[first + X], moved[first + Y]
     first, dx, dy = (it[(dx != 0) | (dy != 0)] for it in (first, dx, dy))
     if len(first):

@@ -8,11 +8,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from blackboard.board.joint.desk import MAX_ROBOTS, MAX_WAITING, JointDesk
+from blackboard.board.joint.desk import MAX_OBJECTS, MAX_ROBOTS, MAX_WAITING, JointDesk
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, entering
+from blackboard.opinion.gaussian.team import MAX_ERRORS
+from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance, entering
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedRelative, pack_evidence
@@ -142,6 +143,24 @@ def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.Mo
     assert it.counters["joint_restarts"] == 1
     it.take("r1", 1000, 20.2, at(10, 10), own=True)
     assert means(it.settle(20.2, MAKE)) == {"robot/r1": (10.0, 10.0)}
+
+
+def test_invented_objects_with_new_lasting_errors_in_every_tick_do_not_make_the_joint_grow() -> None:
+    it = desk()
+    sizes = []
+    for tick in range(12):
+        biases = [(0.1, 10.0**12), (0.1, 1.0), (0.2, 2.0), (0.2, 10.0**9)]
+        invented = [
+            sighting(f"object/o{i}", 2.0 + 0.1 * i).model_copy(update={"biases": biases, "group": f"{tick}-{i}"})
+            for i in range(64)
+        ]
+        it.take("liar", tick, 0.2 * tick, at(10, 10).model_copy(update={"relatives": invented}), own=True)
+        it.take("r1", tick, 0.2 * tick, at(20, 20), own=True)
+        found = means(it.settle(0.2 * tick, MAKE))
+        assert found["robot/r1"] == (20.0, 20.0)
+        sizes.append(len(it.team.joint.mean))
+    assert max(sizes) <= 2 * STATES + 2 * MAX_OBJECTS + MAX_ERRORS
+    assert it.counters["joint_restarts"] == it.counters["joint_left_out"] == 0
 
 
 def test_numbers_that_would_break_the_joint_are_refused_and_the_others_are_taken() -> None:

@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import gained, likelihood
-from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Bias, Relative, expect, forget_biases
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.relation import Bias, Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.vehicle import (
     AXES,
     BEARING,
+    FLAT,
     FORWARD,
     HEADING,
     RANGE,
@@ -70,7 +71,7 @@ def test_an_update_is_the_product_of_prior_and_likelihood(seed: int) -> None:
     rows, noise, residual = chance.normal(size=(2, STATES)), random_covariance(chance, 2), chance.normal(size=2)
     whole = np.concatenate([np.zeros((2, STATES)), rows], axis=1)
     before = joint.copy()
-    joint.update(residual, {"robot/r1": rows}, noise)
+    joint.update(Factor(residual, {"robot/r1": rows}, noise))
     information = np.linalg.inv(before.covariance) + whole.T @ np.linalg.solve(noise, whole)
     mean = before.mean + np.linalg.solve(information, whole.T @ np.linalg.solve(noise, residual))
     assert np.allclose(joint.covariance, np.linalg.inv(information), atol=1e-9)
@@ -83,7 +84,7 @@ def test_a_correction_is_josephs_update_and_then_each_position_follows_its_headi
     joint.add("object/ball", Moments(chance.normal(size=2), np.eye(2)))
     rows = {"robot/r1": chance.normal(size=(2, STATES)), "object/ball": chance.normal(size=(2, 2))}
     noise, residual, before = random_covariance(chance, 2), chance.normal(size=2), joint.copy()
-    correct(joint, residual, rows, noise)
+    correct(joint, Factor(residual, rows, noise))
     whole = np.zeros((2, len(before.mean)))
     for block, part in rows.items():
         whole[:, before.blocks[block]] = part
@@ -107,7 +108,7 @@ def test_no_precision_makes_a_variance_negative(seed: int, exponent: float) -> N
         rows = {"a": chance.normal(size=(2, 3)), "b": chance.normal(size=(2, 3))}
         if chance.random() < 0.5:
             del rows["b"]
-        joint.update(chance.normal(size=2), rows, np.eye(2) * 10.0**exponent)
+        joint.update(Factor(chance.normal(size=2), rows, np.eye(2) * 10.0**exponent))
         assert np.array_equal(joint.covariance, joint.covariance.T)
         assert (np.diag(joint.covariance) >= 0).all()
 
@@ -117,14 +118,14 @@ def test_a_precise_fix_of_a_flat_position_leaves_its_own_variance(sigma: float) 
     joint = Joint()
     joint.add("robot/r1", entering(Moments(np.zeros(3), np.diag([1e6, 1e6, 1e-4])), NUISANCE))
     for _ in range(3):
-        joint.update(np.array([3.0, -2.0]), {"robot/r1": np.eye(STATES)[AXES]}, np.eye(2) * sigma**2)
+        joint.update(Factor(np.array([3.0, -2.0]), {"robot/r1": np.eye(STATES)[AXES]}, np.eye(2) * sigma**2))
     assert np.diag(joint.covariance)[AXES] == pytest.approx(sigma**2 / 3, rel=1e-3)
 
 
 def test_a_measurement_of_what_is_known_exactly_without_noise_changes_nothing() -> None:
     joint = Joint()
     joint.add("a", Moments(np.ones(2), np.zeros((2, 2))))
-    joint.update(np.zeros(2), {"a": np.eye(2)}, np.zeros((2, 2)))
+    joint.update(Factor(np.zeros(2), {"a": np.eye(2)}, np.zeros((2, 2))))
     assert np.array_equal(joint.mean, np.ones(2))
     assert not joint.covariance.any()
 
@@ -136,8 +137,8 @@ def test_a_covariance_stays_symmetric_to_the_bit(seed: int) -> None:
         robot = f"robot/r{chance.integers(3)}"
         motion = Motion(chance.uniform(), chance.normal(), 1.0, 1.0, 0.01, 0.01, 0.001)
         drive(joint, robot, motion, NUISANCE)
-        seen = expect(joint, sighting(biases=(Bias(0.1, 7.0),)), {robot: motion})  # type: ignore[arg-type]
-        correct(joint, seen.residual, seen.jacobians, seen.noise)
+        seen = linearise(joint, sighting(biases=(Bias(0.1, 7.0),)), {robot: motion})  # type: ignore[arg-type]
+        correct(joint, seen)
         forget_biases(joint, 1.0)
         assert np.array_equal(joint.covariance, joint.covariance.T)
         assert np.linalg.eigvalsh(joint.covariance).min() > -1e-12 * np.abs(joint.covariance).max()
@@ -158,9 +159,9 @@ def test_a_dropped_block_leaves_the_others_as_they_were() -> None:
 
 def test_a_lasting_error_forgets_and_stays_of_the_same_size() -> None:
     joint = team(1)
-    expect(joint, sighting(biases=(Bias(0.1, 7.0),)), {})  # type: ignore[arg-type]
     block = ("bias", "robot/r0", "robot/r1", 7.0)
-    joint.update(np.array([1.0]), {block: np.ones((1, 1))}, np.array([[0.25]]))
+    joint.begin({block: Moments(np.zeros(1), np.eye(1))})
+    joint.update(Factor(np.array([1.0]), {block: np.ones((1, 1))}, np.array([[0.25]])))
     assert joint.moments(block).mean[0] == pytest.approx(0.8)
     forget_biases(joint, 7.0)
     assert joint.moments(block).mean[0] == pytest.approx(0.8 * math.exp(-1))
@@ -228,8 +229,8 @@ def test_sightings_of_each_other_tell_nothing_about_where_the_team_is_or_how_it_
         seen = Relative(
             f"robot/r{observer}", f"robot/r{subject}", chance.uniform(1, 3), chance.uniform(-1, 1), 0.05, 0.05
         )
-        it = expect(joint, seen, {})
-        correct(joint, it.residual, it.jacobians, it.noise)
+        it = linearise(joint, seen, {})
+        correct(joint, it)
     assert np.allclose(told_about_the_whole(), before, rtol=1e-5)
 
 
@@ -244,7 +245,8 @@ def test_a_sighting_has_the_derivatives_that_it_says(wide: bool, seed: int) -> N
     joint.covariance[HEADING, HEADING] = 1e-4 if wide else 0.01
     joint.mean[joint.blocks["robot/r1"]][AXES] = joint.mean[AXES] + [2.0, 0.5]
     seen = sighting(2.0, chance.uniform(-1, 1), age=0.4, biases=(Bias(0.1, 7.0),))  # type: ignore[arg-type]
-    it = expect(joint, seen, {})
+    it = linearise(joint, seen, {})
+    joint.begin(it.priors)
     mean = joint.mean.copy()
     for block, jacobian in it.jacobians.items():
         place = joint.blocks[block]
@@ -253,19 +255,51 @@ def test_a_sighting_has_the_derivatives_that_it_says(wide: bool, seed: int) -> N
             for step in (1e-6, -1e-6):
                 joint.mean = mean.copy()
                 joint.mean[k] += step
-                ends.append(expect(joint, seen, {}).residual)
+                ends.append(linearise(joint, seen, {}).residual)
             numeric = (ends[0] - ends[1]) / 2e-6
             # Across the line of sight the polar residual is an angle times the distance: its size does not matter.
             slack = 1e-4 + 2.0 * float(np.abs(it.residual).max()) * (not wide)
             assert np.allclose(numeric, -jacobian[:, k - place.start], atol=slack)
 
 
+@given(seed=SEEDS)
+def test_a_sighting_is_compared_with_a_joint_and_leaves_it_as_it_was(seed: int) -> None:
+    """Its lasting errors, and a subject that is new, count as they would in the joint, whether it has them or not."""
+    chance, joint = np.random.default_rng(seed), team(seed)
+    if chance.random() < 0.5:
+        joint.covariance[AXES, :] = joint.covariance[:, AXES] = 0.0
+        joint.covariance[AXES, AXES] = np.eye(2) * FLAT
+    biases = (Bias(0.1, 7.0), Bias(0.3, 100.0))
+    seen = [
+        Relative("robot/r0", str(chance.choice(["robot/r1", "object/ball"])), d, 0.3, 0.04, 0.01, 0.0, biases, "g")
+        for d in (2.0, 3.0)
+    ]
+    before = joint.copy()
+    factors = [linearise(joint, one, {}) for one in seen]
+    apart, together = [joint.innovation(factor) for factor in factors], joint.innovation(*factors)
+    assert joint.blocks == before.blocks
+    assert np.array_equal(joint.mean, before.mean)
+    assert np.array_equal(joint.covariance, before.covariance)
+    whole = joint.copy()
+    for factor in factors:
+        whole.begin(factor.priors, factor.anchors)
+    for factor, alone in zip(factors, apart, strict=True):
+        assert np.array_equal(whole.innovation(factor).covariance, alone.covariance)
+    rows = np.zeros((4, len(whole.mean)))
+    for k, factor in enumerate(factors):
+        for block, part in factor.jacobians.items():
+            rows[2 * k : 2 * k + 2, whole.blocks[block]] = part
+    noise = np.zeros((4, 4))
+    noise[:2, :2], noise[2:, 2:] = (factor.noise for factor in factors)
+    assert np.allclose(together.covariance, rows @ whole.covariance @ rows.T + noise)
+
+
 def test_where_to_linearise_is_no_evidence() -> None:
     joint = team(5, robots=1, scale=0.001)
     seen = Relative("robot/r0", "landmark/6", 2.0, 0.3, 0.01, 0.0004)
     place = joint.mean[AXES] + [1.0, 1.5]
-    exact = expect(joint, seen, {}, place)
-    near = expect(joint, seen, {}, place, at=joint.mean + 1e-6)
+    exact = linearise(joint, seen, {}, place)
+    near = linearise(joint, seen, {}, place, at=joint.mean + 1e-6)
     assert np.allclose(exact.residual, near.residual, atol=1e-8)
 
 
@@ -273,10 +307,10 @@ def test_a_profile_is_averaged_over_where_the_subject_may_be() -> None:
     profile = ((1.0, 1.0), (2.0, 1.0), (3.0, 9.0))
     joint = team(5, robots=1, scale=1e-4)
     seen = Relative("robot/r0", "landmark/6", 2.0, 0.0, 0.0, 0.0, profile=profile)
-    sharp = expect(joint, seen, {}, joint.mean[AXES] + [2.0, 0.0])
+    sharp = linearise(joint, seen, {}, joint.mean[AXES] + [2.0, 0.0])
     assert sharp.noise[0, 0] == pytest.approx(1.0, abs=0.01)
     joint.covariance[AXES, AXES] = np.eye(2)
-    wide = expect(joint, seen, {}, joint.mean[AXES] + [2.0, 0.0])
+    wide = linearise(joint, seen, {}, joint.mean[AXES] + [2.0, 0.0])
     assert np.trace(wide.noise) > 3.0
 
 
@@ -286,7 +320,7 @@ def test_a_profile_is_averaged_over_where_the_subject_may_be() -> None:
 def evidence(joint: Joint, seed: int) -> None:
     chance = np.random.default_rng(seed)
     rows = chance.normal(size=(2, STATES))
-    joint.update(chance.normal(size=2) * 0.1, {"robot/r0": rows}, random_covariance(chance, 2, 0.5))
+    joint.update(Factor(chance.normal(size=2) * 0.1, {"robot/r0": rows}, random_covariance(chance, 2, 0.5)))
 
 
 @given(SEEDS)
@@ -299,7 +333,7 @@ def test_an_increment_gives_a_belief_back_to_its_own_prediction(seed: int) -> No
     assert np.linalg.eigvalsh(increment.information).min() > -1e-9 * np.linalg.norm(increment.information)
     it = likelihood(other, "robot/r0", increment)
     assert it is not None
-    other.update(it.residual, {"robot/r0": it.rows}, it.noise)
+    other.update(it)
     assert np.allclose(other.mean, joint.mean, atol=1e-6)
     assert np.allclose(other.covariance, joint.covariance, atol=1e-7)
 
@@ -315,11 +349,11 @@ def test_an_increment_is_the_same_evidence_on_any_belief(seed: int) -> None:
     assert increment is not None
     it = likelihood(elsewhere, "robot/r0", increment)
     assert it is not None
-    elsewhere.update(it.residual, {"robot/r0": it.rows}, it.noise)
+    elsewhere.update(it)
     chance = np.random.default_rng(seed)
     rows = chance.normal(size=(2, STATES))
     residual = chance.normal(size=2) * 0.1 + rows @ (prediction.mean - direct.mean[:STATES])
-    direct.update(residual, {"robot/r0": rows}, random_covariance(chance, 2, 0.5))
+    direct.update(Factor(residual, {"robot/r0": rows}, random_covariance(chance, 2, 0.5)))
     assert np.allclose(elsewhere.mean, direct.mean, atol=1e-6)
     assert np.allclose(elsewhere.covariance, direct.covariance, atol=1e-7)
 
@@ -335,7 +369,7 @@ def test_states_that_are_known_exactly_gain_nothing() -> None:
     prior = entering(Moments(np.zeros(3), np.eye(3)), Nuisance())
     joint = Joint()
     joint.add("robot/r0", prior)
-    joint.update(np.array([0.5]), {"robot/r0": np.eye(STATES)[[X]]}, np.eye(1))
+    joint.update(Factor(np.array([0.5]), {"robot/r0": np.eye(STATES)[[X]]}, np.eye(1)))
     increment = gained(prior, joint.moments("robot/r0"))
     assert increment is not None
     assert increment.information[X, X] == pytest.approx(1.0)

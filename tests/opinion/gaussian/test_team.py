@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
-from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative
-from blackboard.opinion.gaussian.team import PATIENCE, Objects, TeamJoint
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.relation import Bias, Relative
+from blackboard.opinion.gaussian.team import FADED, MAX_ERRORS, PATIENCE, Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, entering
 from blackboard.opinion.grid import Array, Grid
 
@@ -50,7 +50,7 @@ class Own:
         self.fixed = [fix] if self.chance.random() < 0.5 else []
         for told in self.fixed:
             residual = told - self.joint.moments(self.name).mean[AXES]
-            self.joint.update(residual, {self.name: np.eye(STATES)[AXES]}, np.eye(2) * 0.25)
+            self.joint.update(Factor(residual, {self.name: np.eye(STATES)[AXES]}, np.eye(2) * 0.25))
         belief = self.joint.moments(self.name)
         seen = tuple(self.see(other) for other in others if other is not self and self.chance.random() < 0.7)
         increment = gained(prediction, belief)
@@ -241,6 +241,59 @@ def test_an_object_that_is_said_to_stand_does_not_spread() -> None:
     team.settle(1, 1.0, [])
     assert team.marginal("object/can").covariance == pytest.approx(before["can"], rel=1e-9)
     assert team.marginal("object/ball").covariance == pytest.approx(before["ball"] + 0.25 * np.eye(2), rel=1e-6)
+
+
+# --- lasting errors ------------------------------------------------------------------------------------------------------
+
+
+def biased(observer: str, seconds: float, group: str = "", distance: float = 2.0) -> Relative:
+    """What one of two robots sees of the other, with a range error that lasts."""
+    subject, bearing = ("robot/r2", math.pi / 2) if observer == "robot/r1" else ("robot/r1", -math.pi / 2)
+    return Relative(observer, subject, distance, bearing, 0.01, 0.001, 0.0, (Bias(0.1, seconds),), group)
+
+
+def watching(seen: Sequence[Relative], tick: int) -> list[Evidence]:
+    """Robot r1 at (0, 0) and r2 at (0, 2), with what they say that they see."""
+    places = {"robot/r1": (0.0, 0.0), "robot/r2": (0.0, 2.0)}
+    poses = {name: Moments(np.array([*place, 0.0]), np.diag([0.01, 0.01, 1e-4])) for name, place in places.items()}
+    beliefs = {name: entering(pose, NUISANCE) for name, pose in poses.items()}
+    return [
+        Evidence(name, 0, tick, Motion(), NUISANCE, beliefs[name], None, tuple(r for r in seen if r.observer == name))
+        for name in places
+    ]
+
+
+def errors_of(team: TeamJoint) -> set[str]:
+    """The groups whose lasting errors are in the joint."""
+    return {block[2] for block in team.joint.blocks if isinstance(block, tuple)}
+
+
+def test_what_a_sighting_brings_along_is_added_only_if_the_sighting_is_taken() -> None:
+    for distance, taken in ((30.0, False), (2.0, True)):
+        team = TeamJoint()
+        (verdict,) = team.settle(0, 1.0, watching([biased("robot/r1", 100.0, distance=distance)], 0))
+        assert verdict.taken == taken
+        assert errors_of(team) == ({"robot/r2"} if taken else set())
+
+
+def test_an_observer_has_as_many_lasting_errors_as_were_used_last() -> None:
+    """Somebody who names a new group with every sighting does not make the joint grow."""
+    team = TeamJoint()
+    for tick in range(2 * MAX_ERRORS):
+        mine = [biased("robot/r1", 1e12, group) for group in ("kept", f"g{tick}")]
+        team.settle(tick, 0.2, watching([*mine, biased("robot/r2", 1e12)], tick))
+    newest = [f"g{tick}" for tick in range(2 * MAX_ERRORS)][1 - MAX_ERRORS :]
+    assert errors_of(team) == {"kept", "robot/r1", *newest}
+
+
+def test_a_lasting_error_that_has_faded_is_dropped_and_the_beliefs_stay() -> None:
+    team = TeamJoint()
+    team.settle(0, 1.0, watching([biased("robot/r1", 7.0)], 0))
+    before = team.marginal("robot/r2")
+    for tick in range(1, 40):
+        team.settle(tick, 1.0, watching([], tick))
+        assert bool(errors_of(team)) == (tick <= FADED * 7.0)
+    assert np.allclose(team.marginal("robot/r2").covariance, before.covariance)
 
 
 # --- the gate ------------------------------------------------------------------------------------------------------------
