@@ -36,7 +36,7 @@ class FaultyRobot(AgentService):
         return self._said(super().wake(now))
 
     def _said(self, out: list[Envelope]) -> list[Envelope]:
-        faults = [fault for fault in self._faults if fault.concerns(self.robot, self.time)]
+        faults = [fault for fault in self._faults if fault.concerns(self.robot, self.peer.answers.time)]
         if not faults or self.tick < 0:
             return out
         if any(isinstance(fault, Freeze) for fault in faults):
@@ -58,7 +58,9 @@ class FaultyRobot(AgentService):
             skew = sum(fault.seconds for fault in faults if isinstance(fault, Skew))
             subjects = status.subjects
             if self.clock.pace is Pace.LOCKSTEP:  # a board would wait in each tick for a report that is listed
-                lost = {r.subject for r in self._reports if any(is_lost(self._seed, r, share) for share in lose)}
+                lost = {
+                    r.subject for r in self.peer.answers.reports if any(is_lost(self._seed, r, share) for share in lose)
+                }
                 subjects = [subject for subject in subjects if subject not in lost]
             return Envelope(
                 envelope.key,

@@ -1,6 +1,6 @@
 """Join a team from a program of one's own: `from blackboard.client import Team` (docs/client.md)."""
 
-from blackboard.client.member import Agreed
+from blackboard.client.agreed import Agreed
 from blackboard.client.team import Team
 from blackboard.errors import Refused, UserError
 

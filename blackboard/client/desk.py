@@ -8,8 +8,8 @@ from concurrent.futures import Future
 from queue import SimpleQueue
 from typing import TypeVar
 
-from blackboard.client.member import Agreed
-from blackboard.process.service import Service
+from blackboard.client.agreed import Agreed
+from blackboard.process.service import Around, Service
 from blackboard.wire.envelope import Envelope
 
 T = TypeVar("T")
@@ -18,11 +18,11 @@ T = TypeVar("T")
 Call = Callable[[float], tuple[T, list[Envelope]]]
 
 
-class Desk:
+class Desk(Around):
     """A service, and calls from other threads, which are made in the service's own (`blackboard.process.service.Service`)."""
 
     def __init__(self, service: Service) -> None:
-        self._service = service
+        super().__init__(service)
         self._calls: SimpleQueue[Callable[[float], list[Envelope]]] = SimpleQueue()
         self._out: list[Envelope] = []  # what is to be sent for calls that were made inside a callback
         self._owner: int | None = None  # the service's thread
@@ -61,41 +61,26 @@ class Desk:
     # --- what the loop needs ------------------------------------------------------------------------------------------
 
     @property
-    def tokens(self) -> tuple[str, ...]:
-        return self._service.tokens
-
-    @property
-    def listens(self) -> tuple[str, ...]:
-        return self._service.listens
-
-    @property
-    def watches(self) -> tuple[str, ...]:
-        return self._service.watches
-
-    @property
     def done(self) -> bool:
         return self.stop.is_set()
 
-    def record_link_counters(self, counters: dict[str, int]) -> None:
-        self._service.record_link_counters(counters)
-
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         self._owner, self._now = threading.get_ident(), now
-        return self._with_calls(self._service.receive(envelope, now))
+        return self._with_calls(super().receive(envelope, now))
 
     def wake(self, now: float) -> list[Envelope]:
         self._owner, self._now = threading.get_ident(), now
         out: list[Envelope] = []
         while not self._calls.empty():
             out += self._calls.get()(now)
-        return self._with_calls(out + self._service.wake(now))
+        return self._with_calls(out + super().wake(now))
 
     def _with_calls(self, out: list[Envelope]) -> list[Envelope]:
         mine, self._out = self._out, []
         return out + mine
 
     def wake_at(self, now: float) -> float | None:
-        return self._service.wake_at(now) if self._calls.empty() else now
+        return super().wake_at(now) if self._calls.empty() else now
 
 
 class Stream:

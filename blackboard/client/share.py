@@ -16,15 +16,19 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from blackboard.client.member import Agreed, Member
+from blackboard.client.agreed import Agreed, Newest
+from blackboard.client.member import Member
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Grid
+from blackboard.process.listener import ClockNews, Listener
 from blackboard.process.printable import quoted
-from blackboard.wire import keys
+from blackboard.process.team_clock import News, TeamClock
 from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Consensus
 from blackboard.wire.names import NAME, OF_TEAM, VIA
+from blackboard.wire.types import Message
 
 log = logging.getLogger(__name__)
 
@@ -51,19 +55,22 @@ class Share:
         Of `subjects`, each as `object/ball` or `object/*`, one report is sent in `every` seconds of Unix time at most. What robots
         have gathered counts for `max_age` of the settings.
         """
-        name = VIA + source
         self.tells = Member(
-            team=team, sub_teams=(sub_team,), robot=name, grid=grid, settings=settings, on_agreed=self._learn
+            team=team,
+            sub_teams=(sub_team,),
+            robot=VIA + source,
+            grid=grid,
+            settings=settings,
+            on_agreed=self._learn,
+            judged=False,
         )
-        # It only listens, in all sub-teams: its tokens are not held, and what it would send is dropped.
-        self.hears = Member(
-            team=source, sub_teams=("*",), robot=name, grid=grid, settings=BoardSection(), on_agreed=self._keep
-        )
+        self._team = team
+        self.hears = Listener(source, self._hear)  # in all sub-teams
+        self._agreed = Newest(grid)  # in the team that is heard
         self.subjects, self.every, self.max_age = tuple(subjects), every, settings.max_age
         #: subject -> the newest agreed belief that is not reported yet, and its arrival in Unix seconds
         self._newest: dict[str, tuple[Agreed, float]] = {}
-        self._now = 0.0  # arrival of the message that is being handled, Unix seconds
-        self._runs = self._run_of(self.hears), self._run_of(self.tells)
+        self._runs = "", ""  # of the teams that are heard and told
         self._due: dict[str, float] = {}  # subject -> Unix seconds from which on it may be reported again
         #: subject -> the ancestors of what the team that is told agreed on last
         self._known: dict[str, Mapping[str, float]] = {}
@@ -91,22 +98,26 @@ class Share:
         self.tells.record_link_counters(counters)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
-        self._now = now
         if envelope.key.startswith(f"cop/{self.hears.team}/"):
             self.hears.receive(envelope, now)
             return self._tell(now)
-        return self._said(self.tells.receive(envelope, now))
+        return _newest(self.tells.receive(envelope, now) + self._tell(now))
 
     def wake(self, now: float) -> list[Envelope]:
-        self._now = now
         self.hears.wake(now)
-        return [*self._tell(now), *self._said(self.tells.wake(now))]
+        return [*self._tell(now), *self.tells.wake(now)]
 
     def wake_at(self, now: float) -> float | None:
-        due = [
-            self._due[subject] for subject in self._newest
-        ]  # subjects that have ended are found at the latest with the status of each second
+        # Subjects that have ended are found at the latest with the status of each second.
+        due = [self._due[subject] for subject in self._newest]
         return min(it for it in (self.hears.wake_at(now), self.tells.wake_at(now), *due) if it is not None)
+
+    def check(self) -> None:
+        """AssertionError: an invariant does not hold."""
+        self.hears.check()
+        self.tells.check()
+        assert self._newest.keys() <= self._due.keys()
+        assert len(self._due) <= MAX_SUBJECTS >= len(self._known)
 
     # --- from one team to the other -----------------------------------------------------------------------------------
 
@@ -117,34 +128,28 @@ class Share:
         if len(self._known) > MAX_SUBJECTS:
             del self._known[next(iter(self._known))]
 
-    def _keep(self, agreed: Agreed) -> None:
+    def _hear(self, it: ClockNews | Message, now: float) -> list[Envelope]:
+        if isinstance(it, ClockNews) and it.news in (News.RUN, News.FREE):
+            self._agreed.forget()
+        elif isinstance(it, Consensus) and (agreed := self._agreed.take(it, now)) is not None:
+            self._keep(agreed, now)
+        return []
+
+    def _keep(self, agreed: Agreed, now: float) -> None:
         subject = _renamed(agreed.subject, self.hears.team)
         kind, _, name = agreed.subject.partition("/")
         if not any(wanted in (agreed.subject, f"{kind}/*") for wanted in self.subjects):
             return
-        if kind == "robot" and (name.startswith(VIA) or _at_home(subject, f"robot/{self.tells.team}")[1]):
+        if kind == "robot" and (name.startswith(VIA) or _at_home(subject, f"robot/{self._team}")[1]):
             return  # the place of a share, which has none, or of a robot of the team that would be told
         if not re.fullmatch(NAME, subject.partition("/")[2]):
             return  # the robot's name with its team's before it is longer than a name may be
         if subject in self._due or len(self._due) < MAX_SUBJECTS:
-            self._newest[subject] = agreed, self._now
+            self._newest[subject] = agreed, now
             self._due.setdefault(subject, -math.inf)
 
-    @staticmethod
-    def _run_of(member: Member) -> str:
-        return "" if member.clock.followed is None else member.clock.followed.run
-
-    def _said(self, out: list[Envelope]) -> list[Envelope]:
-        """What is sent of some envelopes: of each key the newest, and no Solo, because a referee judges robots only."""
-        newest: dict[str, Envelope] = {}
-        for envelope in out:
-            if keys.SOLO.match(envelope.key) is None:
-                newest.pop(envelope.key, None)
-                newest[envelope.key] = envelope
-        return list(newest.values())
-
     def _tell(self, now: float) -> list[Envelope]:
-        runs = self._run_of(self.hears), self._run_of(self.tells)
+        runs = _run(self.hears.clock), _run(self.tells.clock)
         if runs != self._runs:  # stamps of another run mean nothing any more
             self._runs, self._newest, self._due, self._known = runs, {}, {}, {}
         out: list[Envelope] = []
@@ -155,7 +160,7 @@ class Share:
             elif due < now - self.max_age:  # the team that is heard agrees on nothing about it any more
                 del self._due[subject]
                 out += self.tells.withdraw(subject, now)
-        return self._said(out)
+        return _newest(out)
 
     def _told(self, subject: str, agreed: Agreed, came: float, now: float) -> list[Envelope]:
         """A report, if some ancestor is newer than the other team knows; its withdrawal, if all ancestors are older than `max_age`.
@@ -166,7 +171,7 @@ class Share:
         stamp = self.tells.clock.time(now) - max(0.0, now - came)
         gathered, news = dict[str, float](), list[tuple[str, float]]()
         for own_name, until in sorted(agreed.story.ancestors.items()):
-            name, home = _at_home(_named(own_name, self.hears.team), self.tells.team)
+            name, home = _at_home(_named(own_name, self.hears.team), self._team)
             if not own_name.startswith(VIA) and re.fullmatch(NAME, name):
                 gathered[name] = at = stamp - max(0.0, agreed.time - until)
                 news += [] if home else [(name, at)]
@@ -188,6 +193,19 @@ class Share:
             return []
         self.tells.intake.counters["shared"] += 1
         return out
+
+
+def _run(clock: TeamClock) -> str:
+    return "" if clock.followed is None else clock.followed.run
+
+
+def _newest(out: list[Envelope]) -> list[Envelope]:
+    """Of each key the newest envelope."""
+    newest: dict[str, Envelope] = {}
+    for envelope in out:
+        newest.pop(envelope.key, None)
+        newest[envelope.key] = envelope
+    return list(newest.values())
 
 
 def _at_home(name: str, team: str) -> tuple[str, bool]:

@@ -14,9 +14,10 @@ from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
+from blackboard.client.agreed import Agreed
 from blackboard.client.ask import ask
 from blackboard.client.desk import Desk, Stream
-from blackboard.client.member import Agreed, Member
+from blackboard.client.member import Member
 from blackboard.client.why import Why
 from blackboard.config import BoardSection, Scenario, load
 from blackboard.errors import Refused, UserError

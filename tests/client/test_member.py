@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from blackboard.board.service import BoardService
-from blackboard.client.member import STANDS, Agreed, Member
+from blackboard.client.agreed import Agreed
+from blackboard.client.member import STANDS, Member
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, gaussian, uniform
@@ -29,8 +30,10 @@ PLACE = gaussian(GRID, (10, 10), 1.0)
 class One:
     """A member under test, and what it was told."""
 
-    def __init__(self, *sub_teams: str, grid: Grid = GRID) -> None:
+    def __init__(self, *sub_teams: str, grid: Grid = GRID, raises: bool = False) -> None:
+        """`raises`: its program fails at each agreed belief."""
         self.agreed: list[Agreed] = []
+        self.raises = raises
         self.refused: list[Refusal] = []
         self.it = Member(
             team="t",
@@ -38,13 +41,20 @@ class One:
             robot="r1",
             grid=grid,
             settings=BoardSection(),
-            on_agreed=self.agreed.append,
+            on_agreed=self.hear,
             on_refused=self.refused.append,
         )
         self.tell(board_of("a", name="board-a"))
 
+    def hear(self, agreed: Agreed) -> None:
+        self.agreed.append(agreed)
+        if self.raises:
+            raise KeyError("of the program's own")
+
     def tell(self, *envelopes: Envelope, now: float = NOW) -> list[Message]:
-        return opened(answer for it in envelopes for answer in self.it.receive(it, now))
+        answers = opened(answer for it in envelopes for answer in self.it.receive(it, now))
+        self.it.check()
+        return answers
 
     def report(
         self, subject: str = "robot/r1", belief: Belief = PLACE, now: float = NOW, **more: object
@@ -58,6 +68,12 @@ def opened(envelopes: Iterable[Envelope]) -> list[Message]:
 
 def kinds(messages: list[Message]) -> list[str]:
     return [type(message).__name__ for message in messages]
+
+
+def settled(board: BoardService, now: float) -> list[str]:
+    """What a board has beliefs about at a time."""
+    found = (keys.CONSENSUS.match(it.key) for it in board.wake(now))
+    return [parts["subject"] for parts in found if parts is not None]
 
 
 # --- speaking ----------------------------------------------------------------------------------------------------------
@@ -100,11 +116,13 @@ def test_in_lockstep_it_answers_every_tick_with_what_stands_until_that_is_old() 
 def test_what_was_stamped_by_another_clock_is_forgotten_with_it() -> None:
     robot = One()
     robot.report()
-    assert kinds(robot.tell(WORLD, clock(3, "r1"))) == ["Solo", "Status"]
+    assert kinds(robot.tell(WORLD)) == ["Status"]
+    assert kinds(robot.tell(clock(3, "r1"))) == ["Solo", "Status"]
     robot.report()
     robot.tell(replace(WORLD, kind=Kind.GONE))
-    assert robot.it.wake(NOW + 99) != []
-    assert robot.it._reports == {}
+    (status,) = opened(robot.it.wake(NOW + 99))
+    assert isinstance(status, Status)
+    assert (status.phase, status.subjects) == ("idle", [])
 
 
 def test_what_is_withdrawn_is_not_listed_any_more_and_boards_forget_it() -> None:
@@ -115,10 +133,10 @@ def test_what_is_withdrawn_is_not_listed_any_more_and_boards_forget_it() -> None
     for subject in ("object/ball", "robot/r1"):
         for envelope in robot.it.report(subject, PLACE, NOW):
             board.receive(envelope, NOW)
-    assert list(board.board._entries) == ["object/ball", "robot/r1"]
+    assert settled(board, NOW + 0.3) == ["object/ball", "robot/r1"]
     for envelope in robot.it.withdraw("object/ball", NOW):
         board.receive(envelope, NOW)
-    assert list(board.board._entries) == ["robot/r1"]
+    assert settled(board, NOW + 0.6) == ["robot/r1"]
     assert robot.it.withdraw("object/ball", NOW) == []
 
 
@@ -130,7 +148,7 @@ def test_a_program_that_starts_again_withdraws_what_it_said_before() -> None:
         board.receive(Envelope(robot.it.tokens[0], kind=Kind.ALIVE), NOW)
         for envelope in robot.it.report(subject, PLACE, NOW + 0.1 * n):
             board.receive(envelope, NOW + 0.1 * n)
-    assert list(board.board._entries) == ["robot/r1"]
+    assert settled(board, NOW + 0.5) == ["robot/r1"]
 
 
 def test_a_status_comes_once_a_second() -> None:
@@ -170,10 +188,9 @@ def test_it_refuses_what_a_board_would_and_says_nothing(reason: str, given: dict
     with pytest.raises(Refused) as refusal:
         robot.report(**given)
     assert refusal.value.reason == reason
-    assert list(robot.it._reports) == ["robot/r1"]
     (status,) = opened(robot.it.wake(NOW + 1))
     assert isinstance(status, Status)
-    assert status.tick == 1000 * NOW  # of the report that was taken
+    assert (status.tick, status.subjects) == (1000 * NOW, ["robot/r1"])  # of the report that was taken
 
 
 def test_what_a_board_tells_of_refusals_is_passed_on_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -204,15 +221,7 @@ def encoded(message: Message) -> bytes:
 
 @pytest.mark.parametrize("raises", [False, True])
 def test_it_hears_what_a_real_board_agrees_on_also_where_a_callback_raises(raises: bool) -> None:
-    robot = One()
-    keep = robot.agreed.append
-
-    def heard(agreed: Agreed) -> None:
-        keep(agreed)
-        if raises:
-            raise KeyError("of the program's own")
-
-    robot.it._on_agreed = heard
+    robot = One(raises=raises)
     board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
     board.receive(board_of("a", name="board-a"), NOW)
     board.receive(Envelope(robot.it.tokens[0], kind=Kind.ALIVE), NOW)

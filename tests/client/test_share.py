@@ -13,8 +13,9 @@ from itertools import pairwise
 import pytest
 
 from blackboard.board.service import BoardService
-from blackboard.client.member import FORGOTTEN, Agreed, Member
-from blackboard.client.member import MAX_SUBJECTS as REMEMBERED
+from blackboard.client.agreed import FORGOTTEN, Agreed
+from blackboard.client.agreed import MAX_SUBJECTS as REMEMBERED
+from blackboard.client.member import Member
 from blackboard.client.share import MAX_SUBJECTS, Share
 from blackboard.config import BoardSection
 from blackboard.net.scheduler import Scheduler
@@ -22,6 +23,7 @@ from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire import keys
+from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Report, Status
@@ -185,43 +187,71 @@ def test_it_holds_a_token_in_the_team_that_it_tells_and_none_in_the_other() -> N
     assert told.counters["shared"] > 0
 
 
-def said(subject: str, time: float, until: float) -> Agreed:
-    return Agreed(subject, SEEN, 1, time, Consensus.model_construct(ancestors={"r1": until}))
+def agreed(subject: str, time: float, team: str = "north", tick: int = 1, **until: float) -> Envelope:
+    """What the board of a team says at a time, by its own clock: what its robots gathered until when."""
+    said = Consensus(
+        board="board-a",
+        sub_team="a",
+        level="agreed",
+        subject=subject,
+        tick=tick,
+        time=time,
+        belief=pack(SEEN),
+        ancestors=until,
+        used=[],
+        entropy=1.0,
+        conflict=False,
+        rule="coalition",
+    )
+    return Envelope(keys.AGREED.key(team=team, sub_team="a", subject=subject), encode(said))
+
+
+def reports(out: Iterable[Envelope]) -> list[Report]:
+    return [decode(Report, it.payload) for it in out if keys.REPORT.match(it.key)]
+
+
+def ancestors(report: Report) -> dict[str, float]:
+    assert report.informed is not None
+    return report.informed.ancestors
+
+
+def one(source: str = "north", to: str = "all", **options: object) -> tuple[Share, float]:
+    """A share among two teams whose boards it knows, and the Unix time."""
+    teams = Teams(source, to, pairs=[(source, to)], **options)
+    teams.run(STEP)
+    return teams.shares[source, to], teams.now
 
 
 def test_no_more_objects_are_told_than_a_board_keeps_and_those_that_are_gone_make_room() -> None:
-    teams = Teams("north", "all", pairs=[("north", "all")], max_age=2.0)
-    share = teams.shares["north", "all"]
-    for n in range(MAX_SUBJECTS + 20):
-        share._keep(said(f"object/{n}", teams.now, teams.now))
-    assert len(share._due) == MAX_SUBJECTS
-    teams.run(6.0)
-    assert len(share._due) == 0
-    share._keep(said("object/new", teams.now, teams.now))
-    assert set(share._due) == {"object/new"}
+    share, now = one(max_age=2.0)
+    subjects = [f"object/{n}" for n in range(MAX_SUBJECTS + 20)]
+    told = [it.subject for s in subjects for it in reports(share.receive(agreed(s, now, r1=now), now))]
+    assert told == subjects[:MAX_SUBJECTS]
+    share.check()
+    share.wake(now + 6.0)
+    assert [it.subject for it in reports(share.receive(agreed("object/new", now + 6.0, r1=now + 6.0), now + 6.0))] == [
+        "object/new"
+    ]
 
 
 def test_a_team_in_simulated_time_is_told_by_its_own_clock_how_old_it_is() -> None:
     """Stamps of one team mean nothing in the other one; how long ago they were does."""
-    teams = Teams("north", "all", pairs=[("north", "all")])
-    share = teams.shares["north", "all"]
+    share, now = one()
     clock = Clock(run="one", tick=14, time=7.0, mode="lockstep", robots={"a": ["r1"]})
     world = Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE)
     for envelope in (world, Envelope(keys.CLOCK.key(team="all"), encode(clock))):
-        share.receive(envelope, teams.now)
-    out = share._told(BALL, said(BALL, 3.0, 2.75), teams.now - 0.25, teams.now)
-    report = next(decode(Report, it.payload) for it in out if "/report/" in it.key)
+        share.receive(envelope, now)
+    assert len(reports(share.receive(agreed(BALL, 2.0, r1=2.0), now))) == 1
+    assert share.receive(agreed(BALL, 3.0, r1=2.75), now + 0.75) == []  # a report in a second
+    (report,) = reports(share.wake(now + 1.0))
     assert report.time == pytest.approx(6.75)
-    assert report.informed is not None
-    assert report.informed.ancestors == {"north..r1": pytest.approx(6.5)}
+    assert ancestors(report) == {"north..r1": pytest.approx(6.5)}
 
 
 def test_in_another_run_of_the_team_that_is_told_it_is_told_again() -> None:
     """What that team knew before, and until when, means nothing any more."""
     teams = Teams("north", "all", pairs=[("north", "all")], every=0.5)
-    share = teams.shares["north", "all"]
     teams.run(4.0, [("north", BALL, SEEN)])
-    assert share._known
     clock = Clock(run="one", tick=1, time=0.5, mode="realtime", robots={})
     link = teams.bus.connect()
     link.token(keys.WORLD.key(team="all"))
@@ -233,39 +263,26 @@ def test_in_another_run_of_the_team_that_is_told_it_is_told_again() -> None:
     assert all(report.time < 10.0 for _, _, report in told[-3:])
 
 
-def test_the_clock_of_the_team_that_is_heard_may_be_wrong() -> None:
-    teams = Teams("north", "all", pairs=[("north", "all")], every=0.2)
-    share = teams.shares["north", "all"]
-    for wrong in (-30.0, 30.0, -1e6):
-        share._known = {}
-        there = teams.now + wrong
-        out = share._told(BALL, said(BALL, there, there - 0.5), teams.now - 0.1, teams.now)
-        report = next(decode(Report, it.payload) for it in out if "/report/" in it.key)
-        assert report.time == pytest.approx(teams.now - 0.1)
-        assert report.informed is not None
-        assert report.informed.ancestors == {"north..r1": pytest.approx(teams.now - 0.6)}
+@pytest.mark.parametrize("wrong", [-30.0, 30.0, -1e6])
+def test_the_clock_of_the_team_that_is_heard_may_be_wrong(wrong: float) -> None:
+    share, now = one(every=0.2)
+    (report,) = reports(share.receive(agreed(BALL, now + wrong, r1=now + wrong - 0.5), now))
+    assert report.time == pytest.approx(now)
+    assert ancestors(report) == {"north..r1": pytest.approx(now - 0.5)}
 
 
 @pytest.mark.parametrize("name", ["husky.1", "r.r.r", "n" * 50])
 def test_robots_with_dots_and_long_names_stay_those_of_their_team(name: str) -> None:
-    teams = Teams("site.north", "site", pairs=[("site.north", "site")], subjects=["robot/*", "object/*"])
-    share = teams.shares["site.north", "site"]
-    share._now = teams.now
-    share._keep(said(f"robot/{name}", teams.now, teams.now))
-    teams.run(0.5)
-    assert {report.subject for _, _, report in teams.said} == {f"robot/site.north..{name}"}
+    share, now = one("site.north", "site", subjects=["robot/*", "object/*"])
+    (report,) = reports(share.receive(agreed(f"robot/{name}", now, "site.north", r1=now), now))
+    assert report.subject == f"robot/site.north..{name}"
 
 
 def test_a_robot_whose_name_becomes_too_long_is_not_shared_and_no_name_ends_a_report() -> None:
-    teams = Teams("north", "all", pairs=[("north", "all")], subjects=["robot/*", "object/*"])
-    share = teams.shares["north", "all"]
-    share._keep(said("robot/" + "n" * 62, teams.now, teams.now))
-    assert not share._newest
-    story = Consensus.model_construct(ancestors={"all..": 1.0, "n" * 64: 1.0, "r1": 1.0})
-    out = share._told(BALL, Agreed(BALL, SEEN, 1, 1.0, story), teams.now, teams.now)
-    report = next(decode(Report, it.payload) for it in out if "/report/" in it.key)
-    assert report.informed is not None
-    assert set(report.informed.ancestors) == {"north..r1"}
+    share, now = one(subjects=["robot/*", "object/*"])
+    assert share.receive(agreed("robot/" + "n" * 62, now, r1=now), now) == []
+    (report,) = reports(share.receive(agreed(BALL, now, **{"all..": now, "n" * 64: now, "r1": now}), now))
+    assert set(ancestors(report)) == {"north..r1"}
 
 
 def test_one_forged_message_far_in_the_future_ends_nothing_for_long() -> None:
@@ -280,24 +297,19 @@ def test_one_forged_message_far_in_the_future_ends_nothing_for_long() -> None:
 
 
 def test_what_is_remembered_of_a_flood_is_bounded() -> None:
-    teams = Teams("north", "all", pairs=[("north", "all")])
-    share = teams.shares["north", "all"]
-    teams.run(2.0, [("north", BALL, SEEN)])
-    story = teams.agreed["north", BALL].story
+    share, now = one()
     for n in range(REMEMBERED + 50):
-        key = keys.AGREED.key(team="north", sub_team="a", subject=f"object/x{n}")
-        share.receive(Envelope(key, encode(story.model_copy(update={"subject": f"object/x{n}"}))), teams.now)
-    assert len(share.hears._heard) == REMEMBERED
-    assert len(share._due) <= MAX_SUBJECTS
+        share.receive(agreed(f"object/x{n}", now, r1=now), now)
+    share.check()
 
 
 def test_a_worlds_referee_hears_nothing_of_it() -> None:
     """It has no place, so its uniform beliefs would only spoil the scores of the robots."""
-    teams = Teams("north", "all", pairs=[("north", "all")])
-    share = teams.shares["north", "all"]
-    share.receive(Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE), teams.now)
-    share._told(BALL, said(BALL, 1.0, 1.0), teams.now, teams.now)
+    share, now = one()
+    share.receive(Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE), now)
     clock = Clock(run="one", tick=3, time=1.0, mode="lockstep", robots={"a": ["r1"]})
-    out = share.receive(Envelope(keys.CLOCK.key(team="all"), encode(clock)), teams.now)
-    assert out
+    out = share.receive(Envelope(keys.CLOCK.key(team="all"), encode(clock)), now)
+    out += share.receive(agreed(BALL, now, r1=now), now)
+    out += share.receive(Envelope(keys.CLOCK.key(team="all"), encode(clock)), now)  # the world asks again
+    assert len(reports(out)) == 2
     assert not [it.key for it in out if keys.SOLO.match(it.key)]

@@ -7,11 +7,9 @@ import logging
 import pytest
 
 from blackboard.process.team_clock import WORLD_SILENT
-from blackboard.wire import keys
-from blackboard.wire.codec import decode, encode
-from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Refusal, Report, Solo, Status
-from robot_agent.service import MAX_AGREED
+from blackboard.wire.envelope import Kind
+from blackboard.wire.messages import Report, Solo, Status
+from robot_agent.gathered import MAX_AGREED
 from tests.robot_agent.services import NOW, agreed, clock, kinds, readings, said, service, world
 
 
@@ -133,7 +131,6 @@ def test_agreed_beliefs_of_two_boards_do_not_hide_each_other() -> None:
         robot.receive(readings(0), NOW)
         for board in boards:
             robot.receive(agreed(0, board=board), NOW)
-        assert len(robot._agreed) == 2
         reports.append(said(robot.receive(readings(1), NOW))[0])
     assert reports[0] == reports[1]
 
@@ -142,7 +139,7 @@ def test_agreed_beliefs_are_bounded_in_number() -> None:
     robot = service()
     for i in range(MAX_AGREED + 5):
         robot.receive(agreed(0, f"object/o{i}"), NOW)
-    assert len(robot._agreed) == MAX_AGREED
+    robot.check()
     assert robot.refused == {"too-many": 5}
 
 
@@ -179,43 +176,3 @@ def test_who_joins_a_run_takes_what_was_agreed_in_the_tick_before() -> None:
     robot.receive(agreed(22), NOW)
     assert robot.refused == {"future": 1}
     assert robot.counters["late"] == 0
-
-
-def test_a_clock_that_asks_others_is_not_answered_and_one_that_asks_for_a_status_with_that_alone() -> None:
-    robot = service()
-    robot.receive(world(), NOW)
-    robot.receive(readings(0), NOW)
-    first = robot.receive(clock(0), NOW)
-
-    def asked(**fields: list[str]) -> list[Envelope]:
-        again = decode(Clock, clock(0).payload).model_copy(update=fields)
-        return robot.receive(Envelope(keys.CLOCK.key(team="t"), encode(again)), NOW + 1)
-
-    assert asked(asked=["robot/r2"], again=["board/a/x"]) == []
-    assert kinds(asked(asked=["robot/r1"])) == ["Status"]
-    assert said(asked(again=["robot/r1"]))[:-1] == said(first)[:-1]
-
-
-def refusal(reason: str, board: str = "board-a") -> Envelope:
-    said = Refusal(
-        board=board, sub_team="a", robot="r1", time=1.0, subject="object/ball", reason=reason, text="no\nlines", count=1
-    )
-    return Envelope(keys.REFUSED.key(team="t", sub_team="a", robot="r1"), encode(said))
-
-
-def test_it_logs_each_reason_once_in_one_line(caplog: pytest.LogCaptureFixture) -> None:
-    robot = service("a")
-    for reason in ("grid", "grid", "past"):
-        robot.receive(refusal(reason), NOW)
-    lines = [record.getMessage() for record in caplog.records]
-    assert [line.split(";")[0] for line in lines] == [
-        f"board-a refused the report about object/ball of r1 ({reason}: no\\nlines)" for reason in ("grid", "past")
-    ]
-    assert robot.counters["told_refused"] == 3
-
-
-def test_who_is_no_board_tells_nothing(caplog: pytest.LogCaptureFixture) -> None:
-    robot = service("a")
-    robot.receive(refusal("grid", board="x"), NOW)
-    assert robot.counters["told_refused"] == 0
-    assert robot.refused["unregistered"] == 1

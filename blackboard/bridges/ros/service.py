@@ -185,6 +185,7 @@ class RosBridge:
 def _hear(member: Member, envelope: Envelope, now: float) -> list[Envelope]:
     """Hand over what such a robot subscribes to or watches, and nothing else."""
     topic, parts = keys.parse(envelope.key) or (None, {})
-    mine = parts.get("sub_team") in (None, *member.sub_teams) and parts.get("robot") in (None, member.robot)
+    peer = member.peer
+    mine = parts.get("sub_team") in (None, *peer.sub_teams) and parts.get("robot") in (None, peer.robot)
     wanted = topic in (keys.CLOCK, keys.WORLD, keys.AGREED, keys.REFUSED, keys.MEMBER, keys.BOARD)
     return member.receive(envelope, now) if mine and wanted else []

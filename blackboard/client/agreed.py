@@ -1,0 +1,56 @@
+"""What a team agrees on, as a program hears of it: about each subject every belief that is newer than the one before. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Grid
+from blackboard.wire.arrays import unpack
+from blackboard.wire.messages import Consensus
+
+#: Seconds without a newer agreed belief after which an older one is taken, because the stamp of the last one must have been wrong.
+FORGOTTEN = 10.0
+MAX_SUBJECTS = 1024  # of which it is remembered what was agreed on last
+
+
+@dataclass(frozen=True)
+class Agreed:
+    """What the team agreed on about a subject. `time` is team time in seconds, `story` the message: who was used, who was not."""
+
+    subject: str
+    belief: Belief
+    tick: int
+    time: float
+    story: Consensus
+
+
+class Newest:
+    """Makes one stream of what several boards agree on: each subject's beliefs in the order of their stamps."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        #: subject -> time and tick of what was agreed on last, and Unix time when it came; the oldest arrival first
+        self._last: dict[str, tuple[tuple[float, int], float]] = {}
+
+    def take(self, consensus: Consensus, now: float) -> Agreed | None:
+        """What a consensus that came at a Unix time says, if it is new. Refused: "fields", "grid", "mass"."""
+        at = consensus.time, consensus.tick
+        last, since = self._last.get(consensus.subject, ((-math.inf, -1), now))
+        if at <= last and now - since <= FORGOTTEN:
+            return None
+        belief = unpack(consensus.belief, self._grid)
+        self._last.pop(consensus.subject, None)
+        self._last[consensus.subject] = at, now
+        if len(self._last) > MAX_SUBJECTS:
+            del self._last[next(iter(self._last))]
+        return Agreed(consensus.subject, belief, consensus.tick, consensus.time, consensus)
+
+    def forget(self) -> None:
+        """Stamps mean something else from now on."""
+        self._last = {}
+
+    def check(self) -> None:
+        """AssertionError: an invariant does not hold."""
+        assert len(self._last) <= MAX_SUBJECTS
