@@ -2,17 +2,21 @@
 
 Two fusions (Table I): `settle` pools the sub-team's reports into the `consensus`, `exchange` pools the consensuses of all
 sub-teams into the `agreed` belief. Both keep what arrives by subject and source, so the order of arrival does not matter.
+With fusion = "joint" the robots' evidence is kept beside them, and what is agreed comes from the joint where it knows a subject.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 
 from blackboard.board import learning
 from blackboard.board.dissent import Dissent
 from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
+from blackboard.board.joint.desk import JointDesk
 from blackboard.board.learning import Learner
 from blackboard.board.memory import packed_memory, remembered
 from blackboard.config import BoardSection
@@ -22,17 +26,18 @@ from blackboard.opinion.provenance import Opinion
 from blackboard.opinion.weights import entropy_of
 from blackboard.wire import messages as wire
 from blackboard.wire.arrays import pack
+from blackboard.wire.evidence import Forwarded
 from blackboard.wire.memory import Memory, PackedMemory
 from blackboard.wire.messages import Consensus, Informed, Learned, LeftOut, Report, Used
 from blackboard.wire.opinions import check_stamp, reported, settled
-from blackboard.wire.types import capped
+from blackboard.wire.types import MAX_OPINIONS, capped
 
 #: What is done for one subject happens within one of these, which may survive an exception so that the other subjects go on.
 Survive = Callable[[str], AbstractContextManager[object]]
 
 
 class Board:
-    """The blackboard of one sub-team: `hear` reports, `settle` subjects, hear the other boards, `exchange`."""
+    """The blackboard of one sub-team: hear reports, settle, hear the other boards, exchange. Times are team time in seconds."""
 
     def __init__(
         self,
@@ -41,8 +46,9 @@ class Board:
         grid: Grid,
         settings: BoardSection,
         survive: Survive = lambda subject: nullcontext(),
+        counters: Counter[str] | None = None,
     ) -> None:
-        """`survive` is entered for each subject that is fused; by default an exception is the caller's."""
+        """`survive` is entered for each subject that is fused; by default an exception is the caller's. `counters`: of a joint."""
         self.sub_team = sub_team
         self.name = board
         self.grid = grid
@@ -53,21 +59,29 @@ class Board:
         self._consensuses = Entries(grid.size, (sub_team, board))  # of boards, by sub-team and name
         self._learners = {"consensus": Learner(), "agreed": Learner()}  # of robots, and of sub-teams
         self._dissents = {level: Dissent(level) for level in ("consensus", "agreed")}  # the same
+        counters = Counter() if counters is None else counters
+        self.joint = None if settings.fusion == "opinions" else JointDesk(grid, settings, counters, self.ageing)
 
     # --- the sub-team's reports ---------------------------------------------------------------------------------------
 
     def hear(self, report: Report, now: float) -> None:
-        """Take a report; `now` is team time in seconds. Refused: "grid", "mass", "future", "past", "too-many"."""
+        """Take the opinions of a report. Refused: "grid", "mass", "future", "past", "too-many"."""
         self.check_time(report.time, now)
         opinions = reported(report, self.grid, self.settings.feedback)
         self._entries.keep(report.subject, report.source, Entry(report.tick, report.time, opinions))
+
+    def hear_evidence(self, report: Report, skew: float) -> None:
+        """Take what a report holds for the joint, by a clock that may be `skew` seconds ahead. Refused: as in `JointDesk.take`."""
+        evidence = report.evidence if report.subject == f"robot/{report.source}" else None
+        if self.joint is not None and evidence is not None:
+            self.joint.take(report.source, report.tick, report.time, evidence, own=True, skew=skew)
 
     def withdraw(self, source: str, tick: int, subjects: Collection[str]) -> None:
         """Drop a source's reports from before `tick` on subjects that it no longer lists."""
         self._entries.withdraw(source, tick, subjects)
 
     def settle(self, tick: int, now: float, counts: Callable[[str], bool] = lambda robot: True) -> list[Consensus]:
-        """The consensus on every subject that somebody reported, sorted by subject.
+        """The consensus on every subject that was reported, sorted by subject; the board hears them itself, for the exchange.
 
         A robot in several sub-teams `counts` in the exchange through one of them: elsewhere it is left out of the first-hand part.
         """
@@ -79,7 +93,13 @@ class Board:
                 if opinions:
                     fusion = self._fuse("consensus", opinions, subject, now, counts)
                     found.append(self._consensus("consensus", subject, tick, now, fusion, _left_out(silent)))
+                    self.hear_consensus(found[-1], now)
+        self.withdraw_consensuses(self.sub_team, tick, [consensus.subject for consensus in found])
         return found
+
+    def forward(self) -> list[Forwarded]:
+        """The evidence of the own robots since the last call, for the joints of the other boards."""
+        return [] if self.joint is None else self.joint.forward()
 
     # --- the exchange -------------------------------------------------------------------------------------------------
 
@@ -95,38 +115,52 @@ class Board:
             if source[0] == sub_team:
                 self._consensuses.withdraw(source, tick, subjects)
 
-    def exchange(self, tick: int, now: float, known: Collection[str] = ()) -> list[Consensus]:
-        """The agreed belief on every subject that any sub-team has a consensus on, but for those `known` otherwise; by subject.
+    def exchange(self, tick: int, now: float, robots: Collection[str] = ()) -> list[Consensus]:
+        """The agreed belief on every subject of which there is one, sorted by subject.
 
-        A sub-team counts once, however many boards it has: by the consensus of the newest tick, then of the board whose
-        name sorts first.
+        As many as a status can list: first those of the joint and about `robots`. On all else opinions are pooled, one of each
+        sub-team, however many boards it has: the consensus of the newest tick, then of the board whose name sorts first.
         """
-        found = []
+        found = self._marginals(tick, now)
+        first = found.keys() | {f"robot/{robot}" for robot in robots}
         for subject in self._consensuses:
-            if subject in known:
+            if subject in found:
                 continue
             with self._survive(subject):
                 usable, silent = self._consensuses.usable(subject, now, self.settings.max_age)
                 newest = sorted(usable, key=lambda source: (source[0], -usable[source].tick, source[1]), reverse=True)
-                entries = {
-                    sub_team: usable[sub_team, board] for sub_team, board in newest
-                }  # of several boards of a sub-team the newest consensus, which comes last, is kept
+                # Of several boards of a sub-team the newest consensus, which comes last, is kept.
+                entries = {sub_team: usable[sub_team, board] for sub_team, board in newest}
                 left_out = _left_out({name: age for (name, _), age in silent.items() if name not in entries})
                 opinions = [o for sub_team in sorted(entries) for o in self._aged(entries[sub_team], subject, now)]
                 if len(entries) == 1:  # one sub-team: its consensus is the agreed belief
                     opinions = opinions[-1:]
                 if opinions:
                     fusion = self._fuse("agreed", opinions, subject, now)
-                    found.append(self._consensus("agreed", subject, tick, now, fusion, left_out))
-        return found
+                    found[subject] = self._consensus("agreed", subject, tick, now, fusion, left_out)
+        kept = sorted(found, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
+        return [found[subject] for subject in sorted(kept)]
+
+    def _marginals(self, tick: int, now: float) -> dict[str, Consensus]:
+        """What the joint knows, by subject."""
+        make = partial(Consensus, board=self.name, sub_team=self.sub_team, level="agreed", tick=tick, time=now)
+        with self._survive("the joint"):
+            return {} if self.joint is None else {it.subject: it for it in self.joint.settle(now, make)}
+        return {}
+
+    def check(self) -> None:
+        """AssertionError: what holds of its entries between two calls does not."""
+        self._entries.check()
+        self._consensuses.check()
 
     def learned(self) -> list[Learned]:
         """What was learned of every source with independence "learn": of robots, then of sub-teams."""
         return [_told(level, it) for level, learner in self._learners.items() for it in learner.learned()]
 
     def dissent(self) -> list[wire.Dissent]:
-        """Who keeps disagreeing with the others: robots, then sub-teams."""
-        return [one for level in self._dissents.values() for one in level.told()]
+        """Who keeps disagreeing with the others: robots, then sub-teams, then robots in the joint."""
+        joint = [] if self.joint is None else [self.joint.dissent]
+        return [one for level in [*self._dissents.values(), *joint] for one in level.told()]
 
     def memory(self, level: str) -> PackedMemory:
         """What is remembered of robots ("consensus"), or of sub-teams ("agreed")."""
@@ -160,11 +194,6 @@ class Board:
         learner, dissent = self._learners[level], self._dissents[level]
         return fuse_opinions(opinions, self.grid, self.settings, subject, learner, now, dissent, counts)
 
-    def _part(self, fusion: Fusion) -> Informed:
-        return Informed(
-            belief=pack(fusion.firsthand, self.settings.coding), ancestors=self._capped(fusion.firsthand_ancestors)
-        )
-
     def _capped(self, ancestors: dict[str, float]) -> dict[str, float]:
         """As many ancestors as a message holds: the robots that report to this board, then the others by name."""
         return capped(ancestors, self._entries.sources)
@@ -172,6 +201,7 @@ class Board:
     def _consensus(
         self, level: str, subject: str, tick: int, now: float, fusion: Fusion, left_out: list[LeftOut]
     ) -> Consensus:
+        first = None if fusion.is_firsthand else pack(fusion.firsthand, self.settings.coding)
         parameters = fusion.rule.in_force()
         dissent = self._dissents[level]
         weights = {share.opinion.source: share.weight for share in fusion.shares if share.how == "independent"}
@@ -185,7 +215,9 @@ class Board:
             time=now,
             belief=pack(fusion.belief, self.settings.coding),
             ancestors=self._capped(fusion.ancestors),
-            firsthand=None if fusion.is_firsthand else self._part(fusion),
+            firsthand=None
+            if first is None
+            else Informed(belief=first, ancestors=self._capped(fusion.firsthand_ancestors)),
             used=[
                 Used(
                     source=s.opinion.source,

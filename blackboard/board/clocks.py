@@ -1,33 +1,63 @@
-"""The clocks of those that a board hears while each goes by its own Unix time: corrected, told, or refused by name. Pure."""
+"""The clocks of those that a board hears, where each goes by its own Unix time: corrected, told, or refused by name. Pure.
+
+Where a world gives the time, all stamps are its own, and nothing is corrected.
+"""
 
 from __future__ import annotations
 
 import logging
+from typing import TypeVar
 
 from blackboard.errors import Refused
 from blackboard.process.offsets import Echoes, Offsets
 from blackboard.process.printable import quoted
-from blackboard.wire.messages import Status
+from blackboard.process.team_clock import Pace, TeamClock
+from blackboard.wire.evidence import Forward
+from blackboard.wire.messages import Consensus, Report, Status
 
 log = logging.getLogger(__name__)
 
 MAX_LOGGED = 1000  # sources that are remembered as logged
 
+M = TypeVar("M", Report, Consensus, Forward)
+
 
 class Clocks:
     """Stamps of others as stamps of this board's clock. Robots are named as `r1`, boards as `b/board-b`; `now` is Unix seconds."""
 
-    def __init__(self, name: str, limit: float) -> None:
+    def __init__(self, name: str, limit: float, clock: TeamClock) -> None:
         """`name` is this board's own, `limit` how many seconds are corrected."""
-        self.name, self.limit = name, limit
+        self.name, self.limit, self.clock = name, limit, clock
         self.offsets, self.echoes = Offsets(), Echoes()
         self._logged: set[str] = set()
+
+    @property
+    def differ(self) -> bool:
+        """Whether each process goes by its own clock."""
+        return self.clock.pace is Pace.FREE
+
+    @property
+    def skew(self) -> float:
+        """Seconds that a robot's clock may be ahead."""
+        return self.limit if self.differ else 0.0
 
     def hear(self, source: str, status: Status, now: float) -> None:
         """Take the stamps of a status; one without (of an older version, or where there is a world) tells nothing."""
         echo = status.echo.get(self.name)
-        if status.sent is not None and echo is not None:
+        if self.differ and status.sent is not None and echo is not None:
             self.offsets.round_trip(source, status.sent, *echo, now)
+
+    def adopt(self, status: Status) -> None:
+        """Take what another board of the sub-team found."""
+        if self.differ:
+            self.offsets.told(status.clocks)
+
+    def on_time(self, source: str, message: M, now: float) -> M:
+        """A message with its stamp by this board's clock. Refused: as `corrected`."""
+        if not self.differ:
+            return message
+        time = self.corrected(source, message.time, now)
+        return message if time == message.time else message.model_copy(update={"time": time})
 
     def corrected(self, source: str, stamp: float, now: float) -> float:
         """A stamp of a source by this board's clock. Refused: "future", "past", where its clock is off by more than is corrected."""
@@ -44,7 +74,15 @@ class Clocks:
             log.warning("%s; corrected, and not logged again for this source", said)
         return stamp - ahead
 
+    def addressed(self, agreed: Consensus) -> Consensus:
+        """What is agreed about a robot, with how far that robot's clock is ahead."""
+        ahead = self.offsets.ahead(agreed.subject.removeprefix("robot/"))
+        off = self.differ and agreed.subject.startswith("robot/") and ahead
+        return agreed.model_copy(update={"ahead": ahead}) if off else agreed
+
     def shown(self, status: Status, now: float) -> Status:
         """A status with what the others need to know of this board's clock, and what it found of theirs."""
+        if not self.differ:
+            return status
         update = {"sent": now, "echo": self.echoes.held(now), "clocks": self.offsets.found()}
         return status.model_copy(update=update)

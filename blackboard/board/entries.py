@@ -76,6 +76,12 @@ class Entries(Generic[Source]):
             self._drop(subject, source)
         return young, silent
 
+    def check(self) -> None:
+        """AssertionError: there are more entries than are counted, or than there may be."""
+        assert self._count == sum(map(len, self._table.values())) <= self._most
+        assert len(self._table) <= MAX_SUBJECTS
+        assert all(0 < len(entries) <= MAX_SOURCES for entries in self._table.values())
+
     # --- room ---------------------------------------------------------------------------------------------------------
 
     def _drop(self, subject: str, source: Source) -> None:

@@ -31,21 +31,32 @@ class Participants:
         """Whether a robot holds a token in a sub-team, or the world names it there."""
         return robot in self.roster.robots.get(sub_team, []) or robot in self._named().get(sub_team, [])
 
+    def has_board(self, sub_team: str, board: str) -> bool:
+        """Whether a board holds a token in a sub-team."""
+        return board in self.roster.boards.get(sub_team, [])
+
     def check_robot(self, robot: str) -> None:
         """Refused: a robot without a token in the sub-team that the world does not name. TooEarly: its token may be on its way."""
         if self.has_robot(robot, self.sub_team):
             return
-        refusal = Refused("unregistered", f"{robot} holds no liveliness token in sub-team {self.sub_team}")
-        raise TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
+        raise self.doubted(Refused("unregistered", f"{robot} holds no liveliness token in sub-team {self.sub_team}"))
 
     def check_board(self, sub_team: str, board: str) -> None:
         """Refused: a board of another sub-team that holds no token. TooEarly: the token may be on its way."""
-        if board in self.roster.boards.get(sub_team, []):
+        if self.has_board(sub_team, board):
             return
-        refusal = Refused("unregistered", f"board {board} holds no liveliness token in sub-team {sub_team}")
         if self._is_expected(sub_team):
             raise TooEarly
-        raise TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
+        raise self.doubted(Refused("unregistered", f"board {board} holds no liveliness token in sub-team {sub_team}"))
+
+    def check_twin(self, board: str) -> None:
+        """TooEarly: a board of this sub-team that holds no token, which may be on its way."""
+        if not self.has_board(self.sub_team, board):
+            raise TooEarly
+
+    def doubted(self, refusal: Refused) -> Refused | TooEarly:
+        """A refusal that counts; without a world it may turn out wrong once a token, or a world's Clock, has come."""
+        return TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
 
     def hear_robot(self, robot: str) -> None:
         """A robot of this sub-team says something: where no world names the robots, it is waited for, but not another team."""

@@ -44,6 +44,11 @@ class RollCall(Generic[Source]):
         known = self._heard.get(source, {})
         return all(known.get(subject, -1) >= tick for subject in subjects)
 
+    def check(self) -> None:
+        """AssertionError: it is beyond its bounds."""
+        assert max(len(self._lists), len(self._heard)) <= MAX_SOURCES
+        assert all(len(subjects) <= MAX_SUBJECTS for subjects in self._heard.values())
+
     def complete(self, source: Source, tick: int) -> bool:
         """Whether a source has listed exactly this tick, and everything on its list is here."""
         listed = self._lists.get(source)

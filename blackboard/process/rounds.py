@@ -23,19 +23,26 @@ class Row:
     at_most: str  # which wait ends it otherwise: "at once", "never", or the name of one that the process is given
     then: str  # the phase that follows
     late: bool = False  # whether it counts as late when time ends it
+    when: str = "message"  # after which of `MOMENTS` it may end
 
 
 Table = Mapping[tuple[Pace, str], Row]
 
-#: A board. "settled" is left when a tick begins: by the world's Clock, or every `period` seconds of Unix time.
+#: "message": after each message, and when the process is woken; "batch": when it is woken, which in real time is after each batch of
+#: messages; "before": also before a message is taken.
+MOMENTS = {"message": ("message", "batch"), "batch": ("batch",), "before": ("before", "batch")}
+
+#: A board. "settled" is left when a tick begins: by the world's Clock, or every `period` seconds of Unix time. In real time a board
+#: that needs longer than a tick to settle would settle every tick that it reads of, later each time; so it settles after a batch only.
+#: A new Clock would end an exchange without publishing what is agreed; so that ends before the next message.
 BOARD: Table = {
     (Pace.WAITING, "settled"): Row("", "never", "settled"),
     (Pace.FREE, "settled"): Row("", "never", "settled"),
     (Pace.FREE, "reports"): Row("", "at once", "exchange"),
     (Pace.FREE, "exchange"): Row("", "at once", "settled"),
     (Pace.REALTIME, "settled"): Row("", "never", "settled"),
-    (Pace.REALTIME, "reports"): Row("reports", "half a period", "exchange", late=True),
-    (Pace.REALTIME, "exchange"): Row("consensuses", "half a period", "settled", late=True),
+    (Pace.REALTIME, "reports"): Row("reports", "half a period", "exchange", late=True, when="batch"),
+    (Pace.REALTIME, "exchange"): Row("consensuses", "half a period", "settled", late=True, when="before"),
     (Pace.LOCKSTEP, "settled"): Row("", "never", "settled"),
     (Pace.LOCKSTEP, "reports"): Row("reports", "patience", "exchange", late=True),
     (Pace.LOCKSTEP, "exchange"): Row("consensuses", "patience", "settled", late=True),
@@ -85,13 +92,20 @@ class Rounds:
         row = self.table.get((pace, self.phase))
         return math.inf if row is None else self.began + self.waits[row.at_most]
 
-    def turn(self, pace: Pace, now: float, fact: Callable[[str], bool]) -> tuple[str, bool] | None:
+    def check(self) -> None:
+        """AssertionError: the process is in a phase that it does not have."""
+        assert any(phase == self.phase for _, phase in self.table), self.phase
+
+    def turn(
+        self, pace: Pace, now: float, fact: Callable[[str], bool], moment: str = "batch"
+    ) -> tuple[str, bool] | None:
         """Enter the next phase where this one is over: the phase that ended, and whether it counts as late; else None.
 
-        A phase that the pace does not have lasts until `enter`: the process changed its pace and begins anew.
+        `moment` is one of `MOMENTS`. A phase that the pace does not have lasts until `enter`: the process changed its pace and
+        begins anew.
         """
         row = self.table.get((pace, self.phase))
-        if row is None:
+        if row is None or moment not in MOMENTS[row.when]:
             return None
         complete = bool(row.until) and fact(row.until)
         if not complete and now < self.began + self.waits[row.at_most]:
@@ -104,11 +118,11 @@ class Rounds:
 def text() -> str:
     """The tables as text."""
     rows = [
-        (name, pace.value, phase, row.until or "-", row.at_most, row.then)
+        (name, pace.value, phase, row.until or "-", row.at_most, row.when, row.then)
         for name, table in TABLES.items()
         for (pace, phase), row in table.items()
     ]
-    return "\n".join(columns([("process", "pace", "phase", "until", "at most", "then"), *rows]))
+    return "\n".join(columns([("process", "pace", "phase", "until", "at most", "when", "then"), *rows]))
 
 
 if __name__ == "__main__":

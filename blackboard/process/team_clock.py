@@ -146,6 +146,11 @@ class TeamClock:
             return Pace(self.followed.mode)
         return Pace.FREE if self.state is State.FREE else Pace.WAITING
 
+    @property
+    def run(self) -> str:
+        """The run of the world that is followed; empty where none is."""
+        return "" if self.followed is None else self.followed.run
+
     def hear(self, clock: Clock, now: float) -> News:
         """Take a Clock. It is followed while a world's token is there, and kept until then; an older tick is ignored."""
         if self.roster.world:

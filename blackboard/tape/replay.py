@@ -33,8 +33,7 @@ class Output:
     def take(self, service: BoardService, out: list[Envelope]) -> None:
         """Take what a board sends."""
         self.counters["sent"] += len(out)
-        run = service.clock.followed.run if service.clock.followed is not None else ""
-        self.sent += [(run, envelope) for envelope in out if is_consensus(envelope)]
+        self.sent += [(service.clock.run, envelope) for envelope in out if is_consensus(envelope)]
 
 
 @dataclass

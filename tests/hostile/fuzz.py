@@ -19,9 +19,7 @@ from typing import Any
 import msgpack
 import numpy as np
 
-from blackboard.board.entries import MAX_SUBJECTS
 from blackboard.lab.team import Team
-from blackboard.process.roll_call import MAX_SOURCES
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from tests.hostile.examples import RICH
@@ -185,8 +183,7 @@ def run(seed: int, count: int, joint: bool) -> Counter[str]:
         found += Counter(service.refused)
         assert service.counters["failed"] == 0, f"seed {seed}: {service} met an exception"
     for board in team.boards.values():
-        assert len(list(board.board._entries)) <= MAX_SUBJECTS
-        assert len(board._reports._heard) <= MAX_SOURCES
+        board.check()
     assert team.world.why == "", f"seed {seed}: {team.world.why}"
     return found
 

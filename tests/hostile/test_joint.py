@@ -84,5 +84,6 @@ def test_a_lying_board_does_not_shut_a_robot_out_of_a_running_team() -> None:
     attack.goes_on()
     board = attack.team.boards["a"]
     assert board.refused["unregistered"] > 0
-    assert board._joint is not None
-    assert board._joint._newest["r1"][1] == attack.team.world.tick
+    agreed = attack.message(keys.AGREED.key(team="t", sub_team="a", subject="robot/r1"))
+    assert agreed.rule == "joint"
+    assert agreed.ancestors["r1"] == agreed.time

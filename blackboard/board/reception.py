@@ -1,0 +1,164 @@
+"""What a board takes from robots and from other boards: whose message counts, by whose clock, and what has arrived of a tick. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from blackboard.board.board import Board
+from blackboard.board.clocks import Clocks
+from blackboard.board.handover import Handover
+from blackboard.board.lead import Lead, Part
+from blackboard.board.participants import Participants
+from blackboard.errors import Refused
+from blackboard.process.intake import Intake, TooEarly
+from blackboard.process.roll_call import RollCall
+from blackboard.process.team_clock import Pace
+from blackboard.wire.evidence import Forward
+from blackboard.wire.memory import Memory
+from blackboard.wire.messages import Consensus, Report, Status
+from blackboard.wire.types import Message
+
+
+class Reception:
+    """Judges messages and gives them to a board; says what of a tick is not here yet. `now` is Unix time in seconds."""
+
+    def __init__(self, name: str, participants: Participants, clocks: Clocks, lead: Lead, intake: Intake) -> None:
+        self.name, self.sub_team = name, participants.sub_team
+        self.participants, self.clocks, self.clock = participants, clocks, clocks.clock
+        self.lead, self.intake = lead, intake
+
+    def begin(self, board: Board, handover: Handover) -> None:
+        """Forget what has arrived: from now on all goes to this board."""
+        self.board, self.handover = board, handover
+        self._reports: RollCall[str] = RollCall()  # of the sub-team's robots
+        self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
+
+    def take(self, parts: dict[str, str], message: Message, now: float) -> bool:
+        """Take a message of a robot or of another board. True: its sender should hear of this board at once. Refused, TooEarly."""
+        if self.clock.pace is Pace.WAITING:
+            raise TooEarly  # its stamp cannot be judged before the world's clock is known
+        if isinstance(message, Status):
+            return self._on_status(parts["sub_team"], message, now)
+        if isinstance(message, Report):
+            self._on_report(message, now)
+        elif isinstance(message, Memory):
+            self._on_memory(message, now)
+        elif isinstance(message, Consensus) and message.sub_team != self.sub_team:
+            self._on_consensus(message, now)
+        elif isinstance(message, Forward) and message.sub_team != self.sub_team:
+            self._on_forward(message, now)
+        return False
+
+    # --- what of a tick is here ---------------------------------------------------------------------------------------
+
+    def has(self, fact: str) -> bool:
+        """Whether all "reports" of the tick, or all "consensuses" of the other boards, have arrived."""
+        if fact == "consensuses" and self.participants.boards() is None:
+            return False
+        return next(self.lacks(fact), None) is None
+
+    def lacks(self, fact: str) -> Iterator[str]:
+        """Whose messages of the tick have not arrived, as a Clock names them."""
+        tick = self.clock.tick
+        for robot in self.participants.robots() if fact == "reports" else ():
+            if not self._reports.complete(robot, tick):
+                yield f"robot/{robot}"
+        joint = self.board.joint
+        for board in self.participants.boards() or () if fact == "consensuses" else ():
+            has_forwarded = joint is None or joint.has_heard(board, tick)
+            if not (has_forwarded and self._consensuses.complete(board, tick)):
+                yield "/".join(("board", *board))
+
+    def check(self) -> None:
+        """AssertionError: a roll call is beyond its bounds."""
+        self._reports.check()
+        self._consensuses.check()
+
+    # --- messages -----------------------------------------------------------------------------------------------------
+
+    def _on_report(self, report: Report, now: float) -> None:
+        source = report.source
+        self.participants.check_robot(source)
+        self.participants.hear_robot(source)
+        try:
+            report = self.clocks.on_time(source, report, now)
+            self.board.hear(report, self.clock.time(now))
+        except Refused as refusal:  # a stamp may be of a world whose Clock has not come yet
+            raise self.participants.doubted(refusal) if refusal.reason in ("past", "future") else refusal from None
+        self._reports.record(source, report.subject, report.tick)
+        self.intake.record_age(source, now)
+        self.board.hear_evidence(report, self.clocks.skew)
+
+    def _on_consensus(self, consensus: Consensus, now: float) -> None:
+        board = consensus.sub_team, consensus.board
+        self.participants.check_board(*board)
+        self.clocks.echoes.hear("/".join(board), consensus.time, now)
+        self.board.hear_consensus(self.clocks.on_time("/".join(board), consensus, now), self.clock.time(now))
+        self._consensuses.record(board, consensus.subject, consensus.tick)
+
+    def _on_forward(self, forward: Forward, now: float) -> None:
+        if self.board.joint is None:
+            return
+        sub_team = forward.sub_team
+        self.participants.check_board(sub_team, forward.board)
+        forward = self.clocks.on_time(f"{sub_team}/{forward.board}", forward, now)
+        self.board.check_time(forward.time, self.clock.time(now))
+        self.board.joint.hear(forward, lambda robot: self.participants.has_robot(robot, sub_team), self.clocks.skew)
+
+    def _on_memory(self, memory: Memory, now: float) -> None:
+        """Where this board follows, learn what its leader has learned."""
+        self.participants.check_twin(memory.board)
+        if self.lead.part is Part.FOLLOWS and (memory.board, memory.run) == (self.lead.leader, self.clock.run):
+            self.board.check_time(memory.time, self.clock.time(now))
+            self.handover.take(memory, lockstep=self.clock.pace is Pace.LOCKSTEP)
+
+    def _on_status(self, sub_team: str, status: Status, now: float) -> bool:
+        mine = sub_team == self.sub_team
+        if status.kind == "robot":
+            self._on_robot(sub_team, status, now)
+        elif status.kind == "board" and mine and status.process != self.name:
+            return self._on_twin(status, now)
+        elif status.kind == "board" and not mine:
+            self._on_board(sub_team, status, now)
+        return False
+
+    def _on_robot(self, sub_team: str, status: Status, now: float) -> None:
+        """A robot says how fast it is, and one of this sub-team lists what it reported."""
+        robot, mine = status.process, sub_team == self.sub_team
+        if mine:
+            self.participants.hear_robot(robot)
+        lists = mine and status.phase == "reported"
+        if lists:
+            self.participants.check_robot(robot)
+        if lists or self.participants.has_robot(robot, sub_team):
+            if status.speed is not None:
+                self.board.ageing.learn_speed(robot, status.speed)
+            self.clocks.hear(robot, status, now)
+        if lists:
+            self._reports.record_list(robot, status.tick, status.subjects)
+            self.board.withdraw(robot, status.tick, {*status.subjects, *status.kept})
+
+    def _on_twin(self, status: Status, now: float) -> bool:
+        """Another board of this sub-team says whether it leads, and what it has published."""
+        self.participants.check_twin(status.process)
+        if not status.follows:
+            self.clocks.adopt(status)
+        newest = self.clock.time(now) + self.board.settings.future
+        return self.lead.hear(status, now, newest, any_tick=self.clocks.differ)
+
+    def _on_board(self, sub_team: str, status: Status, now: float) -> None:
+        """A board of another sub-team lists what it settled."""
+        board = sub_team, status.process
+        known = self.participants.has_board(*board)
+        if known:
+            self.clocks.hear("/".join(board), status, now)
+            self.participants.hear_role(*board, follows=status.follows)
+        if status.phase == "consensus" and not status.follows:
+            # Outside lockstep an empty list changes nothing, and a board that has just started may send it before its token arrives.
+            if not known and not status.subjects and self.clock.pace is not Pace.LOCKSTEP:
+                return
+            self.participants.check_board(*board)
+            self._consensuses.record_list(board, status.tick, status.subjects)
+            self.board.withdraw_consensuses(sub_team, status.tick, status.subjects)
+            if self.board.joint is not None and known:
+                self.board.joint.expect(board, status.settings.get("fusion") == "joint")
