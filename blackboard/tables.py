@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from blackboard.errors import UserError
+
+DEEPEST = 16  # tables and arrays within each other; a scenario needs five
 
 
 def read_tables(name: str | Path) -> tuple[dict[str, Any], str]:
@@ -27,9 +30,28 @@ def read_tables(name: str | Path) -> tuple[dict[str, Any], str]:
     except (OSError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: cannot be read ({error}); give an existing TOML file") from error
     try:
-        tables = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        tables = parse(text, json.loads if path.suffix == ".json" else tomllib.loads)
     except ValueError as error:
         raise UserError(f"{path}: not valid TOML ({error})") from error
     if not isinstance(tables, dict):  # JSON may hold anything
         raise UserError(f"{path}: holds no sections; give a scenario, as `blackboard scenario` describes it")
     return tables, str(path)
+
+
+def parse(text: str, loads: Callable[[str], Any]) -> Any:
+    """What `loads` reads in a text. ValueError: nothing, or it is nested deeper than any scenario."""
+    try:
+        found = loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    level = [found]
+    for _ in range(DEEPEST + 1):
+        level = [
+            part
+            for value in level
+            if isinstance(value, dict | list)
+            for part in (value.values() if isinstance(value, dict) else value)
+        ]
+    if level:
+        raise ValueError("nested too deeply")
+    return found

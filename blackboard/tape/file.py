@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from blackboard.errors import UserError, extra, writing
+from blackboard.tables import parse
 from blackboard.tape.backlog import Backlog
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
@@ -38,6 +39,10 @@ ABOUT = "blackboard"  # the metadata record that says what is recorded
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK = 1 << 16  # bytes: with a flush a second, a kill -9 loses a second at most
 MAX_RECORD = 1 << 26  # bytes of a record, and of a chunk unpacked
+LATEST = 1 << 63  # nanoseconds, in the year 2262: a later message is taken for a broken place
+#: What a part of a file may hold, so that it needs no more time and memory than a file of its size: bytes and messages for each
+#: byte of the file until then, and some at the beginning. Empty messages that follow each other take 5 bytes each.
+UNPACKED, MESSAGES, AT_FIRST = 200, 1, 4096
 MAX_KEYS = 4096  # channels on a tape; messages on further keys are counted and left out
 
 
@@ -53,7 +58,7 @@ class About:
         """The tables of the scenario; None where the recorder was not told."""
         text = self.metadata.get("scenario", "")
         try:
-            tables = json.loads(text) if text else None
+            tables = parse(text, json.loads) if text else None
         except ValueError:
             return None
         return tables if isinstance(tables, dict) else None
@@ -174,6 +179,8 @@ def look_through(path: Path, about: About, broken: list[int] | None = None) -> I
                 raise UserError(
                     f"{path}: a tape of format {record.metadata.get('format')!r:.20}; this version reads {FORMAT}"
                 )
+        elif isinstance(record, Message) and record.log_time >= LATEST:
+            _note_broken(path, f"a message of {record.log_time / 1e9:.0f} s Unix time", len(record.data), broken)
         elif isinstance(record, Message) and record.channel_id in channels:  # else its channel was in what is broken
             channel = channels[record.channel_id]
             found = _envelope(channel, record.data)
@@ -245,36 +252,40 @@ def _records(path: Path, broken: list[int] | None) -> Iterator[McapRecord]:
     with file:
         if file.read(len(MAGIC)) != MAGIC:
             raise UserError(f"{path}, byte 0: no MCAP file; give a tape, as `blackboard record` writes it")
-        opcode = None
+        opcode, unpacked, messages = None, 0, 0
         while opcode != Opcode.DATA_END:
             at = file.tell()
             head = file.read(9)
             length = int.from_bytes(head[1:], "little")
             content = file.read(length) if len(head) == 9 and length <= MAX_RECORD else b""
             if len(head) < 9 or len(content) < length:
-                if broken is None:
-                    raise UserError(
-                        f"{path}, byte {at}: breaks off; `blackboard tape recover {path}` saves what is whole"
-                    )
-                broken.append(len(head) + len(content) + len(file.read(MAX_RECORD)))
+                lost = len(head) + len(content) + len(file.read(MAX_RECORD))
+                _note_broken(path, f"byte {at}: breaks off", lost, broken)
                 return
             opcode = head[0]
             try:
-                found = _parse(opcode, head + content)
+                room = AT_FIRST + MESSAGES * file.tell() - messages
+                found = _parse(opcode, head + content, MAX_RECORD + UNPACKED * file.tell() - unpacked, room)
             except Exception as error:  # whatever the library makes of hostile bytes
-                if broken is None:
-                    cure = f"`blackboard tape recover {path}` saves what is whole"
-                    raise UserError(f"{path}, byte {at}: broken ({error!r:.80}); {cure}") from error
-                broken.append(len(head) + length)
+                _note_broken(path, f"byte {at}: broken ({error!r:.80})", len(head) + length, broken, error)
                 continue
             for record in found:
+                if isinstance(record, Message):
+                    unpacked, messages = unpacked + len(record.data), messages + 1
                 if isinstance(record, Header) and record.profile != PROFILE:
                     raise UserError(f"{path}: an MCAP file of profile {record.profile!r:.40}, not a tape of a team")
                 yield record
 
 
-def _parse(opcode: int, record: bytes) -> list[McapRecord]:
-    """The record in a frame, or those in a chunk; none of kinds that are not needed."""
+def _note_broken(path: Path, what: str, lost: int, broken: list[int] | None, cause: Exception | None = None) -> None:
+    """Append the bytes of a broken place. UserError: they are not asked for."""
+    if broken is None:
+        raise UserError(f"{path}, {what}; `blackboard tape recover {path}` saves what is whole") from cause
+    broken.append(lost)
+
+
+def _parse(opcode: int, record: bytes, most_bytes: int, most_messages: int) -> list[McapRecord]:
+    """The record in a frame, or those in a chunk, if they are no more than that; none of kinds that are not needed."""
     if opcode not in (Opcode.HEADER, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA, Opcode.CHUNK):
         return []
     found = next(StreamReader(BytesIO(record), skip_magic=True, emit_chunks=True).records)
@@ -288,8 +299,20 @@ def _parse(opcode: int, record: bytes) -> list[McapRecord]:
         raise ValueError(f"compressed by {found.compression}")
     if len(data) > MAX_RECORD or len(data) != found.uncompressed_size:
         raise ValueError(f"a chunk of {len(data)} bytes that says {found.uncompressed_size}")
+    if len(data) > most_bytes or _has_more_frames(data, most_messages):
+        raise ValueError("holds more than a tape of this size")
     plain = Chunk("", data, found.message_end_time, found.message_start_time, found.uncompressed_crc, len(data))
     return breakup_chunk(plain, validate_crc=True)
+
+
+def _has_more_frames(data: bytes, most: int) -> bool:
+    """Whether a chunk's content has more frames than that; looks at no more of them."""
+    at = 0
+    for _ in range(most + 1):
+        if at >= len(data):
+            return False
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    return True
 
 
 def _envelope(channel: Channel, data: bytes) -> Envelope | None:

@@ -27,6 +27,9 @@ from blackboard.wire.messages import Clock, Journal
 
 OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.JOURNAL, keys.MEMORY, keys.REFUSED)
 LONGEST = 600.0  # seconds
+#: How often boards are woken at most: so often, and so often again for each message of the tape. A tape whose messages are far apart,
+#: or whose boards are due all the time, would have no end; a real one takes less than once for each message.
+WAKES_AT_FIRST, WAKES = 20_000, 20
 
 
 def what_if(
@@ -59,6 +62,7 @@ class _Board(Around):
         return self._sent(super().receive(envelope, now))
 
     def wake(self, now: float) -> list[Envelope]:
+        self._output.counters["woken"] += 1
         return self._sent(super().wake(now))
 
     def _sent(self, out: list[Envelope]) -> list[Envelope]:
@@ -90,11 +94,13 @@ class _Boards:
         self._tokens: dict[str, BusLink] = {}  # each held by a link of its own, which is closed when the token goes
         self._boards: dict[tuple[str, str], _Board] = {}
         self._tick = "", -1  # run and tick of the newest Clock
+        self._wakes = WAKES_AT_FIRST  # that may have been until now
         self._behind = 0.0  # seconds that were waited in lockstep and not in the recorded run
 
     def play(self, tape: Tape, moved: Callable[[], None]) -> Output:
         ends = _ends(tape)
         for number, (at, envelope) in enumerate(tape.envelopes):
+            self._wakes += WAKES
             self._pass_time(at + self._behind)
             if number in ends:
                 self._stop(ends[number])
@@ -152,16 +158,23 @@ class _Boards:
     def _settle(self) -> None:
         """In lockstep let time pass until every board is done with its tick; it waits for two phases at most."""
         start = self._running.now
-        self._running.run_for(0.0)
+        self._pass_time(start)
         end = start + 2 * self.scenario.board.patience + 1.0
-        while any(board.is_busy for board in self._boards.values()) and self._running.step(end):
+        while any(board.is_busy for board in self._boards.values()) and self._step(end):
             pass
         self._behind += self._running.now - start
 
     def _pass_time(self, until: float) -> None:
         """Let time pass until then; of a silence of more than `LONGEST` only its last part."""
         self._running.now = max(self._running.now, until - LONGEST)
-        self._running.run_to(until)
+        while self._step(until):
+            pass
+        self._running.now = max(self._running.now, until)
+
+    def _step(self, end: float) -> bool:
+        """Deliver one message, or wake one board. False: nothing is to be done until `end`, or boards were woken too often."""
+        may_wake = self.output.counters["woken"] < self._wakes
+        return (may_wake or bool(self._bus.waiting)) and self._running.step(end)
 
 
 def _ends(tape: Tape) -> dict[int, tuple[str, str]]:

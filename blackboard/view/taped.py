@@ -12,6 +12,7 @@ from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
+from blackboard.tables import parse
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.envelope import Envelope
 
@@ -83,6 +84,6 @@ class Taped:
 def _drift(scenario: str) -> float:
     """The boards' drift by the scenario on a tape; that of a default board where it has none or one of another version."""
     try:
-        return Scenario(json.loads(scenario) if scenario else {}).board.drift
+        return Scenario(parse(scenario, json.loads) if scenario else {}).board.drift
     except (ValueError, UserError):
         return Scenario({}).board.drift
