@@ -2,9 +2,9 @@
 
 A fault of this program is a plain exception with a sentence. It ends the process at the start; a service that runs counts and logs
 it, and goes on without what met it (`blackboard.process.failures`). Bytes from another process that cannot be used
-raise `Refused`, which a service counts under its reason and drops. A person's mistake raises `UserError`, which a door prints as
-one line before it exits with status 2. A run that breaks off raises `RunFailed`, which a door prints the same way before it exits
-with status 1.
+raise `Refused`, which a service counts under its reason and drops; evidence that breaks a joint raises `Degenerate`. A person's
+mistake raises `UserError`, which a door prints as one line before it exits with status 2. A run that breaks off raises `RunFailed`,
+which a door prints the same way before it exits with status 1.
 """
 
 from __future__ import annotations
@@ -44,6 +44,14 @@ class Refused(ValueError):
     def __init__(self, reason: str, text: str) -> None:
         super().__init__(f"{reason}: {text}")
         self.reason = reason
+
+
+class Degenerate(Exception):
+    """Evidence after which a joint belief is no Gaussian that can be kept; `robot` gave it, and is empty where that is not known."""
+
+    def __init__(self, robot: str, text: str) -> None:
+        super().__init__(text)
+        self.robot = robot
 
 
 class UserError(Exception):

@@ -20,6 +20,7 @@ import numpy as np
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.bell import bell
+from blackboard.opinion.chi_squared import DOUBT, quantile
 from blackboard.opinion.gaussian.evidence import Verdict
 from blackboard.opinion.gaussian.joint import squared_distance
 from blackboard.opinion.gaussian.trust import Trust, camps_of
@@ -30,8 +31,6 @@ from blackboard.wire import messages as wire
 log = logging.getLogger(__name__)
 
 SPACING = 1.0  # seconds of team time between two judgements of a source: what follows sooner is hardly new
-#: The 99 % quantiles of chi-squared by the axes of the grid: farther is a contradiction.
-DOUBT = {1: 6.63, 2: 9.21, 3: 11.34}
 ACCUSED = 0.9  # of the share of seconds against a source, each second that speaks against it; the newest counts a tenth
 REDEEMED = 0.97  # the same, each second that speaks for it: half of a full share is gone after 23 s
 FIRM = 5  # seconds before somebody may be named
@@ -91,7 +90,7 @@ class Dissent:
             self.judged_at = {name: at for name, at in self.judged_at.items() if time - at < SPACING}
         self.judged_at[subject] = time
         pairs = {(one, other): distance(bells[one], bells[other]) for one in bells for other in bells if one < other}
-        gate = DOUBT[fresh[0].belief.grid.ndim]
+        gate = quantile(DOUBT, fresh[0].belief.grid.ndim)
         verdicts = {source: _median(pairs, source) for source in bells} if len(bells) > 2 else {}
         self.camps.pop(subject, None)
         if any(squared > gate for squared in pairs.values()):
@@ -112,7 +111,9 @@ class Dissent:
         for source in bells:
             others = pool([opinion for opinion in fresh if opinion.source != source])
             if (told := bell(others)) is not None:
-                partners = [distance(bells[other], told) <= DOUBT[len(told[0])] for other in bells if other != source]
+                partners = [
+                    distance(bells[other], told) <= quantile(DOUBT, len(told[0])) for other in bells if other != source
+                ]
                 if 2 * sum(partners) > len(partners):  # else it is one of them against the rest, and no consensus
                     found[source] = distance(bells[source], told)
         return found
@@ -157,9 +158,10 @@ class Dissent:
                     standing.seen = sigmas if not standing.seen else ACCUSED * standing.seen + (1 - ACCUSED) * sigmas
         self._close_second(time)
         if not self.pending:  # the first step of a second
+            gate = quantile(DOUBT, 2)
             squared = {name: distance(told[name], believed[name]) for name in sorted(told.keys() & believed.keys())}
-            if 2 * sum(it > DOUBT[2] for it in squared.values()) < len(squared):
-                self.pending = {name: [(it > DOUBT[2], math.sqrt(it))] for name, it in squared.items()}
+            if 2 * sum(it > gate for it in squared.values()) < len(squared):
+                self.pending = {name: [(it > gate, math.sqrt(it))] for name, it in squared.items()}
                 self.heard |= dict.fromkeys(squared, time)
         for name in sorted(self._left_out):
             self._name(name, time)

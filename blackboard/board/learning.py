@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blackboard.opinion.bell import spread
+from blackboard.opinion.chi_squared import MEDIAN, quantile
 from blackboard.opinion.cooperative import CAUTIOUS
 from blackboard.opinion.grid import Array
 from blackboard.opinion.provenance import Opinion
@@ -43,8 +44,6 @@ LEAST_POWER = 1e-6  # so that what an opinion rules out stays ruled out
 MOST_USUAL = 6.0  # the largest m that is held to be usual: all claim sigmas that are 2.4 times too small
 ECHO = 0.95  # correlation from which a source is named an echo: one that claims thrice its sigma looks like .89
 ECHO_COUNT = 10.0  # effective samples that this takes
-#: The median of half a chi-squared of as many degrees of freedom as the grid has axes.
-MEDIAN = {1: 0.2275, 2: math.log(2), 3: 1.1830}
 
 Pair = tuple[str, str]  # sorted
 
@@ -253,7 +252,7 @@ def _compare(difference: Array, covariance: Array, spreads: tuple[float, float],
     inverse = np.linalg.inv(covariance)
     n = len(difference)
     squared = float(difference @ inverse @ difference)
-    a = 0.5 * squared * MEDIAN[2] / MEDIAN[n]
+    a = 0.5 * squared * quantile(MEDIAN, 2) / quantile(MEDIAN, n)  # as if in two dimensions
     s, t = spreads
     turned = math.nan
     if before is not None:
@@ -268,7 +267,7 @@ def _compare(difference: Array, covariance: Array, spreads: tuple[float, float],
 def _pairing(window: deque[Sample]) -> Pairing:
     turns = [sample.turned for sample in window if not math.isnan(sample.turned)]
     return Pairing(
-        m=statistics.median(sample.a for sample in window) / MEDIAN[2],
+        m=statistics.median(sample.a for sample in window) / math.log(2),
         alike=sum(sample.alike for sample in window) / len(window),
         turned=sum(turns) / len(turns) if len(turns) >= LEAST_COUNT else math.nan,
         samples=len(window),

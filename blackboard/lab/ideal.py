@@ -16,6 +16,7 @@ import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.opinion.belief import Belief, uniform
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
@@ -25,7 +26,6 @@ from blackboard.wire.messages import Odometry, Readings
 from robot_agent.config import RobotSection
 from robot_agent.estimator import newest
 from robot_agent.gaussian.absolute import starting_pose, take_absolute
-from robot_agent.gaussian.filter import GATE
 from robot_agent.gaussian.sensors import Sensors, sensors_of, simulated
 from robot_agent.sensing import NODES
 from sim_world.scenario import WorldSection
@@ -167,7 +167,7 @@ def ideal(scenario: Scenario) -> Ideal:
     world = scenario.section("world", WorldSection)
     if world.kind != "simulated":
         settings = scenario.section("robot", RobotSection)
-        return Ideal(sensors_of(settings), {}, settings.objects.drift, GATE, turns_first=False)
+        return Ideal(sensors_of(settings), {}, settings.objects.drift, quantile(GATE, 2), turns_first=False)
     variances = [
         (float(d), (vision_sigma(float(d), world.vision.scale, world.vision.floor) or 0.0) ** 2) for d in DISTANCES
     ]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
@@ -35,7 +36,6 @@ from robot_agent.gaussian.along import AlongNoise
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.sensing import unseen
 
-GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom: a misread barcode is beyond it
 LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
 FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
@@ -245,7 +245,7 @@ class FirstHand:
         missed = 0
         for relative, place in seen:
             factor = linearise(self.joint, relative, {self.robot: motion}, place, at)
-            if self.joint.innovation(factor).squared > GATE:
+            if self.joint.innovation(factor).squared > quantile(GATE, 2):  # a misread barcode
                 missed += 1
             else:
                 correct(self.joint, factor)

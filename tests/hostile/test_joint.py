@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from blackboard.errors import Refused
+from blackboard.errors import Degenerate, Refused
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.wire import keys
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence
@@ -22,13 +22,17 @@ def broken(epoch: int) -> PackedEvidence:
 
 @pytest.fixture(autouse=True)
 def breaking(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever a robot sends in an epoch of 13 s breaks the arithmetic, after others were settled."""
+    """Whatever a robot sends in an epoch of 13 ms breaks the joint after others were settled, and in one of 14 ms shows a fault of ours."""
     settle = TeamJoint.settle
 
     def breaks(self: TeamJoint, tick: int, dt: float, reports: list) -> list:  # type: ignore[type-arg]
         found = settle(self, tick, dt, reports)
         if any(evidence.epoch == 13 for evidence in reports):
-            raise FloatingPointError("overflow")
+            raise Degenerate("", "overflow")
+        if any(evidence.epoch == 14 for evidence in reports):
+            raise KeyError("object/ball")
+        if any(evidence.epoch == 15 for evidence in reports) or (self.tick == 3 and not reports):
+            raise Degenerate("", "the state itself is broken")
         return found
 
     monkeypatch.setattr(TeamJoint, "settle", breaks)
@@ -56,6 +60,31 @@ def test_who_was_left_out_may_return_and_is_left_out_at_once_if_it_breaks_the_jo
     it.take("r1", 6, 70.0, at(10, 10).model_copy(update={"epoch": 100}), own=True)
     assert "robot/r1" in means(it.settle(70.0, MAKE))
     assert it.counters["joint_left_out"] == 3
+
+
+def test_a_fault_of_ours_costs_a_robot_that_tick_and_is_logged_once_with_its_traceback(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    it = desk()
+    for tick in range(10):
+        epoch = 14 if 2 <= tick < 7 else 3 * tick
+        it.take("r1", tick, float(tick), at(10, 10).model_copy(update={"epoch": epoch}), own=True)
+        it.take("r2", tick, float(tick), at(20, 10), own=True)
+        told = means(it.settle(float(tick), MAKE))
+        assert told.keys() == {"robot/r1", "robot/r2"}
+    assert +it.counters == {"failed": 5}
+    (error,) = (record for record in caplog.records if record.levelname == "ERROR")
+    assert error.exc_info is not None
+    assert error.exc_info[0] is KeyError
+
+
+def test_where_no_robot_is_to_blame_the_joint_begins_anew() -> None:
+    it = desk()
+    for tick in range(6):
+        it.take("r1", tick, float(tick), at(10, 10).model_copy(update={"epoch": 5 * tick}), own=True)
+        told = means(it.settle(float(tick), MAKE))
+        assert told == ({} if tick == 3 else {"robot/r1": (10.0, 10.0)})
+    assert +it.counters == {"joint_restarts": 1}
 
 
 def test_a_board_may_not_speak_for_a_robot_of_another_sub_team() -> None:

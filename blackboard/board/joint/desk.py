@@ -20,14 +20,15 @@ import numpy as np
 from blackboard.board.dissent import SPACING, Dissent
 from blackboard.board.joint.evidence import learned, names, reason, shrank, unpack
 from blackboard.config import BoardSection
-from blackboard.errors import Refused
+from blackboard.errors import Degenerate, Refused
 from blackboard.opinion.ageing import Ageing
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
-from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.team import GATES, Objects, TeamJoint
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.team import Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
@@ -40,17 +41,15 @@ from blackboard.wire.evidence import (
     pack_state,
 )
 from blackboard.wire.messages import Consensus, LeftOut, Used
-from blackboard.wire.types import LARGEST, MAX_NAME
+from blackboard.wire.types import MAX_NAME
 
 log = logging.getLogger(__name__)
 
 MAX_ROBOTS = 64
 TICKS = 8  # of another board that are remembered as heard; a stale one may arrive after the newest
 MAX_OBJECTS = 64  # in the joint; sightings of others are left to the pooled opinions
-MAX_STATES = 2000  # of the joint, lasting errors included: a step costs their square
 STRIKES = 3  # times that a robot's evidence broke the joint until it is left out
 PENALTY = 60.0  # seconds of team time for which it is then left out; afterwards one more time is enough
-BROKEN = (ArithmeticError, ValueError, LookupError, np.linalg.LinAlgError)  # what evidence may do to the joint
 MAX_WAITING = 64  # ticks of one robot that wait to be settled; the oldest are dropped
 
 #: Makes a consensus of what the joint knows about a subject: its board adds its names, the tick and the time.
@@ -85,6 +84,7 @@ class JointDesk:
         self._settled_at: float | None = None  # team time, seconds
         self._strikes: dict[str, int] = {}  # robot -> how often its evidence broke the joint, as `robot/r1`
         self._barred: dict[str, float] = {}  # robot -> team time until which it is left out
+        self._failed: set[str] = set()  # the kinds of our own faults that are logged
 
     # --- in -------------------------------------------------------------------------------------------------------------
 
@@ -180,32 +180,33 @@ class JointDesk:
         return [self._consensus(subject, verdicts, time, make) for subject in known]
 
     def _settle(self, number: int, dt: float, batch: list[Evidence]) -> list[Verdict]:
-        """One step of the joint, without the robot whose numbers break it.
+        """One step of the joint, without the evidence that breaks it.
 
-        Where no single one does, the joint begins anew, and every robot enters again by its state.
+        Where no single robot's does, the joint begins anew, and every robot enters again by its state. Only a robot whose evidence
+        is `Degenerate` is to blame; any other exception is a fault of this program.
         """
         before = self.team.copy()
-        try:
-            return self._tried(number, dt, batch)
-        except BROKEN as error:
-            why = error
+        found, why = self._tried(number, dt, batch)
+        if found is not None:
+            return found
         suspects = sorted(batch, key=lambda evidence: evidence.robot)
-        spoke = [evidence for evidence in suspects if evidence.robot == self.team.speaks]
-        if spoke and self._without(spoke, before, number, dt, batch) is not None:
-            suspects = spoke
+        named = [evidence for evidence in suspects if isinstance(why, Degenerate) and evidence.robot == why.robot]
+        if named and self._without(named, before, number, dt, batch) is not None:
+            suspects = named
         while len(suspects) > 1:
             half = suspects[: len(suspects) // 2]
             found = self._without(half, before, number, dt, batch)
             suspects = suspects[len(half) :] if found is None else half
         found = self._without(suspects, before, number, dt, batch)
-        if found is not None and suspects:
+        if found is None or not suspects:
+            self.counters["joint_restarts"] += 1  # evidence came that no arithmetic survives
+            log.warning("the joint begins anew: %s", why)
+            self.team = self._begun()
+            self.team.tick = number
+            return []
+        if isinstance(why, Degenerate):
             self._strike(suspects[0].robot, why)
-            return found
-        self.counters["joint_restarts"] += 1  # evidence came that no arithmetic survives
-        log.warning("the joint begins anew: %s", why)
-        self.team = self._begun()
-        self.team.tick = number
-        return []
+        return found
 
     def _judge(self, time: float, verdicts: list[Verdict]) -> None:
         """Compare where each robot says that it is with where the joint has it."""
@@ -217,22 +218,28 @@ class JointDesk:
                 believed[robot] = marginal.mean, marginal.covariance
         self.dissent.hear_joint(time, told, believed, verdicts, self.team.trust)
 
-    def _tried(self, number: int, dt: float, batch: list[Evidence]) -> list[Verdict]:
-        with np.errstate(over="raise", invalid="raise", divide="raise"):
-            verdicts = list(self.team.settle(number, dt, batch))
-            _check(self.team.joint)
-            return verdicts
-
     def _without(
         self, left: list[Evidence], before: TeamJoint, number: int, dt: float, batch: list[Evidence]
     ) -> list[Verdict] | None:
         """The step again, from the joint as it was before, without some evidence; None where that breaks it too."""
         names = {evidence.robot for evidence in left}
         self.team = before.copy()
+        return self._tried(number, dt, [evidence for evidence in batch if evidence.robot not in names])[0]
+
+    def _tried(
+        self, number: int, dt: float, batch: list[Evidence]
+    ) -> tuple[list[Verdict], None] | tuple[None, Exception]:
+        """The verdicts of a step, or what broke it; a fault of this program is logged, each kind once."""
         try:
-            return self._tried(number, dt, [evidence for evidence in batch if evidence.robot not in names])
-        except BROKEN:
-            return None
+            return self.team.settle(number, dt, batch), None
+        except Degenerate as error:
+            return None, error
+        except Exception as error:
+            self.counters["failed"] += 1
+            if (kind := type(error).__name__) not in self._failed:
+                self._failed.add(kind)
+                log.error("a fault in the joint, not logged again: it goes on without it", exc_info=error)
+            return None, error
 
     def _strike(self, robot: str, why: Exception) -> None:
         self.counters["joint_left_out"] += 1
@@ -283,7 +290,7 @@ class JointDesk:
             conflict=bool(left_out or camps),
             rule="joint",
             learned=learned(self.team.innovations, taken),
-            parameters={"gate": GATES[1]},
+            parameters={"gate": quantile(GATE, 2)},
             state=self._state(subject),
             dissent=self.dissent.told(
                 {it.source.removeprefix("robot/") for it in about} | {subject.removeprefix("robot/")}
@@ -312,15 +319,3 @@ def _spread(observer: Moments, subject: Moments) -> np.ndarray:
     across = np.array([-away[1], away[0]])
     heading = observer.covariance[HEADING, HEADING] + observer.covariance[BEARING, BEARING]
     return np.asarray(np.outer(across, across) * heading)
-
-
-def _check(joint: Joint) -> None:
-    """ValueError: the joint is no Gaussian any more, or too large."""
-    if len(joint.mean) > MAX_STATES:
-        raise ValueError(f"{len(joint.mean)} states; at most {MAX_STATES} are kept")
-    if not (np.isfinite(joint.mean).all() and np.isfinite(joint.covariance).all()):
-        raise ValueError("a mean or a covariance is not finite")
-    if max(np.abs(joint.mean).max(initial=0.0), np.abs(joint.covariance).max(initial=0.0)) > LARGEST:
-        raise ValueError(f"a number is beyond {LARGEST:g}, so that no message can hold it")
-    if (np.diag(joint.covariance) < 0).any():
-        raise ValueError("a variance is negative")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from blackboard.errors import Refused
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.relation import Relative
-from blackboard.opinion.gaussian.team import GATES
 from blackboard.wire.evidence import (
     PackedEvidence,
     unpack_increment,
@@ -75,7 +75,7 @@ def reason(verdict: Verdict) -> str:
     """Why evidence was not multiplied in, for people."""
     if verdict.outvoted_by:
         return f"contradicted by {names(verdict.outvoted_by)}"
-    most = GATES[min(verdict.freedom, len(GATES)) - 1]
+    most = quantile(GATE, verdict.freedom)
     if verdict.squared > most:
         return f"its {verdict.kind} contradicts the joint: squared distance {verdict.squared:.1f}, at most {most:.1f}"
     return "most of the team contradicts it or what it saw"

@@ -25,15 +25,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from blackboard.opinion.chi_squared import GATE, SIGMAS, quantile, wilson_hilferty
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
 MAX_DISTANCES = 10.0  # independent distances of a pair that are averaged; older ones fade
-QUANTILE = 3.090  # of the normal distribution, 99.9 %: a pair is judged many times
 FAINT = 1e-6  # the least share of an error that one tick's evidence is taken to leave
-GATE = 13.82  # the 99.9 % quantile of chi-squared with two degrees of freedom
 MISREAD = 2  # claims in a row that are taken for misread if they are beyond the gate of those before
 RECKONED = 0.75  # the share of a belief's variance from which on it is no evidence against another robot
 RENEWED = 0.05  # the share of two robots' errors that is corrected before what they say is averaged anew
@@ -66,9 +65,8 @@ class Contact:
 
     @property
     def contradicts(self) -> bool:
-        """Whether it is on trial, or the distances are larger than 99.9 % of honest pairs' (Wilson and Hilferty, PNAS 17, 1931)."""
-        number = self.number + self.weight
-        limit = 2 * number * (1 - 1 / (9 * number) + QUANTILE * math.sqrt(1 / (9 * number))) ** 3
+        """Whether it is on trial, or the distances are larger than 99.9 % of honest pairs'; a pair is judged many times."""
+        limit = wilson_hilferty(GATE, 2 * (self.number + self.weight))
         return self.on_trial or self.mean * self.number + self.squared * self.weight > limit
 
     @property
@@ -77,7 +75,7 @@ class Contact:
 
         The root of a squared distance with an offset of many sigmas is nearly normal, with sigma 1 (the tail of Rice's distribution).
         """
-        return self.contradicts and math.sqrt(self.squared) < math.sqrt(self.mean) - QUANTILE
+        return self.contradicts and math.sqrt(self.squared) < math.sqrt(self.mean) - SIGMAS[GATE]
 
 
 @dataclass
@@ -173,7 +171,7 @@ class Contacts:
         if last is None:
             now = Contact(corrected, apart, fresh, 1, 1.0)
         elif (
-            beyond := squared_distance(apart - last.apart, lasting + fresh + last.fresh) > GATE
+            beyond := squared_distance(apart - last.apart, lasting + fresh + last.fresh) > quantile(GATE, 2)
         ) and last.misread < MISREAD:
             return replace(last, misread=last.misread + 1)
         else:

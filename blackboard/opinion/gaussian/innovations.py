@@ -11,8 +11,8 @@ import statistics
 from collections import deque
 from dataclasses import dataclass, field
 
-#: The medians of chi-squared, by degrees of freedom from 1 on.
-MEDIANS = (0.455, 1.386, 2.366, 3.357, 4.351, 5.348, 6.346, 7.344, 8.343)
+from blackboard.opinion.chi_squared import MEDIAN, quantile
+
 WINDOW = 60  # pieces of evidence of a source that are remembered
 FEWEST = 20  # pieces of evidence before a source's noise is scaled
 MOST = 100.0  # the largest factor of a claimed variance
@@ -32,7 +32,7 @@ class Innovations:
 
     def judge(self, source: Source, squared: float, freedom: int) -> None:
         """Take the squared distance of a piece of evidence as it was claimed, with its degrees of freedom."""
-        self._ratios.setdefault(source, deque(maxlen=WINDOW)).append(squared / MEDIANS[freedom - 1])
+        self._ratios.setdefault(source, deque(maxlen=WINDOW)).append(squared / quantile(MEDIAN, freedom))
 
     def samples(self, source: Source) -> int:
         """How many pieces of evidence are remembered of a source."""

@@ -9,13 +9,15 @@ Long, because it is the whole of a tick: who moved, who is believed, what is mul
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from blackboard.errors import Degenerate
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.chi_squared import DOUBT, GATE, quantile, wilson_hilferty
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import KNOWN, PREDICTION, Choice, about, choose
 from blackboard.opinion.gaussian.contacts import Claim, Contacts
@@ -29,10 +31,6 @@ from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, correct, drive
 from blackboard.opinion.grid import Grid
 
-#: The 99.9 % quantiles of chi-squared, by degrees of freedom from 1 on.
-GATES = (10.83, 13.82, 16.27, 18.47, 20.52, 22.46, 24.32, 26.12, 27.88)
-#: The 99 % quantiles: beyond them coalitions are formed.
-DOUBTS = (6.63, 9.21, 11.34, 13.28, 15.09, 16.81, 18.48, 20.09, 21.67)
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
 PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
 MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
@@ -74,7 +72,6 @@ class TeamJoint:
     innovations: Innovations = field(default_factory=Innovations)
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
     tick: int = -1
-    speaks: str = ""  # the robot whose evidence is being taken: who is to blame if that fails
     _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
     _refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     _known: dict[str, Known] = field(default_factory=dict)
@@ -99,7 +96,10 @@ class TeamJoint:
     # --- in -------------------------------------------------------------------------------------------------------------
 
     def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
-        """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing."""
+        """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing.
+
+        Degenerate: some evidence leaves no Gaussian that can be kept. The team is in no defined state then.
+        """
         if tick <= self.tick:
             self.tally.repeated += sum(1 for _ in reports)
             return []
@@ -109,26 +109,28 @@ class TeamJoint:
         refuted = self.contacts.left_out()
         self._refuted |= refuted
         self._leave_out(self.trust.left_out() | refuted)
-        motions = self._predict(dt, news)
-        entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
-        heard = entered | set(motions)
-        entered |= self._compare(news, motions)
-        self.tally.choices = self._choose(news, motions, entered)
-        for robot in sorted(set(motions) - entered):
-            self.speaks = robot
-            self._multiply(news[robot])
-            self._check()
-        for evidence in news.values():
-            self.speaks = evidence.robot
-            for relative in sorted(evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing)):
-                if relative.observer == evidence.robot:
-                    self._relate(relative, motions, heard)
-            self._check()
-        self.speaks = ""
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            self._take(dt, news)
         for robot, evidence in news.items():
             self._known[robot] = replace(self._known[robot], travelled=evidence.travelled)
         self._forget_objects()
         return self.tally.verdicts
+
+    def _take(self, dt: float, news: Mapping[str, Evidence]) -> None:
+        motions = self._predict(dt, news)
+        entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
+        heard = entered | set(motions)
+        entered |= self._compare(news, motions)
+        with self._blaming(""):
+            self.tally.choices = self._choose(news, motions, entered)
+        for robot in sorted(set(motions) - entered):
+            with self._blaming(robot):
+                self._multiply(news[robot])
+        for robot, evidence in news.items():
+            with self._blaming(robot):
+                for relative in sorted(evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing)):
+                    if relative.observer == robot:
+                        self._relate(relative, motions, heard)
 
     def _news(self, tick: int, reports: Iterable[Evidence]) -> dict[str, Evidence]:
         """One report per robot, of this tick and not of an epoch that is over, sorted by name."""
@@ -150,14 +152,12 @@ class TeamJoint:
         """Move every robot that is known and was heard by all that it has travelled since; let biases and objects drift."""
         motions = {}
         for robot, evidence in news.items():
-            self.speaks = robot
             known = self._known.get(robot)
             if robot not in self.joint or known is None or known.epoch != evidence.epoch:
                 continue
-            motions[robot] = evidence.travelled.since(known.travelled)
-            drive(self.joint, robot, motions[robot], evidence.nuisance)
-            self._check()
-        self.speaks = ""
+            with self._blaming(robot):
+                motions[robot] = evidence.travelled.since(known.travelled)
+                drive(self.joint, robot, motions[robot], evidence.nuisance)
         self._forget_errors(dt)
         for name in self._seen:
             walk = np.eye(2) * self.objects.drift_of(name) ** 2 * dt
@@ -202,19 +202,18 @@ class TeamJoint:
         """
         said: dict[str, dict[str, Claim]] = {}
         for robot, evidence in news.items():
-            self.speaks = robot
             if evidence.belief is None or np.trace(evidence.belief.covariance[AXES, AXES]) > KNOWN:
                 continue
-            self.contacts.correct(robot, evidence.belief, evidence.increment)
-            if self.contacts.is_reckoned(robot):
-                continue
-            own = evidence.belief
-            said.setdefault(robot, {})[robot] = Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))
-            for relative in evidence.relatives:
-                if relative.observer == robot and relative.subject != robot:
-                    claim = claimed(own, relative, motions.get(robot))
-                    said.setdefault(relative.subject, {})[robot] = claim
-        self.speaks = ""
+            with self._blaming(robot):
+                self.contacts.correct(robot, evidence.belief, evidence.increment)
+                if self.contacts.is_reckoned(robot):
+                    continue
+                own = evidence.belief
+                said.setdefault(robot, {})[robot] = Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))
+                for relative in evidence.relatives:
+                    if relative.observer == robot and relative.subject != robot:
+                        claim = claimed(own, relative, motions.get(robot))
+                        said.setdefault(relative.subject, {})[robot] = claim
         parted: set[str] = set()
         for _, by_source in sorted(said.items()):
             parted |= self.contacts.judge(by_source)
@@ -304,15 +303,12 @@ class TeamJoint:
     def _is_doubtful(self, factor: Factor) -> bool:
         """Whether a piece of evidence hardly agrees with what is predicted."""
         found = self.joint.innovation(factor)
-        return found.squared > DOUBTS[found.freedom - 1]
+        return found.squared > quantile(DOUBT, found.freedom)
 
     def _is_refuted(self, factors: list[Factor]) -> bool:
         """Whether some evidence together is beyond the 99.9 % quantile, all that its errors share in the joint considered."""
         found = self.joint.innovation(*factors)
-        freedom = found.freedom
-        return (
-            found.squared > freedom * (1 - 2 / (9 * freedom) + 3.09 * math.sqrt(2 / (9 * freedom))) ** 3
-        )  # Wilson, Hilferty 1931
+        return found.squared > wilson_hilferty(GATE, found.freedom)
 
     def _outvoted(self, robot: str, source: str) -> tuple[str, ...]:
         """The members of the coalition that is believed about a robot's place, where a source is not among them."""
@@ -346,9 +342,8 @@ class TeamJoint:
         if factor is None:
             return
         factor, squared = self._weighed((robot, "increment"), factor)
-        freedom = len(factor.residual)
-        by = self._outvoted(robot, robot)
-        taken = squared <= GATES[freedom - 1] and not by
+        by, freedom = self._outvoted(robot, robot), len(factor.residual)
+        taken = squared <= quantile(GATE, freedom) and not by
         self._judge(Verdict(robot, robot, "increment", squared, freedom, taken, by))
         if taken:
             correct(self.joint, factor)
@@ -386,7 +381,7 @@ class TeamJoint:
             return
         factor, squared = self._weighed((observer, "relative"), linearise(self.joint, relative, motions))
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
-        agrees = squared <= GATES[1] and not by and not self._contradict(observer, subject)
+        agrees = squared <= quantile(GATE, 2) and not by and not self._contradict(observer, subject)
         if (
             not robot
         ):  # of two robots that contradict each other, the one that placed the object first is believed about it
@@ -421,15 +416,20 @@ class TeamJoint:
                     self.joint.drop(block)
                     del used[block]
 
-    def _check(self) -> None:
-        """ArithmeticError: the joint is none any more, or absurd; the robot whose block that is `speaks` then, if it is one's."""
-        variances = np.diag(self.joint.covariance)
-        bad = ~((variances >= 0) & (variances <= ABSURD) & np.isfinite(self.joint.mean))
+    @contextmanager
+    def _blaming(self, robot: str) -> Iterator[None]:
+        """Degenerate: after what a robot says the joint is none any more, or absurd; whose block is absurd is to blame."""
+        try:
+            yield
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise Degenerate(robot, f"what {robot} says leaves no Gaussian that can be kept: {error}") from error
+        variances = self.joint.covariance.diagonal()
+        bad = ~((variances >= 0) & (variances <= ABSURD) & (np.abs(self.joint.mean) <= ABSURD))
         if bad.any():
             (owner,) = (b for b, place in self.joint.blocks.items() if place.start <= int(bad.argmax()) < place.stop)
             owner = owner[1] if isinstance(owner, tuple) else owner
-            self.speaks = owner if owner in self._known else self.speaks
-            raise ArithmeticError(f"what {self.speaks} says leaves no Gaussian that can be kept")
+            robot = owner if owner in self._known else robot
+            raise Degenerate(robot, f"what {robot} says leaves a state that is absurd")
 
     def _judge(self, verdict: Verdict) -> None:
         self.tally.verdicts.append(verdict)

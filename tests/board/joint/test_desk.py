@@ -137,12 +137,6 @@ def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.Mo
         found = it.settle(0.2 * tick, MAKE)
     assert len([c for c in found if c.subject.startswith("object/")]) == 6
     assert it.counters == {"joint_dropped": 10}
-    monkeypatch.setattr("blackboard.board.joint.desk.MAX_STATES", 15)
-    it.take("r1", 999, 20.0, at(10, 10), own=True)
-    assert it.settle(20.0, MAKE) == []
-    assert it.counters["joint_restarts"] == 1
-    it.take("r1", 1000, 20.2, at(10, 10), own=True)
-    assert means(it.settle(20.2, MAKE)) == {"robot/r1": (10.0, 10.0)}
 
 
 def test_invented_objects_with_new_lasting_errors_in_every_tick_do_not_make_the_joint_grow() -> None:
