@@ -13,6 +13,7 @@ from starlette.applications import Starlette
 
 from blackboard.errors import UserError
 from blackboard.view.feed import Source
+from blackboard.view.web import connections
 from blackboard.view.web.application import Page, application
 from blackboard.view.web.frames import LEAST_GAP
 
@@ -80,7 +81,10 @@ async def _serve(
         access_log=False,
         log_level="warning",
         lifespan="off",
-        ws="websockets-sansio",
+        http=connections.Visit,
+        ws=connections.Watching,
+        ws_ping_interval=connections.PING,
+        ws_ping_timeout=connections.PING,
         timeout_graceful_shutdown=1,
     )
     server = uvicorn.Server(config)
