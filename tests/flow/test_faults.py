@@ -19,7 +19,7 @@ from sim_world.scorecard import text
 TABLES: dict[str, Any] = {
     "team": {"name": "t", "sub_teams": {"a": ["r1", "r2", "r3", "r4", "r5"]}},
     "grid": {"shape": [20, 20]},
-    "time": {"tick": 0.5, "seconds": 12.0},
+    "time": {"tick": 0.5, "seconds": 8.0},
     "world": {"seed": 2, "objects": {}, "speed": 0.5, "turn_rate": 1.0, "odometry": {"reset_after": 1.0, "fix": 0.5}},
 }
 LIE = {"kind": "lie", "robot": "r5", "offset": [-7, 5]}
@@ -93,7 +93,7 @@ def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(lied_to:
     levels = {it.level for it in said.status.dissent}
     assert ("agreed" if fusion == "joint" else "consensus") in levels
     for it in said.status.dissent:
-        assert it.since < 12.0
+        assert it.since < 8.0
         assert it.sigmas > 3.0
         assert it.weight < 0.6
     assert {it.source for it in said.consensuses["consensus", "robot/r5"].dissent} <= {"r5"}
