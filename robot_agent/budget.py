@@ -145,7 +145,7 @@ class Budget:
         self.sent = {subject: it for subject, it in self.sent.items() if subject in subjects}
         self._since = {subject: self._since.get(subject, time) for subject in sorted(subjects)}
         stale = {subject: self.aged(subject, time, speed) for subject in sorted(subjects)}
-        options = self._all_options(reports, stale, time, team)
+        options = self.options(reports, stale, time, team)
         full = [options[report.subject][0] for report in reports]
         needed = sum(option.size for option in full)
         if self.bucket.level - needed >= self.bucket.burst / 2:
@@ -229,7 +229,7 @@ class Budget:
         factor = 2.0 ** (SLOW * min(1.0, max(0.0, spans)) * (0.5 - self._fill))
         self.price = min(DEAREST, max(CHEAPEST, self.price * factor))
 
-    def _all_options(
+    def options(
         self, reports: Sequence[Report], stale: Mapping[str, Belief], time: float, team: Mapping[str, Known]
     ) -> dict[str, list[Option]]:
         """For each subject its report as it could be sent, as it is first."""

@@ -38,6 +38,11 @@ class Ran:
         self.status, self.out, self.err = end.value.code, out.getvalue(), err.getvalue()
         self.text = self.out + self.err
 
+    @property
+    def is_printable(self) -> bool:
+        """Whether nothing but line breaks would move a terminal's cursor, or change what it shows."""
+        return all(line.isprintable() for line in self.text.split("\n"))
+
 
 def blackboard(*words: str, timeout: float = 110) -> subprocess.CompletedProcess[str]:
     """Run `blackboard` with these words as a process, to its end."""

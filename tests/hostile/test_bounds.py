@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from contextlib import suppress
 from typing import Any
 
@@ -17,7 +16,7 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.process import roll_call
 from blackboard.process.roster import MAX_TOKENS, Roster
-from blackboard.wire import keys, levels
+from blackboard.wire import keys
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
@@ -40,12 +39,13 @@ def test_a_megabyte_of_empty_lists_is_refused_before_all_of_it_is_read() -> None
         decode(Status, payload)
 
 
-def test_a_belief_on_a_wrong_grid_is_refused_before_it_is_inflated(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_belief_on_a_wrong_grid_is_refused_before_it_is_inflated() -> None:
+    """Else it would be refused as one whose data cannot be inflated."""
     packed = pack(gaussian(Grid((1024, 1024)), (3, 3), 1.0))
-    bomb = packed.model_copy(update={"box": (1024, 1024), "lo": (0, 0), "data": zlib.compress(bytes(1 << 20))})
-    monkeypatch.setattr(levels, "_inflated", lambda data, sizes: pytest.fail("it was inflated"))
-    with pytest.raises(Refused, match="grid"):
-        unpack(bomb, Grid((30, 20)))
+    broken = packed.model_copy(update={"data": b"nothing that can be inflated"})
+    for grid, reason in ((Grid((1024, 1024)), "fields"), (Grid((30, 20)), "grid")):
+        with pytest.raises(Refused, match=f"^{reason}"):
+            unpack(broken, grid)
 
 
 @pytest.mark.parametrize("world", [True, False])
@@ -77,11 +77,13 @@ def test_a_status_of_nearly_a_megabyte_is_refused() -> None:
 
 
 def test_the_world_keeps_only_what_it_sums_up() -> None:
-    traffic = Traffic()
-    said = Status(process="r1", kind="robot", tick=1, time=0.0, counters={"sent": 3}, subjects=["object/ball"])
-    traffic.hear("a", said)
-    assert traffic.counters({}) == {"sent": 3}
-    assert list(traffic._statuses.values()) == [({"sent": 3}, {})]
+    held = []
+    for subjects in ([], [f"object/o{i}" for i in range(200)]):
+        traffic = Traffic()
+        traffic.hear("a", Status(process="r1", kind="robot", tick=1, time=0.0, counters={"sent": 3}, subjects=subjects))
+        assert traffic.counters({}) == {"sent": 3}
+        held.append(holdings(traffic, "traffic"))
+    assert held[0] == held[1]
 
 
 def test_a_roll_call_is_bounded() -> None:
@@ -89,7 +91,9 @@ def test_a_roll_call_is_bounded() -> None:
     for source in range(roll_call.MAX_SOURCES + 50):
         it.record(source, "object/ball", 1)
         it.record_list(source, 1, ["object/ball"])
-    assert len(it._heard) == len(it._lists) == roll_call.MAX_SOURCES
+    it.check()
+    assert it.list_of(0) is None
+    assert it.complete(source, 1)
 
 
 def test_invented_tokens_are_bounded_and_the_world_s_is_still_seen() -> None:
@@ -97,7 +101,7 @@ def test_invented_tokens_are_bounded_and_the_world_s_is_still_seen() -> None:
     it = Roster(own)
     for i in range(MAX_TOKENS + 100):
         it.hear(Envelope(keys.MEMBER.key(team="t", sub_team=f"z{i}", robot="x"), kind=Kind.ALIVE), 0.0)
-    assert len(it.tokens) == len(it._until) == MAX_TOKENS
+    assert len(it.tokens) == max(holdings(it, "roster").values()) == MAX_TOKENS
     it.hear(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), 0.0)
     it.hear(Envelope(own, kind=Kind.ALIVE), 0.0)
     assert it.world

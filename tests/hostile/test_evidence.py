@@ -14,8 +14,7 @@ from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import FARTHEST, Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire.evidence import PackedEvidence, PackedRelative, pack_evidence
-from tests.board.joint.test_desk import MAKE, at, desk, means
-from tests.board.joint.test_desk_fuzz import absurd, wild
+from tests.board.joint.desks import MAKE, absurd, at, desk, means, wild
 
 PLACES = {"r1": (10.0, 10.0), "r2": (15.0, 10.0), "r3": (20.0, 10.0)}
 #: Of 500 seeds those that ended a tick of the joint for everybody, made it begin anew, or had an honest robot left out.

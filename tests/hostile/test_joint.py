@@ -8,7 +8,7 @@ from blackboard.errors import Degenerate, Refused
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.wire import keys
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence
-from tests.board.joint.test_desk import MAKE, at, desk, means
+from tests.board.joint.desks import MAKE, at, desk, means
 from tests.hostile.attack import Attack
 from tests.scenarios import JOINT
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from blackboard.board.fusion import fuse_opinions
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
@@ -231,18 +232,17 @@ def test_an_agent_that_fails_again_and_again_begins_anew(caplog: pytest.LogCaptu
     assert "ZeroDivisionError" in caplog.text
 
 
-def test_a_subject_that_cannot_be_fused_does_not_stop_the_others() -> None:
+def test_a_subject_that_cannot_be_fused_does_not_stop_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     desk = Desk()
     desk.register("r1")
     desk.tell(clock(0, "r1"))
-    fuse = desk.it.board._fuse
 
-    def fails(level: str, opinions: Any, subject: str, now: float, *counts: Any) -> Any:
+    def fails(opinions: Any, grid: Any, settings: Any, subject: str, *more: Any) -> Any:
         if subject == "object/ball":
             raise FloatingPointError("overflow")
-        return fuse(level, opinions, subject, now, *counts)
+        return fuse_opinions(opinions, grid, settings, subject, *more)
 
-    desk.it.board._fuse = fails  # type: ignore[method-assign, assignment]
+    monkeypatch.setattr("blackboard.board.board.fuse_opinions", fails)
     own = decode(Report, report("r1", 0).payload).model_copy(update={"subject": "robot/r1"})
     desk.tell(report("r1", 0), Envelope(report_key("r1", "robot/r1"), encode(own)))
     said = desk.tell(reported("r1", 0, "object/ball", "robot/r1"))

@@ -32,14 +32,6 @@ CLEAN = "no name"  # takes the same places as the others
 SHORT = "forged\n\r\x1b[2J\x7f\x9b\u202e\u2028"
 
 
-class Said(Ran):
-    """What a command wrote."""
-
-    @property
-    def is_printable(self) -> bool:
-        return all(line.isprintable() for line in self.text.split("\n"))
-
-
 @given(text=NASTY)
 @example(text=SHORT)
 def test_whatever_a_command_writes_is_printable(text: str) -> None:
@@ -56,7 +48,7 @@ def test_whatever_a_command_writes_is_printable(text: str) -> None:
             assert show is not None
             show(1, 1)
 
-    said = Said(app=app)
+    said = Ran(app=app)
     assert said.is_printable
     assert said.status == 0
 
@@ -72,9 +64,9 @@ def test_whatever_ends_a_command_is_one_printable_line(text: str, kind: type[Exc
 
     if kind is RuntimeError:  # a fault of the program: its traceback
         with pytest.raises(RuntimeError):
-            Said(app=app)
+            Ran(app=app)
         return
-    said = Said(app=app)
+    said = Ran(app=app)
     assert said.is_printable
     assert said.err.count("\n") == 1
     assert said.status == (2 if kind is UserError else 1)
@@ -90,10 +82,10 @@ def test_a_result_is_the_same_json_and_its_text_has_no_more_lines(text: str) -> 
     def show(*, output: OutputFlags = OutputFlags()) -> None:
         output.show(result, lambda it: "\n".join(f"{name} {value}" for name, value in it.items()))
 
-    said = Said("--json", app=app)
+    said = Ran("--json", app=app)
     assert said.is_printable
     assert json.loads(said.out) == result
-    assert Said(app=app).out.count("\n") == len(result)
+    assert Ran(app=app).out.count("\n") == len(result)
 
 
 # --- tapes ------------------------------------------------------------------------------------------------------------------
@@ -124,18 +116,18 @@ def tapes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.mark.parametrize("command", FILES, ids=" ".join)
 def test_what_is_told_of_a_tape_is_printable_and_has_no_forged_lines(tapes: list[Path], command: list[str]) -> None:
     clean, *others = tapes
-    expected = Said(*command, str(clean))
+    expected = Ran(*command, str(clean))
     assert expected.status in (0, 1), expected.err
     assert len(expected.out.splitlines()) > 5
     for tape in others:
-        said = Said(*command, str(tape))
+        said = Ran(*command, str(tape))
         assert said.is_printable
         assert said.status == expected.status, said.err
         if command[-1] != "table":  # a line break in a cell of CSV is no end of its row
             assert said.out.count("\n") == expected.out.count("\n"), f"{tape}\n{said.out}"
     # the texts were there
     if command[0] in ("status", "tape"):
-        assert "\\u00" in Said(*command, str(others[0])).out
+        assert "\\u00" in Ran(*command, str(others[0])).out
 
 
 # --- teams that run ---------------------------------------------------------------------------------------------------------
@@ -169,7 +161,7 @@ def test_what_is_told_of_a_running_team_is_printable(monkeypatch: pytest.MonkeyP
     for text in (CLEAN, *PIECES, SHORT):
         foreign = [Envelope(f"cop/t/a/{text}", b"\xc1"), Envelope(f"cop/t/board/{text}", kind=Kind.ALIVE)]
         with on_a_link(monkeypatch, text, foreign):
-            said = Said(*command)
+            said = Ran(*command)
         assert said.is_printable
         assert said.status == 0, said.err
         lines.append(said.out.count("\n"))

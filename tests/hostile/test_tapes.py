@@ -15,7 +15,7 @@ from blackboard.tape.content import Tape
 from blackboard.tape.file import ABOUT, FORMAT, PROFILE, About, copy, look_through, read
 from blackboard.tape.whatif import WAKES, what_if
 from blackboard.wire.envelope import Envelope
-from tests.hostile.test_printed import Said
+from tests.commands import Ran
 from tests.tape.teams import SMALL, recorded_run
 
 COMMANDS = [
@@ -52,7 +52,7 @@ def puts(tape: Tape) -> list[tuple[int, str, bytes]]:
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_a_scenario_that_is_nested_deeply_is_none(tmp_path: Path, honest: Tape, command: list[str], depth: int) -> None:
     nested = '{"name": "x", "board": {"subjects": ' + '{"a": ' * depth + "1" + "}" * depth + "}}"
-    said = Said(*command, str(tape_of(tmp_path / "x.mcap", puts(honest), nested)))
+    said = Ran(*command, str(tape_of(tmp_path / "x.mcap", puts(honest), nested)))
     assert said.status in (0, 1, 2)
     assert said.err.count("\n") <= 1, said.err
     if command[0] in ("status", "why") or command == ["tape", "info"]:
@@ -66,7 +66,7 @@ def test_a_scenario_file_that_is_nested_deeply_is_one_line(tmp_path: Path, name:
         file.write_text(
             ('{"name": ' if name == "x.json" else "name = ") + "[" * depth + "]" * depth + "}" * (name == "x.json")
         )
-        said = Said("up", str(file))
+        said = Ran("up", str(file))
         assert said.status == 2
         assert said.err.count("\n") == 1
 
@@ -76,7 +76,7 @@ def test_times_beyond_all_calendars_are_a_broken_place(tmp_path: Path, honest: T
     messages = [*puts(honest), (2**64 - 1, "cop/t/x", b""), (2**63, "cop/t/x", b"")]
     tape = tape_of(tmp_path / "x.mcap", messages, json.dumps(SMALL.tables))
     more = [str(tmp_path / "y.mcap")] if command[-1] in ("recover", "cut") else []
-    said = Said(*command, str(tape), *more)
+    said = Ran(*command, str(tape), *more)
     if command[-1] == "recover":
         assert said.status == 0
         assert len(list(read(tmp_path / "y.mcap"))) == len(messages) - 2

@@ -11,7 +11,7 @@ import pytest
 
 from blackboard.errors import UserError
 from blackboard.lab import comparison, drawing
-from blackboard.lab.__main__ import _drawing
+from tests.commands import call
 from tests.lab.figures import numbers
 from tests.lab.trials import judged
 
@@ -55,4 +55,4 @@ def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr("blackboard.lab.drawing", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(UserError, match=r"--picture needs the extra `plot`: .*\[plot\]"):
-        _drawing("--picture")
+        call("lab", "--runs", 1, "--picture", "lab.svg")

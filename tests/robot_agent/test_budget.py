@@ -152,7 +152,7 @@ def test_what_is_seen_of_a_mate_is_no_news_for_its_noise_and_more_with_age_and_w
         seen = gaussian(GRID, tuple(10 + rng.normal(size=2)), 1.0)
         said = [Report(source="r1", subject="robot/r2", tick=0, time=time, belief=pack(seen))]
         stale = {"robot/r2": it.aged("robot/r2", time, 1.0)}
-        return it._all_options(said, stale, time, {"robot/r2": Known(entropy, joint=False)})["robot/r2"][0].worth
+        return it.options(said, stale, time, {"robot/r2": Known(entropy, joint=False)})["robot/r2"][0].worth
 
     first = Report(source="r1", subject="robot/r2", tick=0, time=0.0, belief=pack(gaussian(GRID, (10, 10), 1.0)))
     it.choose([first], 0.0, 1.0, {})

@@ -20,6 +20,7 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Report, Status, Truth
+from tests.holdings import holdings
 from tests.view.recorded import recorded, team_of
 
 
@@ -211,9 +212,11 @@ def test_subjects_sources_and_truths_are_bounded() -> None:
         team.hear(parts, report.model_copy(update={"subject": "object/o0", "source": f"x{n}"}), 1, 0.0)
     with pytest.raises(Refused, match="sources"):
         team.hear(parts, report.model_copy(update={"subject": "object/o0", "source": "y"}), 1, 0.0)
-    for n in range(1000):
+    held = []
+    for n in range(3 * room.MAX_TRUTHS):
         team.hear({}, Truth(run="r", tick=n, time=0.0, positions={"robot/r1": (0.0, 0.0)}), 1, 0.0)
-    assert len(team._truths) == room.MAX_TRUTHS
+        held.append(holdings(team, "team"))
+    assert held[room.MAX_TRUTHS - 2] != held[room.MAX_TRUTHS - 1] == held[-1]
 
 
 def test_refusals_and_conflicts_are_events() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from blackboard.view.frame import frame, line
 from blackboard.view.web.frames import BEAT, LEAST_GAP, Frames
+from blackboard.wire.messages import Clock
 from tests.view.recorded import folded, read, team_of
 
 
@@ -90,7 +91,7 @@ def test_what_the_moments_forget_the_past_forgets() -> None:
 
 def test_another_run_begins_anew() -> None:
     frames = remembered()
-    frames.team._forget()  # as with the Clock of another run
+    frames.team.hear({}, Clock(run="another", tick=0, time=0.0, mode="lockstep"), 1, 0.0)
     frames.remember(0.0)
     assert past(frames) == {"first": 0, "made": 0, "lines": []}
 

@@ -2,48 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from functools import partial
-
 import numpy as np
 import pytest
 
-from blackboard.board.joint.desk import MAX_OBJECTS, MAX_ROBOTS, MAX_WAITING, JointDesk
-from blackboard.config import BoardSection
+from blackboard.board.joint.desk import MAX_OBJECTS, MAX_ROBOTS, MAX_WAITING
 from blackboard.errors import Refused
-from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.team import MAX_ERRORS
-from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance, entering
-from blackboard.opinion.grid import Grid
+from blackboard.opinion.gaussian.vehicle import STATES
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedRelative, pack_evidence
-from blackboard.wire.messages import Consensus
+from blackboard.wire.evidence import Forward, Forwarded, pack_evidence
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
+from tests.board.joint.desks import MAKE, at, desk, means, sighting
 from tests.robot_agent.robots import readings
-
-GRID = Grid((30, 30))
-MAKE = partial(Consensus, board="board-a", sub_team="a", level="agreed", tick=0, time=0.0)
-
-
-def desk(**settings: object) -> JointDesk:
-    return JointDesk(GRID, BoardSection.model_validate({"fusion": "joint", **settings}), Counter())
-
-
-def at(x: float, y: float, *, travelled: float = 0.0, sees: PackedRelative | None = None) -> PackedEvidence:
-    """A robot that stands at a place, known to one cell, with its heading known to 0.05 rad."""
-    state = entering(Moments(np.array([x, y, 0.0]), np.diag([1.0, 1.0, 0.0025])), Nuisance())
-    evidence = pack_evidence(0, Motion(distance=travelled, along=0.01), Nuisance(), state, None, [])
-    return evidence if sees is None else evidence.model_copy(update={"relatives": [sees]})
-
-
-def sighting(subject: str, distance: float) -> PackedRelative:
-    return PackedRelative(subject=subject, range=distance, bearing=0.0, range_variance=0.04, bearing_variance=0.0004)
-
-
-def means(found: list[Consensus]) -> dict[str, tuple[float, float]]:
-    return {c.subject: tuple(np.round(unpack(c.belief).mean(), 1)) for c in found}
 
 
 def test_robots_enter_by_their_states_and_objects_by_their_sightings() -> None:

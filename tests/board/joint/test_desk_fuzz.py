@@ -9,49 +9,7 @@ import pytest
 
 from blackboard.errors import Refused
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import PackedEvidence, PackedRelative
-from tests.board.joint.test_desk import GRID, MAKE, at, desk, means
-
-
-def wild(rng: np.random.Generator, size: int | None = None) -> np.ndarray:
-    """Numbers of all magnitudes that a message may hold, zeros among them."""
-    values = rng.choice([-1.0, 1.0], size) * 10.0 ** rng.uniform(-12, 11, size)
-    return np.asarray(np.where(rng.random(size) < 0.2, 0.0, values))
-
-
-def absurd(rng: np.random.Generator) -> PackedEvidence:
-    """Evidence that is a message, and otherwise anything."""
-    root = wild(rng, 81).reshape(9, 9) * 1e-6
-    matrix = tuple(float(v) for v in (root @ root.T)[np.triu_indices(9)])
-    vector = tuple(float(v) for v in wild(rng, 9))
-    positive = [abs(float(v)) for v in wild(rng, 12)]
-    relative = PackedRelative(
-        subject=str(rng.choice(["robot/r1", "robot/r2", "object/ball"])),
-        range=positive[0],
-        bearing=float(wild(rng)),
-        range_variance=positive[1],
-        bearing_variance=positive[2],
-        age=positive[3],
-        biases=[(positive[4], positive[5] + 1e-9)],
-    )
-    motion = {name: abs(float(wild(rng))) for name in ("time", "moving", "along", "across", "heading")}
-    return PackedEvidence.model_validate(
-        {
-            "epoch": int(rng.integers(3)),
-            "travelled": {"distance": float(wild(rng)), "turn": float(wild(rng)), **motion},
-            "nuisance": {
-                "forward": float(wild(rng)),
-                "turn": float(wild(rng)),
-                "sigmas": tuple(positive[:6]),
-                "walks": tuple(positive[6:9]),
-                "memory": tuple(positive[9:12]),
-            },
-            "state": {"mean": vector, "covariance": matrix} if rng.random() < 0.7 else None,
-            "increment": {"reference": vector, "information": matrix, "vector": vector} if rng.random() < 0.7 else None,
-            "relatives": [relative],
-            "profile": [(0.0, positive[0]), (5.0, positive[1])] if rng.random() < 0.3 else [],
-        }
-    )
+from tests.board.joint.desks import GRID, MAKE, absurd, at, desk, means
 
 
 @pytest.mark.parametrize("seed", range(20))

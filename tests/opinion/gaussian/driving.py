@@ -2,13 +2,56 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from blackboard.opinion.gaussian.evidence import Evidence
-from tests.opinion.gaussian.test_team import Own
+from blackboard.opinion.gaussian.increment import gained
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, entering
+from blackboard.opinion.grid import Array
+
+NUISANCE = Nuisance()
+
+
+@dataclass
+class Own:
+    """A robot that drives along x, is told its position now and then, and sees the next one; everything is linear."""
+
+    name: str
+    place: Array
+    chance: np.random.Generator
+    epoch: int = 0
+
+    def __post_init__(self) -> None:
+        self.joint, self.travelled = Joint(), Motion()
+        pose = Moments(np.array([*self.place, 0.0]), np.diag([0.5, 0.5, 0.0]))
+        self.joint.add(self.name, entering(pose, NUISANCE))
+        self.fixed: list[Array] = []
+
+    def tick(self, tick: int, others: Sequence[Own]) -> Evidence:
+        self.travelled = self.travelled.plus(Motion(1.0, 0.0, 1.0, 1.0, along=0.04, across=0.02))
+        drive(self.joint, self.name, Motion(1.0, 0.0, 1.0, 1.0, along=0.04, across=0.02), NUISANCE)
+        self.place = self.place + [1.0, 0.0]
+        prediction = self.joint.moments(self.name)
+        fix = self.place + self.chance.normal(0, 0.5, 2)
+        self.fixed = [fix] if self.chance.random() < 0.5 else []
+        for told in self.fixed:
+            residual = told - self.joint.moments(self.name).mean[AXES]
+            self.joint.update(Factor(residual, {self.name: np.eye(STATES)[AXES]}, np.eye(2) * 0.25))
+        belief = self.joint.moments(self.name)
+        seen = tuple(self.see(other) for other in others if other is not self and self.chance.random() < 0.7)
+        increment = gained(prediction, belief)
+        return Evidence(self.name, self.epoch, tick, self.travelled, NUISANCE, belief, increment, seen)
+
+    def see(self, other: Own) -> Relative:
+        dx, dy = other.place - self.place + self.chance.normal(0, 0.2, 2)
+        distance = math.hypot(dx, dy)
+        return Relative(self.name, other.name, distance, math.atan2(dy, dx), 0.04, 0.04 / distance**2)
 
 
 def team(number: int, seed: int) -> list[Own]:

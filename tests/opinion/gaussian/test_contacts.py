@@ -5,30 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blackboard.opinion.gaussian.contacts import MISREAD, Claim, Contacts
+from blackboard.opinion.gaussian.contacts import MISREAD, Contacts
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Nuisance, entering
-from blackboard.opinion.grid import Array
-
-PLACE, SIGHTING = 1.2, 1.0  # sigmas of a robot's place and of a sighting, per axis
-NOTHING = np.zeros((2, 2))
-
-
-def own(at: Array) -> Claim:
-    return Claim(at, np.eye(2) * PLACE**2, NOTHING)
-
-
-def seen(at: Array) -> Claim:
-    return Claim(at, np.eye(2) * PLACE**2, np.eye(2) * SIGHTING**2)
-
-
-def corrected(contacts: Contacts, robot: str, share: float) -> None:
-    """New evidence that leaves this share of the error of a robot's place."""
-    belief = entering(Moments(np.zeros(3), np.eye(3)), Nuisance())
-    information = np.zeros((STATES, STATES))
-    information[AXES, AXES] = np.eye(2) * (1 - share)
-    contacts.correct(robot, belief, Increment(np.zeros(STATES), information, np.zeros(STATES)))
+from tests.opinion.gaussian.claims import PLACE, SIGHTING, corrected, own, seen
 
 
 def watch(lie: float, seed: int, seconds: int = 12, each: int = 5) -> list[bool]:

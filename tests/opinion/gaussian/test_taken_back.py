@@ -14,8 +14,8 @@ from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
+from tests.opinion.gaussian.claims import PLACE, SIGHTING, corrected, own, seen
 from tests.opinion.gaussian.driving import team, told
-from tests.opinion.gaussian.test_contacts import PLACE, SIGHTING, corrected, own, seen
 
 LIAR = "robot/r2"
 WITHIN = (

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,51 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.evidence import Evidence
-from blackboard.opinion.gaussian.increment import Increment, gained
-from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
 from blackboard.opinion.gaussian.team import FADED, MAX_ERRORS, PATIENCE, Objects, TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, entering
+from blackboard.opinion.gaussian.vehicle import STATES, Motion, entering
 from blackboard.opinion.grid import Array, Grid
+from tests.opinion.gaussian.driving import NUISANCE, Own
 
-NUISANCE = Nuisance()
 ROBOTS = ("robot/r1", "robot/r2", "robot/r3")
-
-
-@dataclass
-class Own:
-    """A robot that drives along x, is told its position now and then, and sees the next one; everything is linear."""
-
-    name: str
-    place: Array
-    chance: np.random.Generator
-    epoch: int = 0
-
-    def __post_init__(self) -> None:
-        self.joint, self.travelled = Joint(), Motion()
-        pose = Moments(np.array([*self.place, 0.0]), np.diag([0.5, 0.5, 0.0]))
-        self.joint.add(self.name, entering(pose, NUISANCE))
-        self.fixed: list[Array] = []
-
-    def tick(self, tick: int, others: Sequence[Own]) -> Evidence:
-        self.travelled = self.travelled.plus(Motion(1.0, 0.0, 1.0, 1.0, along=0.04, across=0.02))
-        drive(self.joint, self.name, Motion(1.0, 0.0, 1.0, 1.0, along=0.04, across=0.02), NUISANCE)
-        self.place = self.place + [1.0, 0.0]
-        prediction = self.joint.moments(self.name)
-        fix = self.place + self.chance.normal(0, 0.5, 2)
-        self.fixed = [fix] if self.chance.random() < 0.5 else []
-        for told in self.fixed:
-            residual = told - self.joint.moments(self.name).mean[AXES]
-            self.joint.update(Factor(residual, {self.name: np.eye(STATES)[AXES]}, np.eye(2) * 0.25))
-        belief = self.joint.moments(self.name)
-        seen = tuple(self.see(other) for other in others if other is not self and self.chance.random() < 0.7)
-        increment = gained(prediction, belief)
-        return Evidence(self.name, self.epoch, tick, self.travelled, NUISANCE, belief, increment, seen)
-
-    def see(self, other: Own) -> Relative:
-        dx, dy = other.place - self.place + self.chance.normal(0, 0.2, 2)
-        distance = math.hypot(dx, dy)
-        return Relative(self.name, other.name, distance, math.atan2(dy, dx), 0.04, 0.04 / distance**2)
 
 
 def story(seed: int, ticks: int = 6, robots: Sequence[str] = ROBOTS) -> list[list[Evidence]]:

@@ -1,0 +1,32 @@
+"""What two robots say of one place, with errors as large as a test wants them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from blackboard.opinion.gaussian.contacts import Claim, Contacts
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Nuisance, entering
+from blackboard.opinion.grid import Array
+
+#: Sigmas of a robot's place and of a sighting, per axis.
+PLACE = 1.2
+SIGHTING = 1.0
+NOTHING = np.zeros((2, 2))
+
+
+def own(at: Array) -> Claim:
+    return Claim(at, np.eye(2) * PLACE**2, NOTHING)
+
+
+def seen(at: Array) -> Claim:
+    return Claim(at, np.eye(2) * PLACE**2, np.eye(2) * SIGHTING**2)
+
+
+def corrected(contacts: Contacts, robot: str, share: float) -> None:
+    """New evidence that leaves this share of the error of a robot's place."""
+    belief = entering(Moments(np.zeros(3), np.eye(3)), Nuisance())
+    information = np.zeros((STATES, STATES))
+    information[AXES, AXES] = np.eye(2) * (1 - share)
+    contacts.correct(robot, belief, Increment(np.zeros(STATES), information, np.zeros(STATES)))
