@@ -93,7 +93,7 @@ docs: $(VENV)/.docs ## the documentation as a site, in build/docs; warnings are 
 bridges: $(VENV)/.dev ## tests of Rerun and Parquet in an environment of their own, $(VENV)-bridges: 850 MB
 	@test -x $(VENV)-bridges/bin/pip || $(PYTHON) -m venv $(VENV)-bridges
 	@$(VENV)-bridges/bin/python -m pip --disable-pip-version-check install --quiet --editable '.[rerun,table,dev]'
-	$(VENV)-bridges/bin/python -m pytest tests/bridges tests/tape/test_door.py tests/sim_world/test_table.py
+	$(VENV)-bridges/bin/python -m pytest tests/bridges tests/tape/test_door.py tests/judge/test_files.py
 
 screenshots: $(VENV)/.dev ## docs/view.png, the picture of the page in the README; needs a Chromium
 	$(BIN)/python -m tests.view.screenshots docs/view.png

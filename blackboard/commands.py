@@ -121,10 +121,10 @@ def router(*, flags: door.ZenohFlags = door.ZenohFlags()) -> int:
 
 
 def _run(scenario: Scenario, how: LaunchFlags) -> int:
+    from blackboard.judge.card import text
+    from blackboard.judge.files import check_folder, check_table
     from blackboard.run.browser import can_open
     from blackboard.run.launch import Interrupted, TapeIncomplete, run_scenario
-    from sim_world.scorecard import text
-    from sim_world.table import check_folder, check_table
 
     scenario, run, look, record = how.run.apply(how.team.apply(scenario)), how.run, how.look, how.record
     _check(scenario)
@@ -162,7 +162,7 @@ def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Itera
         return
     with extra("plot", "--plot"):
         from blackboard.lab import run_drawing
-    from sim_world.series import read_series, series_file
+    from blackboard.judge.samples import read_series, series_file
 
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
         file = table if table is not None and table.suffix == ".csv" else Path(folder) / "samples.csv"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from blackboard.faults import faulty_robots
+from blackboard.judge.card import scorecard, text
+from blackboard.judge.referee import Referee
+from blackboard.judge.samples import series_file
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags
-from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
-from sim_world.scorecard import scorecard, text
-from sim_world.series import series_file
 from sim_world.service import WorldService
 from sim_world.sources import open_sensor_source
 

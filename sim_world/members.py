@@ -10,12 +10,12 @@ import logging
 
 from blackboard.config import TeamSection
 from blackboard.errors import Refused
+from blackboard.judge.instant import Instant
 from blackboard.process.roster import Roster
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Solo, Status
 from blackboard.wire.names import VIA
-from sim_world.instant import Instant
 from sim_world.sources import SensorSource
 
 log = logging.getLogger(__name__)

@@ -12,6 +12,7 @@ from pydantic import Field, field_validator
 
 from blackboard.config import Name, Positive, Scenario, Section
 from blackboard.errors import UserError
+from blackboard.judge.check import CheckSection
 from blackboard.wire.mistakes import nearest
 from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS, protocol_of
 
@@ -61,27 +62,6 @@ class ObjectSection(Section):
     "[unit] Where it is at the beginning; drawn from the seed where it is not given."
     drift: Sigma = 0.0
     "[unit/sqrt(s)] How it moves in each coordinate; 0 is an object that stands."
-
-
-class CheckSection(Section):
-    """What a run must show to PASS, of robots and objects alike unless it says otherwise."""
-
-    robots: Positive = 0.9
-    "[factor] Agreed RMSE of the robots' positions, at most so much of solo."
-    objects: Positive = 0.9
-    "[factor] Agreed RMSE of the objects, at most so much of solo."
-    entropy: Positive = 1.0
-    "[factor] Agreed entropy, at most so much of solo."
-    coverage: Annotated[float, Field(ge=0, le=1)] = 0.8
-    "[share] Share of the agreed 95 % regions that hold the truth, at least."
-    calibration: Annotated[float, Field(ge=0, le=1)] = 0.2
-    "[share] How far the coverage of agreed regions may be, beyond doubt, from 50, 90 and 95 %, to both sides."
-    missing: Annotated[float, Field(ge=0, le=1)] = 0.2
-    "[share] Share of the samples of a robot or object that may be missing."
-    claim: Positive = 2.0
-    "[factor] Solo RMSE of the robots, and of each one, at most so many times what its beliefs claim."
-    solo: Positive | None = None
-    "[unit] Solo RMSE of the robots, at most; anything where it is not given."
 
 
 class WorldSection(Section):

@@ -12,6 +12,10 @@ from collections import Counter
 from collections.abc import Sequence
 
 from blackboard.config import Scenario
+from blackboard.judge.card import RunResult
+from blackboard.judge.instant import PHASES, Instant, who_saw_landmarks
+from blackboard.judge.referee import Referee
+from blackboard.judge.traffic import Traffic
 from blackboard.process.intake import Intake
 from blackboard.process.roster import Roster
 from blackboard.process.rounds import WORLD, Rounds
@@ -21,13 +25,9 @@ from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Solo, Status
 from blackboard.wire.types import MAX_OPINIONS, Message
-from sim_world.instant import PHASES, Instant, who_saw_landmarks
 from sim_world.members import Members, who
-from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
-from sim_world.scorecard import RunResult
 from sim_world.sources import SensorSource
-from sim_world.traffic import Traffic
 
 log = logging.getLogger(__name__)
 

@@ -47,6 +47,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "blackboard/wire/[!m_]*.py": ("tests/wire",),
     "blackboard/board/*.py": ("tests/board", "tests/flow"),
     "blackboard/process/*.py": ("tests/process", "tests/board", "tests/flow"),
+    "blackboard/judge/*.py": ("tests/judge", "tests/tape"),
     "blackboard/net/bus.py": ("tests/net/test_network.py", "tests/flow"),
     "robot_agent/[!_]*.py": ("tests/robot_agent", "tests/flow"),
     "sim_world/[!_]*.py": ("tests/sim_world", "tests/flow"),

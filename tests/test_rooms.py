@@ -23,7 +23,7 @@ ERRORS, PLUGINS, CONFIG = "blackboard.errors", "blackboard.plugins", "blackboard
 OPINION, WIRE, PROCESS = "blackboard.opinion", "blackboard.wire", "blackboard.process"
 CLOCK, LOOP = "blackboard.process.clock", "blackboard.process.loop"
 BOARD, NET, RUN, LAB = "blackboard.board", "blackboard.net", "blackboard.run", "blackboard.lab"
-STATE, SOURCE = "blackboard.state", "blackboard.view.source"
+STATE, SOURCE, JUDGE = "blackboard.state", "blackboard.view.source", "blackboard.judge"
 VIEW, WEB, TUI = "blackboard.view", "blackboard.view.web", "blackboard.view.tui"
 TAPE, BRIDGES, ROS = "blackboard.tape", "blackboard.bridges", "blackboard.bridges.ros"
 ACCESS = "blackboard.access"
@@ -57,8 +57,9 @@ ALLOWED: dict[str, set[str]] = {
     ACCESS: {ERRORS, WIRE, CONFIG, CLOCK},
     NET: {ERRORS, WIRE, CLOCK, ACCESS, PROCESS},
     RUN: {*SHARED, ACCESS, NET, CLOCK, LOOP, STATE, "blackboard"},
-    TAPE: {*SHARED, BOARD, NET, "sim_world"},
-    LAB: {*SHARED, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
+    JUDGE: SHARED,
+    TAPE: {*SHARED, JUDGE, BOARD, NET, "sim_world"},
+    LAB: {*SHARED, JUDGE, BOARD, NET, RUN, CLOCK, "robot_agent", "sim_world"},
     CLIENT: {*SHARED, BOARD, NET, CLOCK, LOOP},
     STATE: SHARED,
     VIEW: {*SHARED, STATE, BOARD},
@@ -66,21 +67,21 @@ ALLOWED: dict[str, set[str]] = {
     TUI: {*SHARED, STATE, VIEW},
     BRIDGES: {*SHARED, STATE, VIEW},
     ROS: {*SHARED, STATE, VIEW, CLIENT},
-    CHAOS: {*SHARED, NET, RUN, "sim_world"},
+    CHAOS: {*SHARED, JUDGE, NET, RUN},
     "blackboard": {ERRORS, OPINION},
     "robot_agent": SHARED,
-    "sim_world": SHARED,
+    "sim_world": {*SHARED, JUDGE},
     "blackboard.__main__": {RUN},
-    COMMANDS: {*SHARED, BOARD, TAPE, LAB, RUN, "robot_agent", "sim_world"},
-    "blackboard.lab.__main__": {*SHARED, LAB, RUN, "sim_world"},
+    COMMANDS: {*SHARED, JUDGE, BOARD, TAPE, LAB, RUN, "robot_agent", "sim_world"},
+    "blackboard.lab.__main__": {*SHARED, JUDGE, LAB, RUN},
     SOURCE: {*SHARED, STATE, VIEW, TAPE, NET, RUN, CLOCK},
     "blackboard.view.__main__": {*SHARED, STATE, VIEW, SOURCE, WEB, TUI, NET, RUN, CLOCK},
     "blackboard.client.__main__": {*SHARED, CLIENT, NET, RUN, CLOCK, LOOP},
     "blackboard.bridges.__main__": {*SHARED, BRIDGES, ROS, STATE, VIEW, SOURCE, CLIENT, NET, RUN, CLOCK, LOOP},
     "blackboard.chaos.__main__": {*SHARED, CHAOS, RUN},
-    "blackboard.tape.__main__": {*SHARED, TAPE, NET, RUN, CLOCK, "sim_world"},
+    "blackboard.tape.__main__": {*SHARED, JUDGE, TAPE, NET, RUN, CLOCK},
     "robot_agent.__main__": {*SHARED, RUN, "robot_agent"},
-    "sim_world.__main__": {*SHARED, RUN, "sim_world"},
+    "sim_world.__main__": {*SHARED, JUDGE, RUN, "sim_world"},
 }
 
 #: Libraries -> the rooms that may load them; everybody may load the standard library, numpy, and what is not named here.
@@ -199,7 +200,7 @@ def test_a_room_loads_what_it_may(a_room: str) -> None:
     }
 
 
-@pytest.mark.parametrize("a_room", ["robot_agent", "sim_world", BOARD, OPINION, WIRE, PROCESS, STATE, VIEW])
+@pytest.mark.parametrize("a_room", ["robot_agent", "sim_world", BOARD, JUDGE, OPINION, WIRE, PROCESS, STATE, VIEW])
 def test_no_machine_loads_a_clock(a_room: str) -> None:
     assert not loaded_by(a_room) & {CLOCK, LOOP}
 

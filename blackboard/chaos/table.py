@@ -18,8 +18,7 @@ from blackboard.chaos.team import SITES, StormTeam, storm_team
 from blackboard.chaos.trouble import Trouble
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed
-from blackboard.opinion.scores import held
-from sim_world.series import Sample, read_series
+from blackboard.judge.samples import Sample, held_by, read_series, rms_error
 
 WARM_UP = 6.0  # seconds of team time before the trouble
 AFTER = 5.0  # seconds of team time after it that are judged with it
@@ -103,11 +102,9 @@ def judged(samples: Sequence[Sample]) -> dict[str, Any]:
         ("objects", "agreed", "object/"),
     ):
         mine = [s for s in samples if s.level == level and s.subject.startswith(kind)]
-        square = [(s.mean_x - s.truth_x) ** 2 + (s.mean_y - s.truth_y) ** 2 for s in mine]
-        found[name] = math.sqrt(sum(square) / len(square)) if square else None
+        found[name] = rms_error(mine) if mine else None
     agreed = [s for s in samples if s.level == "agreed"]
-    inside = held([s.region for s in agreed], [s.border for s in agreed], 0.95)
-    return found | {"coverage": float(inside.mean()) if agreed else None, "samples": len(agreed)}
+    return found | {"coverage": float(held_by(agreed, 95).mean()) if agreed else None, "samples": len(agreed)}
 
 
 def _missing(card: dict[str, Any]) -> float:

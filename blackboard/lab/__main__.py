@@ -17,6 +17,7 @@ from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
 from blackboard.errors import UserError, extra
+from blackboard.judge.files import check_folder, check_table, table_file
 from blackboard.lab import comparison, paper, parallel, sweep_report, tuning, tuning_report
 from blackboard.lab import streams as streams_of_fusions
 from blackboard.lab.estimates import RuleScores
@@ -26,7 +27,6 @@ from blackboard.lab.team import Team
 from blackboard.lab.tuning import CandidateScores
 from blackboard.run.flags import LengthFlags, OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.progress import progress
-from sim_world.table import check_folder, check_table, table_file
 
 SEED = 1  # of the trials and of the bootstrap, where --seed does not give another
 
@@ -276,8 +276,8 @@ def sweep(
     found = sweep_report.report(planned, cards, np.random.default_rng(SEED))
     output.show(found, sweep_report.text)  # first: a file may fail after hours
     if table is not None:
-        row, rows = sweep_report.rows(planned, cards)
-        with table_file(table, row, "--table") as write:
+        columns, rows = sweep_report.rows(planned, cards)
+        with table_file(table, columns, "--table") as write:
             for each in rows:
                 write(each)
     if drawing is not None and plot is not None:

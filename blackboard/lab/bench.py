@@ -2,7 +2,7 @@
 
 Long, because the numbers and the tables that show them are read together.
 
-Everything is computed from the samples that the referee judged (`sim_world.series`), by the definitions in `DEFINITIONS`.
+Everything is computed from the samples that the referee judged (`blackboard.judge.samples`), by the definitions in `DEFINITIONS`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from blackboard.lab.estimates import Estimate
-from blackboard.opinion import intervals
-from blackboard.opinion.grid import Array
-from blackboard.opinion.scores import LEVELS, errors, held
-from sim_world.series import Sample
+from blackboard.judge.intervals import Estimate, share_of_blocks
+from blackboard.judge.samples import Sample, held_by
+from blackboard.opinion.scores import LEVELS, errors
 
 FUSIONS = ("opinions", "joint")
 TEAM = "team"
@@ -64,28 +62,15 @@ class Run:
         return bool(self.card["ticks"] == self.asked_ticks)
 
 
-def effective_samples(hits: Sequence[float] | Array, blocks: Sequence[int]) -> float:
-    """`intervals.effective_samples` of some samples; `blocks` numbers the block of each."""
-    _, block = np.unique(blocks, return_inverse=True)
-    return intervals.effective_samples(np.bincount(block, weights=np.asarray(hits, dtype=float)), np.bincount(block))
-
-
 def coverage(samples: Sequence[Sample], level: int) -> Estimate:
     """The share of samples whose `level` % region holds the truth, with its interval (DEFINITIONS)."""
-    hits = held([sample.region for sample in samples], [sample.border for sample in samples], level / 100)
-    share = float(hits.mean())
-    count = effective_samples(hits, [block_of(sample.time) for sample in samples])
-    return Estimate(share, *intervals.wilson(share, count))
+    _, block = np.unique([block_of(sample.time) for sample in samples], return_inverse=True)
+    return share_of_blocks(np.bincount(block, weights=held_by(samples, level)), np.bincount(block))
 
 
 def block_of(time: float) -> int:
     """The number of the block (k BLOCK, (k + 1) BLOCK] that a time is in: samples are about the time that led to them."""
     return math.ceil(time / BLOCK) - 1
-
-
-def error(sample: Sample) -> float:
-    """The distance from the estimate to the truth."""
-    return math.hypot(sample.mean_x - sample.truth_x, sample.mean_y - sample.truth_y)
 
 
 def localised_at(samples: Sequence[Sample]) -> float | None:
@@ -95,7 +80,7 @@ def localised_at(samples: Sequence[Sample]) -> float | None:
     """
     since = before = None
     for sample in samples:
-        if error(sample) >= FOUND:
+        if sample.error >= FOUND:
             since = None
         elif since is None or (before is not None and sample.time - before > GAP):
             since = sample.time
@@ -111,10 +96,10 @@ def measure(samples: Sequence[Sample]) -> dict[str, Any]:
     for sample in samples:
         by_robot.setdefault(sample.robot, []).append(sample)
     found = [localised_at(one) for one in by_robot.values()]
-    starved = [error(sample) for sample in samples if sample.landmark_age >= NO_LANDMARK]
+    starved = [sample.error for sample in samples if sample.landmark_age >= NO_LANDMARK]
     return {
         "n": len(samples),
-        **errors([error(sample) for sample in samples]),
+        **errors([sample.error for sample in samples]),
         "coverage": {str(level): vars(coverage(samples, level)) for level in LEVELS},
         "log_score": float(np.mean([sample.log_score for sample in samples])),
         "area": float(np.median([sample.area for sample in samples])),

@@ -8,9 +8,9 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from blackboard.judge.samples import Sample
 from blackboard.lab import bench
 from blackboard.lab.drawing import BLACK, BLUE, STYLE, VERMILION, save
-from sim_world.series import Sample
 
 __all__ = ["protocol", "save"]
 
@@ -32,7 +32,7 @@ def protocol(name: str, runs: Sequence[bench.Run]) -> dict[str, Figure]:
             "trajectories": _panels(
                 f"{name}: where they were (black) and what was agreed on", by_way, _trajectory, False
             ),
-            "errors": _panels(f"{name}: error [m]", by_way, _over_time(bench.error), True),
+            "errors": _panels(f"{name}: error [m]", by_way, _over_time(lambda s: s.error), True),
             "areas": _panels(f"{name}: area of the 95 % region [m²]", by_way, _over_time(lambda s: s.area), True),
         }
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from blackboard.config import BoardSection
+from blackboard.judge.intervals import FEWEST, Estimate
 from blackboard.lab.cases import Case, Run
-from blackboard.lab.estimates import COLUMNS, FEWEST, Estimate, RuleScores, estimates
+from blackboard.lab.estimates import COLUMNS, RuleScores, estimates
 from blackboard.opinion.averages import ChannelFilter
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.cooperative import Coalition, Cooperative
@@ -121,7 +122,7 @@ def report(situations: Mapping[str, dict[str, RuleScores]], rng: np.random.Gener
             "cases": len(scores[DEFAULT_NAME].runs),
             "rules": {
                 name: {
-                    **{c: {"value": e.value, "low": e.low, "high": e.high} for c, e in row.items()},
+                    **{c: asdict(e) for c, e in row.items()},
                     "failed": scores[name].failed,
                 }
                 for name, row in rows.items()

@@ -1,8 +1,6 @@
 """How a rule scored on many cases, with intervals over runs. Pure; the random generator is an argument.
 
-The cases of a run are not independent of each other, so runs are drawn anew, and how much is known depends on their number: from
-`MANY` on the interval is the bootstrap's own (percentiles), which over fewer runs is too narrow; there it is the bootstrap's
-standard error times Student's t, and over fewer than `FEWEST` runs there is none.
+The cases of a run are not independent of each other, so the runs are what is drawn anew (`blackboard.judge.intervals`).
 """
 
 from __future__ import annotations
@@ -13,31 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from blackboard.judge.intervals import FEWEST, Estimate, over_runs, resamples, wilson
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
-from blackboard.opinion.intervals import student
-from blackboard.opinion.intervals import wilson as score_interval
 from blackboard.opinion.scores import LEVELS, Score
-
-RESAMPLES = 400  # of the bootstrap
-FEWEST, MANY = (
-    4,
-    40,
-)  # runs: with fewer there is no interval; from so many on the bootstrap's percentiles are wide enough
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number and its 95 % interval; None where too few runs were made to give one."""
-
-    value: float
-    low: float | None
-    high: float | None
-
-    @property
-    def above_zero(self) -> bool:
-        """Whether there is an interval, and all of it is above 0."""
-        return self.low is not None and self.low > 0.0
 
 
 @dataclass
@@ -102,11 +79,11 @@ def estimates(scores: RuleScores, rng: np.random.Generator) -> dict[str, Estimat
             continue
         value = float(_pooled(x, np.ones((1, len(x))), how)[0])
         if how == "share" and (single or value in (0.0, 1.0)):
-            found[name] = wilson(value, runs) if runs >= FEWEST else Estimate(value, None, None)
+            found[name] = wilson(value, runs) if runs >= FEWEST else Estimate(value)
         else:
-            (found[name],) = _spans(np.array([value]), _pooled(x, drawn, how)[:, None], runs)
+            (found[name],) = over_runs(np.array([value]), _pooled(x, drawn, how)[:, None], runs)
             if name not in SIGNED:
-                found[name] = _within(found[name], 0.0, 1.0 if how == "share" else math.inf)
+                found[name] = found[name].within(0.0, 1.0 if how == "share" else math.inf)
     return found
 
 
@@ -116,42 +93,7 @@ def difference(scores: RuleScores, other: RuleScores, rng: np.random.Generator) 
     runs = int(of_case.max()) + 1
     gained = np.array(scores.score.log_scores) - np.array(other.score.log_scores)
     drawn = _pooled(gained, resamples(runs, rng)[:, of_case], "mean")
-    return _spans(gained.mean(keepdims=True), drawn[:, None], runs)[0]
-
-
-def means(rows: Array, rng: np.random.Generator, least: float = -math.inf, most: float = math.inf) -> list[Estimate]:
-    """The mean over runs of each column of rows (runs, columns), with its interval, cut off at the least and the most it can be."""
-    found = _spans(rows.mean(axis=0), resamples(len(rows), rng) @ rows / len(rows), len(rows))
-    return [_within(estimate, least, most) for estimate in found]
-
-
-def _spans(values: Array, drawn: Array, runs: int) -> list[Estimate]:
-    """The intervals of some numbers, shape (n,), from what they are when the runs are drawn anew, shape (RESAMPLES, n)."""
-    if runs < FEWEST:
-        return [Estimate(float(value), None, None) for value in values]
-    if runs >= MANY:
-        low, high = np.quantile(drawn, (0.025, 0.975), axis=0)
-    else:  # the bootstrap's variance is (runs - 1) / runs of the unbiased one
-        half = student(runs - 1) * math.sqrt(runs / (runs - 1)) * drawn.std(axis=0)
-        low, high = values - half, values + half
-    return [Estimate(*(float(v) for v in column)) for column in zip(values, low, high, strict=True)]
-
-
-def _within(estimate: Estimate, least: float, most: float) -> Estimate:
-    """The estimate with its interval cut off where its number cannot be."""
-    if estimate.low is None or estimate.high is None:
-        return estimate
-    return Estimate(estimate.value, max(least, estimate.low), min(most, estimate.high))
-
-
-def resamples(runs: int, rng: np.random.Generator) -> Array:
-    """How often each run was drawn in each resample, shape (RESAMPLES, runs)."""
-    return np.asarray(rng.multinomial(runs, np.full(runs, 1 / runs), RESAMPLES).astype(float))
-
-
-def wilson(share: float, n: int) -> Estimate:
-    """Wilson's score interval of a share of n independent cases."""
-    return Estimate(share, *score_interval(share, n))
+    return over_runs(gained.mean(keepdims=True), drawn[:, None], runs)[0]
 
 
 def _pooled(x: Array, counts: Array, how: str) -> Array:

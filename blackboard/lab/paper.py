@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.judge.intervals import FEWEST, means
 from blackboard.lab.comparison import DEFAULT, PAPER
-from blackboard.lab.estimates import FEWEST, means
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.opinion.averages import linear_pool, logarithmic_pool
 from blackboard.opinion.belief import gaussian

@@ -13,11 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from blackboard.errors import RunFailed
+from blackboard.judge.samples import GROUPS, Sample, held_by, rms_error
 from blackboard.lab.drawing import BLACK, BLUE, ORANGE, STYLE, VERMILION, save_all
 from blackboard.opinion.grid import Array
-from blackboard.opinion.scores import held
-from sim_world.referee import GROUPS
-from sim_world.series import Sample
 
 LINES = {"solo": (ORANGE, ":"), "consensus": (BLUE, "--"), "agreed": (VERMILION, "-")}  # level -> colour, line style
 BIN, BLOCK = 1.0, 10.0  # seconds of team time in a point of a line; of a line of coverage
@@ -39,10 +37,10 @@ def draw_run(samples: Sequence[Sample], unit: str, folder: Path) -> list[Path]:
 def over_time(samples: Sequence[Sample], unit: str) -> Figure:
     """Four rows (error, area of the 95 % region, entropy, coverage of it) for robots and for objects, a line for each level."""
     rows: list[tuple[str, float, Callable[[list[Sample]], float]]] = [
-        (f"RMS error [{unit}]", BIN, lambda some: float(np.sqrt(np.mean([s.error**2 for s in some])))),
+        (f"RMS error [{unit}]", BIN, rms_error),
         (f"95 % region [{unit}²]", BIN, lambda some: float(np.median([s.area for s in some]))),
         ("entropy [nats]", BIN, lambda some: float(np.mean([s.entropy for s in some]))),
-        ("in the 95 % region", BLOCK, covered),
+        ("in the 95 % region", BLOCK, lambda some: float(held_by(some, 95).mean())),
     ]
     groups = [group for group, prefix in GROUPS.items() if any(s.subject.startswith(prefix) for s in samples)]
     figure = Figure(figsize=(1 + 4.2 * len(groups), 8), layout="constrained")
@@ -71,12 +69,6 @@ def binned(samples: Sequence[Sample], width: float, value: Callable[[list[Sample
     for sample in samples:
         bins.setdefault(ceil(sample.time / width - 1e-9), []).append(sample)
     return width * np.array(sorted(bins), float), np.array([value(bins[number]) for number in sorted(bins)])
-
-
-def covered(samples: Sequence[Sample]) -> float:
-    """The share of 95 % regions that hold the truth; a region's border counts in part."""
-    regions, borders = np.array([s.region for s in samples]), np.array([s.border for s in samples])
-    return float(held(regions, borders, 0.95).mean())
 
 
 def trajectories(samples: Sequence[Sample], unit: str) -> Figure:

@@ -9,28 +9,25 @@ import logging
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import astuple, fields, make_dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from blackboard.config import Scenario
 from blackboard.errors import UserError, extra, writing
+from blackboard.judge.files import ENDINGS, check_table, table_file
+from blackboard.judge.samples import COLUMNS, read_series
 from blackboard.lab import bench
 from blackboard.run.flags import OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.launch import run_scenario
 from blackboard.run.progress import progress
 from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS
 from sim_world.scenario import WorldSection
-from sim_world.series import Sample, read_series
-from sim_world.table import ENDINGS, check_table, table_file
 
 log = logging.getLogger(__name__)
 
-#: A row of `--table`: a sample with the protocol and the way (`bench.DEFINITIONS`) that it comes from.
-SCORED: type[Any] = make_dataclass(
-    "Scored", [("protocol", "str"), ("way", "str"), *((one.name, one.type) for one in fields(Sample))], frozen=True
-)
+#: The columns of `--table`: a sample with the protocol and the way (`bench.DEFINITIONS`) that it comes from.
+SCORED = {"protocol": "str", "way": "str", **COLUMNS}
 
 
 def score(
@@ -149,7 +146,7 @@ def write_samples(file: Path, runs: Sequence[bench.Run]) -> None:
     with table_file(file, SCORED, "--table") as write:
         for run in runs:
             for sample in run.samples:
-                write(SCORED(run.protocol, bench.way_of(run.fusion, sample.level), *astuple(sample)))
+                write({"protocol": run.protocol, "way": bench.way_of(run.fusion, sample.level), **vars(sample)})
 
 
 def families(runs: list[bench.Run]) -> list[bench.Run]:

@@ -9,10 +9,10 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from blackboard.judge.samples import GROUPS
 from blackboard.lab.drawing import BLACK, SKY, STYLE, VERMILION, save_all
 from blackboard.lab.sweep_plan import Planned
 from blackboard.lab.sweep_report import Card, measure
-from sim_world.referee import GROUPS
 
 COLUMNS = {"rmse": "RMSE [{unit}]", "log_score": "log score [nats]", "coverage_95": "in the 95 % region"}
 

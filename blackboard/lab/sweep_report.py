@@ -1,7 +1,7 @@
 """What a sweep found: the mean of each measure over the seeds, and how each combination differs from the first. Pure.
 
 A run of one seed is one observation. Differences are paired: between runs of the same seed, so that what a seed makes easy or
-hard for every combination drops out. Intervals are those of `blackboard.lab.estimates`.
+hard for every combination drops out. Intervals are those of `blackboard.judge.intervals`.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, make_dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from blackboard.lab.estimates import means
+from blackboard.judge.intervals import means, shown
+from blackboard.judge.samples import GROUPS, LEVELS, READERS
 from blackboard.lab.sweep_plan import Planned, label
 from blackboard.opinion.scores import LEVELS as SHARES
-from sim_world.referee import GROUPS, LEVELS
 
 Card = Mapping[str, Any]  # a scorecard, with "cpu_s"
 MEASURES = ("rmse", "log_score", "entropy", *(f"coverage_{level}" for level in SHARES))
@@ -74,28 +74,28 @@ def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Gen
     }
 
 
-def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[type[Any], list[Any]]:
-    """The table of all runs, one row for each run, group and level, and the class of its rows; a column for each setting."""
-    keys = list(planned[0].settings)
-    columns = [(_identifier(key), _kind([one.settings[key] for one in planned])) for key in keys]
-    fixed = [("seed", "int"), ("group", "str"), ("level", "str"), ("n", "int")]
+def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[dict[str, str], list[dict[str, Any]]]:
+    """The table of all runs: its columns, one of each setting among them, and a row for each run, group and level."""
+    settings = {key: _kind([one.settings[key] for one in planned]) for key in planned[0].settings}
     numbers = [*NUMBERS[1:], *(f"coverage_{level}" for level in SHARES)]
-    last = [("verdict", "str"), ("hash", "str"), ("cpu_s", "float")]
-    row = make_dataclass("Row", [*columns, *fixed, *((name, "float") for name in numbers), *last], frozen=True)
+    columns = {
+        **{_identifier(key): kind for key, kind in settings.items()},
+        **{"seed": "int", "group": "str", "level": "str", "n": "int"},
+        **dict.fromkeys(numbers, "float"),
+        **{"verdict": "str", "hash": "str", "cpu_s": "float"},
+    }
     found = []
     for one, card in zip(planned, cards, strict=True):
-        given = [
-            float(one.settings[key]) if kind == "float" else str(one.settings[key])
-            for key, (_, kind) in zip(keys, columns, strict=True)
-        ]
+        run = {
+            **{_identifier(key): READERS[kind](one.settings[key]) for key, kind in settings.items()},
+            **{"seed": one.seed, **{name: card[name] for name in ("verdict", "hash", "cpu_s")}},
+        }
         for group in GROUPS:
             for level in LEVELS:
-                values = [measure(card, group, level, name) for name in numbers]
+                values = {name: measure(card, group, level, name) for name in numbers}
                 n = card["scores"][group][level]["n"]
-                found.append(
-                    row(*given, one.seed, group, level, n, *values, card["verdict"], card["hash"], card["cpu_s"])
-                )
-    return row, found
+                found.append({**run, "group": group, "level": level, "n": n, **values})
+    return columns, found
 
 
 def text(found: Mapping[str, Any]) -> str:
@@ -110,14 +110,14 @@ def text(found: Mapping[str, Any]) -> str:
         lines += ["", f"{group:<{width}}" + "".join(f"{name:>26}" for name in head) + f"{'PASS':>8}{'CPU s':>8}"]
         for one in combinations:
             block = one["scores"][group]["agreed"]
-            shown = "".join(f"{_span(block[name]):>26}" for name in ("rmse", "log_score", "coverage_95"))
-            lines.append(f"{one['label']:<{width}}{shown}{one['passed']:>5}/{one['runs']}{one['cpu_s']:>8.1f}")
+            values = "".join(f"{shown(block[name]):>26}" for name in ("rmse", "log_score", "coverage_95"))
+            lines.append(f"{one['label']:<{width}}{values}{one['passed']:>5}/{one['runs']}{one['cpu_s']:>8.1f}")
         if len(combinations) > 1:
             lines.append(f"minus {combinations[0]['label']}, in pairs of runs of the same seed:")
         for one in combinations[1:]:
             block = one["difference"][group]["agreed"]
-            shown = "".join(f"{_span(block[name], '+'):>26}" for name in ("rmse", "log_score", "coverage_95"))
-            lines.append(f"{one['label']:<{width}}{shown}")
+            values = "".join(f"{shown(block[name], sign='+'):>26}" for name in ("rmse", "log_score", "coverage_95"))
+            lines.append(f"{one['label']:<{width}}{values}")
         lines += [line for one in combinations for line in _left_out(one, group, len(combinations) > 1)]
     return "\n".join(lines)
 
@@ -165,14 +165,6 @@ def _estimates(table: list[list[float]], rng: np.random.Generator, paired: bool 
         limits = NO_LIMITS if paired else LIMITS.get(name.split("_")[0], NO_LIMITS)
         told[name] = asdict(means(column[:, np.newaxis], rng, *limits)[0])
     return told
-
-
-def _span(one: Mapping[str, Any], sign: str = "") -> str:
-    if one["value"] is None:
-        return "-"
-    if one["low"] is None:
-        return f"{one['value']:{sign}.3f}"
-    return f"{one['value']:{sign}.3f} [{one['low']:{sign}.3f}, {one['high']:{sign}.3f}]"
 
 
 def _identifier(key: str) -> str:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from blackboard.board.service import BoardService
 from blackboard.config import Scenario
 from blackboard.faults import faulty_robots
+from blackboard.judge.card import scorecard
+from blackboard.judge.referee import Referee
 from blackboard.net.scheduler import Scheduler
 from blackboard.process.service import Service
 from robot_agent.service import AgentService
 from robot_agent.team import robot_of
-from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
-from sim_world.scorecard import scorecard
 from sim_world.service import WorldService
 from sim_world.sources import open_sensor_source
 

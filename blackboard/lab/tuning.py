@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from blackboard.errors import UserError
+from blackboard.judge.intervals import FEWEST, Estimate, resamples
 from blackboard.lab.cases import Case, Run
-from blackboard.lab.estimates import FEWEST, Estimate, resamples
 from blackboard.opinion.components import alphas, log_components, relative_to_peak, triangular_alphas
 from blackboard.opinion.cooperative import Calibrated, Coalition
 from blackboard.opinion.grid import Array
@@ -132,7 +132,7 @@ def recommended(gain: Estimate, honest: bool) -> tuple[str, str]:
         return "default", "no setting covers what is asked"
     if gain.low is None:
         return "default", f"fewer than {FEWEST} held-out runs cannot tell whether the choice is better"
-    if not gain.above_zero:
+    if not gain.is_above(0.0):
         return "default", "the choice does not beat it on the held-out runs"
     return "tuned", "the choice beats the default on the held-out runs"
 

@@ -9,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from blackboard.judge.intervals import means, shown
 from blackboard.lab.comparison import merged
-from blackboard.lab.estimates import RuleScores, difference, estimates, means
+from blackboard.lab.estimates import RuleScores, difference, estimates
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.lab.tuning import board_table, enough, recommended
 from blackboard.opinion.rules import Rule
+
+NONE = " [-]"  # too few runs were made to give an interval
 
 
 def tuned(
@@ -65,18 +68,20 @@ def text(found: Mapping[str, Any]) -> str:
     """The report as text."""
     asked, lines = found["asked"], []
     for name, choice in found["choices"].items():
-        intervals = ", ".join(f"{p} {_span(e)}" for p, e in choice["parameters"].items())
+        intervals = ", ".join(f"{p} {shown(e, 2, without=NONE)}" for p, e in choice["parameters"].items())
         share = f"95 % coverage {choice['coverage_95']:.3f}" + ("" if choice["honest"] else ": LESS THAN ASKED")
         lines.append(f"{name}: {intervals}; log score {choice['log_score']:.3f}, {share}")
     lines += ["", f"on held-out runs    {'RMSE':>9}{'log score':>25}{'95 % coverage':>22}{'entropy':>9}"]
     for name, row in found["held_out"].items():
-        log, cover = _span(row["log_score"], 3), _span(row["coverage_95"], 3)
+        log, cover = (shown(row[name], without=NONE) for name in ("log_score", "coverage_95"))
         lines.append(f"  {name:18}{row['rmse']['value']:9.3f}{log:>25}{cover:>22}{row['entropy']['value']:9.2f}")
     for other in ("default", "paper"):
-        lines.append(f"the choice's log score less the {other}'s: {_span(found[f'gain_over_{other}'], 3)} nats")
+        lines.append(
+            f"the choice's log score less the {other}'s: {shown(found[f'gain_over_{other}'], without=NONE)} nats"
+        )
     lines += ["", "one robot more gains (nats of log score)"]
     for n, gain in enumerate(found["team"]["gains"], start=2):
-        lines.append(f"  {n - 1} -> {n}: {_span(gain, 3)}")
+        lines.append(f"  {n - 1} -> {n}: {shown(gain, without=NONE)}")
     size, least = found["team"]["enough"], f"{asked['gain']:g} nats"
     most = size > len(found["team"]["gains"])
     lines.append(
@@ -85,11 +90,3 @@ def text(found: Mapping[str, Any]) -> str:
     which, why = found["recommended"]["which"], found["recommended"]["why"]
     lines += ["", f"{'keep the default' if which == 'default' else 'take the choice'}: {why}", "", found["board"]]
     return "\n".join(lines)
-
-
-def _span(estimate: Mapping[str, float | None], places: int = 2) -> str:
-    """A number with its interval, "[-]" where too few runs were made to give one."""
-    value, low, high = (
-        None if estimate[key] is None else f"{estimate[key]:.{places}f}" for key in ("value", "low", "high")
-    )
-    return f"{value} [-]" if low is None else f"{value} [{low}, {high}]"

@@ -18,6 +18,11 @@ from cyclopts import App, Parameter
 
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
+from blackboard.judge.card import scorecard, text
+from blackboard.judge.files import check_table, table_file
+from blackboard.judge.paired import paired
+from blackboard.judge.paired import text as paired_text
+from blackboard.judge.samples import Keep, Sample, series_file
 from blackboard.net.bus import intersects
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
@@ -31,21 +36,14 @@ from blackboard.tape.content import cut as cut_out
 from blackboard.tape.file import TapeWriter, copy, create
 from blackboard.tape.judge import Course, course, judge, match, recorded
 from blackboard.tape.lies import lying, parse_lies
-from blackboard.tape.paired import paired
-from blackboard.tape.paired import text as paired_text
 from blackboard.tape.player import Part, Player
 from blackboard.tape.recorder import Recorder
 from blackboard.tape.replay import replay as replay_tape
-from blackboard.tape.table import rows
-from blackboard.tape.table_file import write_table
+from blackboard.tape.table import COLUMNS, rows
 from blackboard.tape.whatif import what_if
 from blackboard.wire.raw import VERSION
-from sim_world.scorecard import scorecard, text
-from sim_world.series import Sample, series_file
-from sim_world.table import check_table
 
 LIBRARIES = ("numpy", "eclipse-zenoh", "mcap", "msgpack", "pydantic")  # whose versions a tape keeps
-Keep = Callable[[Sample], None] | None  # what takes every sample that is judged
 NOTE = (
     "Compare with `unchanged`: the same boards on what the recorder received. Robots do not hear the changed boards: "
     "what they report as informed is that of the recorded run."
@@ -188,7 +186,7 @@ def _with_boards(scenario: Scenario, sets: Sequence[str]) -> Scenario:
     return with_settings(scenario, settings)
 
 
-def _again(found: Tape, story: Course, output: OutputFlags, keep: Keep) -> int:
+def _again(found: Tape, story: Course, output: OutputFlags, keep: Keep | None) -> int:
     clock = UnixClock()
     began = clock.now()
     with _moving(sum(len(life.events) for life in found.lives)) as moved:
@@ -202,7 +200,7 @@ def _again(found: Tape, story: Course, output: OutputFlags, keep: Keep) -> int:
     return 0 if matched.exact else 1
 
 
-def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags, keep: Keep) -> int:
+def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags, keep: Keep | None) -> int:
     scenario, rng, clock = changes.apply(found), np.random.default_rng(changes.seed), UnixClock()
     began = clock.now()
     lies = lying(parse_lies(changes.lie, scenario.team.robots))
@@ -287,7 +285,10 @@ def table(file: Path, *, out: Path | None = None, scenario: str | None = None) -
     scenario
         The team's scenario, instead of the one on the tape.
     """
-    write_table(rows(load_tape(file, scenario)), out)
+    found = load_tape(file, scenario)
+    with table_file(out, COLUMNS, "--out") as write:
+        for row in rows(found):
+            write(row)
     return 0
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from blackboard.judge.samples import GROUPS, LEVELS
 from blackboard.tape.judge import Match
 from blackboard.tape.replay import Replay
-from sim_world.referee import GROUPS, LEVELS
 
 
 def told(found: Replay, matched: Match) -> list[str]:

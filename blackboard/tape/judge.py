@@ -7,12 +7,17 @@ that boards made in a replay. So the scorecards of both have one shape, and the 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from blackboard.config import Scenario
 from blackboard.errors import Refused
 from blackboard.faults import faulty_robots
+from blackboard.judge.card import RunResult
+from blackboard.judge.instant import Instant, who_saw_landmarks
+from blackboard.judge.referee import Referee
+from blackboard.judge.samples import Keep
+from blackboard.judge.traffic import Traffic
 from blackboard.process.roster import Roster
 from blackboard.tape.content import Tape, messages
 from blackboard.tape.replay import Output, is_consensus
@@ -20,12 +25,7 @@ from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Readings, Solo, Status, Truth
-from sim_world.instant import Instant, who_saw_landmarks
-from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
-from sim_world.scorecard import RunResult
-from sim_world.series import Sample
-from sim_world.traffic import Traffic
 
 JUDGED_EVERY = 1.0  # seconds: how often the referee judges a recorded team (sim_world.mrclam.replay)
 
@@ -104,7 +104,7 @@ def judge(
     output: Output,
     wall: float = 0.0,
     without: Collection[str] = (),
-    record: Callable[[Sample], None] | None = None,
+    record: Keep | None = None,
 ) -> RunResult:
     """What the referee says of consensuses, as a scorecard needs it; `wall` seconds were spent.
 

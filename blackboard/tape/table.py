@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from typing import Any
 
 from blackboard.errors import Refused
-from blackboard.opinion.grid import Grid
+from blackboard.judge import samples
+from blackboard.judge.samples import sample_of
 from blackboard.opinion.scores import Score
 from blackboard.tape.content import Tape
 from blackboard.wire import keys
@@ -15,89 +17,67 @@ from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, PackedBelief, Solo, Truth
 
-
-@dataclass(frozen=True)
-class Row:
-    """A belief; places in the grid's unit. What depends on the truth is None where the tape does not have it."""
-
-    run: str  # of the world; empty without one
-    tick: int
-    time: float  # team time, seconds
-    level: str  # "solo", "consensus" or "agreed"
-    by: str  # the robot of a solo belief, else the board
-    sub_team: str  # of the board
-    subject: str
-    mean_x: float
-    mean_y: float
-    entropy: float  # nats
-    truth_x: float | None
-    truth_y: float | None
-    error: float | None  # distance of the mean from the truth
-    log_score: float | None  # nats
-    region: float | None  # mass of the smallest highest-density region that reaches the truth
+#: What a row has beside the fields of a sample: the world's run, empty without one; the robot of a solo belief, else the board.
+OWN = {"run": "str", "by": "str"}
+#: The columns, and their types. What depends on the truth is None where the tape does not have it.
+COLUMNS = {
+    name: {**samples.COLUMNS, **OWN}[name]
+    for name in (
+        *("run", "tick", "time", "level", "by", "sub_team", "subject", "mean_x", "mean_y", "entropy"),
+        *("truth_x", "truth_y", "error", "log_score", "region"),
+    )
+}
+TOPICS = (keys.TRUTH, keys.SOLO, keys.CONSENSUS, keys.AGREED)
 
 
-COLUMNS = tuple(field.name for field in fields(Row))
-
-
-def rows(tape: Tape) -> Iterator[Row]:
+def rows(tape: Tape) -> Iterator[dict[str, Any]]:
     """The rows of a tape in order of arrival; one that came again comes again. The truth of a tick comes before its beliefs."""
-    grid, run, truths = tape.scenario.grid, "", dict[tuple[str, int], Truth]()
-    topics = (keys.TRUTH, keys.SOLO, keys.CONSENSUS, keys.AGREED)
+    run, truths = "", dict[tuple[str, int], Truth]()
     for _, envelope in tape.envelopes:
-        if envelope.kind is not Kind.PUT or not any(topic.match(envelope.key) for topic in topics):
+        if envelope.kind is not Kind.PUT or not any(topic.match(envelope.key) for topic in TOPICS):
             continue
         message = _opened(envelope)
         if isinstance(message, Truth):
             run = message.run
             truths[run, message.tick] = message
         elif isinstance(message, Solo):
+            about = {"run": run, "level": "solo", "by": message.robot, "robot": message.robot, "sub_team": ""}
             for subject, packed in message.beliefs.items():
-                known = truths.get((run, message.tick)), run
-                yield from _row(grid, *known, message, "solo", message.robot, "", subject, packed)
+                yield from _row(tape, message, subject, packed, truths.get((run, message.tick)), about)
         elif isinstance(message, Consensus):
-            known = truths.get((run, message.tick)), run
-            by = message.level, message.board, message.sub_team
-            yield from _row(grid, *known, message, *by, message.subject, message.belief)
+            about = {"run": run, "level": message.level, "by": message.board, "robot": "", "sub_team": message.sub_team}
+            yield from _row(tape, message, message.subject, message.belief, truths.get((run, message.tick)), about)
 
 
 def _row(
-    grid: Grid,
-    truth: Truth | None,
-    run: str,
+    tape: Tape,
     message: Solo | Consensus,
-    level: str,
-    by: str,
-    sub_team: str,
     subject: str,
     packed: PackedBelief,
-) -> Iterator[Row]:
+    truth: Truth | None,
+    about: dict[str, str],
+) -> Iterator[dict[str, Any]]:
     """The row of a belief; none for one that cannot be unpacked."""
     try:
-        belief = unpack(packed, grid)
+        belief = unpack(packed, tape.scenario.grid)
     except Refused:
         return
-    (x, y), place = belief.mean().tolist(), truth.positions.get(subject) if truth is not None else None
-    score = Score()
-    score.add(belief, place if place is not None else (x, y))
-    known = place is not None
-    yield Row(
-        run=run,
+    place, score = truth.positions.get(subject) if truth is not None else None, Score()
+    score.add(belief, belief.mean().tolist() if place is None else place)
+    of_sample = {name: value for name, value in about.items() if name not in OWN}
+    sample = sample_of(
+        belief,
+        score,
+        place,
         tick=message.tick,
         time=message.time,
-        level=level,
-        by=by,
-        sub_team=sub_team,
         subject=subject,
-        mean_x=x,
-        mean_y=y,
-        entropy=score.entropies[0],
-        truth_x=place[0] if place is not None else None,
-        truth_y=place[1] if place is not None else None,
-        error=score.errors[0] if known else None,
-        log_score=score.log_scores[0] if known else None,
-        region=score.levels[0] if known else None,
+        area=math.nan,
+        landmark_age=math.nan,
+        **of_sample,
     )
+    row = {**vars(sample), **about}
+    yield {name: None if isinstance(row[name], float) and math.isnan(row[name]) else row[name] for name in COLUMNS}
 
 
 def _opened(envelope: Envelope) -> object:

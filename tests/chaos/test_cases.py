@@ -11,7 +11,7 @@ from blackboard.chaos.table import REST, WARM_UP, judged, prepared, text
 from blackboard.config import load
 from blackboard.errors import UserError
 from blackboard.faults import faults_of
-from sim_world.series import Sample
+from blackboard.judge.samples import Sample
 
 DEMO = load("demo")
 

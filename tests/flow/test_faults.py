@@ -9,11 +9,11 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.faults import without_faults
+from blackboard.judge.card import text
 from blackboard.lab.team import Team
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Report, Status
-from sim_world.scorecard import text
 
 #: Five robots in a small room see each other often; their sensors are good.
 TABLES: dict[str, Any] = {

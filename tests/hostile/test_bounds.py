@@ -12,6 +12,7 @@ from blackboard.board.board import Board
 from blackboard.board.entries import MAX_SOURCES, MAX_SUBJECTS, Entries, Entry
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
+from blackboard.judge.traffic import Traffic
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.process import roll_call
@@ -23,7 +24,6 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Informed, Report, Status
 from blackboard.wire.raw import MAX_BYTES, MAX_TOTAL
 from blackboard.wire.types import MAX_OPINIONS, capped
-from sim_world.traffic import Traffic
 from tests.board.desk import Desk, clock, report
 from tests.board.reports import at, board, only
 from tests.holdings import grown, holdings

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from blackboard.config import load
+from blackboard.judge.intervals import means
 from blackboard.lab import comparison
 from blackboard.lab.cases import Case
-from blackboard.lab.estimates import RuleScores, means
+from blackboard.lab.estimates import RuleScores
 from blackboard.lab.ideal import Ideal, ideal, ideal_beliefs
 from blackboard.lab.parallel import Beside, judge_team
 from blackboard.lab.team import Team

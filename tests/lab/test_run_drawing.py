@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blackboard.errors import RunFailed
-from sim_world.series import Sample
+from blackboard.judge.samples import Sample
 
 drawing = pytest.importorskip("blackboard.lab.run_drawing", reason="needs the extra `plot`")
 

@@ -12,10 +12,10 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.errors import UserError
+from blackboard.judge.samples import read_series, series_file
 from blackboard.lab import bench, score
 from blackboard.run.flags import OutputFlags, RecordingFlags
 from sim_world.mrclam.protocols import PROTOCOLS
-from sim_world.series import read_series, series_file
 from tests.lab.test_bench import CARD, run
 
 RECORDING = RecordingFlags("folder", 5.0, "C_blind12")

@@ -16,14 +16,14 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.errors import UserError
+from blackboard.judge.files import table_file
+from blackboard.judge.intervals import student
 from blackboard.lab import __main__ as room
 from blackboard.lab import parallel, sweep
 from blackboard.lab.sweep_plan import label, parse_seeds, plan
 from blackboard.lab.sweep_report import report, rows, text
 from blackboard.lab.team import Team
-from blackboard.opinion.intervals import student
 from blackboard.run.door import version
-from sim_world.table import table_file
 from tests.commands import call
 
 TINY = Scenario({
@@ -153,9 +153,9 @@ def test_a_group_that_is_not_there_is_not_told() -> None:
 
 def test_the_table_has_a_column_for_each_setting(tmp_path: Path) -> None:
     planned = plan(TINY, [1, 2], ["board.rule=linear,coalition", "world.vision.gain=0.05,0.1"])
-    row, found = rows(planned, [card(1.0, one.seed) for one in planned])
+    columns, found = rows(planned, [card(1.0, one.seed) for one in planned])
     assert len(found) == 8 * 2 * 3
-    with table_file(tmp_path / "x.csv", row, "--table") as write:
+    with table_file(tmp_path / "x.csv", columns, "--table") as write:
         for each in found:
             write(each)
     head, one, *_ = (tmp_path / "x.csv").read_text().splitlines()
@@ -163,7 +163,7 @@ def test_the_table_has_a_column_for_each_setting(tmp_path: Path) -> None:
         "board_rule,world_vision_gain,seed,group,level,n,rmse,mean,p95,max,entropy,log_score,coverage_50"
     )
     assert one == "linear,0.05,1,robots,solo,5,1.0,1.0,1.0,1.0,1.0,-1.0,0.5,0.9,0.99,PASS,h1,2.0"
-    assert math.isnan(found[3].rmse)
+    assert math.isnan(found[3]["rmse"])
 
 
 def test_a_run_is_the_team_of_its_scenario() -> None:

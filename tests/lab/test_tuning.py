@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from blackboard.judge.intervals import Estimate
 from blackboard.lab.cases import Case
 from blackboard.lab.comparison import DEFAULT, PAPER
-from blackboard.lab.estimates import Estimate, RuleScores
+from blackboard.lab.estimates import RuleScores
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.lab.tuning import SPACES, CandidateScores, board_table, candidates, choose, enough, recommended, try_all
 from blackboard.lab.tuning_report import text, tuned

@@ -34,8 +34,8 @@ def held(team: Team, tick: int) -> list[Counter[str]]:
 
 @pytest.mark.parametrize("fusion", ["opinions", "joint"])
 def test_what_a_team_holds_does_not_grow(fusion: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim_world.distances.KEPT", 20)  # what is reached in a long run is reached in this one
-    monkeypatch.setattr("sim_world.calibration.MOST", 3)
+    monkeypatch.setattr("blackboard.judge.distances.KEPT", 20)  # what is reached in a long run is reached in this one
+    monkeypatch.setattr("blackboard.judge.calibration.MOST", 3)
     scenario = SCENARIO if fusion == "opinions" else JOINT
     team = Team(scenario.changed("time", seconds=TICKS * 2.0))
     most = reduce(or_, held(team, TICKS))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_world.series import read_series
+from blackboard.judge.samples import read_series
 from tests.files import ROOT
 
 PAGE = re.sub(r" *\\\n +", " ", (ROOT / "docs" / "research.md").read_text(encoding="utf-8"))

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.config import Scenario
+from blackboard.judge.traffic import Traffic
 from blackboard.lab.team import Team, board
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.gaussian.increment import likelihood
@@ -31,7 +32,6 @@ from robot_agent.budget import STATE_EVERY, Bucket, Budget, Known
 from robot_agent.coarse import coarser
 from robot_agent.config import RobotSection, SendSection
 from robot_agent.gaussian.agent import JointAgent
-from sim_world.traffic import Traffic
 from tests.robot_agent.robots import GRID as AGENT_GRID
 from tests.robot_agent.robots import readings
 from tests.scenarios import SCENARIO

@@ -8,15 +8,15 @@ from typing import Any, Literal
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.judge.card import scorecard
+from blackboard.judge.referee import Referee
 from blackboard.opinion.belief import gaussian
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Solo, Status, Truth
-from sim_world.referee import Referee
 from sim_world.scenario import WorldSection
-from sim_world.scorecard import scorecard
 from sim_world.service import WorldService
 from sim_world.world import World
 

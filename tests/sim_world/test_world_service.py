@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from blackboard.judge.card import text
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
@@ -13,7 +14,6 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Readings, Solo, Status
-from sim_world.scorecard import text
 from tests.sim_world.desk import NOW, Desk
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from blackboard.errors import UserError
+from blackboard.judge.card import scorecard
 from blackboard.tape.compare import side_by_side, told
 from blackboard.tape.content import Tape, cut, load_tape, messages, summary
 from blackboard.tape.judge import Match, course, judge, match, recorded
@@ -17,7 +18,6 @@ from blackboard.tape.table import rows
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.keys import CLOCK
 from blackboard.wire.messages import Clock
-from sim_world.scorecard import scorecard
 from tests.tape.teams import SMALL, recorded_run
 from tests.tape.written import ENVELOPES, written
 
@@ -51,18 +51,20 @@ def test_a_tape_without_journals_is_told_so(tmp_path: Path) -> None:
 
 def test_the_table_has_the_errors_of_the_scorecard(run: tuple[dict[str, Any], Tape, Path]) -> None:
     card, tape, _ = run
-    found = {(row.tick, row.level, row.by, row.subject): row for row in rows(tape)}
-    one = [row.error for (tick, level, by, s), row in found.items() if level == "solo" and s == f"robot/{by}" and tick]
+    found = {(row["tick"], row["level"], row["by"], row["subject"]): row for row in rows(tape)}
+    one = [
+        row["error"] for (tick, level, by, s), row in found.items() if level == "solo" and s == f"robot/{by}" and tick
+    ]
     scores = card["scores"]["robots"]["solo"]
     assert len(one) == scores["n"]
     assert (sum(e**2 for e in one if e is not None) / len(one)) ** 0.5 == pytest.approx(scores["rmse"])
-    levels = {row.level for row in found.values()}
+    levels = {row["level"] for row in found.values()}
     assert levels == {"solo", "consensus", "agreed"}
     blind = Tape(tape.scenario, [e for e in tape.envelopes if "/truth" not in e[1].key], tape.about)
     bare = list(rows(blind))
     assert len(bare) == len(list(rows(tape)))
-    assert {(row.error, row.truth_x, row.log_score, row.region) for row in bare} == {(None, None, None, None)}
-    assert {row.entropy for row in bare} == {row.entropy for row in rows(tape)}
+    assert {row[name] for row in bare for name in ("error", "truth_x", "log_score", "region")} == {None}
+    assert {row["entropy"] for row in bare} == {row["entropy"] for row in rows(tape)}
 
 
 def test_the_summary_counts_everything(run: tuple[dict[str, Any], Tape, Path]) -> None:

@@ -19,11 +19,10 @@ from typing import Any
 import pytest
 
 from blackboard.errors import UserError
+from blackboard.judge.samples import GROUPS, read_series
 from blackboard.tape.__main__ import Changes
 from blackboard.tape.content import Tape
 from blackboard.tape.file import About, read
-from sim_world.referee import GROUPS
-from sim_world.series import read_series
 from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL

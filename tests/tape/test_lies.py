@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from blackboard.errors import UserError
+from blackboard.judge.paired import paired, text
+from blackboard.judge.samples import Sample
 from blackboard.tape.content import Tape
 from blackboard.tape.judge import course, judge
 from blackboard.tape.lies import lying, parse_lies
-from blackboard.tape.paired import BLOCKS, paired, text
 from blackboard.tape.whatif import what_if
 from blackboard.wire import keys
 from blackboard.wire.codec import encode, open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.falsified import displaced
 from blackboard.wire.messages import Report
-from sim_world.series import Sample
 from tests.tape.teams import SMALL, recorded_run
 
 
@@ -60,29 +59,6 @@ def test_a_liar_changes_what_the_boards_believe(tape: Tape) -> None:
     assert found["robots"]["consensus"]["error"]["value"] > 0.2
     assert found["robots"]["consensus"]["error"]["low"] is None  # a run of five ticks is too short
     assert "too short" in text(found, "cell")
-
-
-def sample(tick: int, mean_x: float, log_score: float = 0.0) -> Sample:
-    return Sample(
-        tick=tick, time=0.2 * tick, robot="r1", sub_team="a", subject="robot/r1", level="agreed", truth_x=0.0, truth_y=0.0,
-        mean_x=mean_x, mean_y=0.0, log_score=log_score, region=0.5, border=0.1, area=1.0, landmark_age=0.0,
-    )  # fmt: skip
-
-
-def test_the_interval_is_that_of_the_means_of_blocks() -> None:
-    rng = np.random.default_rng(1)
-    shift = np.repeat(rng.normal(0.5, 0.1, BLOCKS), 10)
-    ones = [sample(tick, 1.0) for tick in range(10 * BLOCKS)]
-    others = [sample(tick, 1.0 + shift[tick], -shift[tick]) for tick in range(10 * BLOCKS)]
-    found = paired(ones, [*others, sample(5000, 9.0)])["robots"]["agreed"]
-    assert found["n"] == 10 * BLOCKS
-    blocks = shift[::10]
-    half = 2.262 * blocks.std(ddof=1) / np.sqrt(BLOCKS)
-    assert found["error"] == pytest.approx(
-        {"value": blocks.mean(), "low": blocks.mean() - half, "high": blocks.mean() + half}
-    )
-    assert found["log_score"]["value"] == pytest.approx(-blocks.mean())
-    assert "robots agreed: error +0." in text(paired(ones, others), "cell")
 
 
 @pytest.mark.parametrize("given", ["r2", "r9=3", "r2=far", "r2=nan", "r2=1e9", "=3"])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from blackboard.config import Scenario
+from blackboard.judge.card import scorecard
 from blackboard.opinion.belief import gaussian
 from blackboard.tape.content import Tape, summary
 from blackboard.tape.file import About
@@ -21,7 +22,6 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Journal, Report, Truth
-from sim_world.scorecard import scorecard
 from tests.tape.teams import SMALL, RecordedTeam, recorded_run
 
 REALTIME = SMALL.changed("time", mode="realtime")

@@ -30,7 +30,9 @@ def test_the_fold_takes_a_tape_and_finds_every_settled_tick() -> None:
     assert {process.name for process in team.processes.values()} == {"world", "board-a", "board-b", "r1", "r2", "r3"}
     from blackboard.tape.content import load_tape
 
-    errors = {(row.tick, row.subject): row.error for row in rows(load_tape(GOLDEN)) if row.level == "agreed"}
+    errors = {
+        (row["tick"], row["subject"]): row["error"] for row in rows(load_tape(GOLDEN)) if row["level"] == "agreed"
+    }
     for moment in team.moments:
         for subject, about in moment.subjects.items():
             if about.agreed:

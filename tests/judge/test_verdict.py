@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
+from blackboard.judge.check import CheckSection
+from blackboard.judge.referee import Referee
 from blackboard.wire.messages import PackedBelief
-from sim_world.referee import Referee
-from sim_world.scenario import CheckSection
-from tests.sim_world.instants import GRID, at, both, cells, instant, referee, solo
+from tests.judge.instants import GRID, at, both, cells, instant, referee, solo
 
 
 def verdict(solo_: PackedBelief, agreed: PackedBelief, **check: object) -> tuple[bool, list[str]]:

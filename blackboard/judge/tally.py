@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from blackboard.judge.distances import Distances
 from blackboard.opinion.grid import Array
 from blackboard.opinion.scores import LEVELS, Score
-from sim_world.distances import Distances
 
 
 def _nothing() -> Array:
@@ -19,7 +19,7 @@ def _nothing() -> Array:
 
 @dataclass
 class Tally:
-    """What `Score.summary` says, of entries that are not kept; of many, p95 is off by 0.1 % at most (`sim_world.distances`)."""
+    """What `Score.summary` says, of entries that are not kept; of many, p95 is off by 0.1 % at most (`blackboard.judge.distances`)."""
 
     _errors: Distances = field(default_factory=Distances)
     #: entropies and log scores in nats, regions of each level that held the truth

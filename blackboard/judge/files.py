@@ -1,7 +1,7 @@
 """Rows as a file, by the ending of its name: CSV, JSON lines, or Parquet (extra `table`, loaded when it is asked for).
 
-A row is a frozen dataclass of numbers and texts, and every row is written as it comes. Floats are exact in each format; what is
-not finite is null in JSON lines, which have no other word for it.
+A row has a value, which may be None, for each column, and every row is written as it comes. Floats are exact in each format; what
+is not finite is null in JSON lines, which have no other word for it.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ import csv
 import json
 import math
 import os
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, astuple, fields
 from pathlib import Path
-from typing import Any, TextIO, TypeVar
+from typing import Any, TextIO
 
 from blackboard.errors import UserError, extra
 
 ENDINGS = (".csv", ".jsonl", ".parquet")
 GROUP = 50_000  # rows that are written to a Parquet file at once
-PARQUET = {"str": "string", "int": "int64", "float": "float64", "float | None": "float64"}  # of a field -> of Parquet
-R = TypeVar("R")
-Write = Callable[[R], None]
+PARQUET = {"str": "string", "int": "int64", "float": "float64"}  # type of a column -> of Parquet
+Columns = Mapping[str, str]  # name -> "str", "int" or "float"
+Write = Callable[[Mapping[str, Any]], None]  # takes a row, which may have more than the columns
 
 
 def check_table(file: Path, flag: str) -> None:
@@ -51,52 +51,60 @@ def check_folder(folder: Path, flag: str) -> None:
 
 
 @contextmanager
-def table_file(file: Path, row: type[R], flag: str) -> Iterator[Write[R]]:
-    """A function that writes a row into a new file. UserError: it cannot be written."""
+def table_file(file: Path | None, columns: Columns, flag: str) -> Iterator[Write]:
+    """A function that writes a row into a new file, or as CSV on standard output. UserError: it cannot be written."""
+    if file is None:
+        try:
+            yield csv_writer(sys.stdout, columns)
+        except BrokenPipeError:  # the reader of the pipe has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return
     check_table(file, flag)
     try:
         if file.suffix == ".parquet":
-            with _parquet(file, row) as write:
+            with _parquet(file, columns) as write:
                 yield write
             return
         with file.open("w", encoding="utf-8", newline="") as stream:
-            yield jsonl_writer(stream) if file.suffix == ".jsonl" else csv_writer(stream, row)
+            yield jsonl_writer(stream, columns) if file.suffix == ".jsonl" else csv_writer(stream, columns)
     except OSError as error:
         raise UserError(f"{flag} {file}: cannot be written ({error.strerror}); choose another place") from error
 
 
-def csv_writer(stream: TextIO, row: type[Any]) -> Write[Any]:
+def csv_writer(stream: TextIO, columns: Columns) -> Write:
     """A function that writes a row as a line of CSV; the names of the columns are written at once."""
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(column.name for column in fields(row))
-    return lambda one: writer.writerow(astuple(one))
+    writer = csv.DictWriter(stream, columns, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    return writer.writerow
 
 
-def jsonl_writer(stream: TextIO) -> Write[Any]:
+def jsonl_writer(stream: TextIO, columns: Columns) -> Write:
     """A function that writes a row as a line with a JSON object."""
 
-    def write(one: Any) -> None:
-        finite = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in asdict(one).items()}
-        stream.write(json.dumps(finite) + "\n")
+    def finite(value: Any) -> Any:
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    def write(row: Mapping[str, Any]) -> None:
+        stream.write(json.dumps({name: finite(row[name]) for name in columns}) + "\n")
 
     return write
 
 
 @contextmanager
-def _parquet(file: Path, row: type[Any]) -> Iterator[Write[Any]]:
+def _parquet(file: Path, columns: Columns) -> Iterator[Write]:
     import pyarrow
     from pyarrow import parquet
 
-    schema = pyarrow.schema([(column.name, PARQUET[str(column.type)]) for column in fields(row)])
-    waiting: list[dict[str, Any]] = []
+    schema = pyarrow.schema([(name, PARQUET[kind]) for name, kind in columns.items()])
+    waiting: list[Mapping[str, Any]] = []
     with parquet.ParquetWriter(file, schema) as writer:
 
         def flush() -> None:
             writer.write_table(pyarrow.Table.from_pylist(waiting, schema))
             waiting.clear()
 
-        def write(one: Any) -> None:
-            waiting.append(asdict(one))
+        def write(row: Mapping[str, Any]) -> None:
+            waiting.append(row)
             if len(waiting) >= GROUP:
                 flush()
 

@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from sim_world import calibration
-from sim_world.referee import GROUPS, LEVELS
-from sim_world.scorecard import scorecard
-from sim_world.series import COLUMNS
+from blackboard.judge import calibration
+from blackboard.judge.card import scorecard
+from blackboard.judge.samples import COLUMNS, GROUPS, LEVELS
 from tests.files import page
-from tests.sim_world.instants import at, both, instant, referee, solo
-from tests.sim_world.test_scorecard import RESULT
+from tests.judge.instants import at, both, instant, referee, solo
+from tests.judge.test_card import RESULT
 
 PAGE = page("scorecard.md")
 BLOCK = {"n", "rmse", "mean", "p95", "max", "entropy", "log_score", "coverage"}

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from blackboard.judge.check import CheckSection
+from blackboard.judge.instant import Instant
+from blackboard.judge.referee import Referee
 from blackboard.opinion.grid import Grid
 from blackboard.wire.codec import encode
 from blackboard.wire.messages import Consensus, PackedBelief, PackedGrid, Solo, Truth, Used
-from sim_world.instant import Instant
-from sim_world.referee import Referee
-from sim_world.scenario import CheckSection
 
 GRID = Grid((10, 10))
 TEAMS = {"a": ["r1"], "b": ["r2"]}

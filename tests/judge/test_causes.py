@@ -6,9 +6,10 @@ from typing import Any
 
 import pytest
 
-from sim_world.calibration import CAUTIOUS, CONFIDENT, CONSISTENT, MIXED, SHORT, Coverage, word
-from sim_world.causes import likely_causes
-from tests.sim_world.instants import at, both, instant, referee, solo
+from blackboard.judge.calibration import CAUTIOUS, CONFIDENT, CONSISTENT, MIXED, SHORT, word
+from blackboard.judge.causes import likely_causes
+from blackboard.judge.intervals import Estimate
+from tests.judge.instants import at, both, instant, referee, solo
 
 
 def levels(solo: float, agreed: float, n: int = 10) -> dict[str, Any]:
@@ -91,7 +92,7 @@ def test_overconfidence_is_laid_at_the_door_it_came_in_by() -> None:
 def test_regions_are_called_by_what_their_intervals_leave_out(
     spans: list[tuple[int, float, float]], expected: str
 ) -> None:
-    assert word([Coverage(level, (low + high) / 2, low, high) for level, low, high in spans]) == expected
+    assert word({level: Estimate((low + high) / 2, low, high) for level, low, high in spans}) == expected
 
 
 def test_the_referee_names_the_causes_of_a_fail_and_none_of_a_pass() -> None:

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from blackboard.judge.calibration import CONSISTENT, kind
+from blackboard.judge.intervals import Estimate
+from blackboard.judge.referee import Judgement
+from blackboard.judge.samples import LEVELS
 from blackboard.opinion.scores import LEVELS as SHARES
-from sim_world.calibration import CONSISTENT, Coverage
-from sim_world.referee import LEVELS, Judgement
 
 
 @dataclass(frozen=True)
@@ -110,10 +112,10 @@ def _dishonest(card: dict[str, Any]) -> list[str]:
         for level, found in levels.items():
             told = []
             for name, at in found["coverage"].items():
-                kind = Coverage(int(name), at["share"], at["low"], at["high"]).word
-                if kind != CONSISTENT:
+                what = kind(int(name), Estimate(at["share"], at["low"], at["high"]))
+                if what != CONSISTENT:
                     spans = f"({100 * at['low']:.0f} to {100 * at['high']:.0f})"
-                    told.append(f"{kind} at {name} %: holds the truth in {100 * at['share']:.0f} % {spans}")
+                    told.append(f"{what} at {name} %: holds the truth in {100 * at['share']:.0f} % {spans}")
             lines += [f"  {group} {level}: {'; '.join(told)}"] if told else []
     return (
         ["", "regions that hold the truth more or less often than they claim (95 % intervals):", *lines]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from blackboard.judge.distances import KEPT, Distances
+from blackboard.judge.tally import Tally
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import Score, errors
-from sim_world.distances import KEPT, Distances
-from sim_world.tally import Tally
 from tests.holdings import holdings
 
 GRID = Grid((8, 8))

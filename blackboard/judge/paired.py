@@ -1,23 +1,21 @@
 """Two runs of the boards on the same samples: how much error and log score changed, with intervals. Pure.
 
-Samples that follow each other are alike, so an interval over samples would be too narrow. The run is cut into BLOCKS pieces of time
-of the same length, whose means are taken as independent (the method of batch means, e.g. Law, Simulation Modeling and Analysis).
+The run is cut into BLOCKS pieces of time of the same length, which are taken as independent (`intervals.mean_of_blocks`).
 """
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from sim_world.referee import GROUPS
-from sim_world.series import Sample
+from blackboard.judge.intervals import Estimate, mean_of_blocks, shown
+from blackboard.judge.samples import GROUPS, Sample
 
 BLOCKS = 10
-STUDENT = 2.262  # two-sided 95 %, 9 degrees of freedom
 LEVELS = ("consensus", "agreed")  # what boards make
 
 Table = dict[str, Any]
@@ -36,7 +34,7 @@ def paired(ones: Iterable[Sample], others: Iterable[Sample]) -> Table:
         one = known.get(_name(other))
         group = next((group for group, prefix in GROUPS.items() if other.subject.startswith(prefix)), None)
         if one is not None and group is not None and other.level in LEVELS:
-            rows[group, other.level].append((other.tick, _error(other) - _error(one), other.log_score - one.log_score))
+            rows[group, other.level].append((other.tick, other.error - one.error, other.log_score - one.log_score))
     return {group: {level: _told(rows[group, level]) for level in LEVELS if (group, level) in rows} for group in GROUPS}
 
 
@@ -47,21 +45,14 @@ def _told(rows: list[tuple[int, float, float]]) -> Table:
 
 
 def _interval(values: np.ndarray, block: np.ndarray) -> Table:
-    mean = float(values.mean())
     counts = np.bincount(block, minlength=BLOCKS)
     if not counts.all():
-        return {"value": mean, "low": None, "high": None}
-    means = np.bincount(block, values, minlength=BLOCKS) / counts
-    half = STUDENT * float(means.std(ddof=1)) / math.sqrt(BLOCKS)
-    return {"value": mean, "low": mean - half, "high": mean + half}
+        return asdict(Estimate(float(values.mean())))
+    return asdict(mean_of_blocks(np.bincount(block, values, minlength=BLOCKS), counts))
 
 
 def _name(sample: Sample) -> Name:
     return sample.tick, sample.robot, sample.sub_team, sample.subject, sample.level
-
-
-def _error(sample: Sample) -> float:
-    return math.hypot(sample.mean_x - sample.truth_x, sample.mean_y - sample.truth_y)
 
 
 def text(table: Table, unit: str) -> str:
@@ -69,13 +60,8 @@ def text(table: Table, unit: str) -> str:
     lines = [f"`what if` less `unchanged`, on the same samples (95 % intervals from {BLOCKS} blocks of time):"]
     for group, levels in table.items():
         for level, it in levels.items():
-            lines.append(
-                f"  {group} {level}: error {_span(it['error'])} {unit}, log score {_span(it['log_score'])} nats (n {it['n']})"
+            error, score = (
+                shown(it[name], sign="+", without=" (too short for an interval)") for name in ("error", "log_score")
             )
+            lines.append(f"  {group} {level}: error {error} {unit}, log score {score} nats (n {it['n']})")
     return "\n".join(lines)
-
-
-def _span(it: Table) -> str:
-    if it["low"] is None:
-        return f"{it['value']:+.3f} (too short for an interval)"
-    return f"{it['value']:+.3f} [{it['low']:+.3f}, {it['high']:+.3f}]"

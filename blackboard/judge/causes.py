@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from sim_world.calibration import CONFIDENT
+from blackboard.judge.calibration import CONFIDENT
 
 SAME = 0.01  # agreed and solo RMSE that differ by a smaller share are the same
 OFF = 2.0  # a robot is off where its RMSE is so many times that of all others together

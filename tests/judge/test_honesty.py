@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from blackboard.judge.calibration import BLOCK, CONSISTENT, FEWEST, Calibration, claimed_error, kind
+from blackboard.judge.check import CheckSection
+from blackboard.judge.instant import Instant
+from blackboard.judge.intervals import Estimate
+from blackboard.judge.referee import Referee
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import Score
 from blackboard.wire.arrays import pack
-from sim_world.calibration import BLOCK, FEWEST, Calibration, claimed_error
-from sim_world.instant import Instant
-from sim_world.referee import Referee
-from sim_world.scenario import CheckSection
-from tests.sim_world.instants import at, both, cells, instant, solo
+from tests.judge.instants import at, both, cells, instant, solo
 
 GRID = Grid((40, 40))
 CALM = {"robots": 9.0, "entropy": 9.0, "coverage": 0.0}  # the other checks
@@ -128,6 +129,12 @@ def judged(error: float, claimed: float, blocks: int, *, seed: int = 1, correlat
     return found
 
 
+def width(share: Estimate) -> float:
+    assert share.low is not None
+    assert share.high is not None
+    return share.high - share.low
+
+
 def test_who_errs_far_more_than_it_claims_is_found_out_and_who_claims_right_is_not() -> None:
     assert judged(3.0, 1.0, 10).is_far_above_its_claim(2.0)
     assert not judged(1.0, 1.0, 10).is_far_above_its_claim(2.0)
@@ -137,23 +144,24 @@ def test_who_errs_far_more_than_it_claims_is_found_out_and_who_claims_right_is_n
 def test_of_few_blocks_nothing_is_concluded() -> None:
     few = judged(4.0, 1.0, FEWEST - 1)
     assert not few.is_far_above_its_claim(2.0)
-    assert few.coverage() == []
+    assert few.coverage() == {}
 
 
 @pytest.mark.parametrize(("error", "claimed", "off"), [(2.0, 2.0, False), (2.0, 1.2, True), (2.0, 4.0, True)])
 def test_coverage_is_judged_to_both_sides(error: float, claimed: float, off: bool) -> None:
-    assert any(at.is_off(0.05) for at in judged(error, claimed, 20).coverage()) == off
+    found = judged(error, claimed, 20).coverage()
+    assert any(at.is_above(level / 100 + 0.05) or at.is_below(level / 100 - 0.05) for level, at in found.items()) == off
 
 
 def test_sharp_beliefs_that_are_right_hold_the_truth_as_often_as_the_level_says() -> None:
-    (half, *_) = judged(0.7, 0.7, 30).coverage()
-    assert half.share == pytest.approx(0.5, abs=0.06)
-    assert not half.is_off(0.0)
+    half = judged(0.7, 0.7, 30).coverage()[50]
+    assert half.value == pytest.approx(0.5, abs=0.06)
+    assert kind(50, half) == CONSISTENT
 
 
 def test_samples_that_share_their_errors_make_a_wide_interval() -> None:
-    alone, together = judged(2.0, 2.0, 60).coverage()[0], judged(2.0, 2.0, 60, correlated=True).coverage()[0]
-    assert together.high - together.low > 2 * (alone.high - alone.low)
+    alone, together = judged(2.0, 2.0, 60).coverage()[50], judged(2.0, 2.0, 60, correlated=True).coverage()[50]
+    assert width(together) > 2 * width(alone)
 
 
 # --- the verdict ------------------------------------------------------------------------------------------------------
@@ -197,11 +205,12 @@ def test_robots_that_lost_themselves_are_a_fail_though_they_say_so() -> None:
 
 def test_of_a_run_of_hours_neighbouring_blocks_become_one_and_nothing_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     long = judged(1.0, 1.0, 12)
-    monkeypatch.setattr("sim_world.calibration.MOST", 5)
+    monkeypatch.setattr("blackboard.judge.calibration.MOST", 5)
     bounded = judged(1.0, 1.0, 12)
     assert (len(long._blocks), len(bounded._blocks)) == (12, 3)
     assert bounded.rmse() == pytest.approx(long.rmse(), rel=1e-12)
-    assert [at.share for at in bounded.coverage()] == pytest.approx([at.share for at in long.coverage()], rel=1e-12)
+    shares, of_all = ([at.value for at in some.coverage().values()] for some in (bounded, long))
+    assert shares == pytest.approx(of_all, rel=1e-12)
     together = Calibration.merged([long, bounded])
     assert len(together._blocks) == 3
     assert together.rmse() == pytest.approx(long.rmse(), rel=1e-12)

@@ -8,15 +8,15 @@ block, and nothing is concluded from fewer than FEWEST blocks.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from blackboard.judge.intervals import Estimate, mean_of_blocks, share_of_blocks, student
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.bell import escort_moments
 from blackboard.opinion.grid import Array
-from blackboard.opinion.intervals import effective_samples, student, wilson
 from blackboard.opinion.scores import LEVELS, Score
 
 BLOCK = 10.0  # seconds: twice the time between two fixes of a robot in the demo
@@ -27,31 +27,17 @@ MOST = 360  # blocks, an hour of them; where there would be more, two neighbours
 CONSISTENT, CAUTIOUS, CONFIDENT, MIXED, SHORT = "consistent", "over-cautious", "over-confident", "mixed", "too short"
 
 
-@dataclass(frozen=True)
-class Coverage:
-    """The share of regions of a level (percent) that held the truth, with its 95 % interval."""
-
-    level: int
-    share: float
-    low: float
-    high: float
-
-    def is_off(self, tolerance: float) -> bool:
-        """Whether the whole interval is farther from the level than the tolerance."""
-        return self.low > self.level / 100 + tolerance or self.high < self.level / 100 - tolerance
-
-    @property
-    def word(self) -> str:
-        """CAUTIOUS where the whole interval is above the level, CONFIDENT where it is below, else CONSISTENT."""
-        if self.low > self.level / 100:
-            return CAUTIOUS
-        return CONFIDENT if self.high < self.level / 100 else CONSISTENT
+def kind(level: int, share: Estimate) -> str:
+    """What the share of the regions of a level (percent) that held the truth says: CAUTIOUS, CONFIDENT, or CONSISTENT with it."""
+    if share.is_above(level / 100):
+        return CAUTIOUS
+    return CONFIDENT if share.is_below(level / 100) else CONSISTENT
 
 
-def word(coverages: Sequence[Coverage]) -> str:
+def word(coverage: Mapping[int, Estimate]) -> str:
     """One word for the regions of all levels: MIXED where some are too wide and others too narrow, SHORT where there are none."""
-    found = {coverage.word for coverage in coverages} - {CONSISTENT}
-    if not coverages:
+    found = {kind(level, share) for level, share in coverage.items()} - {CONSISTENT}
+    if not coverage:
         return SHORT
     return MIXED if len(found) > 1 else next(iter(found), CONSISTENT)
 
@@ -101,19 +87,13 @@ class Calibration:
         for block, row in before.items():
             self._put(block * places, row)
 
-    def coverage(self) -> Sequence[Coverage]:
-        """The coverage of each level; empty where there are too few blocks."""
+    def coverage(self) -> dict[int, Estimate]:
+        """Level (percent) -> the share of its regions that held the truth; empty where there are too few blocks."""
         if len(self._blocks) < FEWEST:
-            return []
-        rows, found = np.array([self._blocks[block] for block in sorted(self._blocks)]), []
-        samples = rows[:, 0]
-        for i, level in enumerate(LEVELS):
-            hits = rows[:, 3 + i]
-            share = float(hits.sum() / samples.sum())
-            found.append(
-                Coverage(level, share, *wilson(share, effective_samples(hits, samples), student(len(rows) - 1)))
-            )
-        return found
+            return {}
+        rows = np.array([self._blocks[block] for block in sorted(self._blocks)])
+        t = student(len(rows) - 1)
+        return {level: share_of_blocks(rows[:, 3 + i], rows[:, 0], t) for i, level in enumerate(LEVELS)}
 
     def rmse(self) -> tuple[float, float]:
         """The root mean squared error, and the one that the beliefs claim; both 0 where there are no samples."""
@@ -126,8 +106,4 @@ class Calibration:
         if len(self._blocks) < FEWEST:
             return False
         rows = np.array(list(self._blocks.values()))
-        n, excess = rows[:, 0], rows[:, 1] - factor**2 * rows[:, 2]
-        mean, blocks = float(excess.sum() / n.sum()), len(rows)
-        away = excess - mean * n
-        sigma = math.sqrt(blocks / (blocks - 1) * float(away @ away)) / float(n.sum())
-        return mean > student(blocks - 1) * sigma
+        return mean_of_blocks(rows[:, 1] - factor**2 * rows[:, 2], rows[:, 0]).is_above(0.0)

@@ -14,28 +14,26 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from blackboard.errors import Refused
+from blackboard.judge.attendance import Attendance
+from blackboard.judge.calibration import Calibration, claimed_error, word
+from blackboard.judge.causes import likely_causes
+from blackboard.judge.check import CheckSection
+from blackboard.judge.instant import Instant
+from blackboard.judge.samples import AREA_OF, GROUPS, LEVELS, Keep, Sample, sample_of
+from blackboard.judge.tally import Tally
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import Score, region_area
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import PackedBelief
-from sim_world.attendance import Attendance
-from sim_world.calibration import Calibration, claimed_error, word
-from sim_world.causes import likely_causes
-from sim_world.instant import Instant
-from sim_world.scenario import CheckSection
-from sim_world.series import AREA_OF, Sample
-from sim_world.tally import Tally
 
-LEVELS = ("solo", "consensus", "agreed")
-GROUPS = {"robots": "robot/", "objects": "object/"}
 FAULTY = "faulty"  # the group of the robots that a [[fault]] is about, where there are any
 
 #: What was found in a tick about (subject, belief): its score of one entry, the belief, the error it claims; None: not unpacked.
@@ -65,7 +63,7 @@ class Referee:
         grid: Grid,
         check: CheckSection,
         robots: Sequence[str],
-        record: Callable[[Sample], None] | None = None,
+        record: Keep | None = None,
         *,
         faulty: Collection[str] = (),
     ) -> None:
@@ -134,7 +132,7 @@ class Referee:
                 calibration = self._calibrations.setdefault((subject, level), Calibration())
                 calibration.add(instant.truth.time, score, claimed)
                 if self._record is not None:
-                    self._record(self._describe(instant, robot, sub_team, subject, level, score, belief))
+                    self._record(self._recorded(instant, robot, sub_team, subject, level, score, belief))
 
     def _score(self, packed: PackedBelief, truth: Sequence[float]) -> tuple[Score, Belief, float] | None:
         score = Score()
@@ -146,37 +144,29 @@ class Referee:
         score.add(belief, truth)
         return score, belief, claimed_error(belief)
 
-    def _describe(
+    def _recorded(
         self, instant: Instant, robot: str, sub_team: str, subject: str, level: str, score: Score, belief: Belief
     ) -> Sample:
         """A sample at one level, as a row of the series; `score` has one entry."""
-        (truth_x, truth_y), (mean_x, mean_y) = instant.truth.positions[subject], belief.mean().tolist()
+        time = instant.truth.time
         spread = belief.covariance() + np.eye(2) * self.grid.cell**2 / 12
-        return Sample(
+        return sample_of(
+            belief,
+            score,
+            instant.truth.positions[subject],
             tick=instant.truth.tick,
-            time=instant.truth.time,
+            time=time,
             robot=robot,
             sub_team=sub_team,
             subject=subject,
             level=level,
-            truth_x=truth_x,
-            truth_y=truth_y,
-            mean_x=mean_x,
-            mean_y=mean_y,
-            log_score=score.log_scores[0],
-            region=score.levels[0],
-            border=score.borders[0],
             area=region_area(belief, AREA_OF),
-            landmark_age=instant.truth.time - self._landmark_at.get(robot, -math.inf),
-            error=score.errors[0],
-            entropy=score.entropies[0],
+            landmark_age=time - self._landmark_at.get(robot, -math.inf),
             sources=len(instant.sources(level, robot, sub_team, subject)),
             var_x=float(spread[0, 0]),
             cov_xy=float(spread[0, 1]),
             var_y=float(spread[1, 1]),
         )
-
-    # --- the judgement ------------------------------------------------------------------------------------------------
 
     def judgement(self) -> Judgement:
         """All that was found until now."""
@@ -207,9 +197,9 @@ class Referee:
         for group in GROUPS:
             for level in LEVELS:
                 subjects = self._subjects(group, self._scores)
-                coverages = Calibration.merged(self._calibrations[subject, level] for subject in subjects).coverage()
-                spans = {str(c.level): {"share": c.share, "low": c.low, "high": c.high} for c in coverages}
-                found.setdefault(group, {})[level] = {"word": word(coverages), "coverage": spans}
+                coverage = Calibration.merged(self._calibrations[subject, level] for subject in subjects).coverage()
+                spans = {str(at): {"share": c.value, "low": c.low, "high": c.high} for at, c in coverage.items()}
+                found.setdefault(group, {})[level] = {"word": word(coverage), "coverage": spans}
         return found
 
     def _subjects(self, group: str, among: Iterable[str]) -> list[str]:
@@ -267,12 +257,14 @@ class Referee:
                 error, _ = whole.rmse()
                 found.append((error <= check.solo, f"robots: solo rmse {error:.3f} {unit}, at most {check.solo:g}"))
         agreed = Calibration.merged(self._calibrations[subject, "agreed"] for subject in subjects)
-        for at in agreed.coverage():
-            off, least = at.is_off(check.calibration), max(0.0, at.level - 100 * check.calibration)
+        for level, share in agreed.coverage().items():
+            least, most = level / 100 - check.calibration, level / 100 + check.calibration
+            off = share.is_above(most) or share.is_below(least)
+            low, high = (f"{100 * end:.0f}" for end in (share.low, share.high) if end is not None)
             text = (
-                f"{group}: agreed {at.level} % regions hold the truth in {100 * at.share:.1f} %, whose interval of "
-                f"{100 * at.low:.0f} to {100 * at.high:.0f} {'misses' if off else 'reaches'} the "
-                f"{least:g} to {min(100.0, at.level + 100 * check.calibration):g} asked"
+                f"{group}: agreed {level} % regions hold the truth in {100 * share.value:.1f} %, whose interval of "
+                f"{low} to {high} {'misses' if off else 'reaches'} the "
+                f"{100 * max(0.0, least):g} to {100 * min(1.0, most):g} asked"
             )
             found.append((not off, text))
         return found

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from sim_world.referee import Judgement
-from sim_world.scorecard import RunResult, scorecard, text
+from blackboard.judge.card import RunResult, scorecard, text
+from blackboard.judge.referee import Judgement
 
 
 def block(n: int = 2, rmse: float | None = 0.5) -> dict[str, Any]:

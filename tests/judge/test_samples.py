@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.errors import UserError
+from blackboard.judge.check import CheckSection
+from blackboard.judge.instant import Instant, who_saw_landmarks
+from blackboard.judge.referee import Referee
+from blackboard.judge.samples import COLUMNS, LEVELS, NEEDED, Sample, read_series, series_file
 from blackboard.wire.messages import Readings, Sighting, Used
-from sim_world.instant import Instant, who_saw_landmarks
-from sim_world.referee import LEVELS, Referee
-from sim_world.scenario import CheckSection
-from sim_world.series import COLUMNS, NEEDED, Sample, read_series, series_file
-from tests.sim_world.instants import GRID, at, both, cells, consensus, instant, solo
+from tests.judge.instants import GRID, at, both, cells, consensus, instant, solo
 
 SAMPLE = Sample(3, 0.6, "r1", "a", "robot/r1", "agreed", 1.0, 2.0, 1.5, 2.5, -1.0, 0.25, 0.01, 4.0, math.inf)
 FINITE = st.floats(allow_nan=False)
@@ -43,29 +43,16 @@ def test_a_sample_says_how_each_level_did() -> None:
     samples = told(tick(1, saw=False))
     assert [sample.level for sample in samples] == list(LEVELS)
     alone, together, agreed = samples
-    assert alone == Sample(
-        1,
-        0.2,
-        "r1",
-        "a",
-        "robot/r1",
-        "solo",
-        2.5,
-        2.5,
-        2.5,
-        4.0,
-        pytest.approx(math.log(0.25)),
-        0.75,
-        0.25,
-        2.0,
-        math.inf,
-        error=pytest.approx(1.5),
-        entropy=pytest.approx(-0.25 * math.log(0.25) - 0.75 * math.log(0.75)),
-        sources=1,
-        var_x=pytest.approx(1 / 12),
-        cov_xy=pytest.approx(0.0),
-        var_y=pytest.approx(4 * 0.25 * 0.75 + 1 / 12),
-    )
+    values = (1, 0.2, "r1", "a", "robot/r1", "solo", 2.5, 2.5, 2.5, 4.0, pytest.approx(math.log(0.25)), 0.75, 0.25, 2.0)
+    spread = {"var_x": 1 / 12, "cov_xy": 0.0, "var_y": 4 * 0.25 * 0.75 + 1 / 12}
+    assert vars(alone) == {
+        **dict(zip(COLUMNS, values, strict=False)),
+        "landmark_age": math.inf,
+        "error": pytest.approx(1.5),
+        "entropy": pytest.approx(-0.25 * math.log(0.25) - 0.75 * math.log(0.75)),
+        "sources": 1,
+        **{name: pytest.approx(value) for name, value in spread.items()},
+    }
     assert (together.mean_x, together.mean_y, together.region, together.area) == (5.5, 6.5, 1.0, 1.0)
     assert (agreed.mean_x, agreed.mean_y, agreed.log_score, agreed.region) == (2.5, 2.5, 0.0, 0.0)
 
@@ -143,7 +130,7 @@ def test_a_series_of_an_older_version_is_read() -> None:
         old = ",".join(str(getattr(SAMPLE, name)) for name in NEEDED)
         file.write_text(",".join(NEEDED) + f"\n{old}\n")
         (sample,) = read_series(file)
-    assert (sample.log_score, sample.sources) == (SAMPLE.log_score, 0)
+    assert (sample.log_score, sample.sources, sample.error) == (SAMPLE.log_score, 0, math.hypot(0.5, 0.5))
     assert math.isnan(sample.entropy)
 
 

@@ -8,13 +8,13 @@ import math
 
 import pytest
 
+from blackboard.judge.check import CheckSection
+from blackboard.judge.referee import Referee
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
-from sim_world.referee import Referee
-from sim_world.scenario import CheckSection
-from tests.sim_world.instants import GRID, at, both, cells, consensus, instant, referee, solo
+from tests.judge.instants import GRID, at, both, cells, consensus, instant, referee, solo
 
 
 def test_errors_entropies_log_scores_and_coverage_are_exact() -> None:

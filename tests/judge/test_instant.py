@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
+from blackboard.judge import instant as module
+from blackboard.judge.instant import Instant
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.messages import Consensus, Solo, Status, Truth
-from sim_world import instant as module
-from sim_world.instant import Instant
 
 GRID = Grid((10, 10))
 

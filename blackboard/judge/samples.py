@@ -1,0 +1,132 @@
+"""Samples: beliefs against the truth, a row of a table for each, from which all else can be computed. Pure but for its files.
+
+The scorecard has sums only. What depends on time (when a robot found itself, how it did without landmarks, how correlated the
+misses are) is computed from samples: those that a referee judged (a series), or those that are on a tape. Floats are written so
+that reading gives them back exactly. docs/scorecard.md says what each column of a series is.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blackboard.errors import UserError
+from blackboard.judge.files import table_file
+from blackboard.opinion.belief import Belief
+from blackboard.opinion.grid import Array
+from blackboard.opinion.scores import Score, held
+
+LEVELS = (
+    "solo",
+    "consensus",
+    "agreed",
+)  # what a robot believes alone, its sub-team, and all of them after the exchange
+GROUPS = {"robots": "robot/", "objects": "object/"}  # of subjects, by how their names begin
+AREA_OF = 0.95  # the share of the mass in the region whose area a sample has
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One belief of one level against the truth; places in the grid's unit. NaN: what depends on a truth that is not known."""
+
+    tick: int
+    time: float  # team time, seconds
+    robot: str  # empty where a tape has what a board said to all its robots
+    sub_team: str  # of the robot, whose board made the consensus
+    subject: str  # "robot/<robot>", or an object that it believes something about
+    level: str  # one of LEVELS
+    truth_x: float
+    truth_y: float
+    mean_x: float  # the estimate: the belief's mean
+    mean_y: float
+    log_score: float  # nats
+    #: mass of the smallest highest-density region that reaches the truth: inside the 95 % one iff below 0.95
+    region: float
+    border: float  # mass of the cells as dense as the true one, which lie on the border of regions from there on (`scores.held`)
+    area: float  # of the 95 % highest-density region, unit^2
+    #: seconds since the end of the tick in which the robot was last given a landmark sighting; inf: never
+    landmark_age: float
+    error: float = math.nan  # distance of the mean from the truth
+    entropy: float = math.nan  # nats
+    sources: int = 0  # robots whose information the belief rests on; 1 for solo
+    var_x: float = math.nan  # variance of the belief along x, unit^2
+    cov_xy: float = math.nan  # covariance of x and y, unit^2
+    var_y: float = math.nan  # variance along y, unit^2
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.error):  # older series have no such column
+            error = math.hypot(self.mean_x - self.truth_x, self.mean_y - self.truth_y)
+            object.__setattr__(self, "error", error)
+
+
+#: The columns of a series, and their types.
+COLUMNS = {field.name: str(field.type) for field in fields(Sample)}
+NEEDED = tuple(field.name for field in fields(Sample) if field.default is MISSING)  # the others came later
+READERS: dict[str, Callable[[str], int | float | str]] = {"int": int, "float": float, "str": str}
+
+Keep = Callable[[Sample], None]  # is given every sample that is judged
+
+
+def sample_of(belief: Belief, score: Score, truth: Sequence[float] | None, **more: Any) -> Sample:
+    """The sample of a belief in the plane whose score has one entry, with `more` fields; `truth` is None where it is not known."""
+    (mean_x, mean_y), known = belief.mean().tolist(), truth is not None
+    truth_x, truth_y = (math.nan, math.nan) if truth is None else truth
+    return Sample(
+        truth_x=truth_x,
+        truth_y=truth_y,
+        mean_x=mean_x,
+        mean_y=mean_y,
+        log_score=score.log_scores[0] if known else math.nan,
+        region=score.levels[0] if known else math.nan,
+        border=score.borders[0] if known else math.nan,
+        error=score.errors[0] if known else math.nan,
+        entropy=score.entropies[0],
+        **more,
+    )
+
+
+def held_by(samples: Iterable[Sample], level: int) -> Array:
+    """How far the `level` % regions held the truth, one number from 0 to 1 for each sample (`scores.held`)."""
+    numbers = np.array([(sample.region, sample.border) for sample in samples]).reshape(-1, 2)
+    return held(numbers[:, 0], numbers[:, 1], level / 100)
+
+
+def rms_error(samples: Iterable[Sample]) -> float:
+    """The root mean squared error of at least one sample."""
+    return math.sqrt(float(np.mean([sample.error**2 for sample in samples])))
+
+
+@contextmanager
+def series_file(path: Path | None) -> Iterator[Keep | None]:
+    """A function that writes a sample into a file, by its ending; None where no file is asked for. UserError: it cannot be written."""
+    if path is None:
+        yield None
+        return
+    with table_file(path, COLUMNS, "--table") as write:
+        yield lambda sample: write(vars(sample))
+
+
+def read_series(path: Path) -> list[Sample]:
+    """The samples of a CSV file. UserError: it is missing, or not what `series_file` writes; the line is named."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            header, *rows = list(csv.reader(file)) or [[]]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"{path}: cannot be read ({error}); give the file that --table wrote") from error
+    if not (set(NEEDED) <= set(header) <= set(COLUMNS)):
+        raise UserError(f"{path}, line 1: not the columns of a series; give the file that --table wrote")
+    samples = []
+    for number, row in enumerate(rows, 2):
+        try:
+            cells = {name: READERS[COLUMNS[name]](cell) for name, cell in zip(header, row, strict=True)}
+            samples.append(Sample(**cells))  # type: ignore[arg-type]
+        except ValueError as error:
+            raise UserError(f"{path}, line {number}: not a row of a series ({error}); write it again") from error
+    return samples
