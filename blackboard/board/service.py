@@ -135,6 +135,7 @@ class BoardService:
         """AssertionError: an invariant of one of its machines does not hold."""
         for machine in (self.clock, self.rounds, self.lead, self.reception, self.board):
             machine.check()
+        assert self.handover.agreed_at is None or self.handover.agreed_at[0] <= self.clock.tick
 
     # --- receiving --------------------------------------------------------------------------------------------------------
 

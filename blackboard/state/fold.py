@@ -120,6 +120,15 @@ class TeamFold:
         world = self.processes.get(WORLD)
         return "free" if self.clock is None or world is None or not world.alive else self.clock.mode
 
+    def check(self) -> None:
+        """AssertionError: it holds more than its bounds."""
+        assert len(self.processes) <= MAX_PROCESSES
+        assert max(len(self._truths), len(self._sightings)) <= MAX_TRUTHS
+        for store in (self._reports, self._consensus, self._agreed):
+            assert len(store) <= MAX_SUBJECTS
+            assert all(len(by_source) <= MAX_SOURCES for by_source in store.values())
+        assert self._open is None or self.moments.newest is None or self._open[0] > self.moments.newest.tick
+
     # --- liveliness -----------------------------------------------------------------------------------------------------
 
     def hear_token(self, topic: keys.Topic, parts: dict[str, str], envelope: Envelope, now: float) -> None:

@@ -39,14 +39,22 @@ class Desk:
     def tell(self, *envelopes: Envelope) -> list[Envelope]:
         """One batch of messages, after which the board is woken if that is due, as by the loop."""
         said = [it for envelope in envelopes for it in self.it.receive(envelope, self.now)]
-        said += self.it.wake(self.now) if self.it.wake_at(self.now) == self.now else []
-        said = [it for it in said if not _is_memory(it)]
-        self.said += said
-        return said
+        return self._noted(said + (self._wake() if self.it.wake_at(self.now) == self.now else []))
 
     def wait(self, seconds: float) -> list[Envelope]:
         self.now += seconds
-        said = [it for it in self.it.wake(self.now) if not _is_memory(it)]
+        return self._noted(self._wake())
+
+    def _wake(self) -> list[Envelope]:
+        """Wake the board, which then has nothing more to do at once: else its process would spin."""
+        said, due = self.it.wake(self.now), self.it.wake_at(self.now)
+        assert due is None or due > self.now
+        return said
+
+    def _noted(self, out: list[Envelope]) -> list[Envelope]:
+        """What the board said, and that its invariants hold."""
+        self.it.check()
+        said = [it for it in out if keys.MEMORY.match(it.key) is None]
         self.said += said
         return said
 
@@ -57,10 +65,6 @@ class Desk:
         self.wait(1.5)
         found = [decode(Status, e.payload) for e in self.said if "/status/" in e.key]
         return found[-1]
-
-
-def _is_memory(envelope: Envelope) -> bool:
-    return keys.MEMORY.match(envelope.key) is not None
 
 
 def clock(tick: int, *robots: str, run: str = "one", mode: str = "lockstep", **more: object) -> Envelope:

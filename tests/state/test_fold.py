@@ -170,6 +170,8 @@ def test_nothing_that_arrives_raises(sent: list[tuple[str, bytes, Kind]]) -> Non
     fold = Fold()
     for n, (key, payload, kind) in enumerate(sent):
         fold.take(Envelope(key, payload, kind), float(n))
+        for team in fold.teams.values():
+            team.check()
 
 
 def test_a_tick_that_cannot_have_begun_hides_nothing() -> None:
