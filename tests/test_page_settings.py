@@ -56,7 +56,6 @@ def test_entry_points_are_of_the_groups_that_are_looked_up() -> None:
     assert groups == [plugins.POOLS, plugins.LOCALIZERS]
 
 
-def test_a_localizer_as_the_page_registers_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(localizers, "_registered", {})
+def test_a_localizer_as_the_page_registers_it() -> None:
     exec(block(PAGE, '@localizer("mine")').text, {"localizer": localizers.localizer, "MyLocalizer": lambda *both: both})
     assert localizers.localizer_factory("mine")("settings", "grid") == ("settings", "grid")

@@ -12,7 +12,6 @@ from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Fix, Readings
-from robot_agent import localizers
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator
 from robot_agent.localizers import known_localizers, localizer, localizer_factory
@@ -25,12 +24,6 @@ GRID = Grid((40, 36), 0.1, (-2.0, -1.8), "m")
 
 def named(name: str) -> RobotSection:
     return Scenario({"robot": {"localizer": name}}, "it.toml").section("robot", RobotSection)
-
-
-@pytest.fixture
-def nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a test registers is forgotten after it."""
-    monkeypatch.setattr(localizers, "_registered", {})
 
 
 def test_the_packages_own_are_found_by_name() -> None:
@@ -47,28 +40,25 @@ def test_an_unknown_name_is_a_mistake_that_names_the_known_ones() -> None:
         localizer_factory("gps")
 
 
-@pytest.mark.usefixtures("nobody_else")
 def test_a_script_registers_its_own() -> None:
-    @localizer("mine")
+    @localizer("begins near the origin")
     def begin(settings: RobotSection, grid: Grid) -> PositionLocalizer:
         it = PositionLocalizer.unknown(settings, grid)
         return it.update_with_fix(Fix(position=(0.55, 0.55), sigma=0.1))
 
-    it = Estimator.begin(named("mine"), GRID, "r1")
+    it = Estimator.begin(named("begins near the origin"), GRID, "r1")
     readings = Readings(run="x", robot="r1", tick=0, time=0.0, odometry=None, compass=0.0, fix=None, sightings=[])
     assert it.advance(readings).localizer.marginal().mean() == pytest.approx((0.55, 0.55), abs=0.01)
-    assert "mine" in known_localizers()
+    assert "begins near the origin" in known_localizers()
 
 
-@pytest.mark.usefixtures("nobody_else")
-@pytest.mark.parametrize("name", ["pose", "mine"])
-def test_a_name_is_given_once(name: str) -> None:
-    localizer("mine")(PoseLocalizer.unknown)
-    with pytest.raises(ValueError, match=f"localizer '{name}' is already there; choose another"):
-        localizer(name)(PositionLocalizer.unknown)
+def test_a_name_is_given_once() -> None:
+    localizer("twice")(PoseLocalizer.unknown)
+    for name in ("pose", "twice"):
+        with pytest.raises(ValueError, match=f"localizer '{name}' is already there; choose another"):
+            localizer(name)(PositionLocalizer.unknown)
 
 
-@pytest.mark.usefixtures("nobody_else")
 def test_what_lacks_a_method_is_a_mistake() -> None:
     @localizer("half")
     @dataclass
