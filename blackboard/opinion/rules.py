@@ -189,7 +189,8 @@ OWN = {
     "clique": "robust",
     "channel-filter": "averages",
 }
-_RULES: dict[str, type[Rule]] = {}
+#: The rules that are loaded, by name; `registered` also names those that can be.
+REGISTRY: dict[str, type[Rule]] = {}
 R = TypeVar("R", bound=Rule)
 
 
@@ -202,10 +203,10 @@ def rule(name: str) -> Callable[[type[R]], type[R]]:
         made.name = name
         if not made.__module__.startswith("blackboard.opinion."):
             _load(name)
-        known = _RULES.setdefault(name, made)
+        known = REGISTRY.setdefault(name, made)
         if (known.__module__, known.__qualname__) != (made.__module__, made.__qualname__):
             raise ValueError(f"rule {name!r} is already {known.__module__}.{known.__qualname__}; choose another name")
-        _RULES[name] = made
+        REGISTRY[name] = made
         return made
 
     return register
@@ -216,13 +217,13 @@ def find(name: str) -> type[Rule]:
     from blackboard import plugins
 
     _load(name)
-    if name not in _RULES:
+    if name not in REGISTRY:
         offered = plugins.load(plugins.POOLS, name)
         if offered is None:
             raise RuleError("rule", f"{name!r} is none of {', '.join(sorted(names()))}{nearest(name, names())}")
-        if _RULES.get(name) is not offered:
+        if REGISTRY.get(name) is not offered:
             raise UserError(f"plug-in {name!r} of {plugins.POOLS}: offers {offered!r}, which is no Rule of this name")
-    return _RULES[name]
+    return REGISTRY[name]
 
 
 def _load(name: str) -> None:
@@ -240,7 +241,7 @@ def names() -> list[str]:
 
 def registered() -> list[str]:
     """The rules that come with the package, then those of scripts that were loaded, in the order in which they were registered."""
-    return list(dict.fromkeys([*OWN, *_RULES]))
+    return list(dict.fromkeys([*OWN, *REGISTRY]))
 
 
 def read_rule(table: Mapping[str, Any]) -> Rule:

@@ -29,7 +29,7 @@ EXAMPLE = re.search(r"## A rule of your own.*?```python\n(.*?)```", PAGE, re.DOT
 @pytest.fixture(autouse=True)
 def registry(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a test registers ends with it."""
-    monkeypatch.setattr(rules, "_RULES", dict(rules._RULES))
+    monkeypatch.setattr(rules, "REGISTRY", dict(rules.REGISTRY))
 
 
 @pytest.fixture
