@@ -69,6 +69,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("part     fact", "tests/board/test_lead_table.py::test_the_table_is_printed"),
         ("state       event", "tests/process/test_team_clock_table.py::test_the_table_is_printed"),
         ("process  pace", "tests/process/test_rounds.py::test_the_tables_are_printed"),
+        ("news      robot", "tests/process/test_peer.py::test_the_table_is_printed"),
     ),
     "mutants.md": (("make mutants", MINUTES),),
     "operations.md": (
