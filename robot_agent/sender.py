@@ -1,14 +1,34 @@
-"""What a robot on a poor link says, by what its team knows: a `Budget` beside what was agreed on last. Pure."""
+"""What a robot says of its reports by what its team knows, a `Budget` beside what was agreed on last, and of its speed. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 
+import numpy as np
+
 from blackboard.errors import Refused
 from blackboard.wire.evidence import unpack_state
 from blackboard.wire.messages import Consensus, Report
 from robot_agent.budget import Budget, Known, Said
+
+FASTEST = 1e6  # unit per second that is said at most
+SPAN = 5  # ticks over which a steady speed is averaged
+
+
+def fastest(speeds: Sequence[float], *, steady: bool) -> float | None:
+    """The greatest of the speeds of the last ticks (unit per second), by which boards widen old reports; None before any.
+
+    `steady`: of their means over a few ticks, for a robot that is often silent. Its reports grow old before the next one, and the
+    noise of a single tick's odometry would let them spread too far.
+    """
+    if not speeds:
+        return None
+    if not steady:
+        return min(max(speeds), FASTEST)
+    ticks = min(SPAN, len(speeds))
+    means = [sum(speeds[i : i + ticks]) / ticks for i in range(len(speeds) - ticks + 1)]
+    return float(np.float32(min(max(means), FASTEST)))
 
 
 class Sender:

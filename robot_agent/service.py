@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import deque
 from collections.abc import Sequence
+from functools import partial
 
 from blackboard.opinion.grid import Grid
 from blackboard.process.peer import Answers, Peer
@@ -22,14 +24,13 @@ from blackboard.wire.types import Message
 from robot_agent.agent import Agent, Agreed, Feedback, Unpacked
 from robot_agent.budget import Budget
 from robot_agent.config import RobotSection
-from robot_agent.gathered import Gathered
 from robot_agent.gaussian.agent import JointAgent
-from robot_agent.readings import Sequencer
-from robot_agent.sender import Sender
-from robot_agent.speed import Speed
+from robot_agent.inputs import Gathered, Sequencer
+from robot_agent.sender import Sender, fastest
 
 log = logging.getLogger(__name__)
 
+LATELY = 50  # ticks of which the speed is said
 FAILURES = 3  # ticks in a row that the agent could not do until it begins anew
 
 
@@ -50,7 +51,6 @@ class AgentService(Around):
     ) -> None:
         """`joint`: the boards keep a joint belief ([board] fusion); `drift`: how they let reports spread ([board] drift)."""
         self.robot, self.grid, self.settings = robot, grid, settings
-        self._feedback, self._joint, self._drift = feedback, joint, drift
         self._saves = settings.send.budget is not None and math.isfinite(settings.send.budget)
         self.peer = Peer(
             team,
@@ -64,22 +64,22 @@ class AgentService(Around):
         super().__init__(self.peer)
         self.clock, self.counters, self.refused = self.peer.clock, self.peer.intake.counters, self.peer.intake.refused
         self.rounds = Rounds(ROBOT, {"patience": settings.patience}, "readings")
+        self._new_agent = partial(JointAgent if joint else Agent, robot, settings, grid, feedback)
+        self._new_budget = partial(Budget, settings.send, grid, robot, drift, self.peer.size)
+        self._forget()
+
+    def _begin(self, run: str) -> None:
+        """Follow readings into another run than before, or into the very first."""
+        self.peer.begin(run)
         self._forget()
 
     def _forget(self) -> None:
-        """Begin with nothing: another run than before, or the very first."""
         self.agent = self._new_agent()
         self._failed = 0  # ticks in a row that the agent could not do
         self.rounds.enter("readings", 0.0)
-        self._readings, self._agreed, self._speed = Sequencer(), Gathered(), Speed(steady=self._saves)
+        self._readings, self._agreed = Sequencer(), Gathered()
+        self._speeds: deque[float] = deque(maxlen=LATELY)  # unit per second, by the odometry
         self._sender = None if self.settings.send.budget is None else Sender(self._new_budget(), self.robot)
-
-    def _new_agent(self) -> JointAgent | Agent:
-        kind = JointAgent if self._joint else Agent
-        return kind(self.robot, self.settings, self.grid, self._feedback)
-
-    def _new_budget(self) -> Budget:
-        return Budget(self.settings.send, self.grid, self.robot, self._drift, self.peer.size)
 
     @property
     def run(self) -> str:
@@ -104,7 +104,7 @@ class AgentService(Around):
 
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
-        self.peer.check()
+        super().check()
         self._agreed.check()
         self._readings.check(self.run, self.tick)
         assert self.rounds.phase == "readings" or self._readings.next is not None, self.rounds.phase
@@ -133,12 +133,10 @@ class AgentService(Around):
     def _hear_readings(self, readings: Readings, now: float) -> list[Envelope]:
         """Take readings that go on with those before; of a jump the ones before them, too."""
         if not self.run and self.clock.followed is None:
-            self.peer.begin(readings.run)
-            self._forget()
+            self._begin(readings.run)
         found = self._readings.take(readings, self.run, self.tick, self.clock)
         if found and (readings.run != self.run or readings.tick < self.tick):
-            self.peer.begin(readings.run)
-            self._forget()
+            self._begin(readings.run)
         out: list[Envelope] = []
         for number, it in enumerate(found):
             out += self._advance(now) if number else []
@@ -183,18 +181,19 @@ class AgentService(Around):
         if self.clock.pace is Pace.FREE and self.tick < 0:
             log.info("%s: no world gives the clock; going by its readings and Unix time", self.robot)
         if readings.odometry is not None:
-            self._speed.add(readings.odometry)
+            self._speeds.append(abs(readings.odometry.distance) / readings.odometry.dt)
+        speed = fastest(list(self._speeds), steady=self._saves)
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         self._failed += 1
         with self.peer.intake.failures.survive("the robot's tick"):
             reports, solo = self.agent.tick(readings, Unpacked(agreed, self.grid))
             if self._sender is not None:
-                said = self._sender.choose(reports, readings.time, self._speed.most, agreed, self.peer.boards)
+                said = self._sender.choose(reports, readings.time, speed, agreed, self.peer.boards)
                 reports, kept = said.reports, sorted(said.kept)
                 self.agent.said(said)
             self._failed = 0
         if self._failed >= FAILURES:
             self.agent, self._failed = self._new_agent(), 0
         self.counters["ticks"] += 1
-        return self.peer.say(Answers(readings.tick, readings.time, reports, solo, kept, self._speed.most), now)
+        return self.peer.say(Answers(readings.tick, readings.time, reports, solo, kept, speed), now)

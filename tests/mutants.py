@@ -49,6 +49,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "blackboard/process/*.py": ("tests/process", "tests/board", "tests/flow"),
     "blackboard/judge/*.py": ("tests/judge", "tests/tape"),
     "blackboard/net/bus.py": ("tests/net/test_network.py", "tests/flow"),
+    "blackboard/net/scheduler.py": ("tests/net/test_scheduler.py", "tests/flow"),
     "robot_agent/[!_]*.py": ("tests/robot_agent", "tests/flow"),
     "sim_world/[!_]*.py": ("tests/sim_world", "tests/flow"),
     "sim_world/mrclam/*.py": ("tests/sim_world",),

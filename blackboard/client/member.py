@@ -63,7 +63,7 @@ class Member(Around):
 
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
-        self.peer.check()
+        super().check()
         self._newest.check()
         assert all(report.subject == subject for subject, report in self._reports.items())
         assert len(self._reports) <= MAX_SUBJECTS

@@ -24,6 +24,7 @@ from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Grid
 from blackboard.process.listener import ClockNews, Listener
 from blackboard.process.printable import quoted
+from blackboard.process.service import Around
 from blackboard.process.team_clock import News, TeamClock
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus
@@ -36,7 +37,7 @@ MAX_SUBJECTS = 256  # that are reported at most, which is as many as a board kee
 OBJECTS = ("object/*",)
 
 
-class Share:
+class Share(Around):
     """A service (`blackboard.process.service.Service`) that hears one team and reports in another one."""
 
     def __init__(
@@ -64,6 +65,7 @@ class Share:
             on_agreed=self._learn,
             judged=False,
         )
+        super().__init__(self.tells)
         self._team = team
         self.hears = Listener(source, self._hear)  # in all sub-teams
         self._agreed = Newest(grid)  # in the team that is heard
@@ -79,23 +81,12 @@ class Share:
     # --- what the loop needs ------------------------------------------------------------------------------------------
 
     @property
-    def tokens(self) -> tuple[str, ...]:
-        return self.tells.tokens
-
-    @property
     def listens(self) -> tuple[str, ...]:
         return (*self.tells.listens, *self.hears.listens)
 
     @property
     def watches(self) -> tuple[str, ...]:
         return (*self.tells.watches, *self.hears.watches)
-
-    @property
-    def done(self) -> bool:
-        return False
-
-    def record_link_counters(self, counters: dict[str, int]) -> None:
-        self.tells.record_link_counters(counters)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         if envelope.key.startswith(f"cop/{self.hears.team}/"):
@@ -114,8 +105,9 @@ class Share:
 
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
+        super().check()
         self.hears.check()
-        self.tells.check()
+        self._agreed.check()
         assert self._newest.keys() <= self._due.keys()
         assert len(self._due) <= MAX_SUBJECTS >= len(self._known)
 

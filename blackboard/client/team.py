@@ -6,7 +6,6 @@ Long, because all that a program can ask of its team stands together.
 from __future__ import annotations
 
 import asyncio
-import logging
 import re
 import threading
 from collections import deque
@@ -32,10 +31,7 @@ from blackboard.wire.codec import open_envelope
 from blackboard.wire.messages import Consensus, Refusal
 from blackboard.wire.names import NAME
 
-log = logging.getLogger(__name__)
-
 MAX_REFUSALS = 256  # that are kept
-PAUSE = 0.1  # seconds between two questions for a board
 
 
 class Team:

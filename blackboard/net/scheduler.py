@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from itertools import count
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 from blackboard.errors import RunFailed
 from blackboard.net.bus import Bus, BusLink
-from blackboard.process.service import Service, connect
+from blackboard.process.service import Checked, Service, connect
 from blackboard.wire.envelope import Envelope
 
 if TYPE_CHECKING:
@@ -29,14 +29,6 @@ AT_ONCE = (0.0,)
 #: Of an envelope on its way from a service (None: from outside, or a token) to a service: the seconds that each copy takes. None of
 #: them: it is lost.
 Route = Callable[[Service | None, Service, Envelope], Sequence[float]]
-
-
-@runtime_checkable
-class Checked(Protocol):
-    """A machine that knows its invariants."""
-
-    def check(self) -> None:
-        """AssertionError: an invariant does not hold."""
 
 
 @dataclass(eq=False)

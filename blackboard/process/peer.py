@@ -114,7 +114,7 @@ class Peer(Around):
 
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
-        self.listener.check()
+        super().check()
         followed, answers = self.clock.followed, self.answers
         assert followed is None or self.run == followed.run, (self.run, followed)
         assert all(report.source == self.robot and report.tick <= answers.tick for report in answers.reports), answers

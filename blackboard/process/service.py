@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from blackboard.wire.envelope import Envelope
 
@@ -52,6 +52,14 @@ class Service(Protocol):
         """The link's counters (sent, received, dropped, bytes), for the status."""
 
 
+@runtime_checkable
+class Checked(Protocol):
+    """A machine that knows its invariants."""
+
+    def check(self) -> None:
+        """AssertionError: an invariant does not hold."""
+
+
 class Around:
     """A service around another one: what a subclass does not override is done by the inner one."""
 
@@ -85,6 +93,10 @@ class Around:
 
     def record_link_counters(self, counters: dict[str, int]) -> None:
         self.inner.record_link_counters(counters)
+
+    def check(self) -> None:
+        if isinstance(self.inner, Checked):
+            self.inner.check()
 
 
 def connect(service: Service, link: Subscriber) -> None:

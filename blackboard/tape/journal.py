@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from hashlib import blake2b
 from typing import Literal
 
-from blackboard.process.service import Service
+from blackboard.process.service import Around, Service
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
@@ -33,46 +33,25 @@ def digest(envelope: Envelope) -> str:
     return blake2b(envelope.key.encode() + b"\0" + envelope.payload, digest_size=8).hexdigest()
 
 
-class Journaled:
+class Journaled(Around):
     """A board's service that also keeps a journal and sends it (`blackboard.process.service.Service`)."""
 
     def __init__(self, service: Service, *, team: str, sub_team: str, board: str) -> None:
-        self.service, self._sub_team, self._board = service, sub_team, board
+        super().__init__(service)
+        self._sub_team, self._board = sub_team, board
         self._key = keys.JOURNAL.key(team=team, sub_team=sub_team, board=board)
         self._began: float | None = None
         self._first = 0
         self._events: list[tuple[float, What, str]] = []
 
-    @property
-    def tokens(self) -> tuple[str, ...]:
-        return self.service.tokens
-
-    @property
-    def listens(self) -> tuple[str, ...]:
-        return self.service.listens
-
-    @property
-    def watches(self) -> tuple[str, ...]:
-        return self.service.watches
-
-    @property
-    def done(self) -> bool:
-        return self.service.done
-
-    def record_link_counters(self, counters: dict[str, int]) -> None:
-        self.service.record_link_counters(counters)
-
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         what = KINDS[envelope.kind]
         self._note(now, what, digest(envelope) if what == "put" else envelope.key[:MAX_JOURNAL_NAME])
-        return self._with_journal(self.service.receive(envelope, now))
+        return self._with_journal(super().receive(envelope, now))
 
     def wake(self, now: float) -> list[Envelope]:
         self._note(now, "wake", "")
-        return self._with_journal(self.service.wake(now))
-
-    def wake_at(self, now: float) -> float | None:
-        return self.service.wake_at(now)
+        return self._with_journal(super().wake(now))
 
     def _note(self, now: float, what: What, name: str) -> None:
         if self._began is None:

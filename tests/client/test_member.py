@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -23,6 +22,7 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
 from tests.board.desk import GRID, NOW, WORLD, board_of, clock
+from tests.wire.envelopes import put
 
 PLACE = gaussian(GRID, (10, 10), 1.0)
 
@@ -151,14 +151,6 @@ def test_a_program_that_starts_again_withdraws_what_it_said_before() -> None:
     assert settled(board, NOW + 0.5) == ["robot/r1"]
 
 
-def test_a_status_comes_once_a_second() -> None:
-    robot = One()
-    robot.report()
-    assert robot.it.wake(NOW + 0.5) == []
-    assert robot.it.wake_at(NOW) == pytest.approx(NOW + 1.0)
-    assert kinds(opened(robot.it.wake(NOW + 1.0))) == ["Status"]
-
-
 # --- what is refused ---------------------------------------------------------------------------------------------------
 
 
@@ -193,30 +185,17 @@ def test_it_refuses_what_a_board_would_and_says_nothing(reason: str, given: dict
     assert (status.tick, status.subjects) == (1000 * NOW, ["robot/r1"])  # of the report that was taken
 
 
-def test_what_a_board_tells_of_refusals_is_passed_on_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_a_board_tells_of_refusals_is_passed_on() -> None:
     robot = One()
     said = [
-        Refusal(board="board-a", sub_team="a", robot="r1", time=1.0, subject="object/ball", reason="grid", count=n)
-        for n in (1, 2)
+        Refusal(board=board, sub_team="a", robot="r1", time=1.0, subject="object/ball", reason="grid", count=1)
+        for board in ("board-a", "stranger")
     ]
-    key = keys.REFUSED.key(team="t", sub_team="a", robot="r1")
-    with caplog.at_level(logging.WARNING):
-        for it in said:
-            robot.it.receive(Envelope(key, encoded(it)), NOW)
-        robot.it.receive(Envelope(key, encoded(said[0].model_copy(update={"board": "stranger"}))), NOW)
-    assert robot.refused == said
-    assert [r.getMessage().split(";")[0] for r in caplog.records if "refused the report" in r.getMessage()] == [
-        "board-a refused the report about object/ball of r1 (grid)"
-    ]
+    robot.tell(*map(put, said))
+    assert robot.refused == said[:1]
 
 
 # --- what is agreed ----------------------------------------------------------------------------------------------------
-
-
-def encoded(message: Message) -> bytes:
-    from blackboard.wire.codec import encode
-
-    return encode(message)
 
 
 @pytest.mark.parametrize("raises", [False, True])

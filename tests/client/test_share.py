@@ -23,11 +23,11 @@ from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire import keys
-from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Report, Status
+from blackboard.wire.messages import Clock, Report, Status
 from blackboard.wire.names import VIA
+from tests.wire.envelopes import consensus, put
 
 GRID = Grid((20, 20))
 BALL = "object/ball"
@@ -189,21 +189,8 @@ def test_it_holds_a_token_in_the_team_that_it_tells_and_none_in_the_other() -> N
 
 def agreed(subject: str, time: float, team: str = "north", tick: int = 1, **until: float) -> Envelope:
     """What the board of a team says at a time, by its own clock: what its robots gathered until when."""
-    said = Consensus(
-        board="board-a",
-        sub_team="a",
-        level="agreed",
-        subject=subject,
-        tick=tick,
-        time=time,
-        belief=pack(SEEN),
-        ancestors=until,
-        used=[],
-        entropy=1.0,
-        conflict=False,
-        rule="coalition",
-    )
-    return Envelope(keys.AGREED.key(team=team, sub_team="a", subject=subject), encode(said))
+    said = consensus(SEEN, subject, board="board-a", tick=tick, time=time, ancestors=until)
+    return put(said, team=team)
 
 
 def reports(out: Iterable[Envelope]) -> list[Report]:

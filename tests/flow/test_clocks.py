@@ -8,8 +8,8 @@ from itertools import pairwise
 import pytest
 
 from blackboard.board.service import BoardService
-from blackboard.config import BoardSection, Scenario
-from blackboard.lab.team import robot
+from blackboard.config import Scenario
+from blackboard.lab.team import board, robot
 from blackboard.net.scheduler import Scheduler
 from blackboard.process.service import Service
 from blackboard.wire import keys
@@ -66,16 +66,8 @@ class Free(Scheduler):
         super().__init__(BEGIN)
         self.off = off
         self.route = lambda sender, receiver, envelope: (delay,)
-        self.boards = {
-            s: BoardService(
-                team="t",
-                sub_team=s,
-                board=f"board-{s}",
-                grid=scenario.grid,
-                settings=BoardSection.model_validate(settings),
-            )
-            for s in SUB_TEAMS
-        }
+        self.scenario = scenario
+        self.boards = {s: board(scenario, s) for s in SUB_TEAMS}
         self.robots = {name: robot(scenario, name) for name in scenario.team.robots}
         self.sent: list[tuple[float, Envelope]] = []  # and when
         self.bus.spies.append(lambda envelope: self.sent.append((self.now, envelope)))
@@ -85,15 +77,9 @@ class Free(Scheduler):
         for number, name in enumerate(self.robots):
             self.join(Driver(name, 8.0 + number), off.get(name, 0.0))
 
-    def add_board(self, sub_team: str, name: str, **settings: object) -> BoardService:
+    def add_board(self, sub_team: str, name: str) -> BoardService:
         """One more board of a sub-team."""
-        it = BoardService(
-            team="t",
-            sub_team=sub_team,
-            board=name,
-            grid=self.boards[sub_team].grid,
-            settings=BoardSection.model_validate(settings),
-        )
+        it = board(self.scenario, sub_team, name)
         self.join(it, self.off.get(name, 0.0))
         return it
 
@@ -179,7 +165,7 @@ def test_without_a_world_a_second_board_takes_over_within_a_second(fusion: str) 
     """Also from a leader whose clock is ahead by half a second, and with what the leader had found of the robots' clocks."""
     team = Free({"board-a": 0.5, "r2": -3.0}, fusion=fusion)
     team.run_for(1.0)
-    second = team.add_board("a", "board-a2", fusion=fusion)
+    second = team.add_board("a", "board-a2")
     team.run_for(3.0)
     assert [it.lead.leads for it in (team.boards["a"], second)] == [True, False]
     assert {it.board for it in team.agreed("a", "robot/r1")} == {"board-a"}

@@ -8,8 +8,8 @@ import pytest
 
 from blackboard.process.team_clock import WORLD_SILENT
 from blackboard.wire.envelope import Kind
-from blackboard.wire.messages import Report, Solo, Status
-from robot_agent.gathered import MAX_AGREED
+from blackboard.wire.messages import Report, Status
+from robot_agent.inputs import MAX_AGREED
 from tests.robot_agent.services import NOW, agreed, clock, kinds, readings, said, service, world
 
 
@@ -83,13 +83,6 @@ def test_the_world_that_asks_again_gets_the_same_answers_and_the_last_word_gets_
     assert robot.receive(clock(0, end=True), NOW + 2) == []
 
 
-def test_solo_beliefs_are_sent_only_where_a_world_reads_them() -> None:
-    robot = service()
-    assert "Solo" not in kinds(robot.receive(readings(0), NOW))
-    robot.receive(world(), NOW)
-    assert any(isinstance(message, Solo) for message in said(robot.receive(clock(0), NOW)))
-
-
 def test_a_clock_of_nobody_stops_no_robot() -> None:
     """A Clock without a world's token is not followed for good."""
     robot = service()
@@ -141,17 +134,6 @@ def test_agreed_beliefs_are_bounded_in_number() -> None:
         robot.receive(agreed(0, f"object/o{i}"), NOW)
     robot.check()
     assert robot.refused == {"too-many": 5}
-
-
-def test_it_reports_to_every_sub_team_of_its() -> None:
-    robot = service("a", "b")
-    answers = robot.receive(readings(0), NOW)
-    assert [envelope.key for envelope in answers] == [
-        "cop/t/a/report/r1/robot/r1",
-        "cop/t/b/report/r1/robot/r1",
-        "cop/t/a/status/r1",
-        "cop/t/b/status/r1",
-    ]
 
 
 def test_what_was_agreed_before_a_world_came_does_not_stand_for_what_is_agreed_in_its_run() -> None:

@@ -73,7 +73,7 @@ def test_it_is_the_service_with_a_journal_ahead_of_what_it_sends() -> None:
 
 def test_a_journal_is_sent_once_it_is_full_and_its_names_are_bounded() -> None:
     _, service = journaled()
-    service.service.receive = lambda envelope, now: []  # type: ignore[method-assign]
+    service.inner.receive = lambda envelope, now: []  # type: ignore[method-assign]
     out = [service.receive(Envelope("k" * 9999, kind=Kind.GONE), 1.0) for _ in range(MAX_OPINIONS)]
     assert [len(each) for each in out] == [0] * (MAX_OPINIONS - 1) + [1]
     (told,) = journals(out[-1])

@@ -1,4 +1,4 @@
-"""What the boards agreed on since a robot's last tick, and whether all that a world lists of it has come. Pure, and bounded."""
+"""What a robot acts on: the readings that go on with those before, and what its boards agreed on since its last tick. Pure."""
 
 from __future__ import annotations
 
@@ -6,13 +6,43 @@ from collections.abc import Collection
 
 from blackboard.errors import Refused
 from blackboard.process.roll_call import RollCall
-from blackboard.wire.messages import Consensus
+from blackboard.process.team_clock import Pace, TeamClock
+from blackboard.wire.messages import Consensus, Readings
 
+JUMP = 100  # ticks: readings that are further ahead, or behind, are believed with the second ones in succession
 MAX_AGREED = 512  # agreed beliefs that are kept between two ticks, over all boards
 
 
+class Sequencer:
+    """Takes readings as they come. A jump, to another run or far away in this one, is believed once it goes on by itself.
+
+    Where a world's Clock is followed, that decides: readings are at most one tick ahead of it.
+    """
+
+    def __init__(self) -> None:
+        self.next: Readings | None = None  # of the tick that is to be done next
+        self.doubted: Readings | None = None  # the newest that did not go on with those before
+
+    def take(self, readings: Readings, run: str, tick: int, clock: TeamClock) -> list[Readings]:
+        """The readings that are to be acted on one after the other, of a robot that has done a tick (-1: none) of a run."""
+        before, self.doubted = self.doubted, None
+        newest = tick + JUMP if clock.followed is None else max(clock.followed.tick, tick) + 1
+        if readings.run == run and (tick < 0 or tick < readings.tick <= newest):
+            return [readings]
+        if readings.run == run and abs(readings.tick - tick) <= JUMP:
+            return []
+        if clock.pace is Pace.FREE and before is not None and _follows(before, readings):
+            return [before, readings]
+        self.doubted = readings
+        return []
+
+    def check(self, run: str, tick: int) -> None:
+        """AssertionError: an invariant does not hold for a robot that has done a tick of a run."""
+        assert self.next is None or (self.next.run == run and self.next.tick > tick), (self.next, run, tick)
+
+
 class Gathered:
-    """Of each board the newest agreed belief about each subject."""
+    """Of each board the newest agreed belief about each subject since the last tick, and whether all of a tick has come."""
 
     def __init__(self) -> None:
         self._newest: dict[tuple[str, str, str], Consensus] = {}  # by sub-team, board and subject
@@ -52,3 +82,8 @@ class Gathered:
         """AssertionError: an invariant does not hold."""
         assert len(self._newest) <= MAX_AGREED
         assert all(self.arrived(it.sub_team, it.tick, [it.subject]) for it in self._newest.values())
+
+
+def _follows(before: Readings, readings: Readings) -> bool:
+    """Whether readings may be the next ones after others."""
+    return readings.run == before.run and 0 < readings.tick - before.tick <= JUMP
