@@ -3,17 +3,17 @@
 The others publish their status alone, which says that they follow, and keep what they settled until the status of the one that leads
 says that it has published that. So where one of them takes over, nothing is lost, and nothing is older than what was published before.
 
-Long, because `TABLE`, when a board's part changes, stands with its machine; `python -m blackboard.board.lead` prints it. Of two that
-lead, as after a freeze or a cut network, the one that took over last has the better claim, because the other was found silent. Else
-the board that has settled for longest has it, and among equals, as at the beginning of a run, the one whose name sorts first. A board
-that was frozen is as one that starts: what reaches it first may be old.
+`Fact` is the table of when a board's part changes; `python -m blackboard.board.lead` prints it. Of two that lead, as after a freeze
+or a cut network, the one that took over last has the better claim, because the other was found silent. Else the board that has
+settled for longest has it, and among equals, as at the beginning of a run, the one whose name sorts first. A board that was frozen is
+as one that starts: what reaches it first may be old.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -38,35 +38,28 @@ class Part(Enum):
     FOLLOWS = "follows"
 
 
+@dataclass(frozen=True)
+class Row:
+    """What a fact is, for which parts it counts, and the part that follows."""
+
+    text: str
+    parts: tuple[Part, ...]
+    then: Part
+
+
+OTHERS = (Part.UNKNOWN, Part.FOLLOWS)
+
+
 class Fact(Enum):
-    """What changes a part: the first that holds and that the table has for it."""
+    """The table: the first fact that holds and counts decides."""
 
-    FROZEN = "it was frozen"
-    OUTRANKED = "another leads with a better claim"
-    STUCK = "the leader publishes nothing"
-    LED = "another leads"
-    AWAITED = "another has said nothing yet"
-    FIRST = "its own claim is the best"
-    SECOND = "another has a better claim"
-
-
-#: The part that follows.
-TABLE: Mapping[tuple[Part, Fact], Part] = {
-    (Part.UNKNOWN, Fact.FROZEN): Part.UNKNOWN,
-    (Part.UNKNOWN, Fact.STUCK): Part.LEADS,
-    (Part.UNKNOWN, Fact.LED): Part.FOLLOWS,
-    (Part.UNKNOWN, Fact.AWAITED): Part.UNKNOWN,
-    (Part.UNKNOWN, Fact.FIRST): Part.LEADS,
-    (Part.UNKNOWN, Fact.SECOND): Part.FOLLOWS,
-    (Part.LEADS, Fact.FROZEN): Part.UNKNOWN,
-    (Part.LEADS, Fact.OUTRANKED): Part.FOLLOWS,
-    (Part.FOLLOWS, Fact.FROZEN): Part.UNKNOWN,
-    (Part.FOLLOWS, Fact.STUCK): Part.LEADS,
-    (Part.FOLLOWS, Fact.LED): Part.FOLLOWS,
-    (Part.FOLLOWS, Fact.AWAITED): Part.UNKNOWN,
-    (Part.FOLLOWS, Fact.FIRST): Part.LEADS,
-    (Part.FOLLOWS, Fact.SECOND): Part.FOLLOWS,
-}
+    FROZEN = Row("it was frozen", tuple(Part), Part.UNKNOWN)
+    OUTRANKED = Row("another leads with a better claim", (Part.LEADS,), Part.FOLLOWS)
+    STUCK = Row("the leader publishes nothing", OTHERS, Part.LEADS)
+    LED = Row("another leads", OTHERS, Part.FOLLOWS)
+    AWAITED = Row("another has said nothing yet", OTHERS, Part.UNKNOWN)
+    FIRST = Row("its own claim is the best", OTHERS, Part.LEADS)
+    SECOND = Row("another has a better claim", OTHERS, Part.FOLLOWS)
 
 
 @dataclass(frozen=True)
@@ -78,10 +71,6 @@ class Said:
     time: float  # team time, seconds
     envelopes: tuple[Envelope, ...]
     status: Status
-
-    @property
-    def size(self) -> int:
-        return sum(len(envelope.payload) for envelope in self.envelopes)
 
 
 @dataclass(frozen=True)
@@ -114,7 +103,6 @@ class Lead:
         self._others: dict[str, Claim] = {}
         self._unknown: dict[str, float] = {}  # boards that were not heard yet, and until when they are waited for
         self._kept: deque[tuple[float, Said]] = deque()  # and when it was settled
-        self._kept_bytes = 0
         self._asks = True
 
     @property
@@ -153,7 +141,7 @@ class Lead:
             self._enter(Fact.FROZEN)
             self.since, self._others, self._unknown = None, {}, {}
         new = self._keep_only(others, now) if others or self._others or self._unknown else []
-        self._enter(next((fact for fact in self._facts(now) if (self.part, fact) in TABLE), None))
+        self._enter(next((fact for fact in self._facts(now) if self.part in fact.value.parts), None))
         asks, self._asks = self._asks or bool(new), False
         changed = self.part is not before
         return (changed and before is not Part.UNKNOWN) or (bool(others) and (asks or changed))
@@ -165,8 +153,6 @@ class Lead:
         heard_out = max(self._unknown.values(), default=math.inf) if self.part is Part.UNKNOWN else math.inf
         return min(self._stuck_at(), heard_out)
 
-    # --- what is said ---------------------------------------------------------------------------------------------------
-
     def may_say(self, time: float) -> bool:
         """Whether this board publishes what it settled at a team time in seconds: it leads, and nothing later was published."""
         return self.leads and time >= self._floor
@@ -174,15 +160,13 @@ class Lead:
     def keep(self, said: Said, now: float) -> None:
         """Keep what is not published; the oldest goes where it is too much."""
         self._kept.append((now, said))
-        self._kept_bytes += said.size
         while len(self._kept) > MAX_KEPT or self._kept_bytes > MAX_KEPT_BYTES:
-            self._kept_bytes -= self._kept.popleft()[1].size
+            self._kept.popleft()
 
     def release(self) -> list[Said]:
         """What was kept and nobody has published, the oldest first: it is this board's to publish."""
         found = [said for _, said in self._kept if said.time >= self._floor]
         self._kept.clear()
-        self._kept_bytes = 0
         return found
 
     @property
@@ -194,8 +178,8 @@ class Lead:
 
     def check(self) -> None:
         """AssertionError: what holds between two events does not."""
-        assert self._kept_bytes == sum(said.size for _, said in self._kept) <= MAX_KEPT_BYTES
         assert len(self._kept) <= MAX_KEPT
+        assert self._kept_bytes <= MAX_KEPT_BYTES
         assert not self._others.keys() & self._unknown.keys()
         assert self.board not in self._others
 
@@ -229,7 +213,7 @@ class Lead:
 
     def _enter(self, fact: Fact | None) -> None:
         if fact is not None:
-            self.part = TABLE[self.part, fact]
+            self.part = fact.value.then
             if self.leads:
                 self.term = min(self._highest + 1, MAX_TERM)
 
@@ -244,12 +228,21 @@ class Lead:
         """Drop what the leader has published."""
         done = status.tick, PHASES.index(status.phase)
         left = [(at, it) for at, it in self._kept if not any_tick and (it.tick, PHASES.index(it.phase)) > done]
-        self._kept, self._kept_bytes = deque(left), sum(said.size for _, said in left)
+        self._kept = deque(left)
+
+    @property
+    def _kept_bytes(self) -> int:
+        return sum(len(envelope.payload) for _, said in self._kept for envelope in said.envelopes)
 
 
 def text() -> str:
     """The table as text."""
-    rows = [(part.value, fact.value, then.value) for (part, fact), then in TABLE.items()]
+    rows = [
+        (part.value, fact.value.text, fact.value.then.value)
+        for part in Part
+        for fact in Fact
+        if part in fact.value.parts
+    ]
     return "\n".join(columns([("part", "fact", "then"), *rows]))
 
 

@@ -1,7 +1,7 @@
 """Team time: by whose clock a process goes, and which tick it is. Pure.
 
-A process follows the Clock of a world while the world's liveliness token is there. `TABLE` has its states, and what each event
-means in each of them; `python -m blackboard.process.team_clock` prints it. Long, because the table stands with its machine.
+A process follows the Clock of a world while the world's liveliness token is there. `Event` is the table of what may happen and what
+that means; `python -m blackboard.process.team_clock` prints it. Long, because the table stands with its machine.
 
 A world holds its token before it sends a Clock. So a run whose Clocks came for more than `EARLY` seconds before that token is a
 stranger's: for `WORLD_SILENT` seconds after the token, the first Clock of any other run is followed instead.
@@ -16,7 +16,7 @@ a false one has stopped.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import Enum
 
 from blackboard.process.columns import columns
@@ -50,27 +50,6 @@ class State(Enum):
     FOLLOWED = "followed"  # its token and its Clock; the pace is that of the Clock
 
 
-class Event(Enum):
-    """What a Clock, a token, or the time is to a process."""
-
-    COMES = "the token comes"
-    RETURNS = "the token comes again after its Clock was waited for in vain"
-    GOES = "the token goes"
-    STRAY = "a Clock without a token"
-    MORE = "more Clocks without a token"
-    STRANGER = "the Clock of a stranger"
-    FIRST = "the first Clock"
-    NEXT = "the next Clock"
-    SAME = "the same Clock"
-    RIVAL = "a rival"
-    JUMP = "a confirmed rival further on in the run"
-    RUN = "a confirmed rival of another run, or further back"
-    TOKENLESS = "no token in time"
-    CLOCKLESS = "no Clock in time"
-    SILENT = "no more Clocks in time"
-    PERIOD = "a period of Unix time is over"
-
-
 class News(Enum):
     """What an event means for the process."""
 
@@ -81,33 +60,32 @@ class News(Enum):
     FREE = "free"  # the world is gone: everything is to be forgotten, stamps are Unix time from now on
 
 
-#: State and event -> the state that follows, and the news. The first three events are the roster's, and change the state only.
-TABLE: Mapping[tuple[State, Event], tuple[State, News]] = {
-    (State.FREE, Event.COMES): (State.TOKEN, News.NOTHING),
-    (State.FREE, Event.RETURNS): (State.FREE, News.NOTHING),
-    (State.FREE, Event.GOES): (State.FREE, News.NOTHING),
-    (State.FREE, Event.STRAY): (State.CLOCK, News.NOTHING),
-    (State.FREE, Event.MORE): (State.FREE, News.NOTHING),
-    (State.FREE, Event.STRANGER): (State.FREE, News.NOTHING),
-    (State.FREE, Event.FIRST): (State.FOLLOWED, News.RUN),
-    (State.FREE, Event.PERIOD): (State.FREE, News.TICK),
-    (State.CLOCK, Event.COMES): (State.CLOCK, News.NOTHING),
-    (State.CLOCK, Event.MORE): (State.CLOCK, News.NOTHING),
-    (State.CLOCK, Event.TOKENLESS): (State.FREE, News.NOTHING),
-    (State.TOKEN, Event.GOES): (State.FREE, News.NOTHING),
-    (State.TOKEN, Event.STRANGER): (State.TOKEN, News.NOTHING),
-    (State.TOKEN, Event.FIRST): (State.FOLLOWED, News.RUN),
-    (State.TOKEN, Event.CLOCKLESS): (State.FREE, News.NOTHING),
-    (State.FOLLOWED, Event.COMES): (State.FOLLOWED, News.NOTHING),
-    (State.FOLLOWED, Event.GOES): (State.FOLLOWED, News.NOTHING),
-    (State.FOLLOWED, Event.MORE): (State.FOLLOWED, News.NOTHING),
-    (State.FOLLOWED, Event.NEXT): (State.FOLLOWED, News.TICK),
-    (State.FOLLOWED, Event.SAME): (State.FOLLOWED, News.REPEATED),
-    (State.FOLLOWED, Event.RIVAL): (State.FOLLOWED, News.NOTHING),
-    (State.FOLLOWED, Event.JUMP): (State.FOLLOWED, News.TICK),
-    (State.FOLLOWED, Event.RUN): (State.FOLLOWED, News.RUN),
-    (State.FOLLOWED, Event.SILENT): (State.FREE, News.FREE),
-}
+@dataclass(frozen=True)
+class Row:
+    """What an event is, in which states it can be, the state that follows (None: the same), and the news."""
+
+    text: str
+    states: tuple[State, ...]
+    then: State | None
+    news: News = News.NOTHING
+
+
+class Event(Enum):
+    """The table: what a Clock, or the time, is to a process."""
+
+    STRAY = Row("a Clock without a token", (State.FREE,), State.CLOCK)
+    MORE = Row("more Clocks without a token", (State.FREE, State.CLOCK, State.FOLLOWED), None)
+    STRANGER = Row("the Clock of a stranger", (State.FREE, State.TOKEN), None)
+    FIRST = Row("the first Clock", (State.FREE, State.TOKEN), State.FOLLOWED, News.RUN)
+    NEXT = Row("the next Clock", (State.FOLLOWED,), None, News.TICK)
+    SAME = Row("the same Clock", (State.FOLLOWED,), None, News.REPEATED)
+    RIVAL = Row("a rival", (State.FOLLOWED,), None)
+    JUMP = Row("a confirmed rival further on in the run", (State.FOLLOWED,), None, News.TICK)
+    RUN = Row("a confirmed rival of another run, or further back", (State.FOLLOWED,), None, News.RUN)
+    TOKENLESS = Row("no token in time", (State.CLOCK,), State.FREE)
+    CLOCKLESS = Row("no Clock in time", (State.TOKEN,), State.FREE)
+    SILENT = Row("no more Clocks in time", (State.FOLLOWED,), State.FREE, News.FREE)
+    PERIOD = Row("a period of Unix time is over", (State.FREE,), None, News.TICK)
 
 
 class TeamClock:
@@ -235,8 +213,8 @@ class TeamClock:
         return Event.PERIOD if is_over else None
 
     def _enter(self, event: Event, now: float, clock: Clock | None = None) -> News:
-        """Keep what an event brings, and return its news. KeyError: it cannot be in this state."""
-        _, news = TABLE[self.state, event]
+        """Keep what an event brings, and return its news."""
+        assert self.state in event.value.states, (self.state, event)
         match event:
             case Event.STRAY | Event.MORE if clock is not None:
                 goes_on = self._stray is not None and self._stray[0].run == clock.run
@@ -258,7 +236,7 @@ class TeamClock:
                 self.followed, self._rival, self.tick, self._has_waited = None, None, -1, self.roster.world
             case Event.PERIOD:
                 self.tick = self._unix_tick(now) or 0
-        return news
+        return event.value.news
 
     def _unix_tick(self, now: float) -> int | None:
         return None if self.period is None else int(now / self.period)
@@ -288,8 +266,15 @@ def _goes_on(before: Clock, clock: Clock) -> bool:
 def text() -> str:
     """The table as text."""
     rows = [
-        (state.value, event.value, then.value, "-" if news is News.NOTHING else news.value)
-        for (state, event), (then, news) in TABLE.items()
+        (
+            state.value,
+            event.value.text,
+            (event.value.then or state).value,
+            event.value.news.value.replace("nothing", "-"),
+        )
+        for state in State
+        for event in Event
+        if state in event.value.states
     ]
     return "\n".join(columns([("state", "event", "then", "news"), *rows]))
 
