@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -38,24 +39,23 @@ def test_a_recorded_run_is_replayed_to_the_bit_in_lockstep_and_in_real_time(tmp_
             assert found["hash"] == card["hash"]
 
 
-def test_a_run_whose_tape_found_no_room_shows_its_scorecard_and_says_last_what_is_missing(tmp_path: Path) -> None:
-    """A limit on the size of files stands for a disk that is full: beyond it the system takes a part of a write, then nothing."""
-    tape, whole = tmp_path / "x.mcap", tmp_path / "y.mcap"
-    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000)); {RUN_COMMAND}"
-    command = (
-        sys.executable,
-        "-c",
-        limited,
-        "demo",
-        "--robots",
-        "2",
-        "--seconds",
-        "3",
-        "--record",
-        str(tape),
-        "--json",
+def with_little_room(size: int, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run a command where no file may become larger than so many bytes, as on a full disk, in a folder.
+
+    Beyond it the system takes a part of a write, then nothing. Python must not write what it compiles: it does not notice that.
+    """
+    code = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); {RUN_COMMAND}"
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-c", code, *words]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
     )
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+
+
+def test_a_run_whose_tape_found_no_room_shows_its_scorecard_and_says_last_what_is_missing(tmp_path: Path) -> None:
+    tape, whole = tmp_path / "x.mcap", tmp_path / "y.mcap"
+    run = ("demo", "--robots", "2", "--seconds", "3", "--record", str(tape), "--json")
+    done = with_little_room(40_000, tmp_path, *run)
     assert (done.returncode, json.loads(done.stdout)["ticks"]) == (1, 15)
     last = done.stderr.splitlines()[-1]
     found = re.fullmatch(rf"error: {tape}: (\d+) of (\d+) messages are missing, because the disk was full .*", last)
@@ -65,9 +65,7 @@ def test_a_run_whose_tape_found_no_room_shows_its_scorecard_and_says_last_what_i
 
 
 def test_a_disk_that_is_full_from_the_beginning_is_one_line(tmp_path: Path) -> None:
-    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); {RUN_COMMAND}"
-    command = (sys.executable, "-c", limited, "record", "x.mcap", "--team", "t")
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    done = with_little_room(100, tmp_path, "record", "x.mcap", "--team", "t")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "error: x.mcap: cannot be written (File too large); choose another place\n"
 
