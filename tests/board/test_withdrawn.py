@@ -6,10 +6,9 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
-from blackboard.wire.codec import decode
-from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Consensus, Status
+from blackboard.wire import keys
 from tests.board.reports import at, board, said_by
+from tests.heard import Heard
 
 
 def test_what_another_board_lists_no_longer_is_not_agreed_any_more() -> None:
@@ -37,20 +36,10 @@ def test_a_sighting_of_another_sub_teams_robot_is_agreed_on_only_while_it_is_in_
         }
     )
     team = Team(scenario)
-    listed: dict[int, set[str]] = {}
-    used: list[tuple[int, set[str]]] = []
-
-    def watch(envelope: Envelope) -> None:
-        if envelope.key == "cop/t/b/status/board-b":
-            status = decode(Status, envelope.payload)
-            if status.phase == "consensus":
-                listed[status.tick] = set(status.subjects)
-        elif envelope.key == "cop/t/a/agreed/robot/r1":
-            agreed = decode(Consensus, envelope.payload)
-            used.append((agreed.tick, {one.source for one in agreed.used}))
-
-    team.bus.spies.append(watch)
+    heard = Heard(team.bus)
     team.run()
-    assert {"robot/r1" in subjects for subjects in listed.values()} == {True, False}, "r1 comes into view and leaves it"
-    for tick, sub_teams in used:
-        assert ("b" in sub_teams) == ("robot/r1" in listed[tick]), tick
+    settled = [it for it in heard.of(keys.STATUS, process="board-b") if it.phase == "consensus"]
+    in_view = {status.tick: "robot/r1" in status.subjects for status in settled}
+    assert set(in_view.values()) == {True, False}, "r1 comes into view and leaves it"
+    for agreed in heard.of(keys.AGREED, sub_team="a", subject="robot/r1"):
+        assert ("b" in {one.source for one in agreed.used}) == in_view[agreed.tick], agreed.tick

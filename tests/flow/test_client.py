@@ -8,7 +8,8 @@ from blackboard.opinion.belief import gaussian
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Clock, Consensus
+from blackboard.wire.messages import Clock
+from tests.heard import Heard
 from tests.scenarios import SCENARIO
 
 
@@ -26,22 +27,13 @@ def test_a_client_in_lockstep_is_waited_for_and_keeps_nobody_waiting() -> None:
     team = Team(SCENARIO)
     client = Still(team="t", sub_teams=("a",), robot="c1", grid=SCENARIO.grid, settings=SCENARIO.board)
     team.join(client)
-    clocks, used = dict[int, list[str]](), dict[int, set[str]]()
-
-    def watch(envelope: Envelope) -> None:
-        if keys.CLOCK.match(envelope.key):
-            it = decode(Clock, envelope.payload)
-            clocks[it.tick] = it.robots.get("a", [])
-        elif keys.CONSENSUS.match(envelope.key) and envelope.key.endswith("/robot/c1"):
-            said = decode(Consensus, envelope.payload)
-            used.setdefault(said.tick, set()).update(one.source for one in said.used)
-
-    team.bus.spies.append(watch)
+    heard = Heard(team.bus)
     result = team.run()
     assert team.world.why == ""
-    last = max(clocks)
-    assert all("c1" in robots for tick, robots in clocks.items() if 0 < tick < last)  # in tick 0 it had not come yet
-    assert {tick for tick, sources in used.items() if "c1" in sources} == set(range(1, last + 1))
+    clocks, said = heard.of(keys.CLOCK), heard.of(keys.CONSENSUS, subject="robot/c1")
+    last = max(clock.tick for clock in clocks)
+    assert all("c1" in clock.robots["a"] for clock in clocks if 0 < clock.tick < last)  # in tick 0 it had not come yet
+    assert {it.tick for it in said if "c1" in {one.source for one in it.used}} == set(range(1, last + 1))
     assert last >= result["ticks"]
     assert [board.counters["late"] for board in team.boards.values()] == [0, 0]
     assert all(board.refused.total() == 0 for board in team.boards.values())

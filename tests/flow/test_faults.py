@@ -11,9 +11,11 @@ from blackboard.config import Scenario
 from blackboard.faults import without_faults
 from blackboard.judge.card import text
 from blackboard.lab.team import Team
+from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Report, Status
+from tests.heard import Heard
 
 #: Five robots in a small room see each other often; their sensors are good.
 TABLES: dict[str, Any] = {
@@ -47,18 +49,12 @@ class Said:
 
     def __init__(self, it: Scenario, shuffle: int | None = None) -> None:
         self.team = Team(it, None if shuffle is None else np.random.default_rng(shuffle))
-        self.status: Status | None = None
-        self.consensuses: dict[tuple[str, str], Consensus] = {}
-        self.team.bus.spies.append(self._take)
+        heard = Heard(self.team.bus)
         self.card = self.team.run()
         assert self.team.world.why == ""
-
-    def _take(self, envelope: Envelope) -> None:
-        if "/status/board-a" in envelope.key:
-            self.status = decode(Status, envelope.payload)
-        elif "/consensus/" in envelope.key or "/agreed/" in envelope.key:
-            consensus = decode(Consensus, envelope.payload)
-            self.consensuses[consensus.level, consensus.subject] = consensus
+        self.status: Status = heard.of(keys.STATUS, process="board-a")[-1]
+        said: list[Consensus] = heard.of(keys.CONSENSUS) + heard.of(keys.AGREED)
+        self.consensuses = {(it.level, it.subject): it for it in said}
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +84,6 @@ def test_the_same_seed_is_the_same_run_in_any_order_and_another_one_than_without
 @pytest.mark.parametrize("fusion", ["opinions", "joint"])
 def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(lied_to: Said, fusion: str) -> None:
     said = lied_to if fusion == "opinions" else Said(scenario(LIE, fusion=fusion))
-    assert said.status is not None
     assert {it.source for it in said.status.dissent} == {"r5"}
     levels = {it.level for it in said.status.dissent}
     assert ("agreed" if fusion == "joint" else "consensus") in levels
@@ -122,7 +117,6 @@ def test_a_silent_process_is_waited_for_and_then_no_longer_and_takes_part_again(
 
 def test_a_skewed_robot_is_refused_by_its_stamp_and_says_so_in_the_board_s_status() -> None:
     said = Said(scenario({"kind": "skew", "robot": "r5", "seconds": 3}, seconds=4.0))
-    assert said.status is not None
     assert said.status.refused["future"] > 0
 
 
@@ -149,17 +143,12 @@ def test_names_without_a_token_do_not_vote(calm: Said) -> None:
 
 def test_one_token_is_one_opinion_on_a_subject_however_often_it_speaks() -> None:
     """What a robot reports under its own name replaces what it said before, and never adds to it."""
-    team, seen = Team(scenario(seconds=3.0)), set[int]()
-
-    def look(envelope: Envelope) -> None:
-        if "/consensus/" in envelope.key:
-            consensus = decode(Consensus, envelope.payload)
-            for source in {used.source for used in consensus.used}:
-                seen.add(sum(used.source == source and used.how == "independent" for used in consensus.used))
-
-    team.bus.spies.append(look)
+    team = Team(scenario(seconds=3.0))
+    heard = Heard(team.bus)
     team.run()
-    assert seen <= {0, 1}
+    for consensus in heard.of(keys.CONSENSUS):
+        sources = [used.source for used in consensus.used if used.how == "independent"]
+        assert len(sources) == len(set(sources))
 
 
 def test_what_is_agreed_about_a_liar_is_not_what_the_joint_has_from_the_liar_alone() -> None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import pytest
 
 from blackboard.lab.team import Team, board, robot
+from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Forward
-from blackboard.wire.messages import Consensus, Truth
+from blackboard.wire.messages import Consensus
 from robot_agent.service import AgentService
+from tests.heard import Heard
 from tests.scenarios import SCENARIO
 
 JOINT = SCENARIO.changed("board", fusion="joint").changed("time", seconds=3.0)
@@ -21,13 +25,12 @@ class Agreed:
     """The agreed consensuses of a run: sub-team -> (tick, subject) -> consensus."""
 
     def __init__(self, team: Team) -> None:
-        self.by_sub_team: dict[str, dict[tuple[int, str], Consensus]] = {"a": {}, "b": {}}
-        team.bus.spies.append(self._record)
+        self._heard = Heard(team.bus)
 
-    def _record(self, envelope: Envelope) -> None:
-        if "/agreed/" in envelope.key:
-            consensus = decode(Consensus, envelope.payload)
-            self.by_sub_team[consensus.sub_team][consensus.tick, consensus.subject] = consensus
+    @cached_property
+    def by_sub_team(self) -> dict[str, dict[tuple[int, str], Consensus]]:
+        """Once the run is over."""
+        return {s: {(it.tick, it.subject): it for it in self._heard.of(keys.AGREED, sub_team=s)} for s in "ab"}
 
 
 def played(team: Team) -> tuple[str, Agreed]:
@@ -181,18 +184,12 @@ def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
     """What a robot says after it began anew is not taken for the continuation of what it said before."""
     team = Team(JOINT.changed("time", seconds=5.5))
     agreed = Agreed(team)
-    truth: dict[int, dict[str, tuple[float, ...]]] = {}
-
-    def record(envelope: Envelope) -> None:
-        if envelope.key.endswith("/world/truth"):
-            told = decode(Truth, envelope.payload)
-            truth[told.tick] = {subject: tuple(place) for subject, place in told.positions.items()}
+    heard = Heard(team.bus)
 
     def wait(ticks: int) -> None:
         until = team.world.tick + ticks
         team.run_until(lambda: team.world.tick >= until)
 
-    team.bus.spies.append(record)
     wait(4)
     team.leave(team.robots["r1"])  # killed
     team.leave(team.boards["b"])
@@ -206,6 +203,7 @@ def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
     team.run()
     assert team.world.why == ""
     assert not any(board.refused["backwards"] or board.counters["joint_restarts"] for board in team.boards.values())
+    truth = {it.tick: it.positions for it in heard.of(keys.TRUTH)}
     for by in agreed.by_sub_team.values():
         for (tick, subject), consensus in by.items():
             if subject.startswith("robot/"):

@@ -18,6 +18,7 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory
 from blackboard.wire.messages import Clock
 from tests.flow.streams import Stream
+from tests.heard import Heard
 from tests.scenarios import LEARNS
 from tests.tape.teams import recorded_run
 
@@ -102,19 +103,19 @@ def test_a_tape_that_begins_late_is_replayed_to_the_bit(tmp_path: Path, mode: st
 
 def test_only_a_board_that_leads_says_what_it_remembers_once_a_second() -> None:
     team = Team(LEARNS.changed("team", boards=2).changed("time", seconds=3.0))
-    said: list[Memory] = []
-    team.bus.spies.append(lambda e: said.append(decode(Memory, e.payload)) if keys.MEMORY.match(e.key) else None)
+    heard = Heard(team.bus)
     team.run()
-    said = [it for it in said if it.run]  # before the world comes each board leads itself
-    assert [it.tick for it in said if it.board == "board-a"] == [0, 2, 4, 6]
+    said = [
+        it for it in heard.of(keys.MEMORY, board="board-a") if it.run
+    ]  # before the world comes each board leads itself
+    assert [it.tick for it in said] == [0, 2, 4, 6]
 
 
 def test_where_nothing_learns_nothing_is_remembered() -> None:
     team = Team(LEARNS.changed("board", independence=0.2, max_age=1.0).changed("time", seconds=1.0))
-    keys_of: set[str] = set()
-    team.bus.spies.append(lambda e: keys_of.add(e.key))
+    heard = Heard(team.bus)
     team.run()
-    assert not any(keys.MEMORY.match(key) for key in keys_of)
+    assert heard.of(keys.MEMORY) == []
     assert all("/memory/" not in key for it in team.boards.values() for key in it.listens)
 
 

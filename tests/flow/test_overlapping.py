@@ -8,9 +8,9 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
-from blackboard.wire.codec import decode
-from blackboard.wire.envelope import Envelope
+from blackboard.wire import keys
 from blackboard.wire.messages import Consensus
+from tests.heard import Heard
 
 PRODUCT = {"independence": 1.0, "gate": 50.0}
 
@@ -31,18 +31,11 @@ def scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
 def agreed(sub_teams: dict[str, list[str]], **board: object) -> dict[str, dict[tuple[int, str], Consensus]]:
     """Sub-team -> tick and subject -> what was agreed, in a run to the end."""
     team = Team(scenario(sub_teams, **board))
-    found: dict[str, dict[tuple[int, str], Consensus]] = {sub_team: {} for sub_team in sub_teams}
-
-    def record(envelope: Envelope) -> None:
-        if "/agreed/" in envelope.key:
-            it = decode(Consensus, envelope.payload)
-            found[it.sub_team][it.tick, it.subject] = it
-
-    team.bus.spies.append(record)
+    heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""
     assert [it.counters["late"] for it in team.boards.values()] == [0] * len(sub_teams)
-    return found
+    return {s: {(it.tick, it.subject): it for it in heard.of(keys.AGREED, sub_team=s)} for s in sub_teams}
 
 
 COVERS = ({"a": ["r1", "r2"], "b": ["r2", "r3"]}, {"a": ["r1", "r2"], "b": ["r2", "r3"], "c": ["r3", "r1"]})

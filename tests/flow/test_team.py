@@ -10,10 +10,9 @@ import pytest
 from blackboard.config import Scenario
 from blackboard.lab.team import Team, board
 from blackboard.wire import keys
-from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Consensus
 from blackboard.wire.raw import MAX_BYTES
+from tests.heard import Heard
 from tests.scenarios import SCENARIO
 
 
@@ -30,22 +29,8 @@ def run(team: Team) -> str:
 
 
 @pytest.fixture(scope="module")
-def agreed() -> dict[tuple[int, str], set[str]]:
-    """Tick and subject -> the agreed beliefs of both sub-teams, filled by `calm`."""
-    return {}
-
-
-@pytest.fixture(scope="module")
-def calm(agreed: dict[tuple[int, str], set[str]]) -> str:
-    team = team_of()
-
-    def record(envelope: Envelope) -> None:
-        if "/agreed/" in envelope.key:
-            c = decode(Consensus, envelope.payload)
-            agreed.setdefault((c.tick, c.subject), set()).add(repr(c.belief))
-
-    team.bus.spies.append(record)
-    return run(team)
+def calm() -> str:
+    return run(team_of())
 
 
 @pytest.mark.parametrize("shuffle", [1, 2])
@@ -108,14 +93,13 @@ def test_a_dead_robot_does_not_stop_the_team() -> None:
 
 def test_a_board_that_is_started_again_takes_up_its_work() -> None:
     team = team_of()
-    heard: list[Consensus] = []
+    heard = Heard(team.bus)
     team.run_until(lambda: team.world.tick == 2)
     team.leave(team.boards["b"])
     team.run_until(lambda: team.world.tick == 4)
     team.join(board(SCENARIO, "b"))
-    team.bus.spies.append(lambda e: heard.append(decode(Consensus, e.payload)) if "/t/b/agreed/" in e.key else None)
     run(team)
-    assert heard[-1].tick == 5
+    assert heard.of(keys.AGREED, sub_team="b")[-1].tick == 5
 
 
 def test_feedback_settings_give_different_teams(calm: str) -> None:
@@ -123,6 +107,10 @@ def test_feedback_settings_give_different_teams(calm: str) -> None:
     assert len({calm, *hashes.values()}) == 3
 
 
-def test_after_the_exchange_both_sub_teams_agree(calm: str, agreed: dict[tuple[int, str], set[str]]) -> None:
-    assert {tick for tick, _ in agreed} == set(range(6))
-    assert all(len(beliefs) == 1 for beliefs in agreed.values())
+def test_after_the_exchange_both_sub_teams_agree() -> None:
+    team = team_of()
+    heard = Heard(team.bus)
+    run(team)
+    one, other = ({(it.tick, it.subject): it.belief for it in heard.of(keys.AGREED, sub_team=s)} for s in "ab")
+    assert one == other
+    assert {tick for tick, _ in one} == set(range(6))

@@ -17,10 +17,9 @@ from blackboard.opinion.averages import Logarithmic
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
+from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
-from blackboard.wire.codec import decode
-from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Report
+from tests.heard import Heard
 from tests.scenarios import SCENARIO
 from tests.sim_world.datasets import write
 
@@ -29,16 +28,10 @@ GRID = Grid((20, 20))
 
 def test_it_gives_the_first_hand_beliefs_of_a_real_team() -> None:
     """The same scenario with boards, feedback and the wire: what the robots report is what the cases have."""
-    reported: dict[tuple[float, str, str], Report] = {}
-
-    def record(envelope: Envelope) -> None:
-        if "/report/" in envelope.key:
-            report = decode(Report, envelope.payload)
-            reported[report.time, report.subject, report.source] = report
-
     team = Team(SCENARIO)
-    team.bus.spies.append(record)
+    heard = Heard(team.bus)
     team.run()
+    reported = {(it.time, it.subject, it.source): it for it in heard.of(keys.REPORT)}
     cases = first_hand_cases(SCENARIO, every=0.5)
     found = {(c.time, c.subject, s): p for c in cases for s, p in zip(c.sources, c.opinions, strict=True)}
     later = {key: report for key, report in reported.items() if key[0] > 0}

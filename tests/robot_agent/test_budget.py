@@ -32,6 +32,7 @@ from robot_agent.budget import STATE_EVERY, Bucket, Budget, Known
 from robot_agent.coarse import coarser
 from robot_agent.config import RobotSection, SendSection
 from robot_agent.gaussian.agent import JointAgent
+from tests.heard import Heard
 from tests.robot_agent.robots import GRID as AGENT_GRID
 from tests.robot_agent.robots import readings
 from tests.scenarios import SCENARIO
@@ -191,21 +192,13 @@ def test_a_belief_that_knows_nothing_stays_one() -> None:
 
 def run(scenario: Scenario) -> tuple[str, int, dict[str, list[Status]], list[Report]]:
     """The hash of a run, how often a board was late, the robots' statuses, and their reports."""
-    team, statuses, said = Team(scenario), dict[str, list[Status]](), list[Report]()
-
-    def spy(envelope: Envelope) -> None:
-        found = keys.parse(envelope.key)
-        if found is not None and found[0] is keys.STATUS:
-            status = decode(Status, envelope.payload)
-            if status.kind == "robot":
-                statuses.setdefault(status.process, []).append(status)
-        elif found is not None and found[0] is keys.REPORT:
-            said.append(decode(Report, envelope.payload))
-
-    team.bus.spies.append(spy)
+    team = Team(scenario)
+    heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""
-    return team.world.referee.hash, sum(it.counters["late"] for it in team.boards.values()), statuses, said
+    late = sum(it.counters["late"] for it in team.boards.values())
+    statuses = {name: heard.of(keys.STATUS, process=name) for name in team.robots}
+    return team.world.referee.hash, late, statuses, heard.of(keys.REPORT)
 
 
 @pytest.fixture(params=["opinions", "joint"])
@@ -334,16 +327,11 @@ def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
 
 
 def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() -> None:
-    team, statuses = Team(LONGER.changed("robot", send={"budget": 700.0})), list[Status]()
-
-    def spy(envelope: Envelope) -> None:
-        found = keys.parse(envelope.key)
-        if found is not None and found[0] is keys.STATUS and found[1]["process"] == "r1":
-            statuses.append(decode(Status, envelope.payload))
-
-    fold, tallied = Fold(), Traffic()
-    team.bus.spies += [spy, lambda envelope: fold.take(envelope, team.now)]
+    team = Team(LONGER.changed("robot", send={"budget": 700.0}))
+    heard, fold, tallied = Heard(team.bus), Fold(), Traffic()
+    team.bus.spies.append(lambda envelope: fold.take(envelope, team.now))
     team.run()
+    statuses = heard.of(keys.STATUS, process="r1")
     full = [status for status in statuses if status.settings]
     assert 1 <= len(full) <= 4
     assert statuses[-1] not in full

@@ -1,0 +1,25 @@
+"""All that the services of a team say on their bus, by topic."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from blackboard.net.bus import Bus
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.keys import Topic
+from blackboard.wire.messages import MODELS
+
+
+class Heard:
+    """What is sent on a bus from now on."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.envelopes: list[Envelope] = []
+        bus.spies.append(self.envelopes.append)
+
+    def of(self, topic: Topic, **parts: str) -> list[Any]:
+        """The messages of a topic whose keys have these parts, in the order of sending."""
+        puts = ((topic.match(it.key), it.payload) for it in self.envelopes if it.kind is Kind.PUT)
+        model = MODELS[topic.message]
+        return [decode(model, payload) for named, payload in puts if named and parts.items() <= named.items()]
