@@ -19,7 +19,7 @@ MINUTES      ?= 10
 # Markers of the tests that `make test` leaves to other targets.
 APART := long or hostile or compose or rust or ros
 
-.PHONY: help demo test check lint format types imports rooms unit team system long compose-test rust-test mutants fuzz soak bench figures docs bridges screenshots wheels venv clean
+.PHONY: help demo test check lint format types rooms unit team system long compose-test rust-test mutants fuzz soak bench figures docs bridges screenshots wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -31,11 +31,11 @@ demo: $(VENV)/.run ## six robots in two sub-teams localise themselves and two ob
 # Many tests wait for other processes, so three run side by side on two cores; the longest come first (tests/conftest.py), and mypy
 # runs beside them. Python keeps what it compiles, also where the environment says otherwise: all test modules are compiled anew else.
 test unit team system: export PYTHONDONTWRITEBYTECODE :=
-test: $(VENV)/.dev lint format imports ## checks, unit tests, whole teams, real processes: all but `make long`, `fuzz`, `rust-test`, `compose-test`
+test: $(VENV)/.dev lint format rooms ## checks, unit tests, whole teams, real processes: all but `make long`, `fuzz`, `rust-test`, `compose-test`
 	@$(BIN)/mypy & types=$$!; trap 'kill $$types' INT TERM; \
 	$(PYTEST) -m "not ($(APART))" -n $(WORKERS) --dist loadgroup --durations=5; tests=$$?; wait $$types && exit $$tests
 
-check: lint format types imports rooms docs ## ruff, mypy --strict, import-linter, who imports what, the documentation without a warning
+check: lint format types rooms docs ## ruff, mypy --strict, who imports whom, the documentation without a warning
 
 lint: $(VENV)/.dev ## ruff's rules
 	$(BIN)/ruff check
@@ -46,14 +46,11 @@ format: $(VENV)/.dev ## whether ruff would format anything otherwise
 types: $(VENV)/.dev ## mypy --strict
 	$(BIN)/mypy
 
-imports: $(VENV)/.dev ## who may import whom, by import-linter
-	$(BIN)/lint-imports
+rooms: $(VENV)/.dev ## who may import whom: a line for each import that breaks the list, and each circle
+	@$(BIN)/python -m tests.rooms > /dev/null
 
-rooms: $(VENV)/.dev ## who may import whom, by what a fresh interpreter loads
-	$(PYTEST) tests/test_rooms.py
-
-unit: $(VENV)/.dev ## tests of the pure rooms, in seconds; those of who imports whom are `make rooms`
-	$(PYTEST) -m "not (system or team or $(APART))" --ignore tests/test_rooms.py -n $(WORKERS) --durations=5
+unit: $(VENV)/.dev ## tests of the pure rooms, in seconds
+	$(PYTEST) -m "not (system or team or $(APART))" -n $(WORKERS) --durations=5
 
 team: $(VENV)/.dev ## whole teams in one process, links, the laboratory, tapes and views
 	$(PYTEST) -m "team and not ($(APART))" -n $(WORKERS) --dist loadgroup --durations=5
@@ -135,4 +132,4 @@ $(VENV)/bin/pip:
 	@$(PYTHON) -m venv $(VENV)
 
 clean: ## remove what make has made
-	rm -rf $(VENV) $(VENV)-bridges .cargo-target .mypy_cache .ruff_cache .import_linter_cache .hypothesis build dist docs/commands.md figures wheels
+	rm -rf $(VENV) $(VENV)-bridges .cargo-target .mypy_cache .ruff_cache .hypothesis build dist docs/commands.md figures wheels

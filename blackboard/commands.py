@@ -1,7 +1,4 @@
-"""The commands of the blackboard that run processes: `blackboard demo | up | scenario | serve | router`.
-
-Long, because it is the door of many commands, each with its flags.
-"""
+"""The commands of the blackboard that run processes: `blackboard demo | up | scenario | serve | router`."""
 
 from __future__ import annotations
 

@@ -3,8 +3,6 @@
 A scenario is one TOML file (or the same as JSON, which the launcher writes). Every process reads it whole and validates
 the sections it uses: [team] [grid] [time] [board] here, [robot] in `robot_agent.config`, [world] in `sim_world.scenario`,
 [[fault]] in `blackboard.faults`.
-
-Long, because all shared sections stand together, as in a file.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
 """What a robot on a poor link says in a tick: the reports whose change is worth most for their bytes. Pure.
 
-Long, because how a report may be said, what that is worth and which are chosen is one computation.
-
 A board keeps the last report about each subject and lets it spread with age. So a report is worth, in expected nats of log score,
 KL(now || what the board has) - KL(now || what it would have): the first term is what silence costs, the second what a coarser
 report loses. What the team knows better than the robot is worth less, by the area that the team's belief covers over that of the

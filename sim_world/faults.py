@@ -8,8 +8,8 @@ from typing import Any
 
 from blackboard.faults import AnyFault, Drift, is_of_sensors
 from blackboard.wire.messages import Readings, Truth
+from sim_world.sensor_source import SensorSource
 from sim_world.sensors import wrap
-from sim_world.sources import SensorSource
 
 
 @dataclass

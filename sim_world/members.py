@@ -16,7 +16,7 @@ from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Solo, Status
 from blackboard.wire.names import VIA
-from sim_world.sources import SensorSource
+from sim_world.sensor_source import SensorSource
 
 log = logging.getLogger(__name__)
 

@@ -1,7 +1,6 @@
 """The world process: it sends the readings and the Clock of each tick, waits for the answers, and gives the tick to the referee.
 
 docs/design.md, "A tick in lockstep", is the protocol, and `blackboard.process.rounds.WORLD` the table of its phases.
-Long, because what ends a tick, what begins the next one and what is judged are one machine.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from blackboard.wire.messages import Clock, Consensus, Solo, Status
 from blackboard.wire.types import MAX_OPINIONS, Message
 from sim_world.members import Members, who
 from sim_world.scenario import WorldSection
-from sim_world.sources import SensorSource
+from sim_world.sensor_source import SensorSource
 
 log = logging.getLogger(__name__)
 

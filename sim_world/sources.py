@@ -2,34 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.faults import faults_of, is_of_sensors
-from blackboard.wire.messages import Readings, Truth
+from sim_world.faults import Faulted
 from sim_world.mrclam.files import read_recording
 from sim_world.mrclam.replay import Replay
 from sim_world.scenario import WorldSection
+from sim_world.sensor_source import SensorSource
 from sim_world.world import Streams, World
-
-
-class SensorSource(Protocol):
-    """Makes the readings of all robots, tick by tick, and the truth beside them."""
-
-    @property
-    def robots(self) -> tuple[str, ...]:
-        """The robots that get readings."""
-
-    def admit(self, robot: str) -> bool:
-        """Take in a robot that the scenario does not name; False where there can be no readings for it."""
-
-    def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
-        """The next tick: 0 is the start, k is k steps later. To be called once per tick, in order."""
-
-    def judged(self, tick: int) -> bool:
-        """Whether the referee scores this tick."""
 
 
 def seeded_streams(seed: int) -> Streams:
@@ -43,11 +25,7 @@ def open_sensor_source(scenario: Scenario, streams: Streams | None = None) -> Se
     UserError: a section or a recording that is wrong, or robots and times that do not fit it.
     """
     source, faults = _sound_source(scenario, streams), [fault for fault in faults_of(scenario) if is_of_sensors(fault)]
-    if not faults:
-        return source
-    from sim_world.faults import Faulted
-
-    return Faulted(source, faults)
+    return Faulted(source, faults) if faults else source
 
 
 def _sound_source(scenario: Scenario, streams: Streams | None) -> SensorSource:

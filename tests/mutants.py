@@ -3,8 +3,6 @@
 Cosmic Ray finds the places, makes the changes and runs the tests; here is only what it has no option for: a random sample of
 all places that a seed repeats, the tests that concern a file, and copies of the project to work in, so that the working tree
 is never touched. The survivors that were looked at stand in docs/mutants.md, each with the reason why it is harmless.
-
-Long, because it is one command whose parts nobody else uses.
 """
 
 from __future__ import annotations

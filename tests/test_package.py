@@ -12,7 +12,7 @@ import pytest
 
 import blackboard
 from tests.files import ROOT
-from tests.test_rooms import PACKAGES, loaded_by
+from tests.rooms import PACKAGES, loaded_by
 
 
 def test_the_version_is_the_one_of_the_metadata() -> None:

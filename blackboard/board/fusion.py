@@ -2,8 +2,6 @@
 
 independent opinions ── rule (COP) ──► first-hand ──┐
 overlapping opinions ───────────────────────────────┴── Chernoff ──► fused
-
-Long, because the story is told where it is made.
 """
 
 from __future__ import annotations

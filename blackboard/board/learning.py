@@ -1,7 +1,5 @@
 """How far the sources of a board may be believed, learned from how well they agree, without any truth. Pure.
 
-Long, because it is one estimator, from a comparison to the weights, and its parts have no other user.
-
 For two sources i and j whose opinions rest on different evidence, d the difference of their means and S their covariances,
 a = d^T (S_i + S_j)^-1 d / 2 is exponentially distributed with mean 1 where both are honest (2-D). So its median over a window says
 

@@ -1,6 +1,6 @@
 """The board process: envelopes to messages around a Board, and what it publishes at the end of each phase of a tick.
 
-Long, because the order of all that happens in a board's process stands in one place. It only routes: `Reception` judges what arrives,
+It only routes: `Reception` judges what arrives,
 the table `blackboard.process.rounds.BOARD` says when a phase is over (docs/design.md, "A tick in lockstep"), the `Board` settles, and
 the `Publisher` sends it.
 """

@@ -1,7 +1,4 @@
-"""Team: a robot's place in a team, for a program of one's own. The door between its thread and the network.
-
-Long, because all that a program can ask of its team stands together.
-"""
+"""Team: a robot's place in a team, for a program of one's own. The door between its thread and the network."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
 """The referee: beliefs compared with the truth at each tick. Pure.
 
-Long, because a sample, its scores and the verdict on them are one computation.
-
 A sample is one robot, one subject (its own place, or an object) and one instant, for which all three beliefs exist: what the
 robot believed alone (`solo`), its sub-team's `consensus`, and what was `agreed` after the exchange. So the three are judged on
 the same samples; where one is missing it is counted under its level. A robot in several sub-teams is judged once, in the first by

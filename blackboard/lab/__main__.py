@@ -1,7 +1,4 @@
-"""The door of the laboratory: `blackboard lab | tune | figures | sweep`.
-
-Long, because it is the door of four commands, each with its flags.
-"""
+"""The door of the laboratory: `blackboard lab | tune | figures | sweep`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
 """The bench: what runs of a recorded team were worth, robot by robot, beside what the robots believed alone. Pure.
 
-Long, because the numbers and the tables that show them are read together.
-
 Everything is computed from the samples that the referee judged (`blackboard.judge.samples`), by the definitions in `DEFINITIONS`.
 """
 

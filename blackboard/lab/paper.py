@@ -1,6 +1,5 @@
 """The numbers behind the paper's Figs. 1 to 7 (Pahliani & Lima, IROS 2007), with what it leaves out: log score and coverage. Pure.
 
-Long, because it holds all seven figures.
 Figs. 1 to 5 are opinions on a line of 100 units, cell i centred at i; k = 2 and gamma = 1/2 as in the captions.
 """
 

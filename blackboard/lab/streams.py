@@ -1,7 +1,5 @@
 """Streams: the same sources fused again and again, so that a board can learn how far each may be believed. Pure.
 
-Long, because it holds the generator of all streams beside the table of them.
-
 Each stream is a situation: how sources err, how they claim to err, and who repeats whom. The rules see the opinions alone; the oracle
 is told the truth about the sources, their correlations and what they really err by, and so bounds what any learner can reach.
 """

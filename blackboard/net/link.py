@@ -1,7 +1,7 @@
 """Link: the Zenoh session of a process.
 
 Callbacks only enqueue into one bounded inbox, so that one thread owns all state. What is sent is kept, newest per key, and
-answered to queries. Long, because a session, what is declared in it and how it is opened are one thing.
+answered to queries.
 """
 
 from __future__ import annotations

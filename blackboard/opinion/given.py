@@ -3,8 +3,6 @@
 Positions are in the grid's unit, angles in radians. Whatever cannot become a belief is a ValueError that names the value and where
 it is. Densities are integrated over each cell by Gauss-Legendre quadrature. Nothing narrower than a quarter of a cell can be told on
 a grid, so a smaller standard deviation is taken as that.
-
-Long, because every form stands beside the checks of what is given.
 """
 
 from __future__ import annotations

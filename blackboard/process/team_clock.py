@@ -1,7 +1,7 @@
 """Team time: by whose clock a process goes, and which tick it is. Pure.
 
 A process follows the Clock of a world while the world's liveliness token is there. `Event` is the table of what may happen and what
-that means; `python -m blackboard.process.team_clock` prints it. Long, because the table stands with its machine.
+that means; `python -m blackboard.process.team_clock` prints it.
 
 A world holds its token before it sends a Clock. So a run whose Clocks came for more than `EARLY` seconds before that token is a
 stranger's: for `WORLD_SILENT` seconds after the token, the first Clock of any other run is followed instead.

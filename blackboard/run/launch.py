@@ -1,7 +1,4 @@
-"""The process table of a scenario, and running it: start all in order, wait until they are ready, stop all when the world ends.
-
-Long, because starting, watching and ending a run are one story.
-"""
+"""The process table of a scenario, and running it: start all in order, wait until they are ready, stop all when the world ends."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
 """The fold: envelopes in, the state of the teams out. Pure: time is an argument, memory is bounded whatever arrives.
 
-Long, because it is the whole fold: what each kind of message changes, and when a moment is complete.
-
 A moment is complete when every board that is alive has its status "agreed" of a tick in, or when a later tick is agreed on.
 """
 

@@ -1,7 +1,4 @@
-"""The door of the tapes: `blackboard record`, `blackboard replay` and `blackboard tape info | recover | cut | table`.
-
-Long, because it is the door of six commands, each with its flags.
-"""
+"""The door of the tapes: `blackboard record`, `blackboard replay` and `blackboard tape info | recover | cut | table`."""
 
 from __future__ import annotations
 

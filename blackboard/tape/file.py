@@ -1,7 +1,5 @@
 """Tapes as MCAP files, written and read. The only place that names mcap (https://mcap.dev/spec).
 
-Long, because writing and reading stand together, so that the format has one place.
-
 Each key is a channel of its own, with the key as its topic. A message lies there verbatim (encoding "msgpack", schema named
 `cop.v1.Report`, ...). What happens to a key beside messages, `alive` and `gone` of a token and `delete`, is a second channel of the
 same topic (encoding "json", schema `cop.v1.Event`). The recorder's own counters are on `LINK`. Times are Unix time at the recorder.

@@ -1,7 +1,4 @@
-"""The doors for people: `blackboard why | status | echo | hz | view | top`. They look on, and send nothing.
-
-Long, because it is the door of six commands, each with its flags.
-"""
+"""The doors for people: `blackboard why | status | echo | hz | view | top`. They look on, and send nothing."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 The shapes are those of `blackboard.opinion.gaussian`: a state has 9 entries (x, y, heading, forward and turn scale, drift, bearing
 bias, slip, range scale). A symmetric matrix of n rows is sent as its upper triangle, row by row, n (n + 1) / 2 numbers.
-Long, because each kind of evidence is written here and read here.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
 """The messages between processes: one model each, unknown fields ignored, everything bounded.
 
-Long, because all models but those of evidence stand together, as in docs/wire.md.
-
 Times are team time in seconds: the world's clock where a world runs, Unix time on real robots. Positions and ranges are
 in the grid's unit, angles in radians, counter-clockwise. Subjects are `robot/<id>`, `object/<name>` or `landmark/<name>`.
 """

@@ -1,7 +1,5 @@
 """A robot's private first-hand filter: readings in; the sum of motions, an evidence increment and relative beliefs out.
 
-Long, because what a tick adds, what was not sent before and when the belief is given up are one computation.
-
 It rests on the robot's own readings alone and takes nothing back from the team. What the team believes may be given as
 the place to linearise at: that is no evidence. A robot whose heading is known and whose position is not starts with a flat
 position; one that knows neither has no Gaussian belief, and its caller keeps a grid until that has one hypothesis (`enter`).

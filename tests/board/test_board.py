@@ -1,7 +1,4 @@
-"""The board of one sub-team: the reports it takes, the consensuses it settles, and what it does not count twice.
-
-Long, because what it takes, what it settles and its exact numbers are of one machine.
-"""
+"""The board of one sub-team: the reports it takes, the consensuses it settles, and what it does not count twice."""
 
 from __future__ import annotations
 

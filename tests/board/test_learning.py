@@ -1,7 +1,4 @@
-"""A board that learns how far its sources may be believed: the laws of the learner, and what the board tells of it.
-
-Long, because each law of the learner and each thing that it finds is a test.
-"""
+"""A board that learns how far its sources may be believed: the laws of the learner, and what the board tells of it."""
 
 from __future__ import annotations
 

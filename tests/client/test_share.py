@@ -1,7 +1,4 @@
-"""What a team agrees on, told to another one: over real boards on a bus, without a network or a clock.
-
-Long, because it has the teams, what they may count on, and what strangers may do.
-"""
+"""What a team agrees on, told to another one: over real boards on a bus, without a network or a clock."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The bench: slow versions of its numbers, and the tables by hand.
-
-Long, because the numbers and the tables are tried on the same few samples.
-"""
+"""The bench: slow versions of its numbers, and the tables by hand."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""A sweep: which runs there are, what is kept of them, and what is said of them.
-
-Long, because the command, its plan, its runs and its report are tried on the same small team.
-"""
+"""A sweep: which runs there are, what is kept of them, and what is said of them."""
 
 from __future__ import annotations
 

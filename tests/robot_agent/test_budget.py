@@ -1,7 +1,4 @@
-"""A robot on a poor link: what is sent stays within the budget, nothing is left unsaid for ever, and without limits nothing changes.
-
-Long, because the choice of a tick, what it is worth and what a team makes of it are tested together.
-"""
+"""A robot on a poor link: what is sent stays within the budget, nothing is left unsaid for ever, and without limits nothing changes."""
 
 from __future__ import annotations
 

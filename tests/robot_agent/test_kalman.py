@@ -1,7 +1,4 @@
-"""The robot's first-hand Gaussian filter: starts, evidence and loss.
-
-Long, because every test steps the same small robot among the same landmarks.
-"""
+"""The robot's first-hand Gaussian filter: starts, evidence and loss."""
 
 from __future__ import annotations
 

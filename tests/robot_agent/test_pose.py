@@ -1,7 +1,4 @@
-"""The pose grid against exact expectations, on a grid whose cell is not 1 and whose origin is not 0, and its laws of motion.
-
-Long, because each expectation is written out as a formula.
-"""
+"""The pose grid against exact expectations, on a grid whose cell is not 1 and whose origin is not 0, and its laws of motion."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Windows of a grid, and the position grid that works in one against the same on all cells, slow and obvious.
-
-Long, because the slow version is a whole filter, and judges all that the fast one does.
-"""
+"""Windows of a grid, and the position grid that works in one against the same on all cells, slow and obvious."""
 
 from __future__ import annotations
 

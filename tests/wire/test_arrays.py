@@ -1,7 +1,4 @@
-"""The belief coding: its error bound, its fixed point, and everything hostile that can stand in its fields.
-
-Long, because both codings are put to the same laws and the same hostility.
-"""
+"""The belief coding: its error bound, its fixed point, and everything hostile that can stand in its fields."""
 
 from __future__ import annotations
 

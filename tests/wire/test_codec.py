@@ -1,7 +1,4 @@
-"""Bytes are a message, or they are refused with the first reason that applies.
-
-Long, because each reason has its tests here.
-"""
+"""Bytes are a message, or they are refused with the first reason that applies."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
 """The joint of a board: evidence from the wire in, once each; agreed consensuses with their story out. Pure.
 
-Long, because it is the whole life of a piece of evidence: taken, forwarded, settled, left out, and told as a consensus.
-
 Evidence is numbered by robot, epoch and tick, so that what a robot reports to two boards, or what two boards forward, counts
 once. What has arrived is settled step by step, in each step one tick of every robot: in lockstep that is the tick itself, and
 where ticks are the robots' own it is as many steps as the robot that reports most often needs.

@@ -3,8 +3,6 @@
 Each tick is settled once with all evidence that came in time, in an order that depends on names only: so the order of
 arrival changes nothing. What was settled is never taken again (`_news`): a repeated report is ignored, a lost one loses
 its evidence, and no evidence is counted twice.
-
-Long, because it is the whole of a tick: who moved, who is believed, what is multiplied in, what is forgotten.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The joint Gaussian and what is done to it: against numeric derivatives and plain Bayes.
-
-Long, because the laws of all parts share their exact examples.
-"""
+"""The joint Gaussian and what is done to it: against numeric derivatives and plain Bayes."""
 
 from __future__ import annotations
 

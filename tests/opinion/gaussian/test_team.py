@@ -1,7 +1,4 @@
-"""The team's joint belief: each piece of evidence counts once, whatever the network does.
-
-Long, because all laws of the joint share one simulated team.
-"""
+"""The team's joint belief: each piece of evidence counts once, whatever the network does."""
 
 from __future__ import annotations
 
