@@ -114,7 +114,7 @@ class World:
             return place
         steps = self._noise(f"object/{name}").normal(0.0, drift * math.sqrt(self.dt), 2)
         x, y = (
-            _reflect(c + float(s), lo, hi) for c, s, lo, hi in zip(place, steps, self.lower, self.upper, strict=True)
+            reflect(c + float(s), lo, hi) for c, s, lo, hi in zip(place, steps, self.lower, self.upper, strict=True)
         )
         return x, y
 
@@ -164,7 +164,7 @@ class World:
         return thing.start
 
 
-def _reflect(x: float, lower: float, upper: float) -> float:
+def reflect(x: float, lower: float, upper: float) -> float:
     """A step over a wall, turned back; steps are small against the room."""
     lo, hi = lower + WALL, upper - WALL
     if x < lo:

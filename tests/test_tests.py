@@ -11,20 +11,9 @@ FILES = sorted((ROOT / "tests").rglob("*.py"))
 SETTERS = ("setattr", "getattr", "delattr", "hasattr")
 
 #: Whose tests still look at something private; it is to become empty.
-PRIVATE = {
-    "tests/board/test_learning.py",
-    "tests/opinion/gaussian/test_coalitions.py",
-    "tests/sim_world/test_honesty.py",
-    "tests/sim_world/test_world.py",
-    "tests/sim_world/test_world_asks.py",
-}
+PRIVATE = {"tests/board/test_learning.py", "tests/opinion/gaussian/test_coalitions.py"}
 #: Whose helpers are still in a module with tests; it is to become empty.
-MIXED = {
-    "tests/lab/test_score.py",
-    "tests/sim_world/test_noticed.py",
-    "tests/sim_world/test_scorecard_page.py",
-    "tests/test_package.py",
-}
+MIXED = {"tests/test_package.py"}
 
 
 def is_private(name: str) -> bool:

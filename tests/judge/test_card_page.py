@@ -12,7 +12,7 @@ from blackboard.judge.card import scorecard
 from blackboard.judge.samples import COLUMNS, GROUPS, LEVELS
 from tests.files import page
 from tests.judge.instants import at, both, instant, referee, solo
-from tests.judge.test_card import RESULT
+from tests.judge.results import RESULT
 
 PAGE = page("scorecard.md")
 BLOCK = {"n", "rmse", "mean", "p95", "max", "entropy", "log_score", "coverage"}

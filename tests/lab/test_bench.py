@@ -14,12 +14,7 @@ from hypothesis import strategies as st
 from blackboard.judge.intervals import wilson
 from blackboard.judge.samples import Sample
 from blackboard.lab import bench
-
-HERE = Sample(1, 1.0, "r1", "a", "robot/r1", "agreed", 0.0, 0.0, 0.0, 0.0, -1.0, 0.25, 0.01, 2.0, 0.0)
-
-
-def at(time: float, error: float = 0.0, **more: object) -> Sample:
-    return replace(HERE, tick=int(time), time=time, mean_x=error, error=error, **more)  # type: ignore[arg-type]
+from tests.lab.runs import at, run
 
 
 def test_a_block_is_the_half_minute_that_led_to_it() -> None:
@@ -74,30 +69,6 @@ def test_a_team_is_localised_with_its_last_robot() -> None:
 
 
 # --- a report --------------------------------------------------------------------------------------------------------
-
-CARD = {
-    "verdict": "PASS",
-    "reasons": ["x"],
-    "hash": "h",
-    "ticks": 2,
-    "wall_s": 3.2,
-    "missing": {},
-    "messages": {"refused": {}},
-}
-
-
-def run(protocol: str, fusion: str, error: float, **card: object) -> bench.Run:
-    samples = []
-    for time in (1.0, 2.0):
-        for robot, away in (("r1", error), ("r2", 3 * error)):
-            about = {
-                "robot": robot,
-                "subject": f"robot/{robot}",
-                "landmark_age": 3.0 + time if robot == "r2" else math.inf,
-            }
-            samples += [at(time, 9.0, level="solo", **about), at(time, 5.0, level="consensus", **about)]
-            samples += [at(time, away, **about), at(time, 7.0, **{**about, "subject": "object/ball"})]
-    return bench.Run(protocol, fusion, samples, {**CARD, **card}, 2, "folder", 5.0)
 
 
 def test_numbers_of_robots_and_team_by_hand() -> None:

@@ -16,7 +16,7 @@ from blackboard.judge.samples import read_series, series_file
 from blackboard.lab import bench, score
 from blackboard.run.flags import OutputFlags, RecordingFlags
 from sim_world.mrclam.protocols import PROTOCOLS
-from tests.lab.test_bench import CARD, run
+from tests.lab.runs import CARD, run
 
 RECORDING = RecordingFlags("folder", 5.0, "C_blind12")
 

@@ -15,7 +15,7 @@ from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Readings, Truth
 from sim_world.scenario import ObjectSection, OdometrySection, VisionSection, WorldSection
-from sim_world.world import MAX_ROBOTS, World, _reflect
+from sim_world.world import MAX_ROBOTS, World, reflect
 
 GRID = Grid((50, 50))
 
@@ -204,8 +204,8 @@ def test_an_object_turns_back_half_a_unit_before_each_wall() -> None:
     ("x", "turned_back"),
     [(3.0, 3.0), (0.5, 0.5), (0.4, 0.6), (-0.5, 1.5), (9.5, 9.5), (9.6, 9.4), (-20.0, 9.5), (40.0, 0.5)],
 )
-def test_a_step_over_a_wall_is_reflected(x: float, turned_back: float) -> None:
-    assert _reflect(x, 0.0, 10.0) == pytest.approx(turned_back)
+def test_a_step_over_a_wall_isreflected(x: float, turned_back: float) -> None:
+    assert reflect(x, 0.0, 10.0) == pytest.approx(turned_back)
 
 
 def test_a_fix_comes_each_time_the_way_exceeds_the_limit() -> None:
@@ -220,3 +220,11 @@ def test_the_room_to_turn_is_eight_times_the_tightest_circle() -> None:
     for shape in ((10, 30), (30, 10)):
         with pytest.raises(UserError, match=r"world\.speed"):
             world(WorldSection(speed=1.26, turn_rate=1.0, objects={}), grid=Grid(shape))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_robot_starts_on_its_way_to_its_waypoint(seed: int) -> None:
+    for body in world(seed=seed).bodies.values():
+        there = math.dist(body.place, body.waypoint)
+        x, y = body.x + there * math.cos(body.heading), body.y + there * math.sin(body.heading)
+        assert (x, y) == pytest.approx(body.waypoint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 
 import pytest
@@ -242,3 +243,36 @@ def test_a_robot_in_two_sub_teams_counts_its_traffic_once_and_the_world_adds_its
         desk.tell(Envelope(keys.STATUS.key(team="demo", sub_team=sub_team, process="x"), encode(said)))
     assert desk.card["messages"] == {"sent": 35, "received": 0, "dropped": 1, "refused": {}}
     assert desk.card["bytes"] == 300
+
+
+@pytest.mark.parametrize(
+    ("seconds", "logged"), [(2.0, [0, 1, 2, 3, 4]), (12.0, [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24])]
+)
+def test_about_ten_ticks_of_a_run_are_logged(
+    caplog: pytest.LogCaptureFixture, seconds: float, logged: list[int]
+) -> None:
+    caplog.set_level(logging.INFO, "sim_world.service")
+    desk = Desk(time={"seconds": seconds})
+    desk.wait(0.1)
+    desk.tokens(Kind.ALIVE)
+    desk.wait(1.0)
+    assert desk.world.why == ""
+    found = [r.message for r in caplog.records if r.message.startswith("tick ")]
+    assert found == [f"tick {tick} of {round(seconds / 0.5)}" for tick in logged]
+
+
+@pytest.mark.parametrize(("kind", "ticks"), [("robot", [0]), ("board", [0, 1])])
+def test_only_a_board_ends_a_tick_by_its_statuses(kind: str, ticks: list[int]) -> None:
+    desk = Desk()
+    desk.silent = {"a"}
+    desk.tokens(Kind.ALIVE)
+    desk.wait(0.1)
+    assert desk.ticks == [0]
+    for level in ("consensus", "agreed"):
+        subjects = ["robot/r1", "robot/r2"]
+        desk.tell(*(desk.consensus("a", level, subject, 0) for subject in subjects))
+        said = Status(process="a", kind=kind, tick=0, time=0, phase=level, subjects=subjects)  # type: ignore[arg-type]
+        desk.tell(Envelope(keys.STATUS.key(team="demo", sub_team="a", process="a"), encode(said)))
+    desk.wait(0.1)
+    assert desk.ticks == ticks
+    assert not desk.world.refused

@@ -1,15 +1,19 @@
-"""The page's server in a thread, as the tests of a browser and the pictures need it."""
+"""The page's server in a thread, a recorded run for it to tell, and what a browser asks of it."""
 
 from __future__ import annotations
 
 import queue
 import threading
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from blackboard.view.feed import Source
 from blackboard.view.web.server import Address, serve
+from blackboard.wire.envelope import Envelope
+from tests.view.recorded import recorded
 
 
 @contextmanager
@@ -25,3 +29,43 @@ def served(source: Source, team: str, now: Callable[[], float] = time.monotonic)
         stop.set()
         thread.join(30)
     assert not thread.is_alive()
+
+
+class Recording:
+    """A link that has a run to tell, once."""
+
+    def __init__(self) -> None:
+        self._left = [envelope for envelope, _ in recorded()]
+        self._empty = threading.Event()
+
+    def subscribe(self, key_expr: str) -> None: ...
+
+    def watch(self, key_expr: str) -> None: ...
+
+    def get(self, key_expr: str) -> list[Envelope]:
+        return []
+
+    def receive(self, timeout: float) -> list[Envelope]:
+        found, self._left = self._left, []
+        if not found:
+            self._empty.wait(timeout)
+        return found
+
+
+class Clock:
+    """Time that passes by being asked for: a frame is due each time."""
+
+    def __init__(self) -> None:
+        self._now = 0.0
+
+    def __call__(self) -> float:
+        self._now += 1.0
+        return self._now
+
+
+def get(url: str, **headers: str) -> Any:
+    return urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30)
+
+
+def socket_of(url: str) -> str:
+    return url.replace("http", "ws") + "live"

@@ -16,8 +16,7 @@ from websockets.sync.client import connect
 
 from blackboard.view.feed import Feed
 from blackboard.view.web import connections
-from tests.view.serving import served
-from tests.view.test_server import Clock, Recording, get, socket_of
+from tests.view.serving import Clock, Recording, get, served, socket_of
 
 HALVES = {
     "silent": b"",

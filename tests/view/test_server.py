@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import threading
-import urllib.request
 from collections.abc import Iterator
-from typing import Any
 from urllib.error import HTTPError
 
 import pytest
@@ -18,41 +15,8 @@ from blackboard.errors import UserError
 from blackboard.view.feed import Feed
 from blackboard.view.web.application import FILES
 from blackboard.view.web.server import Address, serve
-from blackboard.wire.envelope import Envelope
-from tests.view.recorded import read, recorded, team_of
-from tests.view.serving import served
-
-
-class Recording:
-    """A link that has a run to tell, once."""
-
-    def __init__(self) -> None:
-        self._left = [envelope for envelope, _ in recorded()]
-        self._empty = threading.Event()
-
-    def subscribe(self, key_expr: str) -> None: ...
-
-    def watch(self, key_expr: str) -> None: ...
-
-    def get(self, key_expr: str) -> list[Envelope]:
-        return []
-
-    def receive(self, timeout: float) -> list[Envelope]:
-        found, self._left = self._left, []
-        if not found:
-            self._empty.wait(timeout)
-        return found
-
-
-class Clock:
-    """Time that passes by being asked for: a frame is due each time."""
-
-    def __init__(self) -> None:
-        self._now = 0.0
-
-    def __call__(self) -> float:
-        self._now += 1.0
-        return self._now
+from tests.view.recorded import read, team_of
+from tests.view.serving import Clock, Recording, get, served, socket_of
 
 
 @pytest.fixture(scope="module")
@@ -60,14 +24,6 @@ def url() -> Iterator[str]:
     now = Clock()
     with served(Feed(Recording(), now, "t"), "t", now) as url:
         yield url
-
-
-def get(url: str, **headers: str) -> Any:
-    return urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30)
-
-
-def socket_of(url: str) -> str:
-    return url.replace("http", "ws") + "live"
 
 
 def test_the_files_are_served_and_nothing_is_loaded_from_elsewhere(url: str) -> None:

@@ -164,3 +164,14 @@ def test_a_pose_between_two_rows_is_interpolated_the_short_way_round() -> None:
 def test_a_longer_gap_is_not_bridged(gap: float, known: bool) -> None:
     it = Track(np.zeros((1, 3)), np.zeros((0, 4)), np.array([[0.0, 1.0, 1.0, 0.0], [gap, 2.0, 2.0, 0.0]]))
     assert (it.pose(0.1) is not None) == known
+
+
+def test_an_unknown_barcode_is_dropped_whoever_saw_it(tmp_path: Path) -> None:
+    write(tmp_path)
+    for robot in (1, 2):
+        with (tmp_path / f"Robot{robot}_Measurement.dat").open("a") as text:
+            text.write("1003.0 98 1.0 0.0\n")
+    it = read_recording(tmp_path)
+    assert it.dropped == 4
+    assert [len(it.tracks[robot].sightings) for robot in (1, 2)] == [3, 3]
+    assert it.tracks[2].sightings[:, 1].tolist() == [1, 6, 6]
