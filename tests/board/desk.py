@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from blackboard.board.service import BoardService
 from blackboard.config import BoardSection
 from blackboard.opinion.belief import Belief, gaussian
@@ -10,7 +12,8 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Report, Status
+from blackboard.wire.messages import Clock, Report, Status
+from tests.wire.envelopes import consensus, put, token
 
 GRID = Grid((30, 20))
 NOW = 1_000_000.0
@@ -20,7 +23,7 @@ ANOTHER_WORLD = Envelope(keys.WORLD.key(team="t"), kind=Kind.GONE), WORLD  # the
 
 def board_of(sub_team: str, kind: Kind = Kind.ALIVE, name: str | None = None) -> Envelope:
     """The token of a board, which has the name of its sub-team."""
-    return Envelope(keys.BOARD.key(team="t", sub_team=sub_team, board=name or sub_team), kind=kind)
+    return token(keys.BOARD, name or sub_team, sub_team=sub_team, kind=kind)
 
 
 class Desk:
@@ -71,7 +74,7 @@ def clock(tick: int, *robots: str, run: str = "one", mode: str = "lockstep", **m
     """A Clock; in lockstep the robots of sub-team a take part, and `more` sub-teams with theirs."""
     named = {"a": list(robots), **more} if mode == "lockstep" else {}
     message = Clock(run=run, tick=tick, time=0.2 * tick, mode=mode, robots=named)  # type: ignore[arg-type]
-    return Envelope(keys.CLOCK.key(team="t"), encode(message))
+    return put(message)
 
 
 def ball(x: float = 10, sigma: float = 2) -> Belief:
@@ -92,36 +95,33 @@ def report(
         time=0.2 * tick if time is None else time,
         belief=packed,
     )
-    return Envelope(keys.REPORT.key(team="t", sub_team="a", source=source, subject="object/ball"), encode(message))
+    return put(message)
 
 
 def reported(source: str, tick: int, *subjects: str) -> Envelope:
     status = Status(process=source, kind="robot", tick=tick, time=0.2 * tick, phase="reported", subjects=list(subjects))
-    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=source), encode(status))
+    return put(status)
 
 
 def idle(robot: str) -> Envelope:
     """What a robot says before its first tick."""
     status = Status(process=robot, kind="robot", tick=0, time=0.0, phase="idle", subjects=[])
-    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=robot), encode(status))
+    return put(status)
 
 
-def theirs(sub_team: str, tick: int, name: str | None = None, **more: object) -> Envelope:
+def theirs(sub_team: str, tick: int, name: str | None = None, **more: Any) -> Envelope:
     """What the board of another sub-team says of the ball, from a robot r4."""
-    fields = {
-        "board": name or sub_team, "sub_team": sub_team, "level": "consensus", "subject": "object/ball", "tick": tick,
-        "time": 0.2 * tick, "belief": pack(ball(12)), "ancestors": {"r4": 0.2 * tick}, "used": [], "entropy": 1.0,
-        "conflict": False, "rule": "cooperative",
-    }  # fmt: skip
-    said = Consensus.model_validate(fields | more)
-    return Envelope(keys.CONSENSUS.key(team="t", sub_team=sub_team, subject="object/ball"), encode(said))
+    time = 0.2 * tick
+    fields = {"board": name or sub_team, "level": "consensus", "tick": tick, "time": time, "ancestors": {"r4": time}}
+    belief = more.pop("belief", ball(12))
+    return put(consensus(belief, sub_team=sub_team, **{**fields, **more}))
 
 
 def settled(sub_team: str, tick: int, *subjects: str, name: str | None = None, phase: str = "consensus") -> Envelope:
     """What the board of another sub-team lists."""
     process = name or sub_team
     said = Status(process=process, kind="board", tick=tick, time=0.2 * tick, phase=phase, subjects=list(subjects))  # type: ignore[arg-type]
-    return Envelope(keys.STATUS.key(team="t", sub_team=sub_team, process=process), encode(said))
+    return put(said, sub_team=sub_team)
 
 
 def leading(board: str, **part: object) -> Envelope:

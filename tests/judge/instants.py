@@ -11,7 +11,8 @@ from blackboard.judge.instant import Instant
 from blackboard.judge.referee import Referee
 from blackboard.opinion.grid import Grid
 from blackboard.wire.codec import encode
-from blackboard.wire.messages import Consensus, PackedBelief, PackedGrid, Solo, Truth, Used
+from blackboard.wire.messages import PackedBelief, PackedGrid, Solo, Truth, Used
+from tests.wire import envelopes as messages
 
 GRID = Grid((10, 10))
 TEAMS = {"a": ["r1"], "b": ["r2"]}
@@ -44,20 +45,8 @@ def solo(it: Instant, robot: str, beliefs: Mapping[str, PackedBelief]) -> None:
 def consensus(
     it: Instant, sub_team: str, level: str, subject: str, belief: PackedBelief, used: Sequence[Used] = ()
 ) -> bytes:
-    said = Consensus(
-        board=sub_team,
-        sub_team=sub_team,
-        level=level,  # type: ignore[arg-type]
-        subject=subject,
-        tick=it.truth.tick,
-        time=0.0,
-        belief=belief,
-        ancestors={},
-        used=list(used),
-        entropy=0.0,
-        conflict=False,
-        rule="cooperative",
-    )
+    where = {"board": sub_team, "sub_team": sub_team, "level": level}
+    said = messages.consensus(belief, subject, tick=it.truth.tick, used=list(used), **where)
     payload = encode(said)
     it.hear(sub_team, said, payload)
     return payload

@@ -12,6 +12,7 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.messages import Consensus, Solo, Status, Truth
+from tests.wire import envelopes
 
 GRID = Grid((10, 10))
 
@@ -21,20 +22,7 @@ def instant() -> Instant:
 
 
 def consensus(board: str, level: Any = "agreed", subject: str = "robot/r1", x: float = 2.0) -> Consensus:
-    return Consensus(
-        board=board,
-        sub_team="a",
-        level=level,
-        subject=subject,
-        tick=1,
-        time=0.0,
-        belief=pack(gaussian(GRID, (x, 2.0), 1.0)),
-        ancestors={},
-        used=[],
-        entropy=0.0,
-        conflict=False,
-        rule="cooperative",
-    )
+    return envelopes.consensus(gaussian(GRID, (x, 2.0), 1.0), subject, board=board, level=level, tick=1)
 
 
 def status(board: str, phase: Any, *subjects: str, tick: int = 1) -> Status:

@@ -13,12 +13,13 @@ from blackboard.judge.referee import Referee
 from blackboard.opinion.belief import gaussian
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import decode, encode
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Solo, Status, Truth
+from blackboard.wire.messages import Clock, Solo, Status, Truth
 from sim_world.scenario import WorldSection
 from sim_world.service import WorldService
 from sim_world.world import World
+from tests.wire.envelopes import consensus, put, token
 
 NOW = 1_000_000.0
 WAITS = {"gather": 30.0, "patience": 2.0, "give_up": 10.0, "grace": 0.5, "comeback": 5.0}
@@ -84,10 +85,10 @@ class Desk:
         here = kind is Kind.ALIVE
         for sub_team, names in (self.teams if robots is None else robots).items():
             for r in names:
-                self.tell(Envelope(keys.MEMBER.key(team="demo", sub_team=sub_team, robot=r), kind=kind))
+                self.tell(token(keys.MEMBER, r, team="demo", sub_team=sub_team, kind=kind))
                 self.tell(*([self.idle("robot", sub_team, r)] if here else []))
         for sub_team in list(self.teams) if boards is None else boards:
-            self.tell(Envelope(keys.BOARD.key(team="demo", sub_team=sub_team, board=sub_team), kind=kind))
+            self.tell(token(keys.BOARD, sub_team, team="demo", sub_team=sub_team, kind=kind))
             self.tell(*([self.idle("board", sub_team, sub_team)] if here else []))
 
     def heard(self, out: list[Envelope]) -> list[Envelope]:
@@ -116,7 +117,7 @@ class Desk:
 
     def solo(self, robot: str, tick: int) -> Envelope:
         said = Solo(robot=robot, tick=tick, time=0, beliefs={f"robot/{robot}": self.belief(f"robot/{robot}", 3.0)})
-        return Envelope(keys.SOLO.key(team="demo", robot=robot), encode(said))
+        return put(said, team="demo")
 
     def belief(self, subject: str, off: float) -> Any:
         assert self.truth is not None
@@ -124,31 +125,17 @@ class Desk:
         return pack(gaussian(self.grid, (x + off / 2, y), off))
 
     def consensus(self, sub_team: str, level: str, subject: str, tick: int) -> Envelope:
-        said = Consensus(
-            board=sub_team,
-            sub_team=sub_team,
-            level=level,  # type: ignore[arg-type]
-            subject=subject,
-            tick=tick,
-            time=0,
-            belief=self.belief(subject, 1.0),
-            ancestors={},
-            used=[],
-            entropy=0,
-            conflict=False,
-            rule="cooperative",
-        )
-        topic = keys.CONSENSUS if level == "consensus" else keys.AGREED
-        return Envelope(topic.key(team="demo", sub_team=sub_team, subject=subject), encode(said))
+        belief, board = self.belief(subject, 1.0), {"board": sub_team, "sub_team": sub_team}
+        return put(consensus(belief, subject, level=level, tick=tick, **board), team="demo")
 
     def status(self, sub_team: str, phase: str, subjects: list[str], tick: int) -> Envelope:
         said = Status(process=sub_team, kind="board", tick=tick, time=0, phase=phase, subjects=subjects)  # type: ignore[arg-type]
-        return Envelope(keys.STATUS.key(team="demo", sub_team=sub_team, process=sub_team), encode(said))
+        return put(said, team="demo", sub_team=sub_team)
 
     def idle(self, kind: Literal["robot", "board"], sub_team: str, process: str) -> Envelope:
         """What a process says before its first tick."""
         said = Status(process=process, kind=kind, tick=0, time=0, phase="idle", subjects=[])
-        return Envelope(keys.STATUS.key(team="demo", sub_team=sub_team, process=process), encode(said))
+        return put(said, team="demo", sub_team=sub_team)
 
     # --- what was seen ----------------------------------------------------------------------------------------------
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from blackboard.wire import keys
-from blackboard.wire.codec import decode, encode
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Status
 from tests.holdings import grown, holdings
 from tests.sim_world.desk import Desk
+from tests.wire.envelopes import put
 
 
 class Quiet(Desk):
@@ -29,7 +29,7 @@ class Quiet(Desk):
             waiting = Status(process="a", kind="board", tick=0, time=0, lacks=self.lacks)
             done = decode(Status, self.status("a", "agreed", ["robot/r1", "robot/r2"], clock.tick).payload)
             said = waiting if self.lacks else done
-            out.append(Envelope(keys.STATUS.key(team="demo", sub_team="a", process="a"), encode(said)))
+            out.append(put(said, team="demo"))
         for name in clock.again or []:
             self.repeated.append(name)
             mine = "/a/" if name == "board/a/a" else "/solo/" + name.removeprefix("robot/")
@@ -42,7 +42,7 @@ class Quiet(Desk):
     def reported(self, name: str, tick: int) -> Envelope:
         robot = name.removeprefix("robot/")
         said = Status(process=robot, kind="robot", tick=tick, time=0, phase="reported")
-        return Envelope(keys.STATUS.key(team="demo", sub_team="a", process=robot), encode(said))
+        return put(said, team="demo")
 
 
 @pytest.mark.parametrize(("lost", "who"), [("/solo/r2", "robot/r2"), ("/a/agreed/robot/r1", "board/a/a")])
@@ -78,7 +78,7 @@ def test_what_strangers_lack_is_not_kept() -> None:
     before = holdings(desk.world, "world")
     for n in range(100):
         said = Status(process=f"x{n}", kind="board", tick=0, time=0, lacks=[f"robot/y{n}", "robot/r1"])
-        desk.tell(Envelope(keys.STATUS.key(team="demo", sub_team="a", process=f"x{n}"), encode(said)))
+        desk.tell(put(said, team="demo"))
     kept = grown(before, holdings(desk.world, "world"))
     assert all(path.startswith("world.traffic.") for path in kept), "but what each sent, which is bounded"
 

@@ -12,10 +12,11 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import decode, encode
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Readings, Solo, Status
 from tests.sim_world.desk import NOW, Desk
+from tests.wire.envelopes import put
 
 
 def test_a_tick_follows_the_other_once_all_have_answered() -> None:
@@ -115,7 +116,7 @@ def test_beliefs_that_the_referee_cannot_use_are_counted_with_what_was_refused()
     strange = pack(gaussian(Grid((5, 5)), (2, 2), 1.0))
     for tick in (0, 1):
         said = Solo(robot="r2", tick=tick, time=0, beliefs={"robot/r2": strange})
-        desk.tell(Envelope(keys.SOLO.key(team="demo", robot="r2"), encode(said)))
+        desk.tell(put(said, team="demo"))
     assert desk.card["messages"]["refused"] == {"grid": 1}  # nobody is judged in tick 0
     assert desk.card["protocol"] is None
 
@@ -137,7 +138,7 @@ def test_the_teams_counters_are_summed_from_the_statuses() -> None:
     desk = Desk()
     for sub_team in ("a", "b"):
         said = Status(process="r1", kind="robot", tick=0, time=0, counters={"dropped": 2}, refused={"mass": 1})
-        desk.tell(Envelope(keys.STATUS.key(team="demo", sub_team=sub_team, process="r1"), encode(said)))
+        desk.tell(put(said, team="demo", sub_team=sub_team))
     messages = desk.card["messages"]
     assert (messages["dropped"], messages["refused"]) == (2, {"mass": 1})  # one robot in two sub-teams
 
@@ -214,7 +215,7 @@ def test_a_board_without_a_token_ends_no_tick() -> None:
     desk.tokens(Kind.ALIVE)
     for level in ("consensus", "agreed"):
         payload = Status(process="evil", kind="board", tick=0, time=0, phase=level, subjects=[])  # type: ignore[arg-type]
-        desk.tell(Envelope(keys.STATUS.key(team="demo", sub_team="a", process="evil"), encode(payload)))
+        desk.tell(put(payload, team="demo"))
     assert desk.ticks == [0]
     assert desk.card["messages"]["refused"] == {"unregistered": 2}
 
@@ -240,7 +241,7 @@ def test_a_robot_in_two_sub_teams_counts_its_traffic_once_and_the_world_adds_its
     desk.world.record_link_counters({"sent": 5, "dropped": 1})
     for sub_team, kind in (("a", "robot"), ("b", "robot"), ("a", "board"), ("b", "board")):
         said = Status(process="x", kind=kind, tick=0, time=0, counters={"sent": 10, "bytes": 100})  # type: ignore[arg-type]
-        desk.tell(Envelope(keys.STATUS.key(team="demo", sub_team=sub_team, process="x"), encode(said)))
+        desk.tell(put(said, team="demo", sub_team=sub_team))
     assert desk.card["messages"] == {"sent": 35, "received": 0, "dropped": 1, "refused": {}}
     assert desk.card["bytes"] == 300
 
@@ -272,7 +273,7 @@ def test_only_a_board_ends_a_tick_by_its_statuses(kind: str, ticks: list[int]) -
         subjects = ["robot/r1", "robot/r2"]
         desk.tell(*(desk.consensus("a", level, subject, 0) for subject in subjects))
         said = Status(process="a", kind=kind, tick=0, time=0, phase=level, subjects=subjects)  # type: ignore[arg-type]
-        desk.tell(Envelope(keys.STATUS.key(team="demo", sub_team="a", process="a"), encode(said)))
+        desk.tell(put(said, team="demo"))
     desk.wait(0.1)
     assert desk.ticks == ticks
     assert not desk.world.refused
