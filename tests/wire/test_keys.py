@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from blackboard.wire import keys
 from blackboard.wire.messages import MODELS
-from tests.files import ROOT
 
 name = st.text("abcXYZ019_.-", min_size=1, max_size=64)
 subject = st.builds("{}/{}".format, st.sampled_from(["robot", "object", "landmark"]), name)
@@ -68,13 +67,6 @@ def test_every_topic_says_who_writes_whose_name_it_carries_and_how_often(topic: 
 
 def test_no_robot_may_read_the_truth() -> None:
     assert "robot" not in keys.TRUTH.readers
-
-
-def test_the_pattern_of_a_name_is_written_once() -> None:
-    packages = ("blackboard", "robot_agent", "sim_world")
-    files = [path for package in packages for path in (ROOT / package).rglob("*.py")]
-    found = [path.name for path in files if "A-Za-z0-9_" in path.read_text(encoding="utf-8")]
-    assert found == ["names.py"]
 
 
 @pytest.mark.parametrize(
