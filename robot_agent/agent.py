@@ -19,7 +19,7 @@ from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.evidence import unpack_state
 from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings, Report, Solo
-from robot_agent.budget import Said
+from robot_agent.budget import Choice
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
 from robot_agent.sensing import trackable
@@ -34,7 +34,7 @@ SNAPSHOTS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Agreed:
+class TeamBelief:
     """What a robot's team agreed on about one subject at a time (team time, seconds), and whose information that contains."""
 
     tick: int
@@ -44,27 +44,27 @@ class Agreed:
     state: Moments | None = None  # of a robot in the team's joint, shape (9,) and (9, 9)
 
     @classmethod
-    def unpacked(cls, consensus: Consensus, grid: Grid) -> Agreed:
+    def unpacked(cls, consensus: Consensus, grid: Grid) -> TeamBelief:
         """The belief, and the state, of a consensus on the team's grid; Refused: "fields", "grid", "mass"."""
         state = None if consensus.state is None else unpack_state(consensus.state)
         return cls(consensus.tick, consensus.time, unpack(consensus.belief, grid), consensus.ancestors, state)
 
 
-class Unpacked(Mapping[str, Agreed]):
-    """Consensuses by subject as `Agreed`, each unpacked when it is asked for: a robot hears of all subjects and uses few.
+class TeamBeliefs(Mapping[str, TeamBelief]):
+    """Consensuses by subject as `TeamBelief`, each unpacked when it is asked for: a robot hears of all subjects and uses few.
 
     What cannot be unpacked is not there.
     """
 
     def __init__(self, said: Mapping[str, Consensus], grid: Grid) -> None:
         self._said, self._grid = said, grid
-        self._found: dict[str, Agreed | None] = {}
+        self._found: dict[str, TeamBelief | None] = {}
 
-    def __getitem__(self, subject: str) -> Agreed:
+    def __getitem__(self, subject: str) -> TeamBelief:
         if subject not in self._found:
             self._found[subject] = None
             with suppress(Refused):
-                self._found[subject] = Agreed.unpacked(self._said[subject], self._grid)
+                self._found[subject] = TeamBelief.unpacked(self._said[subject], self._grid)
         found = self._found[subject]
         if found is None:
             raise KeyError(subject)
@@ -107,7 +107,7 @@ class Agent:
         """Whether a tick takes in what is agreed about a subject: about itself, and about mates that it may see."""
         return subject == self.subject or (self.settings.vision.mates and subject.startswith("robot/"))
 
-    def tick(self, readings: Readings, agreed: Mapping[str, Agreed]) -> tuple[list[Report], Solo]:
+    def tick(self, readings: Readings, agreed: Mapping[str, TeamBelief]) -> tuple[list[Report], Solo]:
         """Fold the agreed beliefs (by subject) back, predict, update, and report.
 
         The solo message holds the same first-hand beliefs as the reports, but for the sighted mates; it is for a referee.
@@ -126,14 +126,14 @@ class Agent:
         solo = {s: own for s, own in packed.items() if s == self.subject or s not in self.firsthand.seen}
         return reports, Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=solo)
 
-    def said(self, said: Said) -> None:
+    def on_sent(self, choice: Choice) -> None:
         """What of the newest reports was sent: what the team agrees on rests on that, or on what was sent before it."""
-        sent = {report.subject: report for report in said.reports}
+        sent = {report.subject: report for report in choice.reports}
         if self.subject in sent:
             report = sent[self.subject]
             packed = report.belief if report.informed is None else report.informed.belief
         else:
-            packed = pack(said.kept.get(self.subject) or uniform(self.grid))
+            packed = pack(choice.kept.get(self.subject) or uniform(self.grid))
         self._snapshots[-1] = replace(self._snapshots[-1], reported=packed)
 
     # --- what the team agreed on --------------------------------------------------------------------------------------
@@ -142,7 +142,7 @@ class Agent:
         """Whether no agreed belief has been taken yet, so that both estimators are the same."""
         return not self.mates and set(self.informed.ancestors) <= {self.robot}
 
-    def _fold(self, agreed: Mapping[str, Agreed]) -> None:
+    def _fold(self, agreed: Mapping[str, TeamBelief]) -> None:
         """Take the agreed beliefs: those about mates as landmarks, the one about this robot into the informed estimator."""
         known = {subject: one for subject, one in sorted(agreed.items()) if one.ancestors}
         if self.settings.vision.mates:
@@ -157,7 +157,7 @@ class Agent:
         if self.subject in known:
             self._fold_own(known[self.subject])
 
-    def _fold_own(self, agreed: Agreed) -> None:
+    def _fold_own(self, agreed: TeamBelief) -> None:
         """Go back to the tick that was agreed on, take the belief there, and repeat the ticks since on their readings."""
         start = self._snapshot_of(agreed)
         if start is None:
@@ -171,7 +171,7 @@ class Agent:
             self._snapshots[i] = replace(later, estimator=estimator)
         self.informed = estimator
 
-    def _snapshot_of(self, agreed: Agreed) -> int | None:
+    def _snapshot_of(self, agreed: TeamBelief) -> int | None:
         """The snapshot of the tick that was agreed on.
 
         Where no world counts the ticks for robots and boards alike, it is the newest one that is not younger than the belief.

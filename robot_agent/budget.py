@@ -72,7 +72,7 @@ class Bucket:
 
 
 @dataclass(frozen=True, eq=False)
-class Sent:
+class LastSent:
     """What the boards have of this robot about a subject."""
 
     time: float  # team time of the report, seconds
@@ -91,7 +91,7 @@ class Option:
 
 
 @dataclass(frozen=True, eq=False)
-class Said:
+class Choice:
     """The choice of a tick: the reports that are sent, and on the other subjects what the boards still have."""
 
     reports: list[Report]
@@ -99,7 +99,7 @@ class Said:
 
 
 @dataclass(frozen=True)
-class Known:
+class Standing:
     """What the team agreed on about a subject: the entropy in nats, and whether it is a marginal of the boards' joint."""
 
     entropy: float
@@ -118,7 +118,7 @@ class Budget:
     size: Callable[[Report], int]
     bucket: Bucket = field(init=False)
     price: float = PRICE
-    sent: dict[str, Sent] = field(default_factory=dict)
+    sent: dict[str, LastSent] = field(default_factory=dict)
     sightings: Sightings = field(default_factory=Sightings)  # what boards that keep a joint know from those in evidence
     _priced_at: float = -math.inf  # team time, seconds
     _since: dict[str, float] = field(default_factory=dict)  # subject -> team time since which nothing was said about it
@@ -128,13 +128,15 @@ class Budget:
         rate = self.settings.budget or math.inf
         self.bucket = Bucket(rate, rate * self.settings.burst)
 
-    def choose(self, reports: Sequence[Report], time: float, speed: float | None, team: Mapping[str, Known]) -> Said:
+    def choose(
+        self, reports: Sequence[Report], time: float, speed: float | None, team: Mapping[str, Standing]
+    ) -> Choice:
         """The reports of a tick at a team time (s) that are sent, in their order, some of them coarser.
 
         `speed` is what the robot told the boards (unit/s), `team` what was agreed. With an infinite budget everything is sent.
         """
         if not self.saves:
-            return Said(list(reports), {})
+            return Choice(list(reports), {})
         reports = [_short(report) for report in reports]
         self.bucket.refill(time)
         most = math.log(self.grid.size)  # a board may tell an entropy that no belief on this grid has
@@ -155,7 +157,7 @@ class Budget:
             )
         self._reprice(time)
         for subject, option in chosen.items():
-            self.sent[subject] = Sent(time, option.belief)
+            self.sent[subject] = LastSent(time, option.belief)
             if option.whole:
                 self._since[subject] = time
             evidence = option.report.evidence
@@ -164,7 +166,7 @@ class Budget:
             if evidence is not None:
                 self.sightings.said(evidence)
         kept = {s: stale[s] for s in sorted(subjects) if s not in chosen and s in self.sent}
-        return Said([chosen[r.subject].report for r in reports if r.subject in chosen], kept)
+        return Choice([chosen[r.subject].report for r in reports if r.subject in chosen], kept)
 
     def aged(self, subject: str, time: float, speed: float | None) -> Belief:
         """What a board has of this robot about a subject, spread as it spreads it; uniform where it has nothing."""
@@ -228,7 +230,7 @@ class Budget:
         self.price = min(DEAREST, max(CHEAPEST, self.price * factor))
 
     def options(
-        self, reports: Sequence[Report], stale: Mapping[str, Belief], time: float, team: Mapping[str, Known]
+        self, reports: Sequence[Report], stale: Mapping[str, Belief], time: float, team: Mapping[str, Standing]
     ) -> dict[str, list[Option]]:
         """For each subject its report as it could be sent, as it is first."""
         found = dict[str, list[Option]]()
@@ -247,12 +249,14 @@ class Budget:
                 found[report.subject] = self._options(report, best[report.subject], stale[report.subject], known, share)
         return found
 
-    def _share(self, subject: str, belief: Belief, team: Mapping[str, Known]) -> float:
+    def _share(self, subject: str, belief: Belief, team: Mapping[str, Standing]) -> float:
         """How much of what the team knows about a subject a belief may be: the area of the one over that of the other."""
         known = team.get(subject)
         return 1.0 if known is None else min(1.0, math.exp(known.entropy - entropy(belief.p)))
 
-    def _options(self, report: Report, best: Belief, stale: Belief, known: Known | None, share: float) -> list[Option]:
+    def _options(
+        self, report: Report, best: Belief, stale: Belief, known: Standing | None, share: float
+    ) -> list[Option]:
         """The report as it is, then coarser."""
         informed, first = report.informed, unpack(report.belief, self.grid)
         if self._is_mate(report.subject):
@@ -280,7 +284,7 @@ class Budget:
         return subject.startswith("robot/") and subject != f"robot/{self.robot}"
 
     def _of_mate(
-        self, report: Report, first: Belief, stale: Belief, known: Known | None, factor: float
+        self, report: Report, first: Belief, stale: Belief, known: Standing | None, factor: float
     ) -> list[Option]:
         """What a robot sees of a mate in a tick replaces what it saw before, and is no more right for being another noise.
 
@@ -301,7 +305,7 @@ class Budget:
         return found
 
     def _with_evidence(
-        self, report: Report, best: Belief, stale: Belief, share: float, time: float, team: Mapping[str, Known]
+        self, report: Report, best: Belief, stale: Belief, share: float, time: float, team: Mapping[str, Standing]
     ) -> list[Option]:
         """For boards that keep a joint: all of it; the evidence with a coarse belief, with fewer sightings; and the motion alone.
 

@@ -10,7 +10,7 @@ import numpy as np
 from blackboard.errors import Refused
 from blackboard.wire.evidence import unpack_state
 from blackboard.wire.messages import Consensus, Report
-from robot_agent.budget import Budget, Known, Said
+from robot_agent.budget import Budget, Choice, Standing
 
 FASTEST = 1e6  # unit per second that is said at most
 SPAN = 5  # ticks over which a steady speed is averaged
@@ -36,7 +36,7 @@ class Sender:
 
     def __init__(self, budget: Budget, robot: str) -> None:
         self._budget, self._own = budget, f"robot/{robot}"
-        self._known: dict[str, Known] = {}  # what was agreed last, by subject
+        self._standing: dict[str, Standing] = {}  # what was agreed last, by subject
         self._boards: set[str] = set()  # that were there in the newest tick
 
     def choose(
@@ -46,20 +46,20 @@ class Sender:
         speed: float | None,
         agreed: Mapping[str, Consensus],
         boards: Collection[str],
-    ) -> Said:
+    ) -> Choice:
         """What is sent of the reports of a tick at a team time (s), after what was `agreed` since the last, to `boards`."""
-        self._known |= {subject: self._known_of(consensus) for subject, consensus in agreed.items()}
+        self._standing |= {subject: self._standing_of(consensus) for subject, consensus in agreed.items()}
         if set(boards) - self._boards:
             self._budget.repeat_state()
         self._boards = set(boards)
-        said = self._budget.choose(reports, time, speed, self._known)
+        choice = self._budget.choose(reports, time, speed, self._standing)
         wanted = {report.subject for report in reports}
-        self._known = {subject: known for subject, known in self._known.items() if subject in wanted}
-        return said
+        self._standing = {subject: standing for subject, standing in self._standing.items() if subject in wanted}
+        return choice
 
-    def _known_of(self, agreed: Consensus) -> Known:
+    def _standing_of(self, agreed: Consensus) -> Standing:
         state = None
         if agreed.subject == self._own and agreed.state is not None:
             with suppress(Refused):
                 state = unpack_state(agreed.state)
-        return Known(agreed.entropy, agreed.rule == "joint", state)
+        return Standing(agreed.entropy, agreed.rule == "joint", state)

@@ -21,7 +21,7 @@ from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Readings, Report, Solo
 from blackboard.wire.types import Message
-from robot_agent.agent import Agent, Agreed, Feedback, Unpacked
+from robot_agent.agent import Agent, Feedback, TeamBelief, TeamBeliefs
 from robot_agent.budget import Budget
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.agent import JointAgent
@@ -126,7 +126,7 @@ class AgentService(Around):
             return self._hear_readings(it, now)
         elif isinstance(it, Consensus):
             if self.agent.uses(it.subject):
-                Agreed.unpacked(it, self.grid)  # Refused: what is wrong with it
+                TeamBelief.unpacked(it, self.grid)  # Refused: what is wrong with it
             self._agreed.take(it)
         return []
 
@@ -187,11 +187,11 @@ class AgentService(Around):
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         self._failed += 1
         with self.peer.intake.failures.survive("the robot's tick"):
-            reports, solo = self.agent.tick(readings, Unpacked(agreed, self.grid))
+            reports, solo = self.agent.tick(readings, TeamBeliefs(agreed, self.grid))
             if self._sender is not None:
-                said = self._sender.choose(reports, readings.time, speed, agreed, self.peer.boards)
-                reports, kept = said.reports, sorted(said.kept)
-                self.agent.said(said)
+                choice = self._sender.choose(reports, readings.time, speed, agreed, self.peer.boards)
+                reports, kept = choice.reports, sorted(choice.kept)
+                self.agent.on_sent(choice)
             self._failed = 0
         if self._failed >= FAILURES:
             self.agent, self._failed = self._new_agent(), 0

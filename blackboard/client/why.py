@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from blackboard.process.printable import quoted
-from blackboard.process.refusals import told
+from blackboard.process.refusals import in_words
 from blackboard.wire.messages import Consensus, Refusal
 
 
@@ -21,7 +21,7 @@ class Why:
     def __str__(self) -> str:
         levels = [it for it in (self.agreed, *self.consensus) if it is not None]
         lines = [line for it in levels for line in _level(it)] or [f"{self.subject}: no board has a belief about it"]
-        return "\n".join([*lines, *(told(it) for it in self.refused)])
+        return "\n".join([*lines, *(in_words(it) for it in self.refused)])
 
 
 def _level(it: Consensus) -> list[str]:

@@ -15,7 +15,7 @@ from blackboard.errors import Refused
 from blackboard.process.listener import ClockNews, Listener
 from blackboard.process.offsets import Echoes
 from blackboard.process.reactions import REACTIONS, Cue, Place
-from blackboard.process.refusals import told
+from blackboard.process.refusals import in_words
 from blackboard.process.service import Around
 from blackboard.process.team_clock import Pace
 from blackboard.wire import keys
@@ -240,4 +240,4 @@ class Peer(Around):
         seen = refusal.board, refusal.reason
         if seen not in self._logged and len(self._logged) < MAX_LOGGED:
             self._logged.add(seen)
-            log.warning("%s; not logged again for this board and reason", told(refusal))
+            log.warning("%s; not logged again for this board and reason", in_words(refusal))

@@ -1,6 +1,6 @@
 """What was refused under each robot's name, so that a board can tell the robot: the newest of it, and how many. Pure.
 
-Whose it was, the key says, because what is refused may be unreadable. A message that came too early is told only
+Whose it was, the key says, because what is refused may be unreadable. A message that came too early is sent only
 once it has waited for a whole `PERIOD` without being taken after all.
 """
 
@@ -14,12 +14,12 @@ from blackboard.wire import keys
 from blackboard.wire.messages import Refusal
 from blackboard.wire.types import MAX_NAME
 
-PERIOD = 1.0  # seconds between two times that something is told
-MAX_SOURCES = 64  # names that are told of at a time; the one that was refused for longest ago is given up
+PERIOD = 1.0  # seconds between two times that a board sends what is new
+MAX_SOURCES = 64  # robots of which a refusal is kept; the one that was refused for longest ago is given up
 
 
 @dataclass(frozen=True)
-class Told:
+class Notice:
     """The newest message that was refused under a robot's name; `subject` None: a status. `count` of all of them."""
 
     robot: str
@@ -31,7 +31,7 @@ class Told:
 
 @dataclass
 class _Entry:
-    told: Told
+    notice: Notice
     early: bool  # it may still be taken
     waited: bool  # for a period
     due: bool
@@ -51,9 +51,11 @@ class Refusals:
             return
         (sub_team, robot), subject = found
         before = self._entries.pop((sub_team, robot), None)
-        told = Told(robot, subject, refusal.reason, _text(refusal), 1 if before is None else before.told.count + 1)
+        notice = Notice(
+            robot, subject, refusal.reason, _text(refusal), 1 if before is None else before.notice.count + 1
+        )
         waited = before is not None and before.waited
-        self._entries[sub_team, robot] = _Entry(told, early, waited, due=True)
+        self._entries[sub_team, robot] = _Entry(notice, early, waited, due=True)
         if len(self._entries) > MAX_SOURCES:
             del self._entries[next(iter(self._entries))]
 
@@ -66,8 +68,8 @@ class Refusals:
             elif entry is not None:
                 entry.waited = False
 
-    def due(self, now: float) -> list[tuple[str, Told]]:
-        """What is to be told now, with the sub-teams: at most once in a `PERIOD`, and of each robot only what is new."""
+    def due(self, now: float) -> list[tuple[str, Notice]]:
+        """What is to be sent now, with the sub-teams: at most once in a `PERIOD`, and of each robot only what is new."""
         if not self._entries or now < self._due_at:
             return []
         self._due_at = now + PERIOD
@@ -75,13 +77,13 @@ class Refusals:
         for (sub_team, _), entry in self._entries.items():
             if entry.due and (entry.waited or not entry.early):
                 entry.due = False
-                found.append((sub_team, entry.told))
+                found.append((sub_team, entry.notice))
             entry.waited = True
         return found
 
 
-def told(refusal: Refusal) -> str:
-    """What a board told a robot that it refused, in one line for people."""
+def in_words(refusal: Refusal) -> str:
+    """What a board refused of a robot, in one line for people."""
     what = "a status" if refusal.subject is None else f"the report about {refusal.subject}"
     text = f": {quoted(refusal.text)}" if refusal.text else ""
     return f"{refusal.board} refused {what} of {refusal.robot} ({quoted(refusal.reason)}{text})"

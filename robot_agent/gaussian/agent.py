@@ -24,8 +24,8 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import pack_evidence
 from blackboard.wire.messages import Informed, PackedBelief, Readings, Report, Solo
 from blackboard.wire.types import capped
-from robot_agent.agent import SNAPSHOTS, Agent, Agreed, Feedback
-from robot_agent.budget import Said
+from robot_agent.agent import SNAPSHOTS, Agent, Feedback, TeamBelief
+from robot_agent.budget import Choice
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand, Told
 from robot_agent.gaussian.hand_over import pose_of
@@ -62,7 +62,7 @@ class JointAgent:
         """Whether a tick takes in what is agreed about a subject: about itself, and while it searches, what an `Agent` uses."""
         return subject == self.subject or (self.searching is not None and self.searching.uses(subject))
 
-    def tick(self, readings: Readings, agreed: Mapping[str, Agreed]) -> tuple[list[Report], Solo]:
+    def tick(self, readings: Readings, agreed: Mapping[str, TeamBelief]) -> tuple[list[Report], Solo]:
         """Take the readings; report first-hand and informed beliefs, and the evidence for the boards' joint.
 
         The solo message holds the first-hand beliefs on the robot and on objects; it is for a referee.
@@ -82,17 +82,17 @@ class JointAgent:
         self._time = readings.time
         return [r.model_copy(update={"evidence": evidence}) if r.subject == self.subject else r for r in reports], solo
 
-    def said(self, said: Said) -> None:
+    def on_sent(self, choice: Choice) -> None:
         """What of the newest reports was sent: evidence that was not is gathered into that of the next tick."""
-        own = [report.evidence for report in said.reports if report.subject == self.subject]
+        own = [report.evidence for report in choice.reports if report.subject == self.subject]
         if not any(evidence is not None and evidence.increment is not None for evidence in own):
             self.filter.silent()
         if self.searching is not None:
-            self.searching.said(said)
+            self.searching.on_sent(choice)
 
     # --- first-hand -----------------------------------------------------------------------------------------------------
 
-    def _search(self, readings: Readings, agreed: Mapping[str, Agreed]) -> tuple[list[Report], Solo]:
+    def _search(self, readings: Readings, agreed: Mapping[str, TeamBelief]) -> tuple[list[Report], Solo]:
         """Look for the pose on grids, and hand it over to the filter once there is one hypothesis."""
         if self.searching is None:
             self.searching = Agent(self.robot, self.settings, self.grid, self.feedback)
@@ -149,16 +149,16 @@ class JointAgent:
 
     # --- the team -------------------------------------------------------------------------------------------------------
 
-    def _until(self, place: Agreed | None) -> float | None:
+    def _until(self, place: TeamBelief | None) -> float | None:
         """The team time (s) of the newest readings of this robot that an agreed belief with a state contains."""
         return None if place is None or place.state is None else place.ancestors.get(self.robot)
 
-    def _linear(self, place: Agreed | None) -> Moments | None:
+    def _linear(self, place: TeamBelief | None) -> Moments | None:
         """What the team believed after the tick before: where the filter may linearise, which is no evidence."""
         until = self._until(place)
         return place.state if place and until is not None and until == self._time else None
 
-    def _follow(self, place: Agreed | None) -> None:
+    def _follow(self, place: TeamBelief | None) -> None:
         """Take the newest state of this robot in the team's joint, and predict it to now with the measurements since.
 
         A state that is older than the kept measurements is ignored.

@@ -11,7 +11,7 @@ from blackboard.config import BoardSection, Scenario
 from blackboard.errors import Refused, UserError
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Anchor, Grid
-from blackboard.process.refusals import told
+from blackboard.process.refusals import in_words
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack, unpack, unpacked_grid
 from blackboard.wire.codec import decode
@@ -39,7 +39,7 @@ def test_a_robot_is_told_what_of_it_was_refused_and_why() -> None:
         "a", "a", "r1", "object/ball", "grid", 1,
     )  # fmt: skip
     assert "(9, 9)" in it.text
-    assert told(it).startswith("a refused the report about object/ball of r1 (grid: a belief on (9, 9) cells")
+    assert in_words(it).startswith("a refused the report about object/ball of r1 (grid: a belief on (9, 9) cells")
     (envelope,) = [e for e in desk.said if keys.REFUSED.match(e.key)]
     assert envelope.key == "cop/t/a/refused/r1"
 

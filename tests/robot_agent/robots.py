@@ -9,7 +9,7 @@ from dataclasses import replace
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Fix, Odometry, Readings, Report, Sighting
-from robot_agent.agent import Agreed
+from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection
 from robot_agent.position import PositionLocalizer
 from robot_agent.sensing import Motion
@@ -62,11 +62,11 @@ def readings(
 
 def agreed(
     tick: int, belief: Belief, subject: str = "robot/r1", ancestors: Iterable[str] = ("r1", "r2")
-) -> dict[str, Agreed]:
+) -> dict[str, TeamBelief]:
     """What a team agreed on about a subject in a tick."""
     time = 0.5 * tick
     said = consensus(belief, subject, tick=tick, time=time, ancestors=dict.fromkeys(ancestors, time))
-    return {subject: Agreed.unpacked(said, belief.grid)}
+    return {subject: TeamBelief.unpacked(said, belief.grid)}
 
 
 def by_subject(reports: Iterable[Report]) -> dict[str, Report]:

@@ -25,7 +25,7 @@ from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import PackedEvidence
 from blackboard.wire.messages import Consensus, Report, Status
-from robot_agent.budget import STATE_EVERY, Bucket, Budget, Known
+from robot_agent.budget import STATE_EVERY, Bucket, Budget, Standing
 from robot_agent.coarse import coarser
 from robot_agent.config import RobotSection, SendSection
 from robot_agent.gaussian.agent import JointAgent
@@ -127,7 +127,7 @@ def test_what_moved_comes_before_what_did_not_and_before_what_the_team_knows_bet
         it.choose(first, float(tick), 0.0, {})
     it.bucket.level, it.price = -50.0, 1e-7  # 350 bytes, after the second that comes: room for one
     news = [about("robot/r2", moved, 10.0), about("object/ball", still, 10.0), about("object/can", moved, 10.0)]
-    team = {"robot/r2": Known(0.1, joint=False)}  # the team knows where it is far better
+    team = {"robot/r2": Standing(0.1, joint=False)}  # the team knows where it is far better
     assert [report.subject for report in it.choose(news, 10.0, 0.0, team).reports] == ["object/can"]
 
 
@@ -150,7 +150,7 @@ def test_what_is_seen_of_a_mate_is_no_news_for_its_noise_and_more_with_age_and_w
         seen = gaussian(GRID, tuple(10 + rng.normal(size=2)), 1.0)
         said = [Report(source="r1", subject="robot/r2", tick=0, time=time, belief=pack(seen))]
         stale = {"robot/r2": it.aged("robot/r2", time, 1.0)}
-        return it.options(said, stale, time, {"robot/r2": Known(entropy, joint=False)})["robot/r2"][0].worth
+        return it.options(said, stale, time, {"robot/r2": Standing(entropy, joint=False)})["robot/r2"][0].worth
 
     first = Report(source="r1", subject="robot/r2", tick=0, time=0.0, belief=pack(gaussian(GRID, (10, 10), 1.0)))
     it.choose([first], 0.0, 1.0, {})
@@ -262,7 +262,7 @@ def said_of_itself(
 ) -> PackedEvidence | None:
     """The evidence that a robot sends in a tick, where its boards have it in their joint or not."""
     reports, _ = agent.tick(readings(tick, fix=(10, 10)), {})
-    known = {"robot/r1": Known(3.0, joint=joint)}
+    known = {"robot/r1": Standing(3.0, joint=joint)}
     stamped = [report.model_copy(update={"time": time}) for report in reports]
     said = it.choose(stamped, time, 1.0, known)
     return next((report.evidence for report in said.reports if report.subject == "robot/r1"), None)
@@ -345,7 +345,7 @@ def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() ->
 @pytest.mark.parametrize("entropy", [-1e12, 1e12])
 def test_an_entropy_that_no_belief_has_stops_nothing(entropy: float) -> None:
     it = budget(50.0)
-    team = {subject: Known(entropy, joint=False) for subject in SUBJECTS}
+    team = {subject: Standing(entropy, joint=False) for subject in SUBJECTS}
     belief = pack(gaussian(GRID, (5, 5), 1.0))
     for tick in range(5):
         said = [Report(source="r1", subject=s, tick=tick, time=float(tick), belief=belief) for s in SUBJECTS]

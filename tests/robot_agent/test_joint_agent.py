@@ -13,7 +13,7 @@ from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import Odometry, Readings, Report, Sighting
-from robot_agent.agent import Agreed
+from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.agent import JointAgent
 from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, seen
@@ -31,10 +31,10 @@ def state(x: float, y: float, sigma: float = 0.2) -> Moments:
     return Moments(mean, np.diag([sigma**2, sigma**2, *[1e-6] * (STATES - 2)]))
 
 
-def agreed(until: float, x: float, y: float) -> dict[str, Agreed]:
+def agreed(until: float, x: float, y: float) -> dict[str, TeamBelief]:
     """The team says that after the readings stamped `until` (s) the robot was at (x, y)."""
     ancestors = {"r1": until, "r2": until}
-    return {"robot/r1": Agreed(0, until, gaussian(GRID, (x, y), 0.5), ancestors, state(x, y))}
+    return {"robot/r1": TeamBelief(0, until, gaussian(GRID, (x, y), 0.5), ancestors, state(x, y))}
 
 
 def mean(report: Report) -> np.ndarray:
