@@ -29,7 +29,8 @@ class Participants:
 
     def has_robot(self, robot: str, sub_team: str) -> bool:
         """Whether a robot holds a token in a sub-team, or the world names it there."""
-        return robot in self.roster.robots.get(sub_team, []) or robot in self._named().get(sub_team, [])
+        named = self.clock.named or {}
+        return robot in self.roster.robots.get(sub_team, []) or robot in named.get(sub_team, [])
 
     def has_board(self, sub_team: str, board: str) -> bool:
         """Whether a board holds a token in a sub-team."""
@@ -70,39 +71,41 @@ class Participants:
             self._follows = {(s, b): it for (s, b), it in self._follows.items() if b in self.roster.boards.get(s, [])}
         self._follows[sub_team, board] = follows
 
+    def note_members(self) -> None:
+        """Remember of each robot that is there in which sub-teams it is."""
+        robots = self.roster.robots if self.clock.named is None else self.clock.named
+        found: dict[str, tuple[str, ...]] = {}
+        for sub_team, here in robots.items():
+            for robot in here:
+                found[robot] = (*found.get(robot, ()), sub_team)
+        gone = [robot for robot in self._members if robot not in found]
+        kept = gone[max(0, len(gone) + len(found) - MAX_ROBOTS) :]
+        self._members = {**{robot: self._members[robot] for robot in kept}, **found}
+
     def counts(self, robot: str) -> bool:
         """Whether a robot's evidence counts in the exchange through this sub-team.
 
         It does through the first, by name, of its sub-teams that have a board. One that is no longer there counts where it did.
         """
-        lockstep = self.clock.pace is Pace.LOCKSTEP
-        named = self._named() if lockstep else self.roster.robots
-        found = tuple(sub_team for sub_team, robots in named.items() if robot in robots)
-        members = found or self._members.pop(robot, ())
-        if members:
-            self._members[robot] = members
-            if len(self._members) > MAX_ROBOTS:
-                del self._members[next(iter(self._members))]
-        boards = named if lockstep else self.roster.boards
-        homes = [sub_team for sub_team in members if sub_team in boards]
+        boards = self.roster.boards if self.clock.named is None else self.clock.named
+        homes = [sub_team for sub_team in self._members.get(robot, ()) if sub_team in boards]
         return self.sub_team == min(homes, default=self.sub_team)
 
     def robots(self) -> list[str]:
         """The robots of the sub-team that are waited for."""
-        if self.clock.pace is not Pace.LOCKSTEP:
+        named = self.clock.named
+        if named is None:
             return [robot for robot in self.roster.robots.get(self.sub_team, []) if robot in self._heard]
-        tokens = {
-            robot: keys.MEMBER.key(team=self.team, sub_team=self.sub_team, robot=robot)
-            for robot in self._named().get(self.sub_team, [])
-        }
-        return [robot for robot, token in tokens.items() if not self.roster.has_gone(token)]
+        place = {"team": self.team, "sub_team": self.sub_team}
+        here = named.get(self.sub_team, [])
+        return [robot for robot in here if not self.roster.has_gone(keys.MEMBER.key(**place, robot=robot))]
 
     def boards(self) -> list[tuple[str, str]] | None:
         """The boards of the other sub-teams that are waited for, as (sub-team, board); None while a token is still to come.
 
         Boards that follow, or have said nothing yet, are waited for only where no other one is left: one of them will lead.
         """
-        named = self._named() if self.clock.pace is Pace.LOCKSTEP else self.roster.boards
+        named = self.roster.boards if self.clock.named is None else self.clock.named
         others = [sub_team for sub_team in named if sub_team != self.sub_team]
         if any(self._is_expected(sub_team) for sub_team in others):
             return None
@@ -113,11 +116,7 @@ class Participants:
         heard = [board for board in boards if (sub_team, board) in self._follows] or boards
         return [board for board in heard if not self._follows.get((sub_team, board))] or heard
 
-    def _named(self) -> dict[str, list[str]]:
-        """Sub-team -> robots, as the world's Clock names them; empty outside lockstep."""
-        return self.clock.followed.robots if self.clock.followed is not None else {}
-
     def _is_expected(self, sub_team: str) -> bool:
         """Whether the world names a sub-team of which no board was ever seen: the token of its board is on its way."""
         seen = sub_team in self.roster.boards or self.roster.has_lost_boards(sub_team)
-        return self.clock.pace is Pace.LOCKSTEP and sub_team in self._named() and not seen
+        return sub_team in (self.clock.named or {}) and not seen

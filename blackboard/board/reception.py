@@ -32,6 +32,14 @@ class Reception:
         self.board, self.handover = board, handover
         self._reports: RollCall[str] = RollCall()  # of the sub-team's robots
         self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
+        #: robots of other sub-teams, for which a board does not wait -> a speed that counts once its team time (s) is over
+        self._speeds: dict[str, tuple[float, float]] = {}
+
+    def begin_tick(self, now: float) -> None:
+        """A tick begins: what robots elsewhere said in earlier ones counts from now on, in whichever order it came."""
+        begun = self.clock.time(now)
+        for robot in [robot for robot, (time, _) in self._speeds.items() if time < begun]:
+            self.board.ageing.learn_speed(robot, self._speeds.pop(robot)[1])
 
     def take(self, parts: dict[str, str], message: Message, now: float) -> bool:
         """Take a message of a robot or of another board. True: its sender should hear of this board at once. Refused, TooEarly."""
@@ -131,12 +139,22 @@ class Reception:
         if lists:
             self.participants.check_robot(robot)
         if lists or self.participants.has_robot(robot, sub_team):
-            if status.speed is not None:
-                self.board.ageing.learn_speed(robot, status.speed)
+            self._learn_speed(status, mine or self.clock.named is None, self.clock.time(now))
             self.clocks.hear(robot, status, now)
         if lists:
             self._reports.record_list(robot, status.tick, status.subjects)
             self.board.withdraw(robot, status.tick, {*status.subjects, *status.kept})
+
+    def _learn_speed(self, status: Status, at_once: bool, begun: float) -> None:
+        """Take the speed of a robot's tick: at once, or where that tick is not older than the one that has begun, once it is."""
+        robot, speed = status.process, status.speed
+        if speed is not None and (at_once or status.time < begun):
+            self.board.ageing.learn_speed(robot, speed)
+        elif speed is not None:
+            time, earlier = self._speeds.get(robot, (status.time, speed))
+            if time < status.time:
+                self.board.ageing.learn_speed(robot, earlier)
+            self._speeds[robot] = status.time, speed
 
     def _on_twin(self, status: Status, now: float) -> bool:
         """Another board of this sub-team says whether it leads, and what it has published."""

@@ -183,6 +183,7 @@ class BoardService:
             self.lead.since = self.clock.time(now)
         self.counters["skipped"] += self.rounds.phase != "settled"
         self.rounds.enter("reports", now)
+        self.reception.begin_tick(now)
         self.publisher.begin_tick()
 
     def _advance(self, now: float, moment: str) -> list[Envelope]:
@@ -221,6 +222,7 @@ class BoardService:
         found = list[Consensus]()
         with survive(f"the {level} of a tick"):
             if level == "consensus":
+                self.participants.note_members()
                 found = self.board.settle(tick, time, self.participants.counts)
             else:
                 found = self.board.exchange(tick, time, self.participants.robots())

@@ -16,6 +16,7 @@ a false one has stopped.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -123,6 +124,11 @@ class TeamClock:
         if self.followed is not None:
             return Pace(self.followed.mode)
         return Pace.FREE if self.state is State.FREE else Pace.WAITING
+
+    @property
+    def named(self) -> Mapping[str, list[str]] | None:
+        """Sub-team -> the robots that take part, as the Clock names them in lockstep; None at any other pace."""
+        return self.followed.robots if self.followed is not None and self.pace is Pace.LOCKSTEP else None
 
     @property
     def run(self) -> str:

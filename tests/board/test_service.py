@@ -8,7 +8,7 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Status
+from blackboard.wire.messages import Clock, Consensus, Report, Status
 from tests.board.desk import (
     ANOTHER_WORLD,
     WORLD,
@@ -62,6 +62,33 @@ def test_a_board_that_is_asked_tells_what_it_lacks_and_repeats_only_what_it_is_a
     (told,) = asked(asked=[me])
     assert decode(Status, told.payload).lacks == []
     assert asked(again=[me]) == said
+
+
+def test_when_the_speed_of_a_robot_elsewhere_arrives_changes_no_bit() -> None:
+    """A board does not wait for robots of other sub-teams, so what they say in a tick counts from the next one on."""
+    found = []
+    for order in (1, -1):
+        desk = Desk(patience=2.0)
+        seen = decode(Report, report("r1", 0).payload).model_copy(update={"subject": "robot/r4"})
+        key = keys.REPORT.key(team="t", sub_team="a", source="r1", subject="robot/r4")
+        desk.tell(clock(0, "r1", b=["r4"]), Envelope(key, encode(seen)), reported("r1", 0, "robot/r4"))
+        for tick in (1, 2):
+            desk.wait(2.5)
+            said = [
+                ("r1", "a", {"phase": "reported", "kept": ["robot/r4"]}),
+                ("r4", "b", {"phase": "reported", "speed": 3.0 * tick}),
+            ]
+            statuses = [
+                Envelope(
+                    keys.STATUS.key(team="t", sub_team=sub_team, process=robot),
+                    encode(Status(process=robot, kind="robot", tick=tick, time=0.2 * tick, **fields)),
+                )
+                for robot, sub_team, fields in said[::order]
+            ]
+            told = desk.tell(clock(tick, "r1", b=["r4"]), *statuses)
+            found.append([it.payload for it in told if "/consensus/robot/r4" in it.key])
+    assert found[:2] == found[2:]
+    assert found[0] != found[1]
 
 
 def test_a_dead_robot_is_not_waited_for() -> None:
