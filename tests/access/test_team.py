@@ -16,7 +16,7 @@ from blackboard.run.flags import TeamFlags
 from blackboard.run.launch import process_table
 from tests.commands import blackboard, call
 
-SHORT = ("demo", "--robots", "3", "--seconds", "4", "--json")
+SHORT = ("demo", "--robots", "3", "--seconds", "2", "--json")
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_with_keys_the_hash_of_an_undisturbed_demo_is_the_same_and_nobody_is_den
     run = blackboard(*SHORT, "--keys", str(directory))
     secure = json.loads(run.stdout)
     # in one process, which has the hash of the processes without keys (tests/system/test_demo.py)
-    plain = Team(TeamFlags(robots=3).apply(load("demo")).changed("time", seconds=4.0)).run()
+    plain = Team(TeamFlags(robots=3).apply(load("demo")).changed("time", seconds=2.0)).run()
     assert secure["hash"] == plain["hash"]
     assert secure["messages"]["refused"] == plain["messages"]["refused"] == {}
     assert "denied" not in run.stdout + run.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import msgpack
@@ -69,6 +70,7 @@ class Attack:
         return self.team.world.referee.hash
 
 
+@cache
 def calm(scenario: Scenario = SCENARIO) -> str:
     """The hash of the undisturbed run."""
     team = Team(scenario)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import pytest
@@ -169,7 +168,7 @@ def test_nobody_ends_and_the_run_goes_on(fusion: str, name: str) -> None:
     ATTACKS[name](attack)
     attack.goes_on()
     if name in HARMLESS:
-        assert attack.hash == undisturbed(fusion)
+        assert attack.hash == calm(SCENARIOS[fusion])
 
 
 @pytest.mark.parametrize(
@@ -187,12 +186,7 @@ def test_a_message_that_is_lost_once_is_asked_for_again_and_changes_not_a_bit(ke
     attack.team.bus.lose = lose
     attack.goes_on()
     assert left <= 0
-    assert attack.hash == undisturbed("opinions")
-
-
-@cache
-def undisturbed(fusion: str) -> str:
-    return calm(SCENARIOS[fusion])
+    assert attack.hash == calm()
 
 
 def test_readings_of_another_run_or_far_ahead_are_believed_with_the_second_ones() -> None:

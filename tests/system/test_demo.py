@@ -22,16 +22,16 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Pat
     pytest.importorskip("matplotlib", reason="needs the extra `plot`")
     table, folder = tmp_path / "run.jsonl", tmp_path / "pictures"
     more = ((), ("--table", str(table), "--plot", str(folder)))
-    runs = [blackboard("demo", "--robots", "3", "--seconds", "2", "--seed", "7", "--json", *flags) for flags in more]
+    runs = [blackboard("demo", "--robots", "2", "--seconds", "2", "--seed", "7", "--json", *flags) for flags in more]
     first, second = (json.loads(run.stdout) for run in runs)
     assert first["hash"] == second["hash"]
     assert first["ticks"] == 10
-    assert first["scores"]["robots"]["agreed"]["n"] == 3 * 10
+    assert first["scores"]["robots"]["agreed"]["n"] == 2 * 10
     assert first["messages"]["refused"] == {}
     assert {run.returncode for run in runs} <= {0, 1}
     assert (runs[0].returncode == 0) == (first["verdict"] == "PASS")
     in_one_process = Team(
-        TeamFlags(robots=3).apply(load("demo")).changed("world", seed=7).changed("time", seconds=2.0)
+        TeamFlags(robots=2).apply(load("demo")).changed("world", seed=7).changed("time", seconds=2.0)
     ).run()
     assert in_one_process["hash"] == first["hash"]
     assert in_one_process["scores"] == first["scores"]
