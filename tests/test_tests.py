@@ -12,8 +12,6 @@ SETTERS = ("setattr", "getattr", "delattr", "hasattr")
 
 #: Whose tests still look at something private; it is to become empty.
 PRIVATE = {"tests/board/test_learning.py", "tests/opinion/gaussian/test_coalitions.py"}
-#: Whose helpers are still in a module with tests; it is to become empty.
-MIXED = {"tests/test_package.py"}
 
 
 def is_private(name: str) -> bool:
@@ -51,7 +49,7 @@ def found(what: Callable[[ast.AST], Iterator[str]]) -> dict[str, list[str]]:
 
 
 def test_nobody_imports_from_a_module_with_tests() -> None:
-    assert {path: names for path, names in found(borrowed).items() if path not in MIXED} == {}
+    assert found(borrowed) == {}
 
 
 def test_nothing_private_of_the_product_is_looked_at() -> None:
