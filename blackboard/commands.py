@@ -64,9 +64,9 @@ def scenario(section: Literal["team", "grid", "time", "board", "robot", "world",
     from typing import get_args
 
     from blackboard import config, faults
+    from blackboard.config.world import WorldSection
     from blackboard.run import reference
     from robot_agent.config import RobotSection
-    from sim_world.scenario import WorldSection
 
     sections: dict[str, type[config.Section]] = {
         "team": config.TeamSection,
@@ -101,12 +101,12 @@ def serve(
     board
         Name of the board [default: board-SUB_TEAM].
     """
+    from blackboard.board.service import board_of
     from blackboard.tape.journal import Journaled
-    from blackboard.tape.replay import board_service
 
     chosen, name = which.chosen(), board or f"board-{sub_team}"
     which.check_member(chosen, name, [sub_team])
-    service = board_service(chosen, sub_team, name)
+    service = board_of(chosen, sub_team, name)
     door.serve(Journaled(service, team=service.team, sub_team=sub_team, board=name), name, flags)
     return 0
 
@@ -177,10 +177,9 @@ def _check(scenario: Scenario) -> None:
 
     Here is also told what only two sections together show; a process that is started alone takes it.
     """
+    from blackboard.config.world import check_world
     from blackboard.faults import faults_of
     from robot_agent.config import RobotSection
-    from sim_world.mrclam.files import recording_folder
-    from sim_world.scenario import WorldSection, check_lost, unknown_objects
 
     _ = scenario.grid, scenario.time
     robot = scenario.section("robot", RobotSection)
@@ -191,11 +190,6 @@ def _check(scenario: Scenario) -> None:
         )
     if not scenario.team.robots:
         raise UserError(f"{scenario.where}: team.sub_teams: no robot in any sub-team; name one at least")
-    world = scenario.section("world", WorldSection)
-    if world.kind == "mrclam":
-        recording_folder(world.dir)
-    else:
-        check_lost(scenario, world)
-        for warning in unknown_objects(scenario, world):
-            log.warning(warning)
+    for warning in check_world(scenario):
+        log.warning(warning)
     faults_of(scenario)

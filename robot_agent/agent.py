@@ -117,7 +117,7 @@ class Agent:
             self._fold(agreed)
         self.firsthand = self.firsthand.advance(readings)
         self.informed = self.firsthand if self._is_alone() else self.informed.advance(readings, self.mates)
-        first = beliefs(self.firsthand)
+        first = self.firsthand.beliefs()
         packed = {subject: pack(belief, self.settings.coding) for subject, belief in sorted(first.items())}
         informed = self._informed(first)
         reports = [self._report(readings, subject, own, informed.get(subject)) for subject, own in packed.items()]
@@ -193,7 +193,7 @@ class Agent:
             return {}
         return {
             subject: pack(belief, self.settings.coding)
-            for subject, belief in beliefs(self.informed).items()
+            for subject, belief in self.informed.beliefs().items()
             if subject == self.subject
             or (subject in first and entropy(belief.p) < entropy(first[subject].p) - LEAST_GAIN)
         }
@@ -209,8 +209,3 @@ class Agent:
             ancestors={self.robot: readings.time},
             informed=None if informed is None else Informed(belief=informed, ancestors=ancestors),
         )
-
-
-def beliefs(estimator: Estimator) -> dict[str, Belief]:
-    """All that an estimator believes about somebody's place on the team's grid, by subject."""
-    return {f"robot/{estimator.robot}": estimator.localizer.marginal(), **estimator.objects, **estimator.seen}

@@ -92,6 +92,10 @@ class Estimator:
         )
         return after._update_with_mates(readings, moved, mates or {})._track(readings, moved)
 
+    def beliefs(self) -> dict[str, Belief]:
+        """All that is believed about somebody's place on the team's grid, by subject."""
+        return {f"robot/{self.robot}": self.localizer.marginal(), **self.objects, **self.seen}
+
     def folded(self, agreed: Belief, reported: Belief | None, ancestors: Mapping[str, float]) -> Estimator:
         """Fold the team's agreed belief about this robot back; `reported` is what the robot reported, None if nothing.
 

@@ -8,7 +8,20 @@ from typing import Any
 from blackboard.config import Scenario
 from blackboard.faults import faults_of, is_of_sensors
 from robot_agent.config import RobotSection
+from robot_agent.estimator import Estimator
+from robot_agent.gaussian.filter import FirstHand
+from robot_agent.gaussian.sensors import sensors_of
 from robot_agent.service import AgentService
+
+
+def estimator_of(scenario: Scenario, robot: str) -> Estimator:
+    """The beliefs on grids of a robot that has no reading yet. UserError: a mistake in the scenario."""
+    return Estimator.begin(scenario.section("robot", RobotSection), scenario.grid, robot)
+
+
+def first_hand_of(scenario: Scenario, robot: str) -> FirstHand:
+    """The Gaussian filter of a robot that has no reading yet. UserError: a mistake in the scenario."""
+    return FirstHand(f"robot/{robot}", sensors_of(scenario.section("robot", RobotSection)))
 
 
 def robot_of(scenario: Scenario, robot: str, *, sub_teams: Sequence[str] | None = None) -> AgentService:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from blackboard.faults import faulty_robots
 from blackboard.judge.card import scorecard, text
-from blackboard.judge.referee import Referee
 from blackboard.judge.samples import series_file
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags, RecordingFlags, RunFlags
-from sim_world.scenario import WorldSection
-from sim_world.service import WorldService
-from sim_world.sources import open_sensor_source
+from sim_world.service import world_of
 
 app = door.new_app("sim-world", "Simulate a robot team, or replay a recorded one, and judge what it believes.")
 
@@ -31,12 +27,8 @@ def sim_world(
     scenario
         A scenario file (TOML or JSON), or the name of one that comes with the package [default: demo, or mrclam].
     """
-    chosen = run.apply(recording.scenario(scenario))
-    settings = chosen.section("world", WorldSection)
     with series_file(run.table) as record:
-        sensors = open_sensor_source(chosen)
-        referee = Referee(chosen.grid, settings.check, sensors.robots, record, faulty=faulty_robots(chosen))
-        service = WorldService(chosen, sensors, referee)
+        service = world_of(run.apply(recording.scenario(scenario)), record)
         door.serve(service, "world", flags)
     card = scorecard(service.result())
     output.show(card, text)

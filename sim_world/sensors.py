@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
+from blackboard.config.world import OdometrySection, VisionSection
 from blackboard.wire.messages import Fix, Odometry, Sighting
-from sim_world.scenario import OdometrySection, VisionSection
 
 # The distances of (VI-.1), in cells: the printed sigma is 0 at the best view, and nothing is seen outside NEAR..FAR.
 BEST_VIEW = 7.5

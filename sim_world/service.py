@@ -11,9 +11,12 @@ from collections import Counter
 from collections.abc import Sequence
 
 from blackboard.config import Scenario
+from blackboard.config.world import WorldSection
+from blackboard.faults import faulty_robots
 from blackboard.judge.card import RunResult
 from blackboard.judge.instant import PHASES, Instant, who_saw_landmarks
 from blackboard.judge.referee import Referee
+from blackboard.judge.samples import Keep
 from blackboard.judge.traffic import Traffic
 from blackboard.process.intake import Intake
 from blackboard.process.roster import Roster
@@ -25,13 +28,21 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Solo, Status
 from blackboard.wire.types import MAX_OPINIONS, Message
 from sim_world.members import Members, who
-from sim_world.scenario import WorldSection
 from sim_world.sensor_source import SensorSource
+from sim_world.sources import open_sensor_source
 
 log = logging.getLogger(__name__)
 
 LONGEST = 5  # times that the wait until asking again is doubled
 SHOWN_TICKS = 1000  # a run without end logs its progress ten times in so many ticks
+
+
+def world_of(scenario: Scenario, record: Keep | None = None) -> WorldService:
+    """The world of a scenario with its referee; `record` is given every sample that counts. UserError: a mistake in the scenario."""
+    sensors = open_sensor_source(scenario)
+    check = scenario.section("world", WorldSection).check
+    referee = Referee(scenario.grid, check, sensors.robots, record, faulty=faulty_robots(scenario))
+    return WorldService(scenario, sensors, referee)
 
 
 class WorldService:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.config.world import WorldSection
 from blackboard.faults import faults_of, is_of_sensors
 from sim_world.faults import Faulted
 from sim_world.mrclam.files import read_recording
 from sim_world.mrclam.replay import Replay
-from sim_world.scenario import WorldSection
 from sim_world.sensor_source import SensorSource
 from sim_world.world import Streams, World
 
@@ -26,6 +26,12 @@ def open_sensor_source(scenario: Scenario, streams: Streams | None = None) -> Se
     """
     source, faults = _sound_source(scenario, streams), [fault for fault in faults_of(scenario) if is_of_sensors(fault)]
     return Faulted(source, faults) if faults else source
+
+
+def replayed_from(scenario: Scenario) -> float | None:
+    """When the replay of a scenario begins, Unix seconds; None where the world is simulated. UserError: as of `open_sensor_source`."""
+    source = _sound_source(scenario, None)
+    return source.start if isinstance(source, Replay) else None
 
 
 def _sound_source(scenario: Scenario, streams: Streams | None) -> SensorSource:

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from blackboard.config.world import ObjectSection, WorldSection
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Readings, Truth
-from sim_world.scenario import ObjectSection, WorldSection
 from sim_world.sensors import Odometer, see, wrap
 
 Streams = Callable[[str], np.random.Generator]  # name of a stream -> its generator, at its beginning

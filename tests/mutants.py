@@ -71,7 +71,6 @@ CHANGES = {
 LEFT_OUT = (
     "blackboard/opinion/laws.py",
     "robot_agent/config.py",
-    "sim_world/scenario.py",
     "blackboard/process/clock.py",
     "blackboard/process/loop.py",
 )

@@ -70,7 +70,12 @@ ROOMS = (
         "errors opinion pydantic msgpack@raw",
     ),
     Room("tables", "scenario files as tables, not yet looked at", "errors"),
-    Room("config", "the sections of a scenario that several processes read", "errors opinion wire tables pydantic"),
+    Room("config", "scenarios, and the sections that every process may read", "errors opinion wire tables pydantic"),
+    Room(
+        "config.world config.protocols",
+        "the [world] section: what is true, and what is asked for a PASS; protocols of a recording",
+        "errors config wire pydantic",
+    ),
     Room("faults", "what is wrong with some robots of a scenario", "errors config wire pydantic"),
     Room(
         "process",
@@ -88,9 +93,9 @@ ROOMS = (
     ),
     Room(
         "judge",
-        "what is scored (pure): instant, traffic, attendance, the check, referee, sums (tally, distances, calibration), "
+        "what is scored (pure): instant, traffic, attendance, referee, sums (tally, distances, calibration), "
         "intervals, causes, the card, samples and their files, paired",
-        "shared pydantic@check",
+        "shared config.world",
         "pyarrow@files",
     ),
     Room(
@@ -139,15 +144,15 @@ ROOMS = (
     Room("robot_agent.__main__", "`robot-agent`", "shared robot_agent run cyclopts"),
     Room(
         "sim_world",
-        "world, sensors, sources, mrclam/ (recordings), members, faults (all pure), service, scenario, scenarios/*.toml",
-        "shared judge pydantic@scenario",
+        "world, sensors, sources, mrclam/ (recordings), members, faults (all pure), service, scenarios/*.toml",
+        "shared config.world judge",
     ),
     Room("sim_world.__main__", "`sim-world`", "shared judge sim_world run"),
     Room("client.__main__", "`blackboard share`", "shared client net run process.clock process.loop cyclopts"),
     Room(
         "tape",
         "a board's journal, recorder, tapes as files, replay, what if, judge, table, player",
-        "shared judge board@replay,whatif net.bus mcap@file zstandard@file",
+        "shared config.world@judge judge board@replay,whatif net.bus mcap@file zstandard@file",
     ),
     Room(
         "tape.__main__", "`blackboard record | replay | tape`", "shared judge tape net.bus run process.clock cyclopts"
@@ -186,7 +191,7 @@ ROOMS = (
     Room(
         "lab",
         "rules compared, parameters chosen, figures, the bound, score, sweep; team: all services of a scenario in one process",
-        "shared judge board@streams,team net.bus@team run@parallel,sweep,sweep_plan process.clock@parallel",
+        "shared config.world@ideal,team_cases judge board@streams,team net.bus@team run@parallel,sweep,sweep_plan process.clock@parallel",
     ),
     Room(
         "lab.drawing lab.bench_drawing lab.run_drawing lab.sweep_drawing",
@@ -196,7 +201,7 @@ ROOMS = (
     Room(
         "lab.__main__ lab.score",
         "`blackboard lab | tune | figures | sweep | score`",
-        "shared judge lab run cyclopts",
+        "shared config.world@score judge lab run cyclopts",
         "lab.drawing",
     ),
     Room("chaos", "a team of processes under network trouble, by proxies; the soak", "shared judge net@team run@team"),
@@ -205,42 +210,23 @@ ROOMS = (
         "commands",
         "`blackboard demo | up | serve | router | scenario`",
         "shared run cyclopts",
-        "judge tape lab.drawing",
+        "config.world board judge tape lab.drawing",
     ),
     Room("__main__", "`blackboard`: all commands by name, each loaded when it is asked for", "run"),
 )
 
 #: What a room may not import, and one module does, to run a whole team in one process: module -> module.
 EXCEPTIONS = {
-    ("blackboard.commands", "robot_agent.config"),
-    ("blackboard.commands", "sim_world.mrclam.files"),
-    ("blackboard.commands", "sim_world.scenario"),
-    ("blackboard.lab.ideal", "robot_agent.config"),
-    ("blackboard.lab.ideal", "robot_agent.estimator"),
-    ("blackboard.lab.ideal", "robot_agent.gaussian.absolute"),
-    ("blackboard.lab.ideal", "robot_agent.gaussian.sensors"),
-    ("blackboard.lab.ideal", "robot_agent.sensing"),
-    ("blackboard.lab.ideal", "sim_world.scenario"),
+    ("blackboard.commands", "robot_agent.config"),  # every section is validated before anything starts
+    ("blackboard.lab.ideal", "robot_agent.gaussian.ideal"),
     ("blackboard.lab.ideal", "sim_world.sensors"),
     ("blackboard.lab.ideal", "sim_world.sources"),
-    ("blackboard.lab.score", "sim_world.mrclam.protocols"),
-    ("blackboard.lab.score", "sim_world.scenario"),
-    ("blackboard.lab.team", "robot_agent.service"),
     ("blackboard.lab.team", "robot_agent.team"),
-    ("blackboard.lab.team", "sim_world.scenario"),
     ("blackboard.lab.team", "sim_world.service"),
-    ("blackboard.lab.team", "sim_world.sources"),
-    ("blackboard.lab.team_cases", "robot_agent.agent"),
-    ("blackboard.lab.team_cases", "robot_agent.config"),
-    ("blackboard.lab.team_cases", "robot_agent.estimator"),
-    ("blackboard.lab.team_cases", "sim_world.mrclam.replay"),
-    ("blackboard.lab.team_cases", "sim_world.scenario"),
+    ("blackboard.lab.team_cases", "robot_agent.team"),
     ("blackboard.lab.team_cases", "sim_world.sources"),
-    ("blackboard.lab.team_joint", "robot_agent.config"),
-    ("blackboard.lab.team_joint", "robot_agent.gaussian.filter"),
-    ("blackboard.lab.team_joint", "robot_agent.gaussian.sensors"),
+    ("blackboard.lab.team_joint", "robot_agent.team"),
     ("blackboard.lab.team_joint", "sim_world.sources"),
-    ("blackboard.tape.judge", "sim_world.scenario"),
 }
 
 

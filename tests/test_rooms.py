@@ -22,6 +22,14 @@ def test_nothing_breaks_the_list() -> None:
     assert broken() == []
 
 
+def test_exceptions_are_few_and_only_between_a_team_and_its_parts() -> None:
+    assert len(rooms.EXCEPTIONS) <= 10
+    assert {(one.split(".")[0], other.split(".")[0]) for one, other in rooms.EXCEPTIONS} == {
+        ("blackboard", "robot_agent"),
+        ("blackboard", "sim_world"),
+    }
+
+
 def test_every_room_has_modules() -> None:
     assert [name for room in ROOMS for name in room.names if not any(room_of(it) is room for it in modules())] == []
 

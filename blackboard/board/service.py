@@ -18,7 +18,7 @@ from blackboard.board.lead import Lead, Part, Said
 from blackboard.board.participants import Participants
 from blackboard.board.publisher import Publisher
 from blackboard.board.reception import Reception
-from blackboard.config import BoardSection
+from blackboard.config import BoardSection, Scenario
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake
 from blackboard.process.roster import Roster
@@ -35,6 +35,17 @@ from blackboard.wire.types import Message
 log = logging.getLogger(__name__)
 
 SILENT = 1.0  # seconds beyond its patience with both phases of a tick after which a leader that publishes nothing is given up
+
+
+def board_of(scenario: Scenario, sub_team: str, board: str | None = None) -> BoardService:
+    """The board of a sub-team as a scenario asks for it, under the name that `blackboard up` gives to its first one."""
+    return BoardService(
+        team=scenario.team.name,
+        sub_team=sub_team,
+        board=board or f"board-{sub_team}",
+        grid=scenario.grid,
+        settings=scenario.board,
+    )
 
 
 class BoardService:

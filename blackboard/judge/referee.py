@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from blackboard.config.world import CheckSection
 from blackboard.errors import Refused
 from blackboard.judge.attendance import Attendance
 from blackboard.judge.calibration import Calibration, claimed_error, word
 from blackboard.judge.causes import likely_causes
-from blackboard.judge.check import CheckSection
 from blackboard.judge.instant import Instant
 from blackboard.judge.samples import AREA_OF, GROUPS, LEVELS, Keep, Sample, sample_of
 from blackboard.judge.tally import Tally

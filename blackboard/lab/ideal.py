@@ -1,162 +1,30 @@
-"""The bound of a team: one joint Gaussian of all robots and objects, fed directly with the readings of all robots. Pure.
+"""The bound of a team: what one filter on the readings of all robots believes (`robot_agent.gaussian.ideal`).
 
-No report, no increment and no board is in between, so nothing is forgotten and nothing is counted twice. In a simulated world
-the filter is told the world's own noise: only what a Gaussian cannot say (the walls, the sighting's sigma that depends on the
-true distance) is left to approximate. On a recording, whose noise nobody knows, it is the centralised extended Kalman filter
-with the sensors that the robots are configured with.
+In a simulated world the filter is told the world's own noise: only what a Gaussian cannot say (the walls, the sighting's sigma that
+depends on the true distance) is left to approximate. On a recording, whose noise nobody knows, it is the centralised extended Kalman
+filter with the sensors that the robots are configured with.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection
 
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.config.world import WorldSection
 from blackboard.opinion.belief import Belief, uniform
-from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.drawing import draw
-from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive, entering
-from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Odometry, Readings
-from robot_agent.config import RobotSection
-from robot_agent.estimator import newest
-from robot_agent.gaussian.absolute import starting_pose, take_absolute
-from robot_agent.gaussian.sensors import Sensors, sensors_of, simulated
-from robot_agent.sensing import NODES
-from sim_world.scenario import WorldSection
+from robot_agent.gaussian.ideal import Ideal, of_noise, of_team
 from sim_world.sensors import FAR, NEAR, vision_sigma
 from sim_world.sources import open_sensor_source
 
-DISTANCES = np.linspace(
-    NEAR + 0.01, FAR - 0.01, 121
-)  # unit: where the filter samples the world's sigma of a sighting (VI-.1)
+#: In units: where the filter samples the world's sigma of a sighting (VI-.1).
+DISTANCES = np.linspace(NEAR + 0.01, FAR - 0.01, 121)
 
 #: A subject at a time (seconds, rounded to milliseconds): what beliefs are asked for and found by.
 Asked = tuple[float, str]
-
-
-@dataclass
-class Ideal:
-    """Mutable; `step` once per tick. Robots and objects are named as subjects: `robot/r1`, `object/ball`."""
-
-    sensors: Sensors  # of every robot
-    drifts: Mapping[str, float]  # object -> its random walk, unit / sqrt(s)
-    drift: float = 0.0  # of the other objects
-    gate: float = math.inf  # squared Mahalanobis distance beyond which a sighting is not taken
-    turns_first: bool = (
-        True  # the simulated world turns, then goes straight; else a robot goes along the chord of its turn
-    )
-    joint: Joint = field(default_factory=Joint)
-    _before: dict[str, Odometry] = field(default_factory=dict)  # robot -> the odometry of the tick before
-    #: robot -> first landmark of a group -> its place
-    _groups: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
-
-    def step(self, dt: float, readings: Sequence[Readings]) -> None:
-        """Take the readings of all robots of a tick of `dt` seconds: motions, then fixes and compasses, then what was seen."""
-        sightings = self._sightings(readings)
-        motions = {f"robot/{r.robot}": self._move(f"robot/{r.robot}", r.odometry) for r in readings}
-        forget_biases(self.joint, dt)
-        for block in self.joint.blocks:
-            if isinstance(block, str) and block.startswith("object/"):
-                walk = np.eye(2) * self.drifts.get(block, self.drift) ** 2 * dt
-                self.joint.move(block, self.joint.moments(block).mean, np.eye(2), walk)
-        for one in readings:
-            self._take(f"robot/{one.robot}", one)
-        for relative, place in sightings:
-            self._see(relative, motions, place)
-
-    def belief(self, subject: str) -> Moments | None:
-        """Mean and covariance of a subject's position; None where it is not known."""
-        if subject not in self.joint:
-            return None
-        block = self.joint.moments(subject)
-        known = float(np.trace(block.covariance[AXES, AXES])) < FLAT / 2
-        return Moments(block.mean[AXES], block.covariance[AXES, AXES]) if known else None
-
-    # --- inside -------------------------------------------------------------------------------------------------------
-
-    def _move(self, robot: str, told: Odometry | None) -> Motion:
-        if told is None:
-            return Motion()
-        wheels = self.sensors.wheels
-        motion = wheels.motion(told, self._before.get(robot))
-        self._before[robot] = told
-        if robot in self.joint:
-            parts = [motion]
-            if self.turns_first:
-                turn = replace(motion, distance=0.0, along=0.0, across=0.0)
-                parts = [turn, replace(motion, turn=0.0, heading=0.0, dt=0.0, moving=0.0)]
-            for part in parts:
-                drive(self.joint, robot, part, wheels.nuisance)
-        return motion
-
-    def _take(self, robot: str, readings: Readings) -> None:
-        """The fix and the compass; a robot enters with its first heading, and a flat position if it has no fix."""
-        if robot in self.joint:
-            take_absolute(self.joint, robot, readings, self.sensors.compass)
-        elif (pose := starting_pose(readings, self.sensors.compass)) is not None:
-            self.joint.add(robot, entering(pose, self.sensors.wheels.nuisance))
-
-    def _sightings(self, readings: Sequence[Readings]) -> list[tuple[Relative, Array | None]]:
-        """What was seen in a tick, with its place where that is known: landmarks first, then mates, then objects."""
-        found, camera = [], self.sensors.camera
-        for one in readings:
-            robot, told = f"robot/{one.robot}", one.odometry
-            before = self._before.get(robot, told)
-            turned = 0.0 if told is None or before is None else max(abs(told.turn), abs(told.turn - before.turn))
-            for sighting in newest(one.sightings):
-                group, dt, place = "", 0.0 if told is None else told.dt, None
-                if sighting.landmark is not None:
-                    groups = self._groups.setdefault(robot, {})
-                    group, place = (
-                        camera.group(groups, sighting.subject, sighting.landmark),
-                        np.array(sighting.landmark),
-                    )
-                found.append((camera.relative(robot, sighting, turned, dt, group), place))
-        return sorted(found, key=lambda it: (it[1] is None, it[0].subject.startswith("object/")))
-
-    def _see(self, relative: Relative, motions: Mapping[str, Motion], place: Array | None) -> None:
-        if relative.observer not in self.joint:
-            return
-        if place is None and relative.subject not in self.joint:
-            if not relative.subject.startswith("object/"):
-                return  # a mate that has not entered, or a landmark of unknown place
-            self.joint.add(relative.subject, Moments(np.zeros(2), np.eye(2) * FLAT))
-        if relative.profile and place is None:
-            self._see_position(relative)
-            return
-        factor = linearise(self.joint, relative, motions, place)
-        if self.joint.innovation(factor).squared <= self.gate:
-            correct(self.joint, factor)
-
-    def _see_position(self, relative: Relative) -> None:
-        """A position that was seen with an isotropic error, as the simulated cameras do: 0 = subject - observer - R(heading) seen.
-
-        That is linear but for the heading, which the compass tells well. The variance depends on the true distance, so it is
-        averaged over the distances that the joint expects; the range that was seen is left out of it, as it has the error itself.
-        """
-        observer, subject = self.joint.blocks[relative.observer], self.joint.blocks[relative.subject]
-        angle = float(self.joint.mean[observer][HEADING]) + relative.bearing
-        seen = relative.range * np.array([math.cos(angle), math.sin(angle)])
-        expected = self.joint.mean[subject][AXES] - self.joint.mean[observer][AXES]
-        mine, its = np.zeros((2, STATES)), np.zeros((2, subject.stop - subject.start))
-        mine[:, AXES], its[:, AXES] = -np.eye(2), np.eye(2)
-        rows: dict[Block, Array] = {relative.observer: mine, relative.subject: its}
-        spread = self.joint.innovation(Factor(seen - expected, rows, np.zeros((2, 2)))).covariance
-        mine[:, HEADING] = seen[1], -seen[0]
-        # Where nothing is expected, the distance is the one that was seen.
-        away, spread = (seen, np.zeros((2, 2))) if np.trace(spread) > FLAT / 2 else (expected, spread)
-        distance = max(float(np.hypot(*away)), NEAR)
-        sigma = math.sqrt(float(away @ spread @ away)) / distance
-        distances, variances = np.array(relative.profile).T
-        nodes, weights = NODES
-        variance = float(weights @ np.interp(distance + sigma * nodes, distances, variances))
-        correct(self.joint, Factor(seen - expected, rows, np.eye(2) * variance))
 
 
 def ideal(scenario: Scenario) -> Ideal:
@@ -166,16 +34,14 @@ def ideal(scenario: Scenario) -> Ideal:
     """
     world = scenario.section("world", WorldSection)
     if world.kind != "simulated":
-        settings = scenario.section("robot", RobotSection)
-        return Ideal(sensors_of(settings), {}, settings.objects.drift, quantile(GATE, 2), turns_first=False)
+        return of_team(scenario)
     variances = [
         (float(d), (vision_sigma(float(d), world.vision.scale, world.vision.floor) or 0.0) ** 2) for d in DISTANCES
     ]
-    told = simulated(0.0, world.odometry.turn, world.odometry.compass, tuple(variances))
     # Each true step is speed * dt long, so its error's variance follows from that and not from the measured distance.
-    wheels = replace(told.wheels, along=world.odometry.along * math.sqrt(world.speed), standing=1.0)
+    along = world.odometry.along * math.sqrt(world.speed)
     drifts = {f"object/{name}": thing.drift for name, thing in world.objects.items()}
-    return Ideal(replace(told, wheels=wheels), drifts)
+    return of_noise(along, world.odometry.turn, world.odometry.compass, tuple(variances), drifts)
 
 
 def ideal_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked, Belief]:

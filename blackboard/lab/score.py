@@ -14,6 +14,8 @@ from types import ModuleType
 from typing import Any
 
 from blackboard.config import Scenario
+from blackboard.config.protocols import FAMILIES, PROTOCOLS
+from blackboard.config.world import WorldSection
 from blackboard.errors import UserError, extra, writing
 from blackboard.judge.files import ENDINGS, check_table, table_file
 from blackboard.judge.samples import COLUMNS, read_series
@@ -21,8 +23,6 @@ from blackboard.lab import bench
 from blackboard.run.flags import OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.launch import run_scenario
 from blackboard.run.progress import progress
-from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS
-from sim_world.scenario import WorldSection
 
 log = logging.getLogger(__name__)
 

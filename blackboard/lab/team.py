@@ -7,18 +7,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from blackboard.board.service import BoardService
+from blackboard.board.service import board_of
 from blackboard.config import Scenario
-from blackboard.faults import faulty_robots
 from blackboard.judge.card import scorecard
-from blackboard.judge.referee import Referee
 from blackboard.net.scheduler import Scheduler
 from blackboard.process.service import Service
-from robot_agent.service import AgentService
 from robot_agent.team import robot_of
-from sim_world.scenario import WorldSection
-from sim_world.service import WorldService
-from sim_world.sources import open_sensor_source
+from sim_world.service import world_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,12 +30,12 @@ class Team(Scheduler):
         super().__init__(shuffle=shuffle)
         self.scenario = scenario
         self.boards = {  # by sub-team, as `a`, and where it has several as `a2`
-            name.removeprefix("board-"): board(scenario, sub_team, name)
+            name.removeprefix("board-"): board_of(scenario, sub_team, name)
             for sub_team in scenario.team.sub_teams
             for name in scenario.team.boards_of(sub_team)
         }
-        self.robots = {name: robot(scenario, name) for name in scenario.team.robots}
-        self.world = world(scenario)
+        self.robots = {name: robot_of(scenario, name) for name in scenario.team.robots}
+        self.world = world_of(scenario)
         services: list[Service] = [*self.boards.values(), *self.robots.values(), self.world]
         for service in services:
             self.join(service)
@@ -51,28 +46,3 @@ class Team(Scheduler):
         for service in self.services:
             service.record_link_counters(self.link(service).counters)
         return scorecard(self.world.result())
-
-
-def world(scenario: Scenario) -> WorldService:
-    """The world of a scenario, with its referee."""
-    settings = scenario.section("world", WorldSection)
-    sensors = open_sensor_source(scenario)
-    return WorldService(
-        scenario, sensors, Referee(scenario.grid, settings.check, sensors.robots, faulty=faulty_robots(scenario))
-    )
-
-
-def board(scenario: Scenario, sub_team: str, name: str | None = None) -> BoardService:
-    """A board of a sub-team, under the name that `blackboard up` gives to its first one."""
-    return BoardService(
-        team=scenario.team.name,
-        sub_team=sub_team,
-        board=name or f"board-{sub_team}",
-        grid=scenario.grid,
-        settings=scenario.board,
-    )
-
-
-def robot(scenario: Scenario, name: str) -> AgentService:
-    """A robot of a scenario, in the sub-teams that the scenario puts it into."""
-    return robot_of(scenario, name)

@@ -11,6 +11,7 @@ from collections.abc import Collection
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.lab.cases import Case, Run
 from blackboard.lab.ideal import Asked
@@ -20,12 +21,8 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus
-from robot_agent.agent import beliefs
-from robot_agent.config import RobotSection
-from robot_agent.estimator import Estimator
-from sim_world.mrclam.replay import Replay
-from sim_world.scenario import WorldSection
-from sim_world.sources import open_sensor_source
+from robot_agent.team import estimator_of
+from sim_world.sources import open_sensor_source, replayed_from
 
 
 def first_hand_cases(scenario: Scenario, every: float = 1.0) -> Run:
@@ -35,8 +32,7 @@ def first_hand_cases(scenario: Scenario, every: float = 1.0) -> Run:
     too short.
     """
     world, grid, time = open_sensor_source(scenario), scenario.grid, scenario.time
-    settings = scenario.section("robot", RobotSection)
-    estimators = {robot: Estimator.begin(settings, grid, robot) for robot in scenario.team.robots}
+    estimators = {robot: estimator_of(scenario, robot) for robot in scenario.team.robots}
     stride = max(1, round(every / time.tick))
     cases: Run = []
     for tick in range(time.ticks + 1):
@@ -45,7 +41,10 @@ def first_hand_cases(scenario: Scenario, every: float = 1.0) -> Run:
             estimators[reading.robot] = estimators[reading.robot].advance(reading)
         if tick % stride or not world.judged(tick):
             continue
-        by_subject = _beliefs_by_subject(estimators)
+        by_subject: dict[str, dict[str, Belief]] = {}
+        for robot, estimator in estimators.items():
+            for subject, belief in estimator.beliefs().items():
+                by_subject.setdefault(subject, {})[robot] = belief
         for subject, position in sorted(truth.positions.items()):
             if subject in by_subject:
                 sources = tuple(sorted(by_subject[subject]))
@@ -84,16 +83,7 @@ def variant(scenario: Scenario, number: int) -> Scenario:
     """The scenario with its seed plus `number`, or with the stretch of the recording that is `number` lengths later."""
     if not number:
         return scenario
-    world = open_sensor_source(scenario)
-    if isinstance(world, Replay):
-        return scenario.changed("world", start=world.start + number * scenario.time.seconds)
+    start = replayed_from(scenario)
+    if start is not None:
+        return scenario.changed("world", start=start + number * scenario.time.seconds)
     return scenario.changed("world", seed=scenario.section("world", WorldSection).seed + number)
-
-
-def _beliefs_by_subject(estimators: dict[str, Estimator]) -> dict[str, dict[str, Belief]]:
-    """Subject -> robot -> its first-hand belief."""
-    found: dict[str, dict[str, Belief]] = {}
-    for robot, estimator in estimators.items():
-        for subject, belief in beliefs(estimator).items():
-            found.setdefault(subject, {})[robot] = belief
-    return found

@@ -13,12 +13,8 @@ from blackboard.lab.cases import Case, Run
 from blackboard.lab.comparison import DEFAULT, fused
 from blackboard.lab.team_size import TeamSizeScores, add_case, team
 from blackboard.opinion.belief import Belief
-from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
-from blackboard.wire.messages import Readings
-from robot_agent.config import RobotSection
-from robot_agent.gaussian.filter import FirstHand
-from robot_agent.gaussian.sensors import sensors_of
+from robot_agent.team import first_hand_of
 from sim_world.sources import open_sensor_source
 
 
@@ -30,15 +26,17 @@ def joint_sizes(
     The scenario is the variant that the cases come from. What a joint does not know is pooled by the default rule, as on a board.
     """
     robots, time, world = scenario.team.robots, scenario.time, open_sensor_source(scenario)
-    sensors = sensors_of(scenario.section("robot", RobotSection))
-    filters = {robot: FirstHand(f"robot/{robot}", sensors) for robot in robots}
+    filters = {robot: first_hand_of(scenario, robot) for robot in robots}
     objects = Objects(scenario.board.objects_drift, scenario.board.objects_drifts)
     sizes = {size for _, some in parts for size in some}
     joints = {team(robot, robots, size): TeamJoint(objects) for robot in robots for size in sizes}
     found = tuple(TeamSizeScores() for _ in parts)
     for tick in range(time.ticks + 1):
         truth, readings = world.advance("lab", tick)
-        evidence = {one.robot: _evidence(filters[one.robot], one) for one in readings}
+        evidence = {}
+        for one in readings:
+            own = filters[one.robot]
+            evidence[one.robot] = own.step(one).evidence(own.robot, tick, own.sensors.wheels.nuisance)
         for members, joint in joints.items():
             joint.settle(tick, time.tick if tick else 0.0, [evidence[robot] for robot in sorted(members)])
         for scores, (run, some) in zip(found, parts, strict=True):
@@ -55,10 +53,3 @@ def joint_sizes(
 
                 add_case(scores, number, case, robots, some, believed)
     return found
-
-
-def _evidence(own: FirstHand, readings: Readings) -> Evidence:
-    told, nuisance = own.step(readings), own.sensors.wheels.nuisance
-    return Evidence(
-        own.robot, told.epoch, readings.tick, told.travelled, nuisance, told.belief, told.increment, told.relatives
-    )

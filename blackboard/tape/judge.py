@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from blackboard.config import Scenario
+from blackboard.config.world import WorldSection
 from blackboard.errors import Refused
 from blackboard.faults import faulty_robots
 from blackboard.judge.card import RunResult
@@ -25,7 +26,6 @@ from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Readings, Solo, Status, Truth
-from sim_world.scenario import WorldSection
 
 JUDGED_EVERY = 1.0  # seconds: how often the referee judges a recorded team (sim_world.mrclam.replay)
 

@@ -10,8 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from blackboard.board.service import BoardService
-from blackboard.config import Scenario
+from blackboard.board.service import BoardService, board_of
 from blackboard.errors import Refused, UserError
 from blackboard.net.bus import intersects
 from blackboard.tape.content import Tape
@@ -56,20 +55,13 @@ def replay(tape: Tape, moved: Callable[[], None] = lambda: None) -> Replay:
     return found
 
 
-def board_service(scenario: Scenario, sub_team: str, board: str) -> BoardService:
-    """A board as `blackboard serve` makes it."""
-    return BoardService(
-        team=scenario.team.name, sub_team=sub_team, board=board, grid=scenario.grid, settings=scenario.board
-    )
-
-
 def is_consensus(envelope: Envelope) -> bool:
     """Whether an envelope is a consensus or an agreed belief."""
     return keys.CONSENSUS.match(envelope.key) is not None or keys.AGREED.match(envelope.key) is not None
 
 
 def _live_again(tape: Tape, life: Life, found: Replay, moved: Callable[[], None]) -> None:
-    service, output = board_service(tape.scenario, life.sub_team, life.board), found.output
+    service, output = board_of(tape.scenario, life.sub_team, life.board), found.output
     found.gaps += len(life.gaps)
     if life.first:
         found.late.append(f"{life.sub_team}/{life.board}")

@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 
-from blackboard.board.service import BoardService
+from blackboard.board.service import BoardService, board_of
 from blackboard.config import Scenario
 from blackboard.net.bus import BusLink
 from blackboard.net.scheduler import Scheduler
 from blackboard.process.service import Around
 from blackboard.process.team_clock import Pace
 from blackboard.tape.content import Tape, messages
-from blackboard.tape.replay import Output, board_service
+from blackboard.tape.replay import Output
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
@@ -121,7 +121,7 @@ class _Boards:
         board = parts.get("sub_team", ""), parts.get("board") or parts.get("process") or ""
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             if topic is keys.BOARD and envelope.kind is Kind.ALIVE and board not in self._boards:
-                self._boards[board] = _Board(board_service(self.scenario, *board), self.output)
+                self._boards[board] = _Board(board_of(self.scenario, *board), self.output)
                 self._running.join(self._boards[board])
             self._hold(envelope)
         elif topic is keys.CLOCK:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.drawing import draw
-from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
@@ -127,17 +126,7 @@ class JointAgent:
 
     def _firsthand(self, readings: Readings, told: Told) -> dict[str, Belief]:
         """The beliefs about this robot, the objects that it knows, and the mates that it sees in this tick."""
-        nuisance = self.filter.sensors.wheels.nuisance
-        evidence = Evidence(
-            self.subject,
-            told.epoch,
-            readings.tick,
-            told.travelled,
-            nuisance,
-            told.belief,
-            told.increment,
-            told.relatives,
-        )
+        evidence = told.evidence(self.subject, readings.tick, self.filter.sensors.wheels.nuisance)
         self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [evidence])
         known = {subject: self.own.marginal(subject) for subject in {self.subject, *self.own.subjects()}}
         mates = [r for r in told.relatives if r.subject.startswith("robot/") and r.subject != self.subject]

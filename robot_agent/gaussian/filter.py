@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
@@ -22,6 +23,7 @@ from blackboard.opinion.gaussian.vehicle import (
     POSE,
     STATES,
     Motion,
+    Nuisance,
     correct,
     drive,
     entering,
@@ -56,6 +58,10 @@ class Told:
     motion: Motion = field(default_factory=Motion)  # of the tick alone
     #: What was gained since the evidence that was sent last; the same as `increment` if that was a tick ago.
     unsent: Increment | None = None
+
+    def evidence(self, robot: str, tick: int, nuisance: Nuisance) -> Evidence:
+        """What a robot with this nuisance reports of the tick; `robot` is its subject."""
+        return Evidence(robot, self.epoch, tick, self.travelled, nuisance, self.belief, self.increment, self.relatives)
 
 
 @dataclass

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from blackboard.config.world import recording_folder
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Array
 
@@ -94,16 +95,6 @@ class Recording:
             names = ", ".join(f"r{number}" for number in self.tracks)
             raise UserError(f"team.sub_teams: {self.folder} has no robot {robot}; it has {names}")
         return int(found[1])
-
-
-def recording_folder(folder: str | Path | None) -> Path:
-    """The folder of a recording, not yet read. UserError: there is none."""
-    if folder is None:
-        raise UserError("world.dir: which recording is to be replayed? give its folder with --mrclam DIR")
-    path = Path(folder)
-    if not path.is_dir():
-        raise UserError(f"world.dir: no folder {path}; give the folder of a recording in MRCLAM format")
-    return path
 
 
 def read_recording(folder: str | Path | None) -> Recording:

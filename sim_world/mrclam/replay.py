@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from blackboard.config.protocols import SightingProtocol, protocol_of
+from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting, Truth
 from blackboard.wire.types import MAX_OPINIONS
 from sim_world.mrclam.files import Recording, Track
-from sim_world.mrclam.protocols import SightingProtocol, protocol_of
-from sim_world.scenario import WorldSection
 
 START_SIGMA, START_HEADING_SIGMA = 0.05, 0.03  # metres, radians: how well the start pose is known
 JUDGED_EVERY = 1.0  # seconds from one judged tick to the next

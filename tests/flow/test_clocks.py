@@ -7,15 +7,15 @@ from itertools import pairwise
 
 import pytest
 
-from blackboard.board.service import BoardService
+from blackboard.board.service import BoardService, board_of
 from blackboard.config import Scenario
-from blackboard.lab.team import board, robot
 from blackboard.net.scheduler import Scheduler
 from blackboard.process.service import Service
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Fix, Odometry, Readings, Report, Status
+from robot_agent.team import robot_of
 
 BEGIN = 1_700_000_000.0
 PERIOD = 0.2  # seconds between two readings
@@ -67,8 +67,8 @@ class Free(Scheduler):
         self.off = off
         self.route = lambda sender, receiver, envelope: (delay,)
         self.scenario = scenario
-        self.boards = {s: board(scenario, s) for s in SUB_TEAMS}
-        self.robots = {name: robot(scenario, name) for name in scenario.team.robots}
+        self.boards = {s: board_of(scenario, s) for s in SUB_TEAMS}
+        self.robots = {name: robot_of(scenario, name) for name in scenario.team.robots}
         self.sent: list[tuple[float, Envelope]] = []  # and when
         self.bus.spies.append(lambda envelope: self.sent.append((self.now, envelope)))
         named: dict[str, Service] = {**{it.name: it for it in self.boards.values()}, **self.robots}
@@ -79,7 +79,7 @@ class Free(Scheduler):
 
     def add_board(self, sub_team: str, name: str) -> BoardService:
         """One more board of a sub-team."""
-        it = board(self.scenario, sub_team, name)
+        it = board_of(self.scenario, sub_team, name)
         self.join(it, self.off.get(name, 0.0))
         return it
 

@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 import pytest
 
-from blackboard.lab.team import Team, board, robot
+from blackboard.board.service import board_of
+from blackboard.lab.team import Team
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
@@ -15,6 +16,7 @@ from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Forward
 from blackboard.wire.messages import Consensus
 from robot_agent.service import AgentService
+from robot_agent.team import robot_of
 from tests.heard import Heard
 from tests.scenarios import SCENARIO
 
@@ -98,7 +100,7 @@ def test_lost_messages_stop_nobody() -> None:
 
 def plain(name: str) -> AgentService:
     """A robot that sends beliefs only."""
-    return robot(SCENARIO, name)
+    return robot_of(SCENARIO, name)
 
 
 def test_a_robot_that_sends_beliefs_only_is_pooled_beside_the_joint() -> None:
@@ -117,7 +119,7 @@ def test_a_board_that_pools_opinions_only_is_not_waited_for() -> None:
     """As a board of the version before, which forwards nothing."""
     team = Team(JOINT)
     team.leave(team.boards["b"])
-    team.join(board(SCENARIO, "b"))
+    team.join(board_of(SCENARIO, "b"))
     _, agreed = played(team)
     assert team.boards["a"].counters["late"] == 0
     assert {c.rule for (_, subject), c in agreed.by_sub_team["a"].items() if subject == "robot/r1"} == {"joint"}
@@ -194,8 +196,8 @@ def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
     team.leave(team.robots["r1"])  # killed
     team.leave(team.boards["b"])
     wait(2)
-    team.join(robot(JOINT, "r1"))
-    team.boards["b"] = board(JOINT, "b")
+    team.join(robot_of(JOINT, "r1"))
+    team.boards["b"] = board_of(JOINT, "b")
     team.join(team.boards["b"])
     team.leave(team.robots["r2"])  # without network
     wait(3)

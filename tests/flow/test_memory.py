@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from blackboard.board.lead import Part
-from blackboard.lab.team import Team, board
+from blackboard.board.service import board_of
+from blackboard.lab.team import Team
 from blackboard.tape.content import Tape
 from blackboard.tape.judge import match, recorded
 from blackboard.tape.replay import replay
@@ -37,7 +38,7 @@ def test_a_board_that_was_restarted_is_as_its_twin() -> None:
     assert memory(team.boards["a"]) == memory(team.boards["a2"])
     team.leave(team.boards["a"])
     team.run_until(lambda: team.world.tick == 10)
-    back = team.boards["a"] = board(team.scenario, "a", "board-a")
+    back = team.boards["a"] = board_of(team.scenario, "a", "board-a")
     team.join(back)
     team.run_until(lambda: team.world.tick == 15)
     assert back.lead.part is Part.FOLLOWS

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from blackboard.board.service import board_of
 from blackboard.config import Scenario
-from blackboard.lab.team import Team, board
+from blackboard.lab.team import Team
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.raw import MAX_BYTES
@@ -97,7 +98,7 @@ def test_a_board_that_is_started_again_takes_up_its_work() -> None:
     team.run_until(lambda: team.world.tick == 2)
     team.leave(team.boards["b"])
     team.run_until(lambda: team.world.tick == 4)
-    team.join(board(SCENARIO, "b"))
+    team.join(board_of(SCENARIO, "b"))
     run(team)
     assert heard.of(keys.AGREED, sub_team="b")[-1].tick == 5
 

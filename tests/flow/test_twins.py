@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from blackboard.board.lead import Part
-from blackboard.lab.team import Team, board
+from blackboard.board.service import board_of
+from blackboard.lab.team import Team
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus
 from tests.flow.streams import Key, Stream
@@ -111,7 +112,7 @@ def test_who_comes_back_follows_and_takes_over_in_turn(calm: tuple[str, str, dic
     team.run_until(lambda: team.world.tick == 2)
     team.leave(team.boards["a"])
     team.run_until(lambda: team.world.tick == 4)
-    back = team.boards["a"] = board(team.scenario, "a", "board-a")
+    back = team.boards["a"] = board_of(team.scenario, "a", "board-a")
     team.join(back)
     team.run_until(lambda: team.world.tick == 7)  # it has what the other one remembered after tick 6
     assert (back.lead.leads, team.boards["a2"].lead.leads) == (False, True)
@@ -132,7 +133,7 @@ def test_a_board_that_comes_back_at_once_does_not_lead_with_nothing() -> None:
     stream = Stream(team)
     team.run_until(lambda: team.world.tick == 3)
     team.leave(team.boards["a"])
-    back = team.boards["a"] = board(team.scenario, "a", "board-a")
+    back = team.boards["a"] = board_of(team.scenario, "a", "board-a")
     team.join(back)
     team.run()
     stream.check()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from blackboard.config import Scenario
-from blackboard.lab.team import Team, robot
+from blackboard.lab.team import Team
+from robot_agent.team import robot_of
 
 SCENARIO = Scenario(
     {
@@ -33,7 +34,7 @@ def test_robots_that_all_lose_themselves_are_a_fail() -> None:
     team.run_until(lambda: team.world.tick >= 7)
     for name, service in team.robots.items():
         team.leave(service)
-        team.join(robot(SCENARIO, name))
+        team.join(robot_of(SCENARIO, name))
     card = team.run()
     assert card["verdict"] == "FAIL"
     assert any(reason.startswith("robots: solo rmse") for reason in card["reasons"])

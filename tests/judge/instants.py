@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from blackboard.judge.check import CheckSection
+from blackboard.config.world import CheckSection
 from blackboard.judge.instant import Instant
 from blackboard.judge.referee import Referee
 from blackboard.opinion.grid import Grid

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from blackboard.config.world import CheckSection
 from blackboard.judge.calibration import BLOCK, CONSISTENT, FEWEST, Calibration, claimed_error, kind
-from blackboard.judge.check import CheckSection
 from blackboard.judge.instant import Instant
 from blackboard.judge.intervals import Estimate
 from blackboard.judge.referee import Referee

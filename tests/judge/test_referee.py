@@ -8,7 +8,7 @@ import math
 
 import pytest
 
-from blackboard.judge.check import CheckSection
+from blackboard.config.world import CheckSection
 from blackboard.judge.referee import Referee
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from blackboard.config.world import CheckSection
 from blackboard.errors import UserError
-from blackboard.judge.check import CheckSection
 from blackboard.judge.instant import Instant, who_saw_landmarks
 from blackboard.judge.referee import Referee
 from blackboard.judge.samples import COLUMNS, LEVELS, NEEDED, Sample, read_series, series_file

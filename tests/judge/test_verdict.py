@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from blackboard.judge.check import CheckSection
+from blackboard.config.world import CheckSection
 from blackboard.judge.referee import Referee
 from blackboard.wire.messages import PackedBelief
 from tests.judge.instants import GRID, at, both, cells, instant, referee, solo

@@ -12,13 +12,14 @@ from blackboard.judge.intervals import means
 from blackboard.lab import comparison
 from blackboard.lab.cases import Case
 from blackboard.lab.estimates import RuleScores
-from blackboard.lab.ideal import Ideal, ideal, ideal_beliefs
+from blackboard.lab.ideal import ideal, ideal_beliefs
 from blackboard.lab.parallel import Beside, judge_team
 from blackboard.lab.team import Team
 from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases, variant
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.scores import Score
 from blackboard.wire.messages import Fix, Readings, Sighting
+from robot_agent.gaussian.ideal import Ideal
 from robot_agent.gaussian.sensors import simulated
 from sim_world.sources import open_sensor_source
 

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from blackboard.config import Scenario
+from blackboard.config.protocols import PROTOCOLS
 from blackboard.errors import UserError
 from blackboard.judge.samples import read_series, series_file
 from blackboard.lab import bench, score
 from blackboard.run.flags import OutputFlags, RecordingFlags
-from sim_world.mrclam.protocols import PROTOCOLS
 from tests.lab.runs import CARD, run
 
 RECORDING = RecordingFlags("folder", 5.0, "C_blind12")

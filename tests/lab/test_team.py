@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from blackboard.board.service import board_of
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
-from blackboard.lab.team import Team, board
+from blackboard.lab.team import Team
 from blackboard.net.scheduler import BEGIN
 from blackboard.wire.envelope import Envelope
 from tests.scenarios import SCENARIO
@@ -48,7 +49,7 @@ def test_who_leaves_hears_nothing_more_and_may_come_back() -> None:
     team.run_until(lambda: team.world.tick == 2)
     team.leave(left)
     heard = left.counters["heard"]
-    team.join(board(SCENARIO, "b"))
+    team.join(board_of(SCENARIO, "b"))
     card = team.run()
     assert left.counters["heard"] == heard
     assert card["ticks"] == 5

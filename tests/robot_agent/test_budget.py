@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from blackboard.board.service import board_of
 from blackboard.config import Scenario
 from blackboard.judge.traffic import Traffic
-from blackboard.lab.team import Team, board
+from blackboard.lab.team import Team
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint
@@ -313,7 +314,7 @@ def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
     team.run_until(lambda: bool(known) and known[-1][0] >= 6.0)
     assert known[-1][1]
     team.leave(team.boards["a"])
-    team.boards["a"] = board(scenario, "a")
+    team.boards["a"] = board_of(scenario, "a")
     team.join(team.boards["a"])
     begun = known[-1][0]
     team.run_until(lambda: known[-1][0] >= min(11.5, begun + 3.0))

@@ -16,7 +16,7 @@ from blackboard.errors import UserError
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
-from robot_agent.agent import Agent, beliefs
+from robot_agent.agent import Agent
 from robot_agent.config import RobotSection
 from tests.robot_agent.robots import agreed
 
@@ -98,7 +98,7 @@ def story(it: RobotSection) -> list[np.ndarray]:
             sightings=sightings if tick in (0, 2, 3) else [],
         )
         agent.tick(readings, mate if tick == 2 else {})
-        found += [belief.p for e in (agent.firsthand, agent.informed) for _, belief in sorted(beliefs(e).items())]
+        found += [belief.p for e in (agent.firsthand, agent.informed) for _, belief in sorted(e.beliefs().items())]
     return found
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.config.world import WorldSection
 from blackboard.judge.card import scorecard
 from blackboard.judge.referee import Referee
 from blackboard.opinion.belief import gaussian
@@ -16,7 +17,6 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Solo, Status, Truth
-from sim_world.scenario import WorldSection
 from sim_world.service import WorldService
 from sim_world.world import World
 from tests.wire.envelopes import consensus, put, token

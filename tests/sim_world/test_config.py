@@ -10,9 +10,8 @@ import pytest
 from pydantic import BaseModel
 
 from blackboard.config import Scenario
-from blackboard.judge.check import CheckSection
+from blackboard.config.world import CheckSection, WorldSection
 from blackboard.wire.messages import Readings, Truth
-from sim_world.scenario import WorldSection
 from sim_world.sources import open_sensor_source
 from tests.sim_world.datasets import write
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from blackboard.config import Scenario, load
+from blackboard.config.protocols import PROTOCOLS
+from blackboard.config.world import GAINS, WorldSection
 from blackboard.errors import UserError
 from blackboard.run.flags import RecordingFlags, RunFlags
 from robot_agent.config import RobotSection
 from sim_world.__main__ import sim_world
-from sim_world.mrclam.protocols import PROTOCOLS
-from sim_world.scenario import GAINS, WorldSection
 from sim_world.sources import open_sensor_source
 from sim_world.world import World
 from tests.sim_world.datasets import write

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_world.scenario import GAINS, OdometrySection, VisionSection
+from blackboard.config.world import GAINS, OdometrySection, VisionSection
 from sim_world.sensors import Odometer, see, vision_sigma, wrap
 
 PAPER = VisionSection(preset="paper")

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from blackboard.config.world import ObjectSection, OdometrySection, VisionSection, WorldSection
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Readings, Truth
-from sim_world.scenario import ObjectSection, OdometrySection, VisionSection, WorldSection
 from sim_world.world import MAX_ROBOTS, World, reflect
 
 GRID = Grid((50, 50))

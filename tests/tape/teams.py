@@ -7,8 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from blackboard.board.service import board_of
 from blackboard.config import Scenario
-from blackboard.lab.team import Team, board
+from blackboard.lab.team import Team
 from blackboard.net.scheduler import AT_ONCE
 from blackboard.process.service import Service
 from blackboard.tape.content import Tape, load_tape
@@ -38,7 +39,7 @@ class RecordedTeam(Team):
     def restart(self, sub_team: str) -> None:
         """Start the board of a sub-team, with nothing."""
         name, team = f"board-{sub_team}", self.scenario.team.name
-        service = Journaled(board(self.scenario, sub_team), team=team, sub_team=sub_team, board=name)
+        service = Journaled(board_of(self.scenario, sub_team), team=team, sub_team=sub_team, board=name)
         self.journaled[sub_team] = service
         self.join(service)
 

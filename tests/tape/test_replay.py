@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from blackboard.board.service import board_of
 from blackboard.config import Scenario
 from blackboard.judge.card import scorecard
 from blackboard.opinion.belief import gaussian
@@ -15,7 +16,7 @@ from blackboard.tape.content import Tape, summary
 from blackboard.tape.file import About
 from blackboard.tape.journal import Journaled
 from blackboard.tape.judge import course, judge, match, recorded
-from blackboard.tape.replay import Output, board_service, replay
+from blackboard.tape.replay import Output, replay
 from blackboard.tape.table import rows
 from blackboard.tape.whatif import what_if
 from blackboard.wire.arrays import pack
@@ -84,7 +85,7 @@ def test_the_scorecard_of_a_tape_is_the_world_s(tmp_path: Path) -> None:
 
 def test_a_board_without_a_world_comes_out_the_same() -> None:
     """It goes by Unix time and settles by its own period; there is no Clock and no truth, and the hash is there all the same."""
-    service = Journaled(board_service(SMALL, "a", "board-a"), team="t", sub_team="a", board="board-a")
+    service = Journaled(board_of(SMALL, "a", "board-a"), team="t", sub_team="a", board="board-a")
     envelopes: list[tuple[float, Envelope]] = []
 
     def send(at: float, envelope: Envelope) -> None:

@@ -10,12 +10,12 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from blackboard.config import BoardSection, GridSection, Scenario, Section, TeamSection, TimeSection
+from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.faults import KINDS, AnyFault, faults_of
 from blackboard.wire.messages import Report, Status
 from blackboard.wire.mistakes import allowed, first_mistake, nearest, schema_of
 from robot_agent.config import RobotSection
-from sim_world.scenario import WorldSection
 
 SECTIONS: dict[str, type[Section]] = {
     "team": TeamSection,

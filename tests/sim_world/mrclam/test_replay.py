@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from blackboard.config.protocols import FAMILIES, PROTOCOLS
+from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.wire.messages import Readings
 from sim_world.mrclam.files import Recording, read_recording
-from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS
 from sim_world.mrclam.replay import Replay
-from sim_world.scenario import WorldSection
 from tests.files import DATASET7, needs_dataset7
 from tests.sim_world.datasets import T0, write
 

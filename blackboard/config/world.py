@@ -6,15 +6,15 @@ the robots' own models have keys of their own in [robot], on purpose: a robot wi
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
 from blackboard.config import Name, Positive, Scenario, Section
+from blackboard.config.protocols import FAMILIES, PROTOCOLS, protocol_of
 from blackboard.errors import UserError
-from blackboard.judge.check import CheckSection
 from blackboard.wire.mistakes import nearest
-from sim_world.mrclam.protocols import FAMILIES, PROTOCOLS, protocol_of
 
 Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
@@ -62,6 +62,27 @@ class ObjectSection(Section):
     "[unit] Where it is at the beginning; drawn from the seed where it is not given."
     drift: Sigma = 0.0
     "[unit/sqrt(s)] How it moves in each coordinate; 0 is an object that stands."
+
+
+class CheckSection(Section):
+    """What a run must show to PASS, of robots and objects alike unless it says otherwise."""
+
+    robots: Positive = 0.9
+    "[factor] Agreed RMSE of the robots' positions, at most so much of solo."
+    objects: Positive = 0.9
+    "[factor] Agreed RMSE of the objects, at most so much of solo."
+    entropy: Positive = 1.0
+    "[factor] Agreed entropy, at most so much of solo."
+    coverage: Annotated[float, Field(ge=0, le=1)] = 0.8
+    "[share] Share of the agreed 95 % regions that hold the truth, at least."
+    calibration: Annotated[float, Field(ge=0, le=1)] = 0.2
+    "[share] How far the coverage of agreed regions may be, beyond doubt, from 50, 90 and 95 %, to both sides."
+    missing: Annotated[float, Field(ge=0, le=1)] = 0.2
+    "[share] Share of the samples of a robot or object that may be missing."
+    claim: Positive = 2.0
+    "[factor] Solo RMSE of the robots, and of each one, at most so many times what its beliefs claim."
+    solo: Positive | None = None
+    "[unit] Solo RMSE of the robots, at most; anything where it is not given."
 
 
 class WorldSection(Section):
@@ -129,8 +150,12 @@ class WorldSection(Section):
         return protocol
 
 
-def check_lost(scenario: Scenario, world: WorldSection) -> None:
-    """UserError: [world] lost names a robot that is in no sub-team."""
+def check_world(scenario: Scenario) -> list[str]:
+    """A sentence for each thing in the [world] tables of a scenario that looks like a mistake. UserError: one that is a mistake."""
+    world = scenario.section("world", WorldSection)
+    if world.kind == "mrclam":
+        recording_folder(world.dir)
+        return []
     for robot in world.lost:
         if robot not in scenario.team.robots:
             known = ", ".join(scenario.team.robots)
@@ -138,9 +163,20 @@ def check_lost(scenario: Scenario, world: WorldSection) -> None:
             raise UserError(
                 f"{scenario.where}: world.lost: {robot}: no sub-team has such a robot{cure}; known are {known}"
             )
+    return _unknown_objects(scenario, world)
 
 
-def unknown_objects(scenario: Scenario, world: WorldSection) -> list[str]:
+def recording_folder(folder: str | Path | None) -> Path:
+    """The folder of a recording, not yet read. UserError: there is none."""
+    if folder is None:
+        raise UserError("world.dir: which recording is to be replayed? give its folder with --mrclam DIR")
+    path = Path(folder)
+    if not path.is_dir():
+        raise UserError(f"world.dir: no folder {path}; give the folder of a recording in MRCLAM format")
+    return path
+
+
+def _unknown_objects(scenario: Scenario, world: WorldSection) -> list[str]:
     """A sentence for each object that the [board] names and the simulated world does not have.
 
     It may be misspelt, or be something that a robot reports which is not of this world.

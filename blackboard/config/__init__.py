@@ -1,7 +1,7 @@
 """A scenario file, and the sections of it that more than one process reads.
 
 A scenario is one TOML file (or the same as JSON, which the launcher writes). Every process reads it whole and validates
-the sections it uses: [team] [grid] [time] [board] here, [robot] in `robot_agent.config`, [world] in `sim_world.scenario`,
+the sections it uses: [team] [grid] [time] [board] here, [robot] in `robot_agent.config`, [world] in `blackboard.config.world`,
 [[fault]] in `blackboard.faults`.
 """
 
