@@ -35,7 +35,7 @@ HOW = ("independent", "overlapping")  # multiplied by the rule, or averaged beca
 
 
 @dataclass(frozen=True)
-class Share:
+class Contribution:
     """What one opinion contributed, and by which of the two steps.
 
     weight: of an overlapping opinion its share in the fused belief; of an independent one its weight in the rule, times the share
@@ -61,7 +61,7 @@ class Fusion:
     firsthand: Belief
     firsthand_ancestors: dict[str, float]  # empty: nobody counts here, and the part is flat
     is_firsthand: bool  # whether the fused belief is that part itself
-    shares: list[Share]
+    shares: list[Contribution]
     components: list[float]
     conflict: bool
     rule: Rule
@@ -88,7 +88,7 @@ def fuse_opinions(
     Unless `feedback` is "paper", independent opinions that are uniform are left out where others are not: they hold no information,
     but would change the exponents of a rule, which depend on the number of opinions. Their shares are 0.
     With `dissent`, who keeps disagreeing with the others counts for less, where the learner does not see to that, and where
-    `feedback` is not "paper". `powers` are those of a fusion that is to be done again (`Share.power`), without a learner and dissent.
+    `feedback` is not "paper". `powers` are those of a fusion that is to be done again, without a learner and dissent.
     """
     opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
     everything = settings.feedback == "paper"  # Table I to the letter: everything is multiplied
@@ -134,7 +134,7 @@ def _with_uniform(uniform_ones: Sequence[Opinion], fusion: Fusion, counts: Calla
     counted = [opinion.ancestors for opinion in uniform_ones if all(map(counts, opinion.ancestors))]
     return replace(
         fusion,
-        shares=[*fusion.shares, *(Share(opinion, 0.0, "independent") for opinion in uniform_ones)],
+        shares=[*fusion.shares, *(Contribution(opinion, 0.0, "independent") for opinion in uniform_ones)],
         ancestors=union([fusion.ancestors, *(opinion.ancestors for opinion in uniform_ones)]),
         firsthand_ancestors=union([fusion.firsthand_ancestors, *counted]),
         is_firsthand=fusion.is_firsthand and len(counted) == len(uniform_ones),
@@ -185,7 +185,7 @@ def _fused(given: _Weighed, grid: Grid, counts: Callable[[str], bool]) -> Fusion
     fused, more, contradicted = _pool_overlapping(pooled.p, given.overlapping)
     kept = 1.0 - sum(share.weight for share in more)  # the share of `pooled` in `fused`
     weights = pooled.weights * given.factors * kept
-    shares = [Share(o, float(w), "independent") for o, w in zip(given.independent, weights, strict=True)]
+    shares = [Contribution(o, float(w), "independent") for o, w in zip(given.independent, weights, strict=True)]
     rests_on = [*(given.independent if kept > 0 else []), *(share.opinion for share in more if share.weight > 0)]
     return Fusion(
         belief=Belief(grid, fused),
@@ -213,7 +213,7 @@ def _alone(only: Opinion, rule: Coalition, learner: Learner, counts: Callable[[s
         firsthand=belief if is_counted else uniform(grid),
         firsthand_ancestors=union([only.ancestors] if is_counted else []),
         is_firsthand=is_counted,
-        shares=[Share(only, 1.0, "independent")],
+        shares=[Contribution(only, 1.0, "independent")],
         components=[1.0],
         conflict=False,
         rule=_advised(rule, CAUTIOUS),
@@ -251,12 +251,12 @@ def _kept_rule(rule: Coalition, independence: float) -> Coalition:
     return replace(rule, independence=independence)
 
 
-def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array, list[Share], bool]:
+def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array, list[Contribution], bool]:
     """Geometric means, sharpest first, each with the weight that minimises entropy; contradictions keep both hypotheses.
 
     Also what each contributed, and whether there was a contradiction.
     """
-    shares, contradicted = list[Share](), False
+    shares, contradicted = list[Contribution](), False
     for opinion in sorted(opinions, key=lambda o: (entropy(o.belief.p), o.source)):
         other = opinion.belief.p
         if bhattacharyya_coefficient(pooled, other) < CONTRADICTION:
@@ -265,6 +265,6 @@ def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array
         else:
             pooled, kept = chernoff(pooled, other)
             weight = 1.0 - kept
-        shares = [Share(s.opinion, s.weight * (1.0 - weight), s.how) for s in shares]
-        shares.append(Share(opinion, weight, "overlapping"))
+        shares = [Contribution(s.opinion, s.weight * (1.0 - weight), s.how) for s in shares]
+        shares.append(Contribution(opinion, weight, "overlapping"))
     return pooled, shares, contradicted

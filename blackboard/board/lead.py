@@ -17,8 +17,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from blackboard.process.columns import columns
+from blackboard.process import transitions
 from blackboard.process.roster import Roster
+from blackboard.process.transitions import Transition
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Status
 
@@ -30,7 +31,7 @@ MAX_TERM = (1 << 53) - 1
 PHASES = ("consensus", "agreed")
 
 
-class Part(Enum):
+class BoardRole(Enum):
     """What a board is among the boards of its sub-team."""
 
     UNKNOWN = "unknown"  # it has just started, or was frozen
@@ -38,32 +39,23 @@ class Part(Enum):
     FOLLOWS = "follows"
 
 
-@dataclass(frozen=True)
-class Row:
-    """What a fact is, for which parts it counts, and the part that follows."""
-
-    text: str
-    parts: tuple[Part, ...]
-    then: Part
-
-
-OTHERS = (Part.UNKNOWN, Part.FOLLOWS)
+OTHERS = (BoardRole.UNKNOWN, BoardRole.FOLLOWS)
 
 
 class Fact(Enum):
     """The table: the first fact that holds and counts decides."""
 
-    FROZEN = Row("it was frozen", tuple(Part), Part.UNKNOWN)
-    OUTRANKED = Row("another leads with a better claim", (Part.LEADS,), Part.FOLLOWS)
-    STUCK = Row("the leader publishes nothing", OTHERS, Part.LEADS)
-    LED = Row("another leads", OTHERS, Part.FOLLOWS)
-    AWAITED = Row("another has said nothing yet", OTHERS, Part.UNKNOWN)
-    FIRST = Row("its own claim is the best", OTHERS, Part.LEADS)
-    SECOND = Row("another has a better claim", OTHERS, Part.FOLLOWS)
+    FROZEN = Transition("it was frozen", tuple(BoardRole), BoardRole.UNKNOWN)
+    OUTRANKED = Transition("another leads with a better claim", (BoardRole.LEADS,), BoardRole.FOLLOWS)
+    STUCK = Transition("the leader publishes nothing", OTHERS, BoardRole.LEADS)
+    LED = Transition("another leads", OTHERS, BoardRole.FOLLOWS)
+    AWAITED = Transition("another has said nothing yet", OTHERS, BoardRole.UNKNOWN)
+    FIRST = Transition("its own claim is the best", OTHERS, BoardRole.LEADS)
+    SECOND = Transition("another has a better claim", OTHERS, BoardRole.FOLLOWS)
 
 
 @dataclass(frozen=True)
-class Said:
+class Publication:
     """What a board has to say at the end of a phase of a tick: envelopes, then the status that lists them."""
 
     tick: int
@@ -95,20 +87,20 @@ class Lead:
 
     def begin(self, since: float | None) -> None:
         """Everything begins anew, at a team time in seconds (None: it is not known yet)."""
-        self.part = Part.UNKNOWN
+        self.role = BoardRole.UNKNOWN
         self.term = 0  # how often the lead was taken over, as far as the newest leader knew
         self.since = since
         self._highest = -1  # term of a leader that was heard
         self._floor = -math.inf  # team time of what a leader published last
         self._others: dict[str, Claim] = {}
         self._unknown: dict[str, float] = {}  # boards that were not heard yet, and until when they are waited for
-        self._kept: deque[tuple[float, Said]] = deque()  # and when it was settled
+        self._kept: deque[tuple[float, Publication]] = deque()  # and when it was settled
         self._asks = True
 
     @property
     def leads(self) -> bool:
         """Whether it publishes; a board that does not know yet keeps what it settles, too."""
-        return self.part is Part.LEADS
+        return self.role is BoardRole.LEADS
 
     # --- events -------------------------------------------------------------------------------------------------------
 
@@ -132,7 +124,7 @@ class Lead:
 
     def look(self, now: float) -> bool:
         """Decide anew. True if the others should hear of it: the part has changed, or there is a board that does not know it."""
-        before, frozen = self.part, self._looked is not None and now - self._looked > FROZEN
+        before, frozen = self.role, self._looked is not None and now - self._looked > FROZEN
         self._looked = now
         if self.roster.away:
             return False
@@ -141,29 +133,29 @@ class Lead:
             self._enter(Fact.FROZEN)
             self.since, self._others, self._unknown = None, {}, {}
         new = self._keep_only(others, now) if others or self._others or self._unknown else []
-        self._enter(next((fact for fact in self._facts(now) if self.part in fact.value.parts), None))
+        self._enter(next((fact for fact in self._facts(now) if self.role in fact.value.states), None))
         asks, self._asks = self._asks or bool(new), False
-        changed = self.part is not before
-        return (changed and before is not Part.UNKNOWN) or (bool(others) and (asks or changed))
+        changed = self.role is not before
+        return (changed and before is not BoardRole.UNKNOWN) or (bool(others) and (asks or changed))
 
     def changes_at(self) -> float:
         """When time alone changes something; infinity if it does not."""
         if self.leads or self.roster.away:
             return math.inf
-        heard_out = max(self._unknown.values(), default=math.inf) if self.part is Part.UNKNOWN else math.inf
+        heard_out = max(self._unknown.values(), default=math.inf) if self.role is BoardRole.UNKNOWN else math.inf
         return min(self._stuck_at(), heard_out)
 
     def may_say(self, time: float) -> bool:
         """Whether this board publishes what it settled at a team time in seconds: it leads, and nothing later was published."""
         return self.leads and time >= self._floor
 
-    def keep(self, said: Said, now: float) -> None:
+    def keep(self, said: Publication, now: float) -> None:
         """Keep what is not published; the oldest goes where it is too much."""
         self._kept.append((now, said))
         while len(self._kept) > MAX_KEPT or self._kept_bytes > MAX_KEPT_BYTES:
             self._kept.popleft()
 
-    def release(self) -> list[Said]:
+    def release(self) -> list[Publication]:
         """What was kept and nobody has published, the oldest first: it is this board's to publish."""
         found = [said for _, said in self._kept if said.time >= self._floor]
         self._kept.clear()
@@ -213,7 +205,7 @@ class Lead:
 
     def _enter(self, fact: Fact | None) -> None:
         if fact is not None:
-            self.part = fact.value.then
+            self.role = fact.value.then or self.role
             if self.leads:
                 self.term = min(self._highest + 1, MAX_TERM)
 
@@ -237,13 +229,7 @@ class Lead:
 
 def text() -> str:
     """The table as text."""
-    rows = [
-        (part.value, fact.value.text, fact.value.then.value)
-        for part in Part
-        for fact in Fact
-        if part in fact.value.parts
-    ]
-    return "\n".join(columns([("part", "fact", "then"), *rows]))
+    return transitions.text(("role", "fact", "then"), BoardRole, Fact)
 
 
 if __name__ == "__main__":

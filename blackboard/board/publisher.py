@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
 from blackboard.board.clocks import Clocks
-from blackboard.board.lead import Lead, Said
+from blackboard.board.lead import Lead, Publication
 from blackboard.config import BoardSection
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake
@@ -46,7 +46,7 @@ class Publisher:
         self._settled: Status | None = None  # the status after the newest settlement
 
     def begin_tick(self) -> None:
-        self._said: list[Said] = []  # in this tick, or kept, where another board leads
+        self._said: list[Publication] = []  # in this tick, or kept, where another board leads
         self._sent: list[Envelope] = []  # in this tick; sent again when the world repeats its Clock
 
     def blank(self, tick: int, time: float) -> Status:
@@ -57,7 +57,7 @@ class Publisher:
         """Nothing was settled that others wait for: the next status shows it."""
         self._settled = status
 
-    def publish(self, said: Said, now: float) -> list[Envelope]:
+    def publish(self, said: Publication, now: float) -> list[Envelope]:
         """A phase of a tick is over: all that was settled in it where this board leads, else the status alone."""
         self._said.append(said)
         if not self.lead.may_say(said.time):
@@ -89,7 +89,7 @@ class Publisher:
         clock = self.clocks.clock
         return self._shown(self._settled or self.blank(clock.tick, clock.time(now)), now, lacks)
 
-    def _in_full(self, all_said: Iterable[Said], now: float) -> list[Envelope]:
+    def _in_full(self, all_said: Iterable[Publication], now: float) -> list[Envelope]:
         found = list[Envelope]()
         for said in all_said:
             if said.envelopes and self._led != self.lead.term:
@@ -99,7 +99,7 @@ class Publisher:
             found += [*said.envelopes, self._shown(said.status, now)]
         return found
 
-    def _followed(self, said: Said, now: float) -> Envelope:
+    def _followed(self, said: Publication, now: float) -> Envelope:
         """The status of a board that follows: the phase is over here, too."""
         self._settled = said.status.model_copy(update={"subjects": []})
         return self.status(now)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from blackboard.board.board import Board
 from blackboard.board.clocks import Clocks
 from blackboard.board.handover import Handover
-from blackboard.board.lead import Lead, Part
+from blackboard.board.lead import BoardRole, Lead
 from blackboard.board.participants import Participants
 from blackboard.errors import Refused
 from blackboard.process.intake import Intake, TooEarly
@@ -116,7 +116,7 @@ class Reception:
     def _on_memory(self, memory: Memory, now: float) -> None:
         """Where this board follows, learn what its leader has learned."""
         self.participants.check_twin(memory.board)
-        if self.lead.part is Part.FOLLOWS and (memory.board, memory.run) == (self.lead.leader, self.clock.run):
+        if self.lead.role is BoardRole.FOLLOWS and (memory.board, memory.run) == (self.lead.leader, self.clock.run):
             self.board.check_time(memory.time, self.clock.time(now))
             self.handover.take(memory, lockstep=self.clock.pace is Pace.LOCKSTEP)
 

@@ -14,7 +14,7 @@ from dataclasses import asdict
 from blackboard.board.board import Board
 from blackboard.board.clocks import Clocks
 from blackboard.board.handover import Handover
-from blackboard.board.lead import Lead, Part, Said
+from blackboard.board.lead import BoardRole, Lead, Publication
 from blackboard.board.participants import Participants
 from blackboard.board.publisher import Publisher
 from blackboard.board.reception import Reception
@@ -257,7 +257,7 @@ class BoardService:
             # Without a world no process waits for the status of a phase, so an empty one is left to the status of each second.
             self.publisher.settle(status)
             return []
-        return self.publisher.publish(Said(tick, level, time, tuple(out), status), now)
+        return self.publisher.publish(Publication(tick, level, time, tuple(out), status), now)
 
     def _forward(self, tick: int, time: float) -> list[Envelope]:
         evidence = self.board.forward()
@@ -280,7 +280,7 @@ class BoardService:
     def _refusals(self, now: float) -> list[Envelope]:
         """Tell robots of the sub-team what was refused under their names, unless this board follows one that does."""
         told = self.intake.refusals.due(now)
-        if not told or self.lead.part is Part.FOLLOWS:
+        if not told or self.lead.role is BoardRole.FOLLOWS:
             return []
         time = self.clock.time(now)
         return [

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import About, Moment
-from blackboard.state.told import STEP, Drawn
+from blackboard.state.received import STEP, Drawn
 from blackboard.view.feed import Source
 
 TRAIL = 60.0  # seconds of team time

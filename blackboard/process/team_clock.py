@@ -1,7 +1,7 @@
 """Team time: by whose clock a process goes, and which tick it is. Pure.
 
-A process follows the Clock of a world while the world's liveliness token is there. `Event` is the table of what may happen and what
-that means; `python -m blackboard.process.team_clock` prints it.
+A process follows the Clock of a world while the world's liveliness token is there. `ClockEvent` is the table of what may happen and
+what that means; `python -m blackboard.process.team_clock` prints it.
 
 A world holds its token before it sends a Clock. So a run whose Clocks came for more than `EARLY` seconds before that token is a
 stranger's: for `WORLD_SILENT` seconds after the token, the first Clock of any other run is followed instead.
@@ -17,11 +17,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum
 
-from blackboard.process.columns import columns
+from blackboard.process import transitions
 from blackboard.process.roster import Roster
+from blackboard.process.transitions import Transition
 from blackboard.wire.messages import Clock
 
 WORLD_SILENT = 5.0  # seconds after its last Clock until a world without a token is no longer waited for
@@ -61,32 +61,22 @@ class News(Enum):
     FREE = "free"  # the world is gone: everything is to be forgotten, stamps are Unix time from now on
 
 
-@dataclass(frozen=True)
-class Row:
-    """What an event is, in which states it can be, the state that follows (None: the same), and the news."""
-
-    text: str
-    states: tuple[State, ...]
-    then: State | None
-    news: News = News.NOTHING
-
-
-class Event(Enum):
+class ClockEvent(Enum):
     """The table: what a Clock, or the time, is to a process."""
 
-    STRAY = Row("a Clock without a token", (State.FREE,), State.CLOCK)
-    MORE = Row("more Clocks without a token", (State.FREE, State.CLOCK, State.FOLLOWED), None)
-    STRANGER = Row("the Clock of a stranger", (State.FREE, State.TOKEN), None)
-    FIRST = Row("the first Clock", (State.FREE, State.TOKEN), State.FOLLOWED, News.RUN)
-    NEXT = Row("the next Clock", (State.FOLLOWED,), None, News.TICK)
-    SAME = Row("the same Clock", (State.FOLLOWED,), None, News.REPEATED)
-    RIVAL = Row("a rival", (State.FOLLOWED,), None)
-    JUMP = Row("a confirmed rival further on in the run", (State.FOLLOWED,), None, News.TICK)
-    RUN = Row("a confirmed rival of another run, or further back", (State.FOLLOWED,), None, News.RUN)
-    TOKENLESS = Row("no token in time", (State.CLOCK,), State.FREE)
-    CLOCKLESS = Row("no Clock in time", (State.TOKEN,), State.FREE)
-    SILENT = Row("no more Clocks in time", (State.FOLLOWED,), State.FREE, News.FREE)
-    PERIOD = Row("a period of Unix time is over", (State.FREE,), None, News.TICK)
+    STRAY = Transition("a Clock without a token", (State.FREE,), State.CLOCK)
+    MORE = Transition("more Clocks without a token", (State.FREE, State.CLOCK, State.FOLLOWED), None)
+    STRANGER = Transition("the Clock of a stranger", (State.FREE, State.TOKEN), None)
+    FIRST = Transition("the first Clock", (State.FREE, State.TOKEN), State.FOLLOWED, News.RUN)
+    NEXT = Transition("the next Clock", (State.FOLLOWED,), None, News.TICK)
+    SAME = Transition("the same Clock", (State.FOLLOWED,), None, News.REPEATED)
+    RIVAL = Transition("a rival", (State.FOLLOWED,), None)
+    JUMP = Transition("a confirmed rival further on in the run", (State.FOLLOWED,), None, News.TICK)
+    RUN = Transition("a confirmed rival of another run, or further back", (State.FOLLOWED,), None, News.RUN)
+    TOKENLESS = Transition("no token in time", (State.CLOCK,), State.FREE)
+    CLOCKLESS = Transition("no Clock in time", (State.TOKEN,), State.FREE)
+    SILENT = Transition("no more Clocks in time", (State.FOLLOWED,), State.FREE, News.FREE)
+    PERIOD = Transition("a period of Unix time is over", (State.FREE,), None, News.TICK)
 
 
 class TeamClock:
@@ -184,65 +174,66 @@ class TeamClock:
 
     # --- inside -------------------------------------------------------------------------------------------------------
 
-    def _event_of(self, clock: Clock, now: float) -> Event:
+    def _event_of(self, clock: Clock, now: float) -> ClockEvent:
         """What a Clock is to this process now."""
         followed = self.followed
         if not self.roster.world:
-            return Event.STRAY if followed is None and self._stray is None else Event.MORE
+            return ClockEvent.STRAY if followed is None and self._stray is None else ClockEvent.MORE
         if followed is None:
             run, until = self._stranger
-            return Event.STRANGER if clock.run == run and now < until else Event.FIRST
+            return ClockEvent.STRANGER if clock.run == run and now < until else ClockEvent.FIRST
         if _goes_on(followed, clock):
-            return Event.NEXT
+            return ClockEvent.NEXT
         same = (clock.run, clock.tick, clock.time) == (followed.run, followed.tick, followed.time)
-        return Event.SAME if same else self._doubted(clock, followed, now)
+        return ClockEvent.SAME if same else self._doubted(clock, followed, now)
 
-    def _doubted(self, clock: Clock, followed: Clock, now: float) -> Event:
+    def _doubted(self, clock: Clock, followed: Clock, now: float) -> ClockEvent:
         """What a Clock is that does not go on with the one that is followed."""
         confirmed = now - self._rival_since(clock, now) >= CONFIRMED
         if clock.run != followed.run:
             silent = confirmed and now - self._spoke_at >= WORLD_SILENT
-            return Event.RUN if silent or self.roster.worlds > self._token_seen else Event.RIVAL
+            return ClockEvent.RUN if silent or self.roster.worlds > self._token_seen else ClockEvent.RIVAL
         if not confirmed:
-            return Event.RIVAL
-        return Event.JUMP if clock.tick > followed.tick and clock.time >= followed.time else Event.RUN
+            return ClockEvent.RIVAL
+        return ClockEvent.JUMP if clock.tick > followed.tick and clock.time >= followed.time else ClockEvent.RUN
 
-    def _event_at(self, now: float, ticks: bool) -> Event | None:
+    def _event_at(self, now: float, ticks: bool) -> ClockEvent | None:
         """What time alone has brought about; None: nothing."""
         if self._token_due is not None and now >= self._token_due:
-            return Event.TOKENLESS
+            return ClockEvent.TOKENLESS
         if self.state is State.TOKEN and self._clock_due is not None and now >= self._clock_due:
-            return Event.CLOCKLESS
+            return ClockEvent.CLOCKLESS
         if self.followed is not None and now >= self._given_up_at():
-            return Event.SILENT
+            return ClockEvent.SILENT
         is_over = ticks and self.state is State.FREE and self._unix_tick(now) not in (None, self.tick)
-        return Event.PERIOD if is_over else None
+        return ClockEvent.PERIOD if is_over else None
 
-    def _enter(self, event: Event, now: float, clock: Clock | None = None) -> News:
+    def _enter(self, event: ClockEvent, now: float, clock: Clock | None = None) -> News:
         """Keep what an event brings, and return its news."""
         assert self.state in event.value.states, (self.state, event)
         match event:
-            case Event.STRAY | Event.MORE if clock is not None:
+            case ClockEvent.STRAY | ClockEvent.MORE if clock is not None:
                 goes_on = self._stray is not None and self._stray[0].run == clock.run
                 self._stray = clock, self._stray[1] if self._stray is not None and goes_on else now
-                self._token_due = now + WORLD_SILENT if event is Event.STRAY else self._token_due
-            case Event.FIRST | Event.NEXT | Event.JUMP | Event.RUN if clock is not None:
+                self._token_due = now + WORLD_SILENT if event is ClockEvent.STRAY else self._token_due
+            case ClockEvent.FIRST | ClockEvent.NEXT | ClockEvent.JUMP | ClockEvent.RUN if clock is not None:
                 self.followed, self.tick, self.heard_at, self._spoke_at = clock, clock.tick, now, now
                 self._rival, self._clock_due, self._has_waited = None, None, False
                 self._token_seen = self.roster.worlds
-            case Event.RIVAL if clock is not None:
+            case ClockEvent.RIVAL if clock is not None:
                 self._rival = clock, self._rival_since(clock, now)
-            case Event.SAME:
+            case ClockEvent.SAME:
                 self._spoke_at, self._rival = now, None
-            case Event.TOKENLESS:
+            case ClockEvent.TOKENLESS:
                 self._token_due = None
-            case Event.CLOCKLESS:
+            case ClockEvent.CLOCKLESS:
                 self._has_waited = True
-            case Event.SILENT:
+            case ClockEvent.SILENT:
                 self.followed, self._rival, self.tick, self._has_waited = None, None, -1, self.roster.world
-            case Event.PERIOD:
+            case ClockEvent.PERIOD:
                 self.tick = self._unix_tick(now) or 0
-        return event.value.news
+        news: News = event.value.news or News.NOTHING
+        return news
 
     def _unix_tick(self, now: float) -> int | None:
         return None if self.period is None else int(now / self.period)
@@ -271,18 +262,7 @@ def _goes_on(before: Clock, clock: Clock) -> bool:
 
 def text() -> str:
     """The table as text."""
-    rows = [
-        (
-            state.value,
-            event.value.text,
-            (event.value.then or state).value,
-            event.value.news.value.replace("nothing", "-"),
-        )
-        for state in State
-        for event in Event
-        if state in event.value.states
-    ]
-    return "\n".join(columns([("state", "event", "then", "news"), *rows]))
+    return transitions.text(("state", "event", "then", "news"), State, ClockEvent)
 
 
 if __name__ == "__main__":

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Anchor, Grid
-from blackboard.state.moments import MAX_BYTES, About, Moment, Moments, Point
+from blackboard.state.moments import MAX_BYTES, About, Moment, Point, Timeline
 from blackboard.state.processes import MAX_PROCESSES, RECENT, Process
-from blackboard.state.told import M, Told
+from blackboard.state.received import M, Received
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.codec import open_envelope
@@ -91,7 +91,7 @@ class TeamFold:
         self.processes: dict[tuple[str, str], Process] = {}  # kind and name
         self.clock: Clock | None = None
         self.grid: Grid | None = None  # of its boards, with the anchor of their statuses
-        self.moments = Moments(most_bytes=most_bytes)
+        self.moments = Timeline(most_bytes=most_bytes)
         self.events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self.changes = 0  # grows with each moment and each change of liveliness
         self._truths: dict[
@@ -105,9 +105,9 @@ class TeamFold:
         for process in self.processes.values():
             process.tick = -1
             process.speeds.clear()
-        self._reports: dict[str, dict[str, deque[Told[Report]]]] = {}  # subject -> source -> the newest last
-        self._consensus: dict[str, dict[str, deque[Told[Consensus]]]] = {}  # subject -> sub-team -> the newest last
-        self._agreed: dict[str, dict[str, deque[Told[Consensus]]]] = {}
+        self._reports: dict[str, dict[str, deque[Received[Report]]]] = {}  # subject -> source -> the newest last
+        self._consensus: dict[str, dict[str, deque[Received[Consensus]]]] = {}  # subject -> sub-team -> the newest last
+        self._agreed: dict[str, dict[str, deque[Received[Consensus]]]] = {}
         self._sightings: dict[str, tuple[str, ...]] = {}  # observer -> what it sees
         self._open: tuple[int, float] | None = None  # tick and time of the moment that is not complete
         self._noticed: dict[tuple[str, str], str] = {}  # conflicts and sources left out at this moment, by subject
@@ -208,11 +208,11 @@ class TeamFold:
             if report.subject == f"robot/{report.source}":
                 self._see(report.source, (it.subject for it in report.evidence.relatives))
             report = report.model_copy(update={"evidence": None})  # it is not shown, and large
-        _keep(self._reports, report.subject, report.source, Told(report, now, size))
+        _keep(self._reports, report.subject, report.source, Received(report, now, size))
 
     def _hear_consensus(self, consensus: Consensus, size: int, now: float) -> None:
         store = self._consensus if consensus.level == "consensus" else self._agreed
-        _keep(store, consensus.subject, consensus.sub_team, Told(consensus, now, size))
+        _keep(store, consensus.subject, consensus.sub_team, Received(consensus, now, size))
         if (grid := unpacked_grid(consensus.belief.grid)) != self.grid:  # that of a status has an anchor
             self.grid = grid
 
@@ -327,7 +327,7 @@ def _unread(key: str) -> dict[str, Any] | None:
     return None
 
 
-def _keep(store: dict[str, dict[str, deque[Told[M]]]], subject: str, source: str, told: Told[M]) -> None:
+def _keep(store: dict[str, dict[str, deque[Received[M]]]], subject: str, source: str, told: Received[M]) -> None:
     """Keep what a source told about a subject, unless it is older than what is kept. Refused: "too-many"."""
     if subject not in store and len(store) >= MAX_SUBJECTS:
         raise Refused("too-many", f"{subject} would be one more than {MAX_SUBJECTS} subjects")
@@ -339,7 +339,7 @@ def _keep(store: dict[str, dict[str, deque[Told[M]]]], subject: str, source: str
         recent.append(told)
 
 
-def _withdraw(store: dict[str, dict[str, deque[Told[M]]]], source: str, status: Status) -> None:
+def _withdraw(store: dict[str, dict[str, deque[Received[M]]]], source: str, status: Status) -> None:
     """Drop what a source told before the tick of its status on subjects that the status lists no longer."""
     for subject, by_source in store.items():
         if (
@@ -350,7 +350,9 @@ def _withdraw(store: dict[str, dict[str, deque[Told[M]]]], source: str, status: 
             del by_source[source]
 
 
-def _younger(store: dict[str, dict[str, deque[Told[M]]]], oldest: float) -> dict[str, dict[str, deque[Told[M]]]]:
+def _younger(
+    store: dict[str, dict[str, deque[Received[M]]]], oldest: float
+) -> dict[str, dict[str, deque[Received[M]]]]:
     """What was told since `oldest`, team time in seconds."""
     kept = {
         subject: {source: recent for source, recent in by_source.items() if recent[-1].message.time >= oldest}
@@ -364,7 +366,7 @@ def _keep_newest(table: dict[K, V], most: int) -> None:
         del table[next(iter(table))]
 
 
-def _until(told: dict[str, deque[Told[M]]], time: float) -> dict[str, Told[M]]:
+def _until(told: dict[str, deque[Received[M]]], time: float) -> dict[str, Received[M]]:
     """The newest of each source, by name, that is not later than a team time, and at most FORGET seconds older."""
     fits = {name: [it for it in recent if time - FORGET <= it.message.time <= time] for name, recent in told.items()}
     return {name: fits[name][-1] for name in sorted(fits) if fits[name]}

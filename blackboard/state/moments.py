@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from blackboard.opinion.scores import LEAST_PROBABILITY, border_mass, hdr_level, held, log_score
-from blackboard.state.told import REGION, Told, read
+from blackboard.state.received import REGION, Received, read
 from blackboard.wire.messages import Consensus, PackedBelief, Report
 
 MAX_MOMENTS = 20_000
@@ -37,16 +37,16 @@ class Scored:
 
 @dataclass(frozen=True)
 class About:
-    """What is known of a subject: sub-team -> agreed, sub-team -> consensus, source -> report, and the truth if it is told."""
+    """What is known of a subject: sub-team -> agreed, sub-team -> consensus, source -> report, and the truth if it is known."""
 
-    agreed: Mapping[str, Told[Consensus]] = field(default_factory=dict)
-    consensus: Mapping[str, Told[Consensus]] = field(default_factory=dict)
-    reports: Mapping[str, Told[Report]] = field(default_factory=dict)
+    agreed: Mapping[str, Received[Consensus]] = field(default_factory=dict)
+    consensus: Mapping[str, Received[Consensus]] = field(default_factory=dict)
+    reports: Mapping[str, Received[Report]] = field(default_factory=dict)
     truth: Point | None = None
 
     @cached_property
     def scores(self) -> Mapping[str, Scored]:
-        """Beliefs against the truth, where it is told: "agreed", and sub-teams by "consensus/{sub_team}"."""
+        """Beliefs against the truth, where it is known: "agreed", and sub-teams by "consensus/{sub_team}"."""
         if self.truth is None:
             return {}
         told = {f"consensus/{name}": it for name, it in self.consensus.items()}
@@ -56,14 +56,14 @@ class About:
         return {name: score for name, score in judged.items() if score is not None}
 
     @property
-    def best(self) -> Told[Consensus] | None:
+    def best(self) -> Received[Consensus] | None:
         """The agreed belief, of the newest tick and then of the sub-team whose name sorts first; else a consensus, the same way."""
         for told in (self.agreed, self.consensus):
             if told:
                 return told[min(told, key=lambda name: (-told[name].message.tick, name))]
         return None
 
-    def all(self) -> Iterator[Told[Report] | Told[Consensus]]:
+    def all(self) -> Iterator[Received[Report] | Received[Consensus]]:
         yield from self.agreed.values()
         yield from self.consensus.values()
         yield from self.reports.values()
@@ -85,7 +85,7 @@ class Moment:
     speeds: Mapping[str, float] = field(default_factory=dict)
 
 
-class Moments:
+class Timeline:
     """The newest moments, at most `most` and about `most_bytes`. All but the newest FRESH are packed, to a tenth of their memory."""
 
     def __init__(self, most: int = MAX_MOMENTS, most_bytes: int = MAX_BYTES) -> None:

@@ -2,7 +2,7 @@
 
     4 bytes   length of the header, little-endian
     header    JSON, UTF-8
-    rest      the levels of all beliefs, one box after the other, C order; `blackboard.state.told.Drawn` says what a level means
+    rest      the levels of all beliefs, one box after the other, C order; `blackboard.state.received.Drawn` says what a level means
 
 The beliefs stand in the header in the order of their bytes; each takes box[0] * box[1] of them.
 """
@@ -17,7 +17,7 @@ from typing import Any
 
 from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import About, Moment
-from blackboard.state.told import REGION, STEP, Drawn, Told
+from blackboard.state.received import REGION, STEP, Drawn, Received
 from blackboard.view.summary import processes
 from blackboard.wire.messages import Consensus, Report
 
@@ -146,7 +146,7 @@ def _subject(about: About, moment: Moment, cells: list[bytes], whole: bool) -> T
 def _belief(
     kind: str,
     who: str,
-    told: Told[Report] | Told[Consensus],
+    told: Received[Report] | Received[Consensus],
     drawn: Drawn | None,
     moment: Moment,
     cells: list[bytes],

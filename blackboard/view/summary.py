@@ -8,7 +8,7 @@ from blackboard.process.columns import columns
 from blackboard.state.fold import Fold, TeamFold
 from blackboard.state.moments import About, Moment
 from blackboard.state.processes import Process
-from blackboard.state.told import REGION
+from blackboard.state.received import REGION
 
 Table = dict[str, Any]
 STALE = 5.0  # seconds without a word after which a process counts as silent

@@ -25,7 +25,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.provenance import Opinion
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import About, Moment, scored
-from blackboard.state.told import REGION, Told, read
+from blackboard.state.received import REGION, Received, read
 from blackboard.wire.messages import Consensus, Report, Used
 from blackboard.wire.opinions import reported, settled
 
@@ -69,7 +69,7 @@ def _feedback(team: TeamFold, board: str) -> str:
     return "guarded" if status is None else str(status.settings.get("feedback", "guarded"))
 
 
-def _level(told: Told[Consensus], about: About, moment: Moment, feedback: str, drift: float) -> Table:
+def _level(told: Received[Consensus], about: About, moment: Moment, feedback: str, drift: float) -> Table:
     """One consensus: its belief, its sources, and what it would be without each."""
     it = told.message
     drawn = told.drawn

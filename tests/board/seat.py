@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blackboard.board.lead import FROZEN, Lead, Said
+from blackboard.board.lead import FROZEN, Lead, Publication
 from blackboard.process.roster import Roster
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
@@ -53,7 +53,7 @@ class Seat:
 
     def settle(self, tick: int, phase: str = "agreed") -> None:
         status = Status(process="x", kind="board", tick=tick, time=0.2 * tick)
-        self.it.keep(Said(tick, phase, 0.2 * tick, (Envelope("k", b"12"),), status), self.now)
+        self.it.keep(Publication(tick, phase, 0.2 * tick, (Envelope("k", b"12"),), status), self.now)
 
     def kept(self) -> list[tuple[int, str]]:
         return [(said.tick, said.phase) for said in self.it.release()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from blackboard.board.lead import HOLD, MAX_KEPT, Part
+from blackboard.board.lead import HOLD, MAX_KEPT, BoardRole
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Kind
 from blackboard.wire.messages import Consensus, Status
@@ -21,12 +21,12 @@ def test_a_board_alone_leads_at_once_and_tells_nobody() -> None:
 def test_a_board_that_starts_waits_for_the_others_and_follows_who_leads() -> None:
     seat = Seat(since=8.0)
     assert seat.here("w", "z")
-    assert seat.it.part is Part.UNKNOWN
+    assert seat.it.role is BoardRole.UNKNOWN
     assert seat.it.changes_at() == seat.now + HOLD
     seat.hear("z", follows=True)
-    assert seat.it.part is Part.UNKNOWN
+    assert seat.it.role is BoardRole.UNKNOWN
     assert seat.hear("w")
-    assert (seat.it.part, seat.it.leader) == (Part.FOLLOWS, "w")
+    assert (seat.it.role, seat.it.leader) == (BoardRole.FOLLOWS, "w")
     assert not seat.hear("w", tick=1)
 
 
@@ -49,7 +49,7 @@ def test_who_says_nothing_at_all_is_not_waited_for_longer_than_its_first_status_
     seat = Seat()
     seat.here("w")
     seat.wait(HOLD - 0.25)
-    assert seat.it.part is Part.UNKNOWN
+    assert seat.it.role is BoardRole.UNKNOWN
     assert seat.wait(0.5)
     assert seat.it.leads
 
@@ -62,7 +62,7 @@ def test_a_board_that_waits_for_two_is_due_once_the_second_wait_is_over() -> Non
     seat.here("y")
     until = seat.now + HOLD
     seat.wait(0.75)
-    assert seat.it.part is Part.UNKNOWN
+    assert seat.it.role is BoardRole.UNKNOWN
     assert seat.it.changes_at() == until
 
 
@@ -97,7 +97,7 @@ def test_the_death_of_the_leader_is_followed_by_what_it_did_not_say() -> None:
         seat.settle(tick)
     seat.hear("w", tick=2, phase="consensus")
     seat.here("w", kind=Kind.GONE)
-    assert seat.it.part is Part.FOLLOWS
+    assert seat.it.role is BoardRole.FOLLOWS
     assert seat.wait(0.75)
     assert (seat.it.leads, seat.it.term) == (True, 1)
     assert seat.kept() == [(2, "agreed")]
@@ -109,13 +109,13 @@ def test_a_leader_that_lives_and_says_nothing_new_is_given_up() -> None:
     seat.here("w")
     seat.hear("w")
     seat.wait(10.0)
-    assert seat.it.part is Part.FOLLOWS, "nothing was settled"
+    assert seat.it.role is BoardRole.FOLLOWS, "nothing was settled"
     seat.settle(1)
     assert seat.it.changes_at() == seat.now + SILENT
     for _ in range(4):
         seat.wait(1.0)
         seat.hear("w")  # the same again
-    assert seat.it.part is Part.FOLLOWS
+    assert seat.it.role is BoardRole.FOLLOWS
     seat.wait(1.25)
     assert (seat.it.leads, seat.it.term) == (True, 1)
     seat.hear("w", tick=1)
@@ -130,9 +130,9 @@ def test_a_board_that_was_frozen_is_as_one_that_starts() -> None:
     assert seat.it.leads
     seat.now += 3.0
     assert seat.it.look(seat.now)
-    assert (seat.it.part, seat.it.since) == (Part.UNKNOWN, None)
+    assert (seat.it.role, seat.it.since) == (BoardRole.UNKNOWN, None)
     seat.hear("w", follows=True, since=3.0)  # from before it took over
-    assert seat.it.part is Part.FOLLOWS
+    assert seat.it.role is BoardRole.FOLLOWS
     seat.hear("w", term=1, since=3.0)
     assert seat.it.leader == "w"
 

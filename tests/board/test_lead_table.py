@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from blackboard.board.lead import HOLD, Fact, Part, text
+from blackboard.board.lead import HOLD, BoardRole, Fact, text
 from blackboard.wire.envelope import Kind
 from tests.board.seat import SILENT, Seat
 from tests.files import page
@@ -17,42 +17,42 @@ LED: Walk = [*COME, lambda seat: seat.hear("w")]
 LEADS: Walk = [lambda seat: seat.here(), *COME, lambda seat: seat.hear("w", follows=True, since=1.0)]
 GONE: Walk = [lambda seat: seat.here("w", kind=Kind.GONE)]
 OLDER: Walk = [lambda seat: seat.here("y"), lambda seat: seat.hear("y", follows=True, since=-1.0)]
-WALKS: dict[tuple[Part, Fact], Walk] = {
-    (Part.LEADS, Fact.FROZEN): [*LEADS, Seat.freeze],
-    (Part.LEADS, Fact.OUTRANKED): [*LEADS, lambda seat: seat.hear("w", term=1)],
-    (Part.UNKNOWN, Fact.FROZEN): [*COME, Seat.freeze],
-    (Part.UNKNOWN, Fact.STUCK): [
+WALKS: dict[tuple[BoardRole, Fact], Walk] = {
+    (BoardRole.LEADS, Fact.FROZEN): [*LEADS, Seat.freeze],
+    (BoardRole.LEADS, Fact.OUTRANKED): [*LEADS, lambda seat: seat.hear("w", term=1)],
+    (BoardRole.UNKNOWN, Fact.FROZEN): [*COME, Seat.freeze],
+    (BoardRole.UNKNOWN, Fact.STUCK): [
         lambda seat: seat.here("z"),
         lambda seat: seat.settle(1),
         *(lambda seat, name=name: (seat.here(name), seat.wait(SILENT / 4)) for name in "abcd"),
     ],
-    (Part.UNKNOWN, Fact.LED): LED,
-    (Part.UNKNOWN, Fact.AWAITED): [*COME, lambda seat: seat.here("y")],
-    (Part.UNKNOWN, Fact.FIRST): [*COME, lambda seat: seat.wait(HOLD)],
-    (Part.UNKNOWN, Fact.SECOND): OLDER,
-    (Part.FOLLOWS, Fact.FROZEN): [*LED, Seat.freeze],
-    (Part.FOLLOWS, Fact.STUCK): [*LED, lambda seat: seat.settle(1), lambda seat: seat.wait(SILENT)],
-    (Part.FOLLOWS, Fact.LED): [*LED, lambda seat: seat.hear("w", tick=1)],
-    (Part.FOLLOWS, Fact.AWAITED): [*LED, *GONE, lambda seat: seat.here("y"), lambda seat: seat.wait(0.75)],
-    (Part.FOLLOWS, Fact.FIRST): [*LED, *GONE, lambda seat: seat.wait(0.75)],
-    (Part.FOLLOWS, Fact.SECOND): [*LED, *OLDER, *GONE, lambda seat: seat.wait(0.75)],
+    (BoardRole.UNKNOWN, Fact.LED): LED,
+    (BoardRole.UNKNOWN, Fact.AWAITED): [*COME, lambda seat: seat.here("y")],
+    (BoardRole.UNKNOWN, Fact.FIRST): [*COME, lambda seat: seat.wait(HOLD)],
+    (BoardRole.UNKNOWN, Fact.SECOND): OLDER,
+    (BoardRole.FOLLOWS, Fact.FROZEN): [*LED, Seat.freeze],
+    (BoardRole.FOLLOWS, Fact.STUCK): [*LED, lambda seat: seat.settle(1), lambda seat: seat.wait(SILENT)],
+    (BoardRole.FOLLOWS, Fact.LED): [*LED, lambda seat: seat.hear("w", tick=1)],
+    (BoardRole.FOLLOWS, Fact.AWAITED): [*LED, *GONE, lambda seat: seat.here("y"), lambda seat: seat.wait(0.75)],
+    (BoardRole.FOLLOWS, Fact.FIRST): [*LED, *GONE, lambda seat: seat.wait(0.75)],
+    (BoardRole.FOLLOWS, Fact.SECOND): [*LED, *OLDER, *GONE, lambda seat: seat.wait(0.75)],
 }
 
 
-ROWS = [(part, fact) for part in Part for fact in Fact if part in fact.value.parts]
+ROWS = [(part, fact) for part in BoardRole for fact in Fact if part in fact.value.states]
 
 
 @pytest.mark.parametrize(("part", "fact"), ROWS, ids=[f"{p.value}-{f.name.lower()}" for p, f in ROWS])
-def test_each_row_is_walked(part: Part, fact: Fact) -> None:
+def test_each_row_is_walked(part: BoardRole, fact: Fact) -> None:
     seat = Seat()
     *before, last = WALKS[part, fact]
     for action in before:
         action(seat)
         seat.it.check()
-    assert seat.it.part is part
+    assert seat.it.role is part
     last(seat)
     seat.it.check()
-    assert seat.it.part is fact.value.then
+    assert seat.it.role is fact.value.then
 
 
 def test_the_table_is_printed() -> None:

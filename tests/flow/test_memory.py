@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from blackboard.board.lead import Part
+from blackboard.board.lead import BoardRole
 from blackboard.board.service import board_of
 from blackboard.lab.team import Team
 from blackboard.tape.content import Tape
@@ -41,7 +41,7 @@ def test_a_board_that_was_restarted_is_as_its_twin() -> None:
     back = team.boards["a"] = board_of(team.scenario, "a", "board-a")
     team.join(back)
     team.run_until(lambda: team.world.tick == 15)
-    assert back.lead.part is Part.FOLLOWS
+    assert back.lead.role is BoardRole.FOLLOWS
     team.leave(team.boards.pop("a2"))
     team.run()
     stream.check()
@@ -58,7 +58,7 @@ def test_a_leader_that_repeats_its_memory_costs_its_follower_one_a_second(monkey
     team = Team(LEARNS.changed("team", boards=2))
     team.run_until(lambda: team.world.tick == 8)
     follower = team.boards["a2"]
-    assert follower.lead.part is Part.FOLLOWS
+    assert follower.lead.role is BoardRole.FOLLOWS
     taken: list[Memory] = []
     monkeypatch.setattr(follower.board, "remember", taken.append)
     said = Memory(

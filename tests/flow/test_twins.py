@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from blackboard.board.lead import Part
+from blackboard.board.lead import BoardRole
 from blackboard.board.service import board_of
 from blackboard.lab.team import Team
 from blackboard.wire.envelope import Envelope, Kind
@@ -171,7 +171,7 @@ def test_a_frozen_leader_is_given_up_and_follows_when_it_thaws(mode: str) -> Non
     later = team.world.tick
     team.run_until(lambda: team.world.done or team.world.tick >= min(later + 2, 8))
     team.thaw(frozen)
-    team.run_until(lambda: frozen.lead.part is Part.FOLLOWS)
+    team.run_until(lambda: frozen.lead.role is BoardRole.FOLLOWS)
     team.run_until(lambda: team.world.done)
     stream.check()
     assert team.world.why == ""

@@ -13,7 +13,7 @@ from blackboard.process.team_clock import (
     CLOCKLESS,
     STOPPED,
     WORLD_SILENT,
-    Event,
+    ClockEvent,
     News,
     Pace,
     State,
@@ -71,39 +71,39 @@ JUMP, BACK, OTHER, LOOK, LATER = (
 IN_VAIN = [ALIVE, LOOK, ("wait", CLOCKLESS)]  # a token without a Clock
 FOLLOWED = [ALIVE, CLOCK]
 STRANGER = [CLOCK, ("wait", 3.0), ALIVE, LOOK]  # its Clocks came long before the token
-WALKS: dict[tuple[State, Event], list[tuple[Any, ...]]] = {
-    (State.FREE, Event.STRAY): [CLOCK],
-    (State.FREE, Event.MORE): [CLOCK, ("wait", WORLD_SILENT), CLOCK],
-    (State.FREE, Event.STRANGER): [*IN_VAIN, GONE, *STRANGER, CLOCK],
-    (State.FREE, Event.FIRST): [*IN_VAIN, CLOCK],
-    (State.FREE, Event.PERIOD): [LATER],
-    (State.CLOCK, Event.MORE): [CLOCK, CLOCK],
-    (State.CLOCK, Event.TOKENLESS): [CLOCK, ("wait", WORLD_SILENT)],
-    (State.TOKEN, Event.STRANGER): [*STRANGER, CLOCK],
-    (State.TOKEN, Event.FIRST): FOLLOWED,
-    (State.TOKEN, Event.CLOCKLESS): IN_VAIN,
-    (State.FOLLOWED, Event.MORE): [*FOLLOWED, GONE, CLOCK],
-    (State.FOLLOWED, Event.NEXT): [*FOLLOWED, CLOCK],
-    (State.FOLLOWED, Event.SAME): [*FOLLOWED, AGAIN],
-    (State.FOLLOWED, Event.RIVAL): [*FOLLOWED, JUMP],
-    (State.FOLLOWED, Event.JUMP): [*FOLLOWED, JUMP, LATER, AGAIN],
-    (State.FOLLOWED, Event.RUN): [*FOLLOWED, BACK, LATER, AGAIN],
-    (State.FOLLOWED, Event.SILENT): [*FOLLOWED, ("wait", STOPPED)],
+WALKS: dict[tuple[State, ClockEvent], list[tuple[Any, ...]]] = {
+    (State.FREE, ClockEvent.STRAY): [CLOCK],
+    (State.FREE, ClockEvent.MORE): [CLOCK, ("wait", WORLD_SILENT), CLOCK],
+    (State.FREE, ClockEvent.STRANGER): [*IN_VAIN, GONE, *STRANGER, CLOCK],
+    (State.FREE, ClockEvent.FIRST): [*IN_VAIN, CLOCK],
+    (State.FREE, ClockEvent.PERIOD): [LATER],
+    (State.CLOCK, ClockEvent.MORE): [CLOCK, CLOCK],
+    (State.CLOCK, ClockEvent.TOKENLESS): [CLOCK, ("wait", WORLD_SILENT)],
+    (State.TOKEN, ClockEvent.STRANGER): [*STRANGER, CLOCK],
+    (State.TOKEN, ClockEvent.FIRST): FOLLOWED,
+    (State.TOKEN, ClockEvent.CLOCKLESS): IN_VAIN,
+    (State.FOLLOWED, ClockEvent.MORE): [*FOLLOWED, GONE, CLOCK],
+    (State.FOLLOWED, ClockEvent.NEXT): [*FOLLOWED, CLOCK],
+    (State.FOLLOWED, ClockEvent.SAME): [*FOLLOWED, AGAIN],
+    (State.FOLLOWED, ClockEvent.RIVAL): [*FOLLOWED, JUMP],
+    (State.FOLLOWED, ClockEvent.JUMP): [*FOLLOWED, JUMP, LATER, AGAIN],
+    (State.FOLLOWED, ClockEvent.RUN): [*FOLLOWED, BACK, LATER, AGAIN],
+    (State.FOLLOWED, ClockEvent.SILENT): [*FOLLOWED, ("wait", STOPPED)],
 }
 
 
-ROWS = [(state, event) for event in Event for state in event.value.states]
+ROWS = [(state, event) for event in ClockEvent for state in event.value.states]
 
 
 @pytest.mark.parametrize(("state", "event"), ROWS, ids=[f"{s.value}-{e.name.lower()}" for s, e in ROWS])
-def test_each_row_is_walked(state: State, event: Event) -> None:
-    walk = Walk(0.5 if event is Event.PERIOD else None)
+def test_each_row_is_walked(state: State, event: ClockEvent) -> None:
+    walk = Walk(0.5 if event is ClockEvent.PERIOD else None)
     *before, last = WALKS[state, event]
     for action in before:
         walk.do(action)
     assert walk.it.state is state
     row = event.value
-    assert (walk.do(last), walk.it.state) == ([] if row.news is News.NOTHING else [row.news], row.then or state)
+    assert (walk.do(last), walk.it.state) == ([] if row.news is None else [row.news], row.then or state)
 
 
 actions = st.sampled_from(

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from blackboard.state.moments import About, Moment, Moments
+from blackboard.state.moments import About, Moment, Timeline
 from tests.view.recorded import team_of
 
 
 def test_moments_keep_to_their_bytes_and_their_number() -> None:
     about = next(about for moment in team_of().moments for about in moment.subjects.values() if about.reports)
-    kept = Moments(most=10)
+    kept = Timeline(most=10)
     for tick in range(30):
         kept.add(Moment("r", tick, 0.0, 0.0, {"object/x": about}))
     assert [moment.tick for moment in kept] == list(range(20, 30))
     assert kept.at(25) is not None
     assert kept.at(5) is None
-    tight = Moments(most_bytes=1)
+    tight = Timeline(most_bytes=1)
     for tick in range(3):
         tight.add(Moment("r", tick, 0.0, 0.0, {"object/x": About()}))
     assert [moment.tick for moment in tight] == [0, 1, 2]  # of those that are looked at most nothing is dropped
@@ -24,7 +24,7 @@ def test_moments_keep_to_their_bytes_and_their_number() -> None:
 
 
 def test_an_old_moment_says_what_it_said_when_it_was_new() -> None:
-    moments, packed = list(team_of().moments), Moments()
+    moments, packed = list(team_of().moments), Timeline()
     for moment in moments:
         packed.add(moment)
     found = packed.at(moments[0].tick)

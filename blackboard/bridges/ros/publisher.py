@@ -9,7 +9,7 @@ from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, POSE, Node, part
 from blackboard.errors import Refused
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
-from blackboard.state.told import read
+from blackboard.state.received import read
 from blackboard.view.summary import Table, processes
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import unpack_state

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from blackboard.opinion.grid import Grid
 from blackboard.state.moments import Moment, Point
-from blackboard.state.told import STEP, Drawn
+from blackboard.state.received import STEP, Drawn
 
 BACK = (13, 17, 23)
 #: Okabe and Ito's colours, brighter where they are too faint on black.

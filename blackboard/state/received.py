@@ -1,4 +1,4 @@
-"""What somebody told about a subject, and how it is drawn: a box of bytes, its mean, its entropy and its 95 % region. Pure."""
+"""What was received about a subject, and how it is drawn: a box of bytes, its mean, its entropy and its 95 % region. Pure."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Drawn:
 
 
 @dataclass(frozen=True, eq=False)
-class Told(Generic[M]):
+class Received(Generic[M]):
     """A report or a consensus, and when it arrived (Unix seconds)."""
 
     message: M

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import hdr_level, region_area
-from blackboard.state.told import DEPTH, STEP, draw
+from blackboard.state.received import DEPTH, STEP, draw
 from blackboard.view.frame import frame
 from tests.view.recorded import read, team_of
 
