@@ -66,7 +66,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
     ),
     "design.md": (
         *[("", DRAWING)] * 4,
-        ("part     fact", "tests/board/test_lead_table.py::test_the_table_is_printed"),
+        ("role     fact", "tests/board/test_lead_table.py::test_the_table_is_printed"),
         ("state       event", "tests/process/test_team_clock_table.py::test_the_table_is_printed"),
         ("process  pace", "tests/process/test_rounds.py::test_the_tables_are_printed"),
         ("news      robot", "tests/process/test_peer.py::test_the_table_is_printed"),
