@@ -97,9 +97,9 @@ class Board:
         self.withdraw_consensuses(self.sub_team, tick, [consensus.subject for consensus in found])
         return found
 
-    def forward(self) -> list[Forwarded]:
-        """The evidence of the own robots since the last call, for the joints of the other boards."""
-        return [] if self.joint is None else self.joint.forward()
+    def forward(self, time: float) -> list[Forwarded]:
+        """The evidence of the own robots since the last call, at a team time (s), for the joints of the other boards."""
+        return [] if self.joint is None else self.joint.forward(time)
 
     # --- the exchange -------------------------------------------------------------------------------------------------
 

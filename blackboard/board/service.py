@@ -260,7 +260,7 @@ class BoardService:
         return self.publisher.publish(Publication(tick, level, time, tuple(out), status), now)
 
     def _forward(self, tick: int, time: float) -> list[Envelope]:
-        evidence = self.board.forward()
+        evidence = self.board.forward(time)
         if self.board.joint is None or (not evidence and self.clocks.differ):
             return []
         forward = Forward(board=self.name, sub_team=self.sub_team, tick=max(0, tick), time=time, evidence=evidence)

@@ -36,7 +36,7 @@ def joint_sizes(
         evidence = {}
         for one in readings:
             own = filters[one.robot]
-            evidence[one.robot] = own.step(one).evidence(own.robot, tick, own.sensors.wheels.nuisance)
+            evidence[one.robot] = own.step(one).evidence(own.robot, tick, one.time, own.sensors.wheels.nuisance)
         for members, joint in joints.items():
             joint.settle(tick, time.tick if tick else 0.0, [evidence[robot] for robot in sorted(members)])
         for scores, (run, some) in zip(found, parts, strict=True):

@@ -117,6 +117,7 @@ class Forwarded(Part):
     robot: Name
     tick: Tick
     evidence: PackedEvidence
+    age: Finite = 0.0  # seconds from the time of the report, by the board's clock, to that of the Forward
 
 
 class Forward(Message):

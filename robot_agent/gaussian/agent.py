@@ -126,7 +126,7 @@ class JointAgent:
 
     def _firsthand(self, readings: Readings, told: Told) -> dict[str, Belief]:
         """The beliefs about this robot, the objects that it knows, and the mates that it sees in this tick."""
-        evidence = told.evidence(self.subject, readings.tick, self.filter.sensors.wheels.nuisance)
+        evidence = told.evidence(self.subject, readings.tick, readings.time, self.filter.sensors.wheels.nuisance)
         self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [evidence])
         known = {subject: self.own.marginal(subject) for subject in {self.subject, *self.own.subjects()}}
         mates = [r for r in told.relatives if r.subject.startswith("robot/") and r.subject != self.subject]

@@ -59,9 +59,10 @@ class Told:
     #: What was gained since the evidence that was sent last; the same as `increment` if that was a tick ago.
     unsent: Increment | None = None
 
-    def evidence(self, robot: str, tick: int, nuisance: Nuisance) -> Evidence:
-        """What a robot with this nuisance reports of the tick; `robot` is its subject."""
-        return Evidence(robot, self.epoch, tick, self.travelled, nuisance, self.belief, self.increment, self.relatives)
+    def evidence(self, robot: str, tick: int, time: float, nuisance: Nuisance) -> Evidence:
+        """What a robot with this nuisance reports of the tick, which ends at a team time (s); `robot` is its subject."""
+        said = self.travelled, nuisance, self.belief, self.increment, self.relatives
+        return Evidence(robot, self.epoch, tick, *said, time)
 
 
 @dataclass

@@ -68,7 +68,7 @@ def test_an_increment_says_nearly_the_same_and_nothing_where_it_said_nothing(see
     assert whole is not None
     packed = shorter(evidence(after, whole))
     assert packed.increment is not None
-    unpack("r1", 1, packed)  # boards refuse what is no likelihood
+    unpack("r1", 1, 0.2, packed)  # boards refuse what is no likelihood
     told = unpack_increment(packed.increment)
     there, here = moved(before, whole), moved(before, told)
     assert np.abs((here.mean - there.mean) / np.sqrt(np.diag(there.covariance))).max() < 0.1

@@ -76,7 +76,7 @@ class JointDesk:
         self._newest: dict[str, tuple[PackedEvidence, int]] = {}  # robot -> the newest that was taken, and its tick
         self._states: dict[str, Moments | None] = {}  # robot -> its own belief in the newest
         self._until: dict[str, float] = {}  # robot -> team time until which its evidence is in the joint
-        self._forward: list[Forwarded] = []
+        self._forward: list[tuple[float, Forwarded]] = []  # with its team time, seconds
         self._heard: dict[tuple[str, str], deque[int]] = {}  # sub-team and board -> the last ticks that it forwarded
         self._forwarders: set[tuple[str, str]] = set()  # the other boards that keep a joint
         self._settled_at: float | None = None  # team time, seconds
@@ -108,7 +108,7 @@ class JointDesk:
             raise Refused("backwards", f"the sums of {robot} shrank within epoch {packed.epoch}; begin a greater epoch")
         if before is None and len(self._newest) >= MAX_ROBOTS:
             raise Refused("too-many", f"{robot} would be one more than {MAX_ROBOTS} robots in the joint")
-        evidence = self._bounded(unpack(robot, tick, packed))
+        evidence = self._bounded(unpack(robot, tick, time, packed))
         self._newest[robot], self._states[robot] = (packed, tick), evidence.belief
         self._until[robot] = time
         waiting = self._waiting.setdefault(robot, deque())
@@ -117,7 +117,10 @@ class JointDesk:
             waiting.popleft()
             self.counters["joint_dropped"] += 1  # a tick that waited too long
         if own:
-            self._forward = [*self._forward[1 - MAX_WAITING :], Forwarded(robot=robot, tick=tick, evidence=packed)]
+            self._forward = [
+                *self._forward[1 - MAX_WAITING :],
+                (time, Forwarded(robot=robot, tick=tick, evidence=packed)),
+            ]
 
     def _bounded(self, evidence: Evidence) -> Evidence:
         """The evidence without sightings of more objects than the joint takes."""
@@ -141,7 +144,7 @@ class JointDesk:
                     raise Refused(
                         "unregistered", f"{one.robot} holds no liveliness token in sub-team {forward.sub_team}"
                     )
-                self.take(one.robot, one.tick, forward.time, one.evidence, own=False, skew=skew)
+                self.take(one.robot, one.tick, forward.time - one.age, one.evidence, own=False, skew=skew)
             except Refused as refusal:
                 refusals.append(refusal)
         if refusals:
@@ -155,10 +158,11 @@ class JointDesk:
         """Whether a board has passed on the evidence of a tick, or is not expected to."""
         return board not in self._forwarders or tick in self._heard.get(board, ())
 
-    def forward(self) -> list[Forwarded]:
-        """The own robots' evidence since the last call, sorted: what the other boards need."""
-        found, self._forward = sorted(self._forward, key=lambda it: (it.robot, it.tick)), []
-        return found
+    def forward(self, time: float) -> list[Forwarded]:
+        """The own robots' evidence since the last call, sorted, at a team time (s): what the other boards need."""
+        found = [it.model_copy(update={"age": time - then}) for then, it in self._forward]
+        self._forward = []
+        return sorted(found, key=lambda it: (it.robot, it.tick))
 
     # --- out ------------------------------------------------------------------------------------------------------------
 

@@ -24,8 +24,8 @@ MOST_ERROR = 1e3  # of angles (rad), of scales, and of their errors and walks
 GROWING = ("time", "moving", "along", "across", "heading")  # sums of an epoch that never shrink
 
 
-def unpack(robot: str, tick: int, packed: PackedEvidence) -> Evidence:
-    """The evidence of a robot's tick, under the name of its subject.
+def unpack(robot: str, tick: int, time: float, packed: PackedEvidence) -> Evidence:
+    """The evidence of a robot's tick that ended at a team time (s), under the name of its subject.
 
     Refused: "mass", a matrix that is no covariance; "fields", a number that no robot has (`MOST`, `MOST_ERROR`).
     """
@@ -41,6 +41,7 @@ def unpack(robot: str, tick: int, packed: PackedEvidence) -> Evidence:
         belief=None if packed.state is None else unpack_state(packed.state),
         increment=None if packed.increment is None else unpack_increment(packed.increment),
         relatives=tuple(it for it in relatives if not it.subject.startswith("landmark/")),
+        time=time,
     )
 
 

@@ -19,6 +19,7 @@ class Evidence:
     An epoch is a first-hand belief that was never begun anew; a robot that lost itself begins the next one. `travelled` is
     the sum of all motions of the epoch, so that a lost report loses no motion. `belief` is the whole first-hand block
     after the tick, from which a robot enters; None while it has no single hypothesis, and then `increment` is None too.
+    `time` is when the tick ended, in seconds of team time.
     """
 
     robot: str
@@ -29,6 +30,7 @@ class Evidence:
     belief: Moments | None = None
     increment: Increment | None = None
     relatives: tuple[Relative, ...] = ()
+    time: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,9 @@ from blackboard.opinion.gaussian.vehicle import (
 from blackboard.opinion.grid import Array
 
 QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])  # a turn by 90 degrees: the derivative of a rotation
+UNSTEADY = (
+    0.5  # share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after
+)
 NEAREST = 1e-6  # unit: nearer than this there is no line of sight
 EXACT = 1e-9  # radians ** 2: a heading with less variance is exact
 BiasBlock = tuple[str, str, str, float]  # "bias", observer, group, time constant (s)
@@ -43,7 +46,8 @@ class Bias:
 class Relative:
     """A relative belief: where `observer` saw `subject`, as range (unit) and bearing (rad) with their fresh variances.
 
-    `age` is seconds before the end of the tick. `biases` are the lasting errors of the range, shared by all sightings of
+    `age` is seconds before the end of the observer's tick; `ahead` is by how many seconds the subject's tick ended later than
+    that, where ticks are not the world's. `biases` are the lasting errors of the range, shared by all sightings of
     one observer in one `group` (by default those of the subject), each with a time constant of its own.
     `profile`, where given, replaces both variances: (distance, variance) pairs of an isotropic error of the seen position,
     interpolated, and to be averaged over the distances at which the subject may be.
@@ -59,6 +63,7 @@ class Relative:
     biases: tuple[Bias, ...] = ()
     group: str = ""
     profile: tuple[tuple[float, float], ...] = ()
+    ahead: float = 0.0
 
     def along(self) -> Array:
         """The line of sight in the observer's frame, shape (2,)."""
@@ -102,14 +107,19 @@ def linearise(
     observer = mean if at is None else at
     back, turned = moved_in(observer, motions.get(sighting.observer), sighting.age)
     subject = None if place is not None else local.blocks[sighting.subject]
+    strayed = 0.0
     if subject is not None:
         place = local.mean[subject][AXES]
         if subject.stop - subject.start == STATES:
-            place = place - moved_in(local.mean[subject], motions.get(sighting.subject), sighting.age)[0]
+            motion = motions.get(sighting.subject)
+            place = place - moved_in(local.mean[subject], motion, sighting.age + sighting.ahead)[0]
+            strayed = _strayed(sighting, motion)
     away = place - (observer[AXES] - back)
     camera = float(observer[HEADING] - turned - observer[BEARING])
     form = _polar if _prefers_polar(local, sighting, away, subject) else _cartesian
     residual, by_place, by_observer, by_range, noise = form(local, sighting, away, camera, subject)
+    if strayed:
+        noise = noise + np.eye(2) * strayed
     residual = residual - by_range * (observer[RANGE] * sighting.range)
     by_observer[:, AXES] = -by_place
     by_observer[:, RANGE] = by_range * sighting.range
@@ -125,6 +135,19 @@ def linearise(
         jacobians[block] = by_range[:, None] * sigma
         residual = residual - jacobians[block] @ local.mean[local.blocks[block]]
     return Factor(residual, jacobians, noise, priors, anchors)
+
+
+def _strayed(sighting: Relative, motion: Motion | None) -> float:
+    """Variance, unit ** 2 in each direction, of where a robot was when it was seen outside of the tick of its motion.
+
+    It is taken to have moved then as in the tick, up to `UNSTEADY`. A sighting that is older than its observer's tick, too, is
+    only stamped late.
+    """
+    if motion is None or motion.dt <= 0:
+        return 0.0
+    age = sighting.age + sighting.ahead
+    outside = max(0.0, -age, age - max(motion.dt, sighting.age)) / motion.dt
+    return outside * (motion.along + motion.across) + (outside * UNSTEADY * motion.distance) ** 2
 
 
 def _anchors(joint: Joint, sighting: Relative, place: Array | None) -> dict[Block, Array]:

@@ -51,11 +51,16 @@ class Objects:
 
 @dataclass(frozen=True)
 class Known:
-    """What is settled of a robot: its epoch, the sum of its motions, and how many increments in a row were left out."""
+    """What is settled of a robot: its epoch, the sum of its motions, and how many increments in a row were left out.
+
+    `motion` is what was added to the sum last, until a team time (s).
+    """
 
     epoch: int
     travelled: Motion
     left_out: int = 0
+    motion: Motion = field(default_factory=Motion)
+    time: float = 0.0
 
 
 @dataclass
@@ -102,7 +107,7 @@ class TeamJoint:
             self.tally.repeated += sum(1 for _ in reports)
             return []
         self.tick = tick
-        news = self._news(tick, reports)
+        news = self._aligned(self._news(tick, reports))
         self.tally.verdicts = []
         refuted = self.contacts.left_out()
         self._refuted |= refuted
@@ -110,7 +115,9 @@ class TeamJoint:
         with np.errstate(over="raise", invalid="raise", divide="raise"):
             self._take(dt, news)
         for robot, evidence in news.items():
-            self._known[robot] = replace(self._known[robot], travelled=evidence.travelled)
+            known = self._known[robot]
+            motion = evidence.travelled.since(known.travelled)
+            self._known[robot] = replace(known, travelled=evidence.travelled, motion=motion, time=evidence.time)
         self._forget_objects()
         return self.tally.verdicts
 
@@ -145,6 +152,19 @@ class TeamJoint:
             else:
                 news[evidence.robot] = evidence
         return news
+
+    def _aligned(self, news: dict[str, Evidence]) -> dict[str, Evidence]:
+        """With the sightings of robots whose tick ended at another time than the observer's saying so."""
+        ends = {robot: known.time for robot, known in self._known.items()} | {r: it.time for r, it in news.items()}
+        if len(set(ends.values())) < 2:
+            return news
+        return {
+            robot: replace(
+                it,
+                relatives=tuple(replace(r, ahead=ends.get(r.subject, it.time) - it.time) for r in it.relatives),
+            )
+            for robot, it in news.items()
+        }
 
     def _predict(self, dt: float, news: Mapping[str, Evidence]) -> dict[str, Motion]:
         """Move every robot that is known and was heard by all that it has travelled since; let biases and objects drift."""
@@ -374,9 +394,12 @@ class TeamJoint:
             return
         if subject not in self.joint and observer in self._left_out:
             return
-        if robot and subject not in heard:  # how far it has moved in this tick is not known
-            self.tally.silent += 1
-            return
+        if robot and subject not in heard:
+            known = self._known[subject]
+            if not 0.0 <= relative.age + relative.ahead <= known.motion.dt:  # how far it had moved then is not known
+                self.tally.silent += 1
+                return
+            motions = {**motions, subject: known.motion}
         factor, squared = self._weighed((observer, "relative"), linearise(self.joint, relative, motions))
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
         agrees = squared <= quantile(GATE, 2) and not by and not self._contradict(observer, subject)

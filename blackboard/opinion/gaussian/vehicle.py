@@ -95,8 +95,11 @@ def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance) -> Non
 
 
 def moved_in(state: Array, motion: Motion | None, age: float) -> tuple[Array, float]:
-    """How far a robot (its state, shape (9,)) has come, shape (2,), and turned in the last `age` seconds of a motion."""
-    if motion is None or age <= 0 or motion.dt <= 0:
+    """How far a robot (its state, shape (9,)) has come, shape (2,), and turned in the last `age` seconds of a motion.
+
+    Where `age` is negative, it is what the robot will do if it goes on like that, with the other sign.
+    """
+    if motion is None or not age or motion.dt <= 0:
         return np.zeros(2), 0.0
     share = age / motion.dt
     turn = float(state[TURN]) * motion.turn * share

@@ -38,7 +38,7 @@ def test_the_same_evidence_counts_once_whoever_passes_it_on() -> None:
         plain.take("r1", tick, 0.2 * tick, evidence, own=True)
         for _ in range(3):
             echoed.take("r1", tick, 0.2 * tick, evidence, own=True)
-        forward = Forward(board="b", sub_team="b", tick=tick, time=0.2 * tick, evidence=plain.forward())
+        forward = Forward(board="b", sub_team="b", tick=tick, time=0.2 * tick, evidence=plain.forward(0.2 * tick))
         echoed.hear(forward)
         assert echoed.has_heard(("b", "b"), tick)
         assert plain.settle(0.2 * tick, MAKE) == echoed.settle(0.2 * tick, MAKE)
@@ -61,8 +61,8 @@ def test_evidence_is_forwarded_once_and_only_that_of_the_own_robots() -> None:
     it.take("r2", 0, 0.0, at(10, 10), own=True)
     it.take("r1", 0, 0.0, at(10, 10), own=True)
     it.take("r3", 0, 0.0, at(10, 10), own=False)
-    assert [(one.robot, one.tick) for one in it.forward()] == [("r1", 0), ("r2", 0)]
-    assert it.forward() == []
+    assert [(one.robot, one.tick) for one in it.forward(0.0)] == [("r1", 0), ("r2", 0)]
+    assert it.forward(0.0) == []
 
 
 def test_a_silent_robot_is_believed_less_and_then_not_published() -> None:
@@ -98,7 +98,7 @@ def test_what_is_kept_is_bounded() -> None:
     for tick in range(1, MAX_WAITING + 5):
         it.take("r1", tick, 0.0, at(10, 10), own=True)
     assert it.counters["joint_dropped"] == 5
-    assert len(it.forward()) == MAX_WAITING
+    assert len(it.forward(0.0)) == MAX_WAITING
 
 
 def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,3 +177,13 @@ def test_one_refused_robot_does_not_cost_the_others_of_a_forward() -> None:
     with pytest.raises(Refused, match="future"):
         it.hear(Forward(board="board-b", sub_team="b", tick=0, time=0.0, evidence=[bad, good]))
     assert means(it.settle(0.0, MAKE)) == {"robot/r2": (20.0, 10.0)}
+
+
+def test_another_board_knows_when_the_evidence_that_is_passed_on_was_gathered() -> None:
+    first, second = desk(), desk()
+    first.take("r1", 0, 100.3, at(10, 10), own=True)
+    (forwarded,) = first.forward(100.5)
+    assert forwarded.age == pytest.approx(0.2)
+    second.hear(Forward(board="b", sub_team="b", tick=0, time=100.5, evidence=[forwarded]))
+    (found,) = second.settle(100.6, MAKE)
+    assert found.ancestors == {"r1": pytest.approx(100.3)}

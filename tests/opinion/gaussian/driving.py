@@ -46,7 +46,7 @@ class Own:
         belief = self.joint.moments(self.name)
         seen = tuple(self.see(other) for other in others if other is not self and self.chance.random() < 0.7)
         increment = gained(prediction, belief)
-        return Evidence(self.name, self.epoch, tick, self.travelled, NUISANCE, belief, increment, seen)
+        return Evidence(self.name, self.epoch, tick, self.travelled, NUISANCE, belief, increment, seen, float(tick))
 
     def see(self, other: Own) -> Relative:
         dx, dy = other.place - self.place + self.chance.normal(0, 0.2, 2)
