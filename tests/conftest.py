@@ -46,7 +46,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         room = item.path.relative_to(here).parts[0]
         if room in ("system", "compose", "long"):
             item.add_marker(room)
-        elif room in ("bridges", "flow", "hostile", "lab", "net", "state", "tape", "view"):
+        elif room in ("bridges", "flow", "hostile", "lab", "net", "nights", "state", "tape", "view"):
             item.add_marker("team")
     items.sort(
         key=lambda item: next((k for k, name in enumerate(("system", "team")) if item.get_closest_marker(name)), 2)

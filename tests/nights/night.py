@@ -1,0 +1,300 @@
+"""A night: a team and the faults that it meets, drawn from a seed and a number. Pure.
+
+A night is data, and its `repr` is the Python that makes it again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from blackboard import POOLS
+from blackboard.config import Scenario
+from tests.nights import faults
+from tests.nights.faults import Fault
+
+T = TypeVar("T")
+
+CELLS = 20  # of the grid along each axis
+FIRST = 2.0  # seconds: no fault begins earlier, so that the team has met
+LAST = 8.5  # seconds: every fault has ended
+CALM = 4.0  # seconds in which it is watched whether the team is well again
+
+
+@dataclass(frozen=True)
+class Team:
+    """Who is in a team, and how it works."""
+
+    sub_teams: dict[str, tuple[str, ...]]  # with their robots; a robot may be in several
+    mode: Literal["lockstep", "realtime", "free"]  # free: there is no world
+    boards: int = 1  # of each sub-team
+    tick: float = 0.5  # seconds
+    latency: float = 0.01  # seconds that each message takes
+    fusion: Literal["opinions", "joint"] = "opinions"
+    rule: str = "coalition"
+    learns: bool = True  # where the rule can
+    feedback: Literal["paper", "guarded", "off"] = "guarded"
+    budget: float | None = None  # bytes a second of each robot
+    guest: bool = False  # a program that reports an object
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(robot for robots in self.sub_teams.values() for robot in robots))
+
+    @property
+    def processes(self) -> tuple[str, ...]:
+        """The names of all processes, as faults use them."""
+        boards = [f"board/{s}/board-{s}{n if n > 1 else ''}" for s in self.sub_teams for n in range(1, self.boards + 1)]
+        world = [] if self.mode == "free" else ["world"]
+        return (*boards, *(f"robot/{robot}" for robot in self.robots), *["guest/g1"] * self.guest, *world)
+
+    def scenario(self, seed: int) -> Scenario:
+        """The scenario of such a team in a world of a seed."""
+        board: dict[str, Any] = {"fusion": self.fusion, "rule": self.rule, "feedback": self.feedback}
+        if self.rule == "coalition" and not self.learns:
+            board["independence"] = 0.5
+        return Scenario(
+            {
+                "name": "night",
+                "team": {
+                    "name": "t",
+                    "sub_teams": {s: list(robots) for s, robots in self.sub_teams.items()},
+                    "boards": self.boards,
+                },
+                "grid": {"shape": [CELLS, CELLS]},
+                "time": {
+                    "tick": self.tick,
+                    "seconds": float("inf"),
+                    "mode": "realtime" if self.mode == "free" else self.mode,
+                },
+                "board": {**board, "period": self.tick},
+                "robot": {"send": {"budget": self.budget}} if self.budget else {},
+                "world": {"seed": seed, "objects": {"ball": {"drift": 0.2}}, "gather": 30.0},
+            },
+            "a night",
+        )
+
+
+@dataclass(frozen=True)
+class Night:
+    """A team, its faults, and the seed of the world that it is in."""
+
+    team: Team
+    faults: tuple[Fault, ...] = ()
+    seed: int = 1
+    name: str = field(default="", compare=False)
+
+    @property
+    def healed(self) -> float:
+        """Seconds after which every fault has ended."""
+        return max((it.end for it in self.faults), default=FIRST)
+
+    @property
+    def well(self) -> float:
+        """Seconds after which the team must be well again."""
+        return max((it.end + it.recovery for it in self.faults), default=FIRST)
+
+    @property
+    def end(self) -> float:
+        """Seconds that the night lasts."""
+        return round(self.well + CALM, 6)
+
+    @property
+    def is_honest(self) -> bool:
+        """Whether nobody lies."""
+        return not any(isinstance(it, faults.LIARS) for it in self.faults)
+
+    def without(self, fault: Fault) -> Night:
+        return replace(self, faults=tuple(it for it in self.faults if it is not fault))
+
+
+class Draw:
+    """Choices by a random generator, in the words of a night."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng = rng
+
+    def one(self, options: Sequence[T], shares: Sequence[float] | None = None) -> T:
+        p = None if shares is None else np.array(shares) / sum(shares)
+        return options[int(self.rng.choice(len(options), p=p))]
+
+    def chance(self, share: float) -> bool:
+        return bool(self.rng.random() < share)
+
+    def between(self, low: float, high: float) -> float:
+        """A number between two, rounded so that a person can read it."""
+        return float(round(self.rng.uniform(low, high), 2))
+
+    def some(self, options: Sequence[T], least: int = 1) -> list[T]:
+        """A random part of some options, in random order."""
+        count = int(self.rng.integers(least, max(least, len(options)) + 1))
+        return [options[i] for i in self.rng.permutation(len(options))[:count]]
+
+
+def draw_night(seed: int, number: int) -> Night:
+    """The night of a seed and a number: always the same."""
+    draw = Draw(np.random.default_rng(np.random.SeedSequence((seed, number))))
+    team = draw_team(draw)
+    count = draw.one([0, 1, 2, 3, 4, 5, 6], [0.04, 0.2, 0.24, 0.22, 0.15, 0.1, 0.05])
+    found = [draw_fault(draw, team) for _ in range(count)]
+    return Night(team, tuple(found), int(draw.rng.integers(1, 1 << 31)), f"{seed}/{number}")
+
+
+def draw_team(draw: Draw) -> Team:
+    count = draw.one([2, 3, 4, 5, 6, 7, 8], [0.28, 0.34, 0.2, 0.08, 0.05, 0.03, 0.02])
+    robots = [f"r{n}" for n in range(1, count + 1)]
+    most = min(count, 4)
+    names = "abcd"[: draw.one(range(1, most + 1), [0.3, 0.45, 0.15, 0.1][:most])]
+    members: dict[str, list[str]] = {name: [] for name in names}
+    for number, robot in enumerate(robots):
+        members[names[number % len(names)]].append(robot)
+        if len(names) > 1 and draw.chance(0.08):
+            members[names[(number + 1) % len(names)]].append(robot)
+    mode: Literal["lockstep", "realtime", "free"] = draw.one(("lockstep", "realtime", "free"), [0.4, 0.35, 0.25])
+    tick = draw.one([0.5, 1.0], [0.35, 0.65] if count < 5 else [0.1, 0.9])
+    rule = draw.one(
+        ["coalition", *sorted(set(POOLS) - {"coalition"})], [0.6, *[0.4 / (len(POOLS) - 1)] * (len(POOLS) - 1)]
+    )
+    return Team(
+        sub_teams={name: tuple(robots) for name, robots in members.items()},
+        mode=mode,
+        boards=draw.one([1, 2], [0.6, 0.4]),
+        tick=tick,
+        latency=round(tick / 5, 4) if mode == "lockstep" else draw.one([0.001, 0.02, 0.05]),
+        fusion=draw.one(("opinions", "joint")),
+        rule=rule,
+        learns=draw.chance(0.7),
+        feedback=draw.one(("guarded", "off", "paper"), [0.7, 0.15, 0.15]),
+        budget=draw.one([None, 2000.0, 600.0], [0.85, 0.1, 0.05]),
+        guest=draw.chance(0.15),
+    )
+
+
+# --- faults ------------------------------------------------------------------------------------------------------------
+
+
+def draw_fault(draw: Draw, team: Team) -> Fault:
+    """A fault that this team may meet."""
+    makers = [it for it, fits in MAKERS.items() if fits(team)]
+    return draw.one(makers)(draw, team)
+
+
+def span(draw: Draw, longest: float = 5.0) -> tuple[float, float]:
+    """Beginning and end of a fault: many are short."""
+    length = draw.one([0.05, 0.3, 1.0, 2.5, longest], [0.15, 0.2, 0.25, 0.25, 0.15])
+    begin = draw.between(FIRST, LAST - length)
+    return begin, round(begin + length, 2)
+
+
+def anybody(draw: Draw, team: Team) -> str:
+    return draw.one(["*", *team.processes], [0.3, *[0.7 / len(team.processes)] * len(team.processes)])
+
+
+def boards_of(team: Team) -> list[str]:
+    return [it for it in team.processes if it.startswith("board/")]
+
+
+def robots_of(team: Team) -> list[str]:
+    return [it for it in team.processes if it.startswith("robot/")]
+
+
+def lost(draw: Draw, team: Team) -> Fault:
+    return faults.Lost(*span(draw), anybody(draw, team), draw.one([0.05, 0.3, 0.7, 1.0]))
+
+
+def late(draw: Draw, team: Team) -> Fault:
+    return faults.Late(*span(draw), anybody(draw, team), draw.one([0.05, 0.3, 1.0, 3.0]))
+
+
+def doubled(draw: Draw, team: Team) -> Fault:
+    return faults.Doubled(*span(draw), anybody(draw, team), draw.one([0.1, 0.5, 1.0]), draw.one([0.0, 0.2, 2.0]))
+
+
+def too_large(draw: Draw, team: Team) -> Fault:
+    return faults.TooLarge(*span(draw), anybody(draw, team), draw.one([300, 800, 2000]))
+
+
+def one_way(draw: Draw, team: Team) -> Fault:
+    return faults.OneWay(*span(draw), *draw.some(team.processes, 2)[:2])
+
+
+def parted(draw: Draw, team: Team) -> Fault:
+    everybody = draw.some(team.processes, len(team.processes))
+    count = draw.one([2, 2, 3])
+    cuts = sorted(int(draw.rng.integers(1, len(everybody))) for _ in range(count - 1))
+    parts = [everybody[a:b] for a, b in zip([0, *cuts], [*cuts, len(everybody)], strict=True)]
+    return faults.Parted(*span(draw), tuple(tuple(sorted(it)) for it in parts if it))
+
+
+def cut_off(draw: Draw, team: Team) -> Fault:
+    return faults.Parted(*span(draw), ((), (draw.one(team.processes),)))
+
+
+def routerless(draw: Draw, team: Team) -> Fault:
+    return faults.Routerless(*span(draw))
+
+
+def flapping(draw: Draw, team: Team) -> Fault:
+    return faults.Flapping(*span(draw), draw.one(team.processes), draw.one([0.2, 0.6, 1.5]))
+
+
+def killed(draw: Draw, team: Team) -> Fault:
+    return faults.Killed(*span(draw), draw.one([it for it in team.processes if it != "world"]))
+
+
+def new_world(draw: Draw, team: Team) -> Fault:
+    return faults.WorldKilled(*span(draw, 6.0))
+
+
+def frozen(draw: Draw, team: Team) -> Fault:
+    return faults.Frozen(*span(draw, 6.0), draw.one(team.processes))
+
+
+def slow(draw: Draw, team: Team) -> Fault:
+    return faults.Slow(*span(draw), draw.one(team.processes), draw.one([0.3, 1.0]))
+
+
+def clock_off(draw: Draw, team: Team) -> Fault:
+    rate = draw.one([0.0, -0.05, 0.02, 0.3], [0.6, 0.1, 0.2, 0.1])
+    return faults.ClockOff(*span(draw), draw.one(team.processes), draw.one([-20.0, -2.0, -0.3, 0.5, 3.0, 40.0]), rate)
+
+
+def suspended(draw: Draw, team: Team) -> Fault:
+    return faults.Suspended(*span(draw), draw.one(team.processes))
+
+
+def second_world(draw: Draw, team: Team) -> Fault:
+    return faults.SecondWorld(*span(draw))
+
+
+def another_board(draw: Draw, team: Team) -> Fault:
+    sub_team = draw.one(list(team.sub_teams))
+    return faults.AnotherBoard(*span(draw), sub_team, draw.one(["a-first", "z-last"]))
+
+
+def full_disk(draw: Draw, team: Team) -> Fault:
+    return faults.FullDisk(*span(draw))
+
+
+def liar(draw: Draw, team: Team) -> Fault:
+    who = draw.one(robots_of(team))
+    if draw.chance(0.5):
+        return faults.Overconfident(*span(draw), who, draw.one([2.0, 10.0]))
+    return faults.Displaced(*span(draw), who, (draw.one([-6.0, 3.0]), draw.one([0.0, 5.0])))
+
+
+Maker = Callable[[Draw, Team], Fault]
+
+#: What can go wrong, and for which teams.
+MAKERS: dict[Maker, Callable[[Team], bool]] = {
+    **dict.fromkeys(
+        (lost, late, doubled, too_large, one_way, parted, cut_off, routerless, flapping, killed, frozen, slow),
+        lambda team: True,
+    ),
+    **dict.fromkeys((clock_off, suspended, another_board, full_disk), lambda team: True),
+    **dict.fromkeys((new_world, second_world), lambda team: team.mode != "free"),
+    liar: lambda team: len(team.robots) >= 3,
+}

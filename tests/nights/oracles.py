@@ -1,0 +1,269 @@
+"""What must be true every night: oracles that see everything, slow and obvious, each with one question.
+
+An oracle sees events (`see`) and says at the end what it found broken first (`verdict`).
+
+Long, because all that is promised stands in one list.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from typing import Any
+
+from blackboard.board.service import BoardService
+from blackboard.opinion.scores import border_mass, hdr_level, held
+from blackboard.process.team_clock import Pace
+from blackboard.wire.arrays import unpack
+from blackboard.wire.messages import Consensus, Report, Status, Truth
+from tests.nights.events import Began, Died, Ended, Event, Moved, Recovered, Said, Sensed, Unsound
+from tests.nights.night import Night
+
+SCORED = 3  # of so many ticks one is scored
+SLACK = 0.5  # seconds by which a phase may be open longer than its wait: it ends when its process is woken
+
+
+@dataclass(frozen=True)
+class Broken:
+    """What an oracle found: when, in seconds of the night, and what."""
+
+    at: float
+    oracle: str
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.oracle} at {self.at:.2f} s: {self.what}"
+
+
+class Oracle:
+    """One thing that must be true."""
+
+    sees: tuple[type[Event], ...] = ()
+
+    def __init__(self, night: Night) -> None:
+        self.night = night
+        self._broken: Broken | None = None
+
+    def see(self, event: Event) -> None:
+        """Take an event of one of the kinds in `sees`."""
+        raise NotImplementedError
+
+    def verdict(self) -> Broken | None:
+        """What was broken first; None: nothing."""
+        return self._broken
+
+    def sums(self) -> Counter[str]:
+        """What is judged over many nights together, to be added up."""
+        return Counter()
+
+    def breaks(self, at: float, what: str) -> None:
+        self._broken = self._broken or Broken(at, type(self).__name__, what)
+
+
+class NobodyDies(Oracle):
+    """No exception leaves a service, and where nobody lies none has to be survived."""
+
+    sees = (Died, Ended)
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Died):
+            self.breaks(event.at, f"{event.process} dies of {event.error!r:.200}")
+        elif isinstance(event, Ended) and self.night.is_honest:
+            intake: Any = getattr(event.service, "intake", None)
+            if intake is not None and intake.counters["failed"]:
+                self.breaks(event.at, f"{event.process} survived {intake.counters['failed']} exceptions")
+
+
+class InvariantsHold(Oracle):
+    """Queues, maps and states are within their bounds, and what a machine says of itself holds (`check`)."""
+
+    sees = (Unsound,)
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Unsound):
+            self.breaks(event.at, f"{event.process}: {event.error!r:.200}")
+
+
+class EveryTickIsSettled(Oracle):
+    """A board settles every tick that it begins, or counts it as skipped."""
+
+    sees = (Began, Said, Moved)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._before: dict[str, tuple[str, int, str, int]] = {}  # board -> run, tick, phase, skipped
+        self._agreed: set[tuple[str, int]] = set()  # board, and tick that it says that it is done with
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Began):
+            self._before.pop(event.process, None)
+        elif isinstance(event, Said) and isinstance(event.message, Status) and event.message.phase == "agreed":
+            self._agreed.add((event.process, event.message.tick))
+        elif isinstance(event, Moved) and isinstance(event.service, BoardService):
+            it = event.service
+            now = it.clock.run, it.clock.tick, it.rounds.phase, it.counters["skipped"]
+            run, tick, phase, skipped = self._before.get(event.process, now)
+            self._before[event.process] = now
+            if (run, tick) == now[:2] or run != now[0]:
+                return
+            is_settled = phase == "settled" or (event.process, tick) in self._agreed
+            if not is_settled and now[3] == skipped:
+                self.breaks(event.at, f"{event.process} left tick {tick} in the phase {phase}")
+
+
+class StatusesAreTrue(Oracle):
+    """A status lists nothing that its sender did not send, and no tick that it has not begun."""
+
+    sees = (Began, Said)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._sent: dict[tuple[str, str], dict[str, int]] = defaultdict(dict)  # process and topic -> subject -> tick
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Began):
+            for key in [key for key in self._sent if key[0] == event.process]:
+                del self._sent[key]
+        elif isinstance(event, Said) and event.topic is not None:
+            it = event.message
+            if isinstance(it, Consensus):
+                self._sent[event.process, it.level][it.subject] = it.tick
+            elif isinstance(it, Report):
+                self._sent[event.process, f"reported {event.parts['sub_team']}"][it.subject] = it.tick
+            elif isinstance(it, Status):
+                self._judge(event, it)
+
+    def _judge(self, event: Said, status: Status) -> None:
+        what = f"reported {event.parts['sub_team']}" if status.kind == "robot" else status.phase
+        sent = self._sent[event.process, what]
+        never = [subject for subject in status.subjects if sent.get(subject) != status.tick]
+        if never and status.phase != "idle":
+            self.breaks(event.at, f"{event.process} lists {never[0]} as {status.phase} in tick {status.tick}")
+
+
+class ProvenanceIsWhole(Oracle):
+    """Nothing is multiplied twice, and a belief names everybody whom it rests on."""
+
+    sees = (Said,)
+
+    def see(self, event: Event) -> None:
+        it = event.message if isinstance(event, Said) else None
+        if isinstance(it, Consensus):
+            self._judge(event.at, it)
+        elif isinstance(it, Report) and it.informed is not None and it.source not in it.informed.ancestors:
+            self.breaks(event.at, f"what {it.source} believes of {it.subject} does not name it")
+
+    def _judge(self, at: float, it: Consensus) -> None:
+        what = f"the {it.level} of {it.board} on {it.subject}"
+        multiplied = [used.source for used in it.used if used.how == "independent"]
+        if len(multiplied) > len(set(multiplied)) and self.night.team.feedback != "paper":
+            self.breaks(at, f"{what} multiplies {max(multiplied, key=multiplied.count)} twice")
+        for used in it.used:
+            sub_team = self.night.team.sub_teams.get(used.source, ()) if it.rule != "joint" else ()
+            members = {used.source, *sub_team, "g1"}
+            if used.weight > 0 and not members & it.ancestors.keys():
+                self.breaks(at, f"{what} rests on {used.source} and names {sorted(it.ancestors)}")
+
+
+class NobodyWaits(Oracle):
+    """Once the faults are over, every board goes on settling, one speaks for each sub-team, and every robot counts and hears."""
+
+    sees = (Recovered, Said, Moved, Ended)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._since: float | None = None
+        self._ticks: dict[str, set[int]] = defaultdict(set)  # board -> the ticks that it is done with
+        self._told: dict[str, set[str]] = defaultdict(set)  # sub-team -> robots of which it was agreed where they are
+        self._informed: set[str] = set()  # robots that took back what was agreed
+        self._speaks: dict[str, set[str]] = defaultdict(set)  # sub-team -> boards that published
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Recovered):
+            self._since = event.at
+        elif self._since is None:
+            return
+        elif isinstance(event, Said):
+            self._hear(event)
+        elif isinstance(event, Moved) and isinstance(event.service, BoardService):
+            due = event.service.rounds.ends_at(event.service.clock.pace)
+            if event.service.clock.pace is not Pace.REALTIME and due < event.at - SLACK:
+                self.breaks(event.at, f"{event.process} waits in the phase {event.service.rounds.phase}")
+
+    def _hear(self, event: Said) -> None:
+        it = event.message
+        if isinstance(it, Status) and it.kind == "board" and it.phase == "agreed":
+            self._ticks[event.process].add(it.tick)
+        elif isinstance(it, Consensus) and it.level == "agreed":
+            self._speaks[it.sub_team].add(event.process)
+            kind, _, name = it.subject.partition("/")
+            self._told[it.sub_team] |= {name} if kind == "robot" else set()
+        elif isinstance(it, Report) and it.informed is not None:
+            self._informed.add(it.source)
+
+    def verdict(self) -> Broken | None:
+        if self._broken or self._since is None:
+            return self._broken
+        team, end = self.night.team, self.night.end
+        least = math.floor((end - self._since) / team.tick / 4)
+        for board in (it for it in team.processes if it.startswith("board/")):
+            if len(self._ticks[board]) < least:
+                self.breaks(end, f"{board} settled {len(self._ticks[board])} ticks in the last {end - self._since:g} s")
+        for sub_team in team.sub_teams:
+            if len(self._speaks[sub_team]) > 1:
+                self.breaks(end, f"sub-team {sub_team} hears {sorted(self._speaks[sub_team])}")
+            unknown = sorted(set(team.robots) - self._told[sub_team])
+            if unknown:
+                self.breaks(end, f"sub-team {sub_team} does not hear of {unknown[0]}")
+        says_all = team.feedback != "off" and team.budget is None  # on a poor link a robot may leave it out
+        deaf = sorted(set(team.robots) - self._informed) if says_all else []
+        if deaf:
+            self.breaks(end, f"{deaf[0]} takes nothing back")
+        return self._broken
+
+
+class Coverage(Oracle):
+    """How often the regions of what is agreed about robots hold the truth: judged over all nights together (`run.uncalibrated`)."""
+
+    sees = (Said, Sensed)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._truths: dict[int, Truth] = {}  # by tick, which every world of a seed repeats
+        self._sums = Counter[str]()
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Sensed):
+            self._truths[self._tick(event.at)] = event.truth
+        elif isinstance(event, Said) and isinstance(event.message, Truth):
+            self._truths[event.message.tick] = event.message
+        elif isinstance(event, Said) and isinstance(event.message, Consensus) and event.message.level == "agreed":
+            free = self.night.team.mode == "free"
+            self._score(event.message, self._tick(event.at) if free else event.message.tick)
+
+    def _tick(self, at: float) -> int:
+        return math.floor(at / self.night.team.tick + 1e-6)
+
+    def _score(self, it: Consensus, tick: int) -> None:
+        truth, team = self._truths.get(tick), self.night.team
+        if tick % SCORED or truth is None or it.subject not in truth.positions or not self.night.is_honest:
+            return
+        belief = unpack(it.belief)
+        index = belief.grid.index(truth.positions[it.subject])
+        if index is None:
+            return
+        if team.feedback == "paper" or it.rule not in ("joint", "coalition"):
+            return  # other rules, and Table I to the letter, claim what they claim
+        denser, border = hdr_level(belief.p, index), border_mass(belief.p, index)
+        self._sums["coverage n"] += 1
+        for share in (0.5, 0.95):
+            self._sums[f"coverage {share}"] += float(held(denser, border, share))  # type: ignore[assignment]
+
+    def sums(self) -> Counter[str]:
+        return self._sums
+
+
+ORACLES: tuple[type[Oracle], ...] = (
+    NobodyDies, InvariantsHold, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, NobodyWaits, Coverage,
+)  # fmt: skip

@@ -1,0 +1,93 @@
+"""A night from its beginning to its verdict."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from blackboard.process import intake
+from tests.nights.events import Event, opened
+from tests.nights.night import Night
+from tests.nights.oracles import ORACLES, Broken, Oracle
+from tests.nights.stage import Stage
+
+
+class Watch:
+    """Oracles that see the events of a night."""
+
+    def __init__(self, oracles: Sequence[Oracle]) -> None:
+        self.oracles = oracles
+        self._by_kind: dict[type[Event], list[Oracle]] = defaultdict(list)
+        for oracle in oracles:
+            for kind in oracle.sees:
+                self._by_kind[kind].append(oracle)
+
+    def tell(self, event: Event) -> None:
+        for oracle in self._by_kind.get(type(event), ()):
+            oracle.see(event)
+
+    def verdict(self) -> Broken | None:
+        """What was broken first."""
+        found = [broken for oracle in self.oracles if (broken := oracle.verdict())]
+        return min(found, key=lambda it: it.at, default=None)
+
+
+@contextmanager
+def opened_once() -> Iterator[None]:
+    """Messages are opened once for all processes of this one."""
+    before, intake.open_envelope = intake.open_envelope, opened  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        intake.open_envelope = before  # type: ignore[attr-defined]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a night ended: what was broken first, what is judged over many nights, and its seconds of processor time."""
+
+    night: Night
+    broken: Broken | None
+    sums: Counter[str]
+    seconds: float
+
+
+def lived(night: Night, oracles: Sequence[type[Oracle]] = ORACLES) -> Outcome:
+    """Live through a night."""
+    began = time.process_time()
+    watch = Watch([oracle(night) for oracle in oracles])
+    with opened_once():
+        Stage(night, watch.tell).play()
+    sums = sum((oracle.sums() for oracle in watch.oracles), Counter[str]())
+    return Outcome(night, watch.verdict(), sums, time.process_time() - began)
+
+
+def live(night: Night, oracles: Sequence[type[Oracle]] = ORACLES) -> Broken | None:
+    """Live through a night: what was broken first, or nothing."""
+    return lived(night, oracles).broken
+
+
+def recorded(night: Night) -> bytes:
+    """The tape of a night."""
+    stage = Stage(night, lambda event: None, record=True)
+    stage.play()
+    return stage.disk.getvalue()
+
+
+#: Between which shares the regions of 50 and of 95 % hold the truth, over all nights together.
+CALIBRATED = {"0.5": (0.45, 0.55), "0.95": (0.93, 0.97)}
+ENOUGH = 20_000  # beliefs; those of a night err together, so that fewer say little
+
+
+def uncalibrated(sums: Counter[str]) -> list[str]:
+    """What is wrong with the coverage of all nights together, in sentences."""
+    n = sums["coverage n"]
+    found = {share: sums[f"coverage {share}"] / n for share in CALIBRATED} if n >= ENOUGH else {}
+    return [
+        f"the {float(share):.0%} regions of {n} agreed beliefs hold the truth in {found[share]:.1%}, not {low:.0%} to {high:.0%}"
+        for share, (low, high) in CALIBRATED.items()
+        if found and not low <= found[share] <= high
+    ]

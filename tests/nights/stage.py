@@ -1,0 +1,325 @@
+"""The stage of a night: the processes of a team in virtual time, with whatever the faults that are active do to them.
+
+What runs, who is frozen, who sees whose tokens and which clock is off follows at each moment from the faults that are active then.
+"""
+
+from __future__ import annotations
+
+import errno
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from io import BytesIO
+from random import Random
+from typing import Any
+
+from blackboard.board.service import board_of
+from blackboard.client.member import Member
+from blackboard.errors import Refused
+from blackboard.net.bus import intersects
+from blackboard.net.scheduler import AT_ONCE, Scheduler
+from blackboard.opinion.belief import gaussian
+from blackboard.process.service import Around, Checked, Service
+from blackboard.tape.file import TapeWriter
+from blackboard.tape.journal import Journaled
+from blackboard.tape.recorder import Recorder
+from blackboard.wire import keys
+from blackboard.wire.codec import encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Readings, Truth
+from robot_agent.team import robot_of
+from sim_world.sensor_source import SensorSource
+from sim_world.service import WorldService
+from sim_world.sources import open_sensor_source
+from tests.nights import faults
+from tests.nights.events import Began, Died, Ended, Event, Healed, Moved, Over, Recovered, Sensed, Unsound, said
+from tests.nights.night import CELLS, Night
+
+CHECKED = 1.0  # seconds between two looks at the invariants of all machines
+RECORDER = "recorder"
+
+
+@dataclass(frozen=True, slots=True)
+class Seen(Envelope):
+    """A token as one process sees it come or go: with partitions not all see the same."""
+
+
+class Watched(Around):
+    """A process by its name: what it says and does is told to the oracles, and no exception leaves it unseen."""
+
+    def __init__(self, name: str, service: Service, stage: Stage) -> None:
+        super().__init__(service)
+        self.name, self._stage = name, stage
+
+    @property
+    def done(self) -> bool:
+        return False
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        return self._done(lambda: self.inner.receive(envelope, now))
+
+    def wake(self, now: float) -> list[Envelope]:
+        return self._done(lambda: self.inner.wake(now))
+
+    def check(self) -> None:
+        """Tell which invariant does not hold."""
+        try:
+            if isinstance(self.inner, Checked):
+                self.inner.check()
+        except AssertionError as error:
+            self._stage.tell(Unsound(self._stage.at, self.name, error))
+
+    @property
+    def machine(self) -> Service:
+        """The service itself, without its journal."""
+        return self.inner.inner if isinstance(self.inner, Journaled) else self.inner
+
+    def _done(self, act: Callable[[], list[Envelope]]) -> list[Envelope]:
+        stage = self._stage
+        try:
+            out = [stage.spoken(self.name, envelope) for envelope in act()]
+        except Exception as error:
+            stage.tell(Died(stage.at, self.name, error))
+            return []
+        for envelope in out:
+            stage.tell(said(stage.at, self.name, envelope))
+        stage.tell(Moved(stage.at, self.name, self.machine))
+        return out
+
+
+class Unjudged:
+    """In place of a world's referee: the oracles judge."""
+
+    def hear(self, *ticks: object) -> None:
+        """Nothing is kept."""
+
+
+class Disk(BytesIO):
+    """A file on a disk that may be full."""
+
+    full = False
+
+    def write(self, data: Any) -> int:
+        if self.full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(data)
+
+
+class Guest(Around):
+    """A program of other people: it reports twice a second where it sees an object."""
+
+    def __init__(self, stage: Stage, member: Member, chance: Random) -> None:
+        super().__init__(member)
+        self._stage, self._member, self._chance, self._due = stage, member, chance, 0.0
+
+    def wake_at(self, now: float) -> float:
+        inner = self.inner.wake_at(now)
+        return self._due if inner is None else min(self._due, inner)
+
+    def wake(self, now: float) -> list[Envelope]:
+        out, truth = self.inner.wake(now), self._stage.truth
+        if now >= self._due:
+            self._due = now + 0.5
+            if truth is not None:
+                seen = [x + self._chance.gauss(0.0, 1.0) for x in truth.positions["object/ball"]]
+                place = [min(max(x, 0.0), float(CELLS)) for x in seen]
+                with suppress(Refused):
+                    out += self._member.report("object/ball", gaussian(self._member.grid, place, 1.0), now)
+        return out
+
+    def check(self) -> None:
+        self._member.check()
+
+
+class Stage(Scheduler):
+    """The team of a night; `tell` is called with each event."""
+
+    def __init__(self, night: Night, tell: Callable[[Event], None], *, record: bool = False) -> None:
+        """With `record` the boards keep journals and a recorder writes a tape, to `disk`."""
+        super().__init__()
+        self.night, self.tell, self.began = night, tell, self.now
+        self.scenario = night.team.scenario(night.seed)
+        self.truth: Truth | None = None
+        self.running: dict[str, Watched] = {}
+        self._chance = {fault: Random(f"{night.seed} {fault}") for fault in night.faults}
+        self._active: list[faults.Fault] = []
+        self._seen: dict[str, set[str]] = {}  # process -> the tokens that it sees
+        self._arrivals: dict[tuple[str, str, str], float] = {}  # sender, receiver and key -> when the newest arrives
+        self._frozen: set[str] = set()
+        self._renewed: dict[str, list[faults.Fault]] = {}  # process -> the faults that it was started under
+        self._sensors: SensorSource | None = None
+        self._ticks = 0  # of the sensors, where there is no world
+        self.route = self._route
+        self.disk, self.records = Disk(), record
+        if record:
+            writer = TapeWriter(self.disk, {"team": "t", "scenario": self.scenario.to_json()})
+            self.writer, self._recorder = writer, Recorder("t", writer)
+
+    @property
+    def at(self) -> float:
+        """Seconds of the night that are over."""
+        return self.now - self.began
+
+    def play(self) -> None:
+        """The whole night."""
+        night = self.night
+        turns: dict[float, type[Event]] = {night.healed: Healed, night.well: Recovered, night.end: Over}
+        moments = {0.0, *turns, *(at for fault in night.faults for at in fault.moments())}
+        moments |= {CHECKED * n for n in range(1, math.floor(night.end / CHECKED) + 1)}
+        sensed = {night.team.tick * n for n in range(1, math.floor(night.end / night.team.tick) + 1)}
+        for at in sorted(moments | sensed if night.team.mode == "free" else moments):
+            self.run_to(self.began + at)
+            self._update(at)
+            if at in sensed and night.team.mode == "free":
+                self._sense()
+            if at in turns:
+                self.tell(turns[at](at))
+        for watched in self.running.values():
+            self.tell(Ended(self.at, watched.name, watched.machine))
+        if self.records:
+            self.disk.full = False
+            self.writer.close()
+
+    # --- who runs ---------------------------------------------------------------------------------------------------------
+
+    def _update(self, at: float) -> None:
+        """Let everything be as the faults that are active at a time have it."""
+        self._active = [fault for fault in self.night.faults if fault.is_active(at)]
+        added = [name for fault in self._active if (name := fault.adds())]
+        cast = [*([RECORDER] if self.records else []), *self.night.team.processes, *added]
+        for name in [name for name in self.running if name not in cast]:
+            self._stop(name)
+        for name in dict.fromkeys(cast):
+            stopped = any(fault.stops(name) for fault in self._active)
+            renewed = [fault for fault in self._active if fault.renews(name)]
+            if name in self.running and (stopped or renewed != self._renewed.get(name, [])):
+                self._stop(name)
+            if not stopped and name not in self.running:
+                self._renewed[name] = renewed
+                self._start(name)
+        for name, watched in self.running.items():
+            self.set_clock(watched, self._ahead(name))
+            frozen = any(fault.freezes(name, at) for fault in self._active)
+            if frozen and name not in self._frozen:
+                self._frozen.add(name)
+                self.freeze(watched)
+        self.disk.full = any(isinstance(fault, faults.FullDisk) for fault in self._active)
+        self._show_tokens()
+        for name in sorted(self._frozen):
+            if not any(fault.freezes(name, at) for fault in self._active):
+                self._frozen.discard(name)
+                self.thaw(self.running[name])
+
+    def _start(self, name: str) -> None:
+        service = self.running[name] = Watched(name, self._made(name), self)
+        self._seen[name] = set()
+        self.join(service, self._ahead(name))
+        self.tell(Began(self.at, name, service.machine))
+
+    def _stop(self, name: str) -> None:
+        service = self.running.pop(name)
+        self._frozen.discard(name)
+        self.leave(service)
+        del self._seen[name]
+        self.tell(Ended(self.at, name, service.machine))
+
+    def _made(self, name: str) -> Service:
+        kind, *rest = name.split("/")
+        if kind == "robot":
+            return robot_of(self.scenario, rest[0])
+        if kind == "world":
+            unjudged: Any = Unjudged()
+            return WorldService(self.scenario, open_sensor_source(self.scenario), unjudged)
+        if kind == "guest":
+            sub_team = min(self.night.team.sub_teams)
+            grid, settings = self.scenario.grid, self.scenario.board
+            member = Member(team="t", sub_teams=(sub_team,), robot=rest[0], grid=grid, settings=settings)
+            return Guest(self, member, Random(f"{self.night.seed} {name} {self.at}"))
+        if kind == RECORDER:
+            return self._recorder
+        it = board_of(self.scenario, *rest)
+        return Journaled(it, team="t", sub_team=rest[0], board=rest[1]) if self.records else it
+
+    def _ahead(self, name: str) -> float:
+        return sum(fault.ahead(name, self.at) for fault in self.night.faults)
+
+    # --- who hears whom ---------------------------------------------------------------------------------------------------
+
+    def spoken(self, process: str, envelope: Envelope) -> Envelope:
+        """What a process sends instead of an envelope, if it lies."""
+        for fault in self._active:
+            envelope = fault.says(process, envelope)
+        if keys.TRUTH.match(envelope.key) and process == "world":
+            self.truth = said(self.at, process, envelope).message  # type: ignore[assignment]
+        return envelope
+
+    def _are_parted(self, one: str, other: str) -> bool:
+        return any(fault.parts(one, other) for fault in self._active)
+
+    def _show_tokens(self) -> None:
+        """Tell each process which tokens have come or gone, as far as it sees them now."""
+        held = {name: watched.tokens for name, watched in self.running.items()}
+        hidden = {name for name in held if any(fault.hides(name, self.at) for fault in self._active)}
+        for name, watched in self.running.items():
+            link = self.link(watched)
+            seen = {
+                token
+                for holder, tokens in held.items()
+                if not self._are_parted(holder, name) and (holder == name or holder not in hidden)
+                for token in tokens
+                if any(intersects(watch, token) for watch in link.watched)
+            }
+            before, self._seen[name] = self._seen[name], seen
+            for token in sorted(before - seen):
+                self.bus.deliver(link, Seen(token, kind=Kind.GONE))
+            for token in sorted(seen - before):
+                self.bus.deliver(link, Seen(token, kind=Kind.ALIVE))
+
+    def _route(self, sender: Service | None, receiver: Service, envelope: Envelope) -> Sequence[float]:
+        latency = self.night.team.latency
+        assert isinstance(receiver, Watched)
+        if isinstance(envelope, Seen):
+            return (latency,)
+        if envelope.kind in (Kind.ALIVE, Kind.GONE):
+            return ()  # tokens are shown to each process by itself
+        if sender is None:
+            return AT_ONCE
+        assert isinstance(sender, Watched)
+        if receiver.name == RECORDER:
+            return (latency,)
+        if self._are_parted(sender.name, receiver.name):
+            return ()
+        way = faults.Way(sender.name, receiver.name, envelope)
+        delays: Sequence[float] = (latency,)
+        for fault in self._active:
+            delays = fault.copies(way, delays, self._chance[fault])
+        return self._in_order(way, delays)
+
+    def _in_order(self, way: faults.Way, delays: Sequence[float]) -> Sequence[float]:
+        """Delays such that what is sent on one key arrives in the order of sending, as a network keeps it."""
+        key = way.sender, way.receiver, way.envelope.key
+        least = self._arrivals.get(key, 0.0) - self.now
+        delays = [max(delay, least) for delay in delays]
+        if delays:
+            self._arrivals[key] = self.now + max(delays)
+        return delays
+
+    # --- a team without a world -------------------------------------------------------------------------------------------
+
+    def _sense(self) -> None:
+        """Give each robot its readings, stamped by its own clock: its sensors are its own."""
+        if self._sensors is None:
+            self._sensors = open_sensor_source(self.scenario)
+        self.truth, all_readings = self._sensors.advance("free", self._ticks)
+        self._ticks += 1
+        self.tell(Sensed(self.at, self.truth))
+        for readings in all_readings:
+            name = f"robot/{readings.robot}"
+            if name in self.running:
+                time = self.now + self._ahead(name)
+                self._give(self.running[name], readings.model_copy(update={"time": time}))
+
+    def _give(self, to: Watched, readings: Readings) -> None:
+        key = keys.READING.key(team="t", robot=readings.robot)
+        self.bus.deliver(self.link(to), Envelope(key, encode(readings)))

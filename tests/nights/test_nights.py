@@ -1,0 +1,59 @@
+"""Nights of a seed, as `make nights` lives through thousands of them; and that a night is data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.nights import faults, night
+from tests.nights.faults import Fault, OnWay
+from tests.nights.night import LAST, draw_night
+from tests.nights.run import live
+
+NIGHTS = 50
+PART = 5  # nights of one test
+
+
+@pytest.mark.parametrize("first", range(0, NIGHTS, PART))
+def test_nights(first: int) -> None:
+    for number in range(first, first + PART):
+        it = draw_night(1, number)
+        assert live(it) is None, it
+
+
+def test_a_seed_and_a_number_are_always_the_same_night() -> None:
+    nights = [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
+    assert nights == [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
+    assert len({repr(night) for night in nights}) == len(nights)
+
+
+def test_a_night_is_the_python_that_makes_it() -> None:
+    for number in range(100):
+        it = draw_night(3, number)
+        assert eval(repr(it), {**vars(faults), **vars(night)}) == it
+
+
+def kinds(kind: type[Fault]) -> Iterator[type[Fault]]:
+    yield kind
+    for narrower in kind.__subclasses__():
+        yield from kinds(narrower)
+
+
+def test_faults_are_drawn_of_every_kind_and_end_in_time() -> None:
+    found = [fault for number in range(400) for fault in draw_night(4, number).faults]
+    assert {type(fault) for fault in found} == set(kinds(Fault)) - {Fault, OnWay}
+    for fault in found:
+        moments = list(fault.moments())
+        assert min(moments) == fault.begin
+        assert max(moments) == fault.end <= LAST
+
+
+def test_teams_are_drawn_of_every_size_and_kind() -> None:
+    teams = [draw_night(5, number).team for number in range(400)]
+    assert {len(team.robots) for team in teams} == set(range(2, 9))
+    assert {len(team.sub_teams) for team in teams} == {1, 2, 3, 4}
+    assert {team.mode for team in teams} == {"lockstep", "realtime", "free"}
+    assert any(sum(map(len, team.sub_teams.values())) > len(team.robots) for team in teams)  # a robot in two
+    for team in teams:
+        assert team.scenario(1).team.robots

@@ -1,0 +1,163 @@
+"""What each fault does to a team, seen from outside: by what was said, and by the tokens and clocks of the processes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from blackboard.wire.messages import Consensus, Report, Status
+from tests.nights import faults
+from tests.nights.events import Began, Ended, Event, Said
+from tests.nights.faults import Fault
+from tests.nights.night import Night, Team
+from tests.nights.stage import Stage
+
+TEAM = Team({"a": ("r1", "r2"), "b": ("r3",)}, "realtime", boards=2, tick=1.0, latency=0.02)
+
+
+class Played:
+    """A night, and its events."""
+
+    def __init__(self, *found: Fault, team: Team = TEAM, record: bool = False) -> None:
+        self.events: list[Event] = []
+        self.stage = Stage(Night(team, found), self.events.append, record=record)
+        self.stage.play()
+
+    def said(self, process: str, begin: float = 0.0, end: float = 1e9) -> list[Said]:
+        return [it for it in self.events if isinstance(it, Said) and it.process == process and begin < it.at < end]
+
+    def sources(self, begin: float, end: float, sub_team: str = "a") -> set[str]:
+        """Of whom it was agreed where they are."""
+        messages = [it.message for it in self.events if isinstance(it, Said) and begin < it.at < end]
+        agreed = [
+            it for it in messages if isinstance(it, Consensus) and (it.level, it.sub_team) == ("agreed", sub_team)
+        ]
+        return {used.source for it in agreed for used in it.used}
+
+
+@pytest.fixture(scope="module")
+def calm() -> Played:
+    return Played()
+
+
+def test_a_calm_night_is_a_team_at_work(calm: Played) -> None:
+    assert calm.sources(3, 9) == {"a", "b"}
+    reports = [it for it in calm.said("robot/r1") if isinstance(it.message, Report)]
+    assert len({it.message.tick for it in reports if isinstance(it.message, Report)}) > 4
+    assert {it.process for it in calm.events if isinstance(it, Began)} == set(TEAM.processes)
+
+
+def test_the_same_night_is_the_same_to_the_bit() -> None:
+    night = (
+        faults.Lost(2.0, 6.0, "*", 0.3),
+        faults.Late(3.0, 7.0, "robot/r1", 0.5),
+        faults.Killed(4.0, 5.0, "robot/r2"),
+    )
+    found = [
+        [(it.at, it.process, it.envelope) for it in Played(*night).events if isinstance(it, Said)] for _ in range(2)
+    ]
+    assert found[0] == found[1]
+
+
+def test_what_is_lost_one_way_leaves_the_other_way_open() -> None:
+    both = [faults.OneWay(2.5, 8.0, "robot/r3", it) for it in ("board/b/board-b", "board/b/board-b2")]
+    played = Played(*both)
+    ages = [used.age for it in played.said("board/b/board-b", 6.0, 8.0) if isinstance(it.message, Consensus)
+            if it.message.level == "consensus" for used in it.message.used]  # fmt: skip
+    assert min(ages) > 3.0
+    assert all(used.age < 1.5 for it in played.said("board/b/board-b", 12.0) if isinstance(it.message, Consensus)
+               if it.message.level == "consensus" for used in it.message.used)  # fmt: skip
+
+
+def test_a_process_that_is_killed_is_silent_and_starts_anew() -> None:
+    played = Played(faults.Killed(3.0, 5.0, "robot/r2"))
+    assert not played.said("robot/r2", 3.0, 5.0)
+    assert played.said("robot/r2", 5.0, 7.0)
+    lives = [it for it in played.events if isinstance(it, Began | Ended) and it.process == "robot/r2"]
+    assert [(type(it), it.at) for it in lives[:3]] == [(Began, 0.0), (Ended, 3.0), (Began, 5.0)]
+    assert lives[0].service is not lives[2].service
+
+
+def test_a_process_that_is_frozen_says_all_that_it_missed_afterwards() -> None:
+    played = Played(faults.Frozen(3.0, 5.0, "robot/r2"))
+    assert not played.said("robot/r2", 3.0, 5.0)
+    assert played.said("robot/r2", 5.0, 5.1)
+
+
+def test_a_slow_process_acts_now_and_then() -> None:
+    times = [it.at for it in Played(faults.Slow(3.0, 7.0, "robot/r2", 1.0)).said("robot/r2", 3.0, 7.0)]
+    assert times
+    assert all(at % 1.0 <= 0.1 + 1e-3 for at in times)
+
+
+def boards_that_lead(played: Played, begin: float, end: float) -> set[str]:
+    """The boards of sub-team a whose statuses say that they lead."""
+    found = [it for board in ("board-a", "board-a2") for it in played.said(f"board/a/{board}", begin, end)]
+    return {it.process for it in found if isinstance(it.message, Status) and not it.message.follows}
+
+
+def test_parted_boards_both_lead_until_they_meet_again(calm: Played) -> None:
+    played = Played(faults.Parted(3.0, 7.0, ((), ("board/a/board-a2", "robot/r2"))))
+    assert boards_that_lead(calm, 3.0, 12.0) == {"board/a/board-a"}
+    assert boards_that_lead(played, 5.0, 7.0) == {"board/a/board-a", "board/a/board-a2"}
+    assert len(boards_that_lead(played, 9.0, 12.0)) == 1
+
+
+def test_a_hidden_token_is_a_death_to_the_others() -> None:
+    played = Played(faults.Flapping(3.0, 5.0, "board/a/board-a", 4.0))
+    assert "board/a/board-a2" in boards_that_lead(played, 4.0, 5.0)
+
+
+@pytest.mark.parametrize("fault", [faults.Routerless(3.0, 6.0), faults.Lost(3.0, 6.0, "*", 1.0)])
+def test_without_a_router_nobody_hears_anybody(fault: Fault) -> None:
+    played = Played(fault)
+    used = [
+        used
+        for it in played.said("board/b/board-b", 5.0, 6.0)
+        if isinstance(it.message, Consensus)
+        for used in it.message.used
+    ]
+    assert all(it.age > 1.0 for it in used if it.source != "b")
+
+
+def test_a_clock_is_off_for_a_life_of_its_process() -> None:
+    team = replace(TEAM, mode="free")
+    played = Played(faults.ClockOff(3.0, 7.0, "robot/r2", 5.0), team=team)
+    stamps = [(it.at, it.message.time - it.at) for it in played.said("robot/r2") if isinstance(it.message, Report)]
+    off = {at: round(stamp - stamps[0][1], 1) for at, stamp in stamps}
+    assert {it for at, it in off.items() if 3.5 < at < 6.9} == {5.0}
+    assert {it for at, it in off.items() if at > 7.5} == {0.0}
+    assert sum(isinstance(it, Began) and it.process == "robot/r2" for it in played.events) == 3
+
+
+def test_the_clock_of_a_machine_that_slept_stays_behind() -> None:
+    team = replace(TEAM, mode="free")
+    played = Played(faults.Suspended(3.0, 5.0, "robot/r2"), team=team)
+    stamps = [it.message.time - it.at for it in played.said("robot/r2") if isinstance(it.message, Report)]
+    assert stamps[0] - stamps[-1] == pytest.approx(2.0, abs=0.1)
+
+
+def test_liars_say_something_else() -> None:
+    honest = Played(team=replace(TEAM, mode="free"))
+    liar = Played(faults.Displaced(3.0, 5.0, "robot/r2", (4.0, 0.0)), team=replace(TEAM, mode="free"))
+
+    def payloads(played: Played, begin: float, end: float) -> list[bytes]:
+        return [it.envelope.payload for it in played.said("robot/r2", begin, end) if isinstance(it.message, Report)]
+
+    assert payloads(honest, 0.0, 3.0) == payloads(liar, 0.0, 3.0)
+    assert payloads(honest, 3.0, 4.5) != payloads(liar, 3.0, 4.5)
+
+
+def test_people_start_and_stop_boards_and_worlds() -> None:
+    played = Played(faults.AnotherBoard(3.0, 6.0, "b", "z-last"), faults.SecondWorld(4.0, 5.0))
+    names = {it.process: it.at for it in played.events if isinstance(it, Began) and it.at > 0}
+    assert names == {"board/b/z-last": 3.0, "world/2": 4.0}
+    assert not played.said("board/b/z-last", 6.0)
+
+
+def test_a_full_disk_costs_the_tape_nothing_that_has_room_in_memory() -> None:
+    same = faults.Lost(3.0, 5.0, "*", 0.0)
+    whole, full = Played(same, record=True), Played(faults.FullDisk(3.0, 5.0), record=True)
+    assert full.stage.writer.missing == 0
+    assert full.stage.writer.messages == whole.stage.writer.messages
