@@ -32,6 +32,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for one in blocks(PAGE):
         if one.language == "python":
             put(where, one)
+    change(where, "blackboard/opinion/rules.py", r"(OWN = \{.*?)\}\n", r'\1    "halfway": "averages",\n}\n')
     change(where, "tests/opinion/test_laws.py", r"^(IDEMPOTENT = \{)", r'\1"halfway", ')  # "the sets of the laws"
     change(
         where, "blackboard/wire/messages.py", r"(MODELS: .*?)\)\n", r"\1, Battery)\n"
