@@ -144,6 +144,8 @@ def pack_evidence(
     """The evidence of one tick for a Report, but for a sighting with an error that no message holds; the profile is sent once."""
     errors = [(it.range_variance, it.bearing_variance, *(bias.sigma for bias in it.biases)) for it in relatives]
     told = [it for it, its in zip(relatives, errors, strict=True) if max(its) <= LARGEST]
+    if not all(it.profile for it in told):  # one profile is of all sightings of a message
+        told = [it.without_profile() for it in told]
     sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(travelled))), strict=True))
     return PackedEvidence(
         epoch=epoch,

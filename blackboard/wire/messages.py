@@ -347,6 +347,8 @@ class Sighting(Part):
     bearing: Finite
     landmark: Point | None = None
     age: NonNegative = 0.0  # seconds before the end of the tick
+    range_sigma: Positive | None = None  # of this sighting; None: by the robot's model
+    bearing_sigma: Positive | None = None  # radians
 
 
 class Readings(Message):
@@ -358,6 +360,7 @@ class Readings(Message):
     time: Finite
     odometry: Odometry | None = None
     compass: Finite | None = None  # heading, where the robot has a compass
+    compass_sigma: Positive | None = None  # radians; None: by the robot's model
     fix: Fix | None = None
     sightings: Annotated[list[Sighting], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
 

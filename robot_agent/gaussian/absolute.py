@@ -10,7 +10,7 @@ from blackboard.wire.messages import Readings
 
 
 def starting_pose(readings: Readings, compass: float) -> Moments | None:
-    """The pose (x, y, heading) that a fix and a compass (its sigma, radians) give, its position flat without a fix.
+    """The pose (x, y, heading) that a fix and a compass (its sigma by the model, radians) give, its position flat without a fix.
 
     None without a heading.
     """
@@ -18,7 +18,7 @@ def starting_pose(readings: Readings, compass: float) -> Moments | None:
     if fix is not None and fix.heading is not None:
         heading, sigma = fix.heading, fix.heading_sigma
     elif readings.compass is not None:
-        heading, sigma = readings.compass, compass
+        heading, sigma = readings.compass, readings.compass_sigma or compass
     else:
         return None
     place = (0.0, 0.0) if fix is None else fix.position
@@ -28,12 +28,14 @@ def starting_pose(readings: Readings, compass: float) -> Moments | None:
 
 
 def take_absolute(joint: Joint, robot: Block, readings: Readings, compass: float) -> None:
-    """Correct a robot's block by the fix and by the compass (its sigma, radians)."""
+    """Correct a robot's block by the fix and by the compass (its sigma by the model, radians)."""
     fix, rows = readings.fix, np.eye(STATES)
     if fix is not None:
         off = np.array(fix.position) - joint.moments(robot).mean[AXES]
         correct(joint, Factor(off, {robot: rows[AXES]}, np.eye(2) * fix.sigma**2))
-    headings = [(readings.compass, compass)] if readings.compass is not None else []
+    headings = []
+    if readings.compass is not None:
+        headings.append((readings.compass, readings.compass_sigma or compass))
     if fix is not None and fix.heading is not None:
         headings.append((fix.heading, fix.heading_sigma))
     for heading, sigma in headings:

@@ -97,7 +97,8 @@ class Camera:
     ) -> Relative:
         """A sighting as a relative belief; `turned` is the turn of the tick, or its change if that is larger.
 
-        `alike` is how many of its group were seen in the tick.
+        `alike` is how many of its group were seen in the tick. A sigma that the sighting comes with stands for all errors of
+        its range, or of its bearing.
         """
         share = min(1.0, sighting.age / dt) if dt > 0 else 0.0
         inside = min(1.0, 4.0 * share * max(0.05, 1.0 - share))  # where the tick's heading is known least: halfway
@@ -107,14 +108,14 @@ class Camera:
             subject=sighting.subject,
             range=sighting.range,
             bearing=sighting.bearing,
-            range_variance=alike * (self.floor + self.share * sighting.range) ** 2,
-            bearing_variance=self.bearing**2 + bent,
+            range_variance=alike * (sighting.range_sigma or self.floor + self.share * sighting.range) ** 2,
+            bearing_variance=(sighting.bearing_sigma or self.bearing) ** 2 + bent,
             age=sighting.age,
             biases=()
-            if self.profile
+            if self.profile or sighting.range_sigma
             else (Bias(self.lasting_floor + self.lasting_share * sighting.range, self.lasting),),
             group=group,
-            profile=self.profile,
+            profile=() if sighting.range_sigma else self.profile,
         )
 
 

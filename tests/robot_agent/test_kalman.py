@@ -252,3 +252,17 @@ def test_a_lie_about_where_it_is_does_not_make_a_robot_lose_itself() -> None:
     assert told.epoch == 0
     assert told.belief is not None
     assert told.belief.mean[AXES] == pytest.approx((0.0, 0.0), abs=0.1)
+
+
+def test_readings_that_say_how_exact_they_are_count_so() -> None:
+    robot = FirstHand(ROBOT)
+    seen = Sighting(subject="object/can", range=2.0, bearing=0.1, range_sigma=0.3, bearing_sigma=0.2)
+    told = robot.step(readings(0, compass=0.7, compass_sigma=0.4, sightings=[seen]))
+    assert told.belief is not None
+    assert told.belief.covariance[HEADING, HEADING] == pytest.approx(0.4**2)
+    (relative,) = told.relatives
+    assert (relative.range_variance, relative.bearing_variance) == pytest.approx((0.3**2, 0.2**2))
+    assert relative.biases == ()
+    told = robot.step(readings(1, compass=0.7, compass_sigma=0.4, odometry=Odometry(distance=0, turn=0, dt=1)))
+    assert told.belief is not None
+    assert told.belief.covariance[HEADING, HEADING] == pytest.approx(0.4**2 / 2, rel=0.05)

@@ -42,6 +42,15 @@ def test_evidence_is_read_back_as_it_was() -> None:
     assert again == EVIDENCE
 
 
+def test_beside_a_sighting_without_a_profile_the_others_have_the_variances_at_their_ranges() -> None:
+    by_profile = Relative("robot/r1", "robot/r2", 2.0, 0.0, 9.0, 9.0, profile=((1.0, 0.5), (3.0, 0.3)))
+    plain = Relative("robot/r1", "object/ball", 1.0, 0.0, 0.2, 0.1)
+    packed = pack_evidence(0, Motion(), Nuisance(), None, None, [by_profile, plain])
+    first, second = unpack_relatives(packed, "robot/r1")
+    assert (first.range_variance, first.bearing_variance) == pytest.approx((0.4, 0.1))
+    assert (second.range_variance, second.bearing_variance, second.profile) == (0.2, 0.1, ())
+
+
 def test_a_matrix_is_its_upper_triangle() -> None:
     matrix = np.add.outer(np.arange(9.0), np.arange(9.0)) + 50 * np.eye(9)
     state = unpack_state(PackedState(mean=tuple(STATE.mean), covariance=tuple(matrix[np.triu_indices(9)])))

@@ -69,6 +69,14 @@ class Relative:
         """The line of sight in the observer's frame, shape (2,)."""
         return np.array([math.cos(self.bearing), math.sin(self.bearing)])
 
+    def without_profile(self) -> Relative:
+        """The sighting with the variances that its profile has at the measured range."""
+        if not self.profile:
+            return self
+        variance = float(np.interp(self.range, *np.array(self.profile).T))
+        across = variance / max(self.range, NEAREST) ** 2
+        return replace(self, range_variance=variance, bearing_variance=across, profile=())
+
     def blocks(self) -> dict[BiasBlock, float]:
         """The blocks of the lasting errors, standard normal states, and how far each moves the range (unit)."""
         return {bias_block(self.observer, self.group or self.subject, b.seconds): b.sigma for b in self.biases}
