@@ -22,7 +22,7 @@ from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings
 from robot_agent.budget import Choice
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
-from robot_agent.sensing import trackable
+from robot_agent.sensing import placed, trackable
 
 Feedback = Literal["paper", "guarded", "off"]
 
@@ -112,7 +112,7 @@ class Agent:
 
         The solo message holds the same first-hand beliefs as the reports, but for the sighted mates; it is for a referee.
         """
-        readings = trackable(readings, self.firsthand.objects.keys() | self.informed.objects.keys())
+        readings = trackable(placed(readings), self.firsthand.objects.keys() | self.informed.objects.keys())
         if self.feedback != "off":
             self._fold(agreed)
         self.firsthand = self.firsthand.advance(readings)

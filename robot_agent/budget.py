@@ -331,7 +331,9 @@ class Budget:
             seen = sum(news.get(it.subject, 0.0) for it in by_news[:count])
             found.append(Option(some, self.size(some), worth + seen, best))
         if evidence.increment is not None and entered:  # whom no joint has, it cannot move
-            moved = told.model_copy(update={"increment": None, "state": None, "relatives": [], "profile": []})
+            moved = told.model_copy(
+                update={"increment": None, "state": None, "relatives": [], "profile": [], "seen": []}
+            )
             less = lean.model_copy(update={"evidence": moved})
             gained = _gained(evidence, None if mine is None else mine.state)
             found.append(Option(less, self.size(less), max(0.0, worth - share * gained), best, False))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blackboard.opinion.grid import Array
+from blackboard.wire.evidence import unpack_seen
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from robot_agent.config import OdometrySection, VisionSection
 
@@ -50,7 +51,8 @@ class Unseen:
 
 def trackable(readings: Readings, tracked: Collection[str]) -> Readings:
     """The readings without sightings of more mates, or of more objects beside the `tracked` subjects, than a robot tracks."""
-    names = {s.subject for s in readings.sightings if s.landmark is None}
+    in_view = zip(readings.subjects, readings.landmarks, strict=True)
+    names = {subject for subject, landmark in in_view if landmark is None}
     mates = sorted(name for name in names if name.startswith("robot/"))
     objects = sorted(names - set(mates) - set(tracked))
     room = max(0, MAX_TRACKED - sum(not name.startswith("robot/") for name in tracked))
@@ -58,7 +60,21 @@ def trackable(readings: Readings, tracked: Collection[str]) -> Readings:
     if not left:
         return readings
     kept = [s for s in readings.sightings if s.landmark is not None or s.subject not in left]
-    return readings.model_copy(update={"sightings": kept})
+    seen = [s for s in readings.seen if s.landmark is not None or s.subject not in left]
+    return readings.model_copy(update={"sightings": kept, "seen": seen})
+
+
+def placed(readings: Readings) -> Readings:
+    """The readings with positions and poses that were seen as sightings in range and bearing, for beliefs on grids."""
+    found = []
+    for it in readings.seen:
+        if it.kind in ("position", "pose"):
+            seen = unpack_seen(it, "")
+            sighting = Sighting(
+                subject=it.subject, range=seen.range, bearing=seen.bearing, landmark=it.landmark, age=it.age
+            )
+            found.append(sighting)
+    return readings.model_copy(update={"sightings": [*readings.sightings, *found]}) if found else readings
 
 
 def unseen(before: Readings | None, readings: Readings) -> Unseen:

@@ -183,6 +183,8 @@ class AgentService(Around):
         if readings.odometry is not None:
             self._speeds.append(abs(readings.odometry.distance) / readings.odometry.dt)
         speed = fastest(list(self._speeds), steady=self._saves)
+        if unknown := sum(not it.is_known for it in readings.seen):
+            self.counters["unknown_kinds"] += unknown
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         self._failed += 1

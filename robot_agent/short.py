@@ -8,15 +8,15 @@ does not: sums never shrink, a covariance only grows, and an increment gains not
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from blackboard.opinion.gaussian.relation import triangle
 from blackboard.opinion.gaussian.vehicle import HEADING, STATES
 from blackboard.opinion.grid import Array
-from blackboard.wire.evidence import UPPER, PackedEvidence, PackedIncrement, PackedRelative, PackedState
+from blackboard.wire.evidence import UPPER, PackedEvidence, PackedIncrement, PackedRelative, PackedState, Seen
 
 ROUNDED = (
     2.0**16
@@ -41,12 +41,13 @@ def shorter(evidence: PackedEvidence) -> PackedEvidence:
         "travelled": evidence.travelled.model_copy(update=sums),
         "nuisance": evidence.nuisance.model_copy(update=nuisance),
         "relatives": [_relative(it) for it in evidence.relatives],
+        "seen": [_seen(it) for it in evidence.seen],
         "profile": [(_single(a), _single(b)) for a, b in _thinned(tuple(evidence.profile))],
     }
     if evidence.state is not None:
         changes["state"] = _state(evidence.state)
     if evidence.increment is not None:
-        covariance = None if evidence.state is None else _matrix(evidence.state.covariance)
+        covariance = None if evidence.state is None else triangle(evidence.state.covariance)
         changes["increment"] = _increment(evidence.increment, covariance)
     return evidence.model_copy(update=changes)
 
@@ -70,16 +71,19 @@ def _relative(packed: PackedRelative) -> PackedRelative:
     return packed.model_copy(update={**numbers, "biases": biases})
 
 
+def _seen(packed: Seen) -> Seen:
+    size = len(packed.values)
+    wider = triangle(packed.covariance) * (1 + WIDER * np.eye(size)) if packed.covariance else np.zeros((0, 0))
+    covariance = _singles(tuple(map(float, wider[np.triu_indices(len(wider))])))
+    return packed.model_copy(
+        update={"values": _singles(packed.values), "covariance": covariance, "age": _single(packed.age)}
+    )
+
+
 def _state(packed: PackedState) -> PackedState:
-    covariance = _matrix(packed.covariance)
+    covariance = triangle(packed.covariance)
     covariance[np.diag_indices(STATES)] *= 1 + WIDER
     return PackedState(mean=_singles(packed.mean), covariance=_singles(tuple(map(float, covariance[UPPER]))))
-
-
-def _matrix(upper: Sequence[float]) -> Array:
-    matrix = np.zeros((STATES, STATES))
-    matrix[UPPER] = upper
-    return matrix + np.triu(matrix, 1).T
 
 
 def _increment(packed: PackedIncrement, covariance: Array | None) -> PackedIncrement:
@@ -89,7 +93,7 @@ def _increment(packed: PackedIncrement, covariance: Array | None) -> PackedIncre
     errors: of a state that gained less than `NOTHING` of its own nothing is said, and where rounding changes more of what is known
     than `CHANGED`, in any direction, the increment stays as it is.
     """
-    whole, vector = _matrix(packed.information), np.array(packed.vector)
+    whole, vector = triangle(packed.information), np.array(packed.vector)
     information = whole.copy()
     if covariance is not None:
         nothing = np.diag(information) * np.diag(covariance) < NOTHING

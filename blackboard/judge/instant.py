@@ -14,7 +14,7 @@ PHASES = ("consensus", "agreed")  # of a board in a tick; as a consensus's level
 
 def who_saw_landmarks(readings: Iterable[Readings]) -> frozenset[str]:
     """The robots whose readings hold a sighting of a landmark."""
-    return frozenset(r.robot for r in readings if any(s.landmark is not None for s in r.sightings))
+    return frozenset(r.robot for r in readings if any(place is not None for place in r.landmarks))
 
 
 @dataclass

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import astuple
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.relation import Bias, Relative
+from blackboard.opinion.gaussian.relation import NUMBERS, Bias, Relative, measured, triangle
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.opinion.grid import Array
 from blackboard.wire.types import (
     LARGEST,
+    LEAST,
     MAX_OPINIONS,
     Finite,
     Listed,
@@ -28,7 +29,9 @@ from blackboard.wire.types import (
     Name,
     NonNegative,
     Part,
+    Point,
     Subject,
+    Text,
     Tick,
 )
 
@@ -36,6 +39,8 @@ TRIANGLE = STATES * (STATES + 1) // 2
 UPPER = np.triu_indices(STATES)  # where the numbers of a triangle stand, row by row
 MAX_RELATIVES = 64
 MAX_PROFILE = 64
+MAX_VALUES = 8
+TIED = 1e-9  # the least eigenvalue of a sighting's covariance, of its scale
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
 
 
@@ -97,6 +102,47 @@ class PackedRelative(Part):
     group: Annotated[str, Field(max_length=80)] = ""
 
 
+class Seen(Part):
+    """A sighting of a further kind, from the robot that took it: "range", "bearing", "position" or "pose" (relative to its own).
+
+    A reader that does not know the kind leaves it out, and counts it. `covariance` is an upper triangle; in readings it may be empty:
+    by the robot's model. A `landmark` is for readings, `biases` and `group` are as in PackedRelative.
+    """
+
+    subject: Subject
+    kind: Text
+    values: Annotated[tuple[Finite, ...], Field(min_length=1, max_length=MAX_VALUES), Listed]
+    covariance: Annotated[tuple[Finite, ...], Field(max_length=MAX_VALUES * (MAX_VALUES + 1) // 2), Listed] = ()
+    landmark: Point | None = None
+    age: NonNegative = 0.0
+    biases: Annotated[list[LastingBias], Field(max_length=4)] = Field(default_factory=list)
+    group: Annotated[str, Field(max_length=80)] = ""
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the kind is known here."""
+        return self.kind in NUMBERS
+
+    @model_validator(mode="after")
+    def _is_sound(self) -> Self:
+        size = NUMBERS.get(self.kind)
+        if size is None:
+            return self
+        if len(self.values) != size:
+            raise ValueError(f"a {self.kind} has {size} values, not {len(self.values)}")
+        if self.kind == "range" and self.values[0] < 0:
+            raise ValueError("a range is not negative")
+        if not self.covariance and size == 1:
+            return self
+        if len(self.covariance) != size * (size + 1) // 2:
+            raise ValueError(f"the covariance of a {self.kind} is {size * (size + 1) // 2} numbers")
+        matrix = triangle(self.covariance)
+        scale = np.sqrt(np.maximum(np.diag(matrix), LEAST**2))
+        if np.diag(matrix).min() < LEAST**2 or np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] < TIED:
+            raise ValueError("the covariance must be positive definite")
+        return self
+
+
 class PackedEvidence(Part):
     """What a robot contributes to the joint in one tick, numbered by its source, its epoch and the tick."""
 
@@ -109,6 +155,12 @@ class PackedEvidence(Part):
     profile: Annotated[list[Annotated[tuple[NonNegative, NonNegative], Listed]], Field(max_length=MAX_PROFILE)] = Field(
         default_factory=list
     )
+    seen: Annotated[list[Seen], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)  # of further kinds
+
+    @property
+    def subjects(self) -> list[str]:
+        """What was seen, in all kinds of sightings."""
+        return [*(it.subject for it in self.relatives), *(it.subject for it in self.seen)]
 
 
 class Forwarded(Part):
@@ -143,7 +195,8 @@ def pack_evidence(
 ) -> PackedEvidence:
     """The evidence of one tick for a Report, but for a sighting with an error that no message holds; the profile is sent once."""
     errors = [(it.range_variance, it.bearing_variance, *(bias.sigma for bias in it.biases)) for it in relatives]
-    told = [it for it, its in zip(relatives, errors, strict=True) if max(its) <= LARGEST]
+    sound = [it for it, its in zip(relatives, errors, strict=True) if max(its) <= LARGEST]
+    told = [it for it in sound if it.kind == "range-bearing"]
     if not all(it.profile for it in told):  # one profile is of all sightings of a message
         told = [it.without_profile() for it in told]
     sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(travelled))), strict=True))
@@ -179,6 +232,21 @@ def pack_evidence(
             for it in told[:MAX_RELATIVES]
         ],
         profile=list(told[0].profile) if told else [],
+        seen=[_seen(it) for it in sound if it.kind != "range-bearing"][:MAX_RELATIVES],
+    )
+
+
+def _seen(it: Relative) -> Seen:
+    values, covariance = it.numbers()
+    biases = [(bias.sigma, bias.seconds) for bias in it.biases]
+    return Seen(
+        subject=it.subject,
+        kind=it.kind,
+        values=values,
+        covariance=covariance,
+        age=it.age,
+        biases=biases,
+        group=it.group,
     )
 
 
@@ -211,9 +279,10 @@ def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
 
 
 def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:
-    """The relative beliefs of a robot, named by its subject, `robot/r1`."""
+    """The relative beliefs of a robot, named by its subject, `robot/r1`; without those of kinds that are not known here."""
     profile = tuple(packed.profile)
-    return tuple(
+    found = [unpack_seen(it, observer) for it in packed.seen if it.is_known and it.covariance]
+    return tuple(found) + tuple(
         Relative(
             observer=observer,
             subject=it.subject,
@@ -230,6 +299,12 @@ def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, .
     )
 
 
+def unpack_seen(it: Seen, observer: str) -> Relative:
+    """A sighting of a further kind that is known here, with its covariance."""
+    biases = tuple(Bias(sigma, seconds) for sigma, seconds in it.biases)
+    return measured(it.kind, observer, it.subject, it.values, it.covariance, it.age, biases, it.group)  # type: ignore[arg-type]
+
+
 def _row(values: Array) -> tuple[float, ...]:
     """The numbers, at most as large as a message can hold: a robot whose readings are absurd says so, and is refused."""
     return tuple(float(v) for v in np.clip(values, -LARGEST, LARGEST))
@@ -240,9 +315,7 @@ def _upper(matrix: Array) -> tuple[float, ...]:
 
 
 def _symmetric(upper: Sequence[float], field: str) -> Array:
-    matrix = np.zeros((STATES, STATES))
-    matrix[UPPER] = upper
-    matrix = matrix + np.triu(matrix, 1).T
+    matrix = triangle(upper)
     scale = np.sqrt(np.abs(np.diag(matrix)))
     scaled = matrix / np.outer(scale + (scale == 0), scale + (scale == 0))
     values = np.linalg.eigvalsh(scaled)

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from blackboard.opinion.rules import Outcome
-from blackboard.wire.evidence import Forward, PackedEvidence, PackedState
+from blackboard.wire.evidence import Forward, PackedEvidence, PackedState, Seen
 from blackboard.wire.memory import Memory
 from blackboard.wire.names import MAX_FRAME
 from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS
@@ -363,6 +363,17 @@ class Readings(Message):
     compass_sigma: Positive | None = None  # radians; None: by the robot's model
     fix: Fix | None = None
     sightings: Annotated[list[Sighting], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
+    seen: Annotated[list[Seen], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)  # of further kinds
+
+    @property
+    def landmarks(self) -> list[Point | None]:
+        """Where each thing in view stands, of a landmark; None of others."""
+        return [*(it.landmark for it in self.sightings), *(it.landmark for it in self.seen)]
+
+    @property
+    def subjects(self) -> list[str]:
+        """What is in view, of all kinds."""
+        return [*(it.subject for it in self.sightings), *(it.subject for it in self.seen)]
 
 
 class Truth(Message):

@@ -129,7 +129,7 @@ class JointAgent:
         evidence = told.evidence(self.subject, readings.tick, readings.time, self.filter.sensors.wheels.nuisance)
         self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [evidence])
         known = {subject: self.own.marginal(subject) for subject in {self.subject, *self.own.subjects()}}
-        mates = [r for r in told.relatives if r.subject.startswith("robot/") and r.subject != self.subject]
+        mates = [r for r in told.relatives if r.places and r.subject.startswith("robot/") and r.subject != self.subject]
         known |= {relative.subject: self.own.projected(relative, told.motion) for relative in mates}
         return {subject: self._drawn(moments) for subject, moments in known.items()}
 

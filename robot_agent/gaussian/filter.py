@@ -14,11 +14,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.vehicle import (
+    AXES,
     HEADING,
     POSE,
     STATES,
@@ -139,8 +141,13 @@ class FirstHand:
             for name, sighting in sorted(newest.items())
         }
         places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
+        further = [it for it in readings.seen if it.is_known]
         if self.known:
-            self._sight([(relatives[name], np.array(place)) for name, place in sorted(places.items())], motion, linear)
+            seen_landmarks = [(relatives[name], np.array(place)) for name, place in sorted(places.items())]
+            seen_landmarks += [
+                (self.sensors.relative(self.robot, it), np.array(it.landmark)) for it in further if it.landmark
+            ]
+            self._sight(seen_landmarks, motion, linear)
         increment = None
         if prediction is not None and self.belief is not None:
             increment = gained(prediction, self.belief)
@@ -149,6 +156,7 @@ class FirstHand:
             unsent = gained(self._before, self.belief)
         self._unsent = None
         seen = tuple(r for name, r in relatives.items() if name not in places)
+        seen += tuple(self.sensors.relative(self.robot, it) for it in further if not it.landmark)
         if self.lost():
             increment = unsent = self._before = None
             if team is not None and apart <= ABSURD:
@@ -245,12 +253,18 @@ class FirstHand:
         if (pose := starting_pose(readings, self.sensors.compass)) is not None:
             self.enter(pose)
 
+    def _is_flat(self) -> bool:
+        covariance = self.joint.moments(self.robot).covariance
+        return bool(np.trace(covariance[AXES, AXES]) > KNOWN)
+
     def _sight(self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None) -> None:
         """Landmarks; what is beyond the gate is not taken, and counted."""
         missed = 0
         for relative, place in seen:
+            if not relative.places and self._is_flat():
+                continue  # a ring, of which a Gaussian knows nothing
             factor = linearise(self.joint, relative, {self.robot: motion}, place, at)
-            if self.joint.innovation(factor).squared > quantile(GATE, 2):  # a misread barcode
+            if self.joint.innovation(factor).squared > quantile(GATE, len(factor.residual)):  # a misread barcode
                 missed += 1
             else:
                 correct(self.joint, factor)

@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blackboard.opinion.gaussian.relation import Bias, Relative
+from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Odometry, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.sensing import SEEN_FROM, SEEN_TO, position_sigma
@@ -126,6 +127,17 @@ class Sensors:
     wheels: Wheels = Wheels()
     camera: Camera = Camera()
     compass: float = 0.03  # radians, for one reading
+    ranging: tuple[Bias, ...] = ()  # lasting errors of ranges alone, of each pair
+
+    def relative(self, robot: str, seen: Seen) -> Relative:
+        """A sighting of a further kind that is known here as a relative belief, by the robot's model where it says no errors."""
+        camera, covariance, biases = self.camera, seen.covariance, tuple(Bias(*it) for it in seen.biases)
+        if seen.kind == "range":
+            covariance = covariance or ((camera.floor + camera.share * seen.values[0]) ** 2,)
+            biases = biases or self.ranging
+        elif not covariance:
+            covariance = (camera.bearing**2,)
+        return measured(seen.kind, robot, seen.subject, seen.values, covariance, seen.age, biases, seen.group)  # type: ignore[arg-type]
 
 
 def sensors_of(settings: RobotSection) -> Sensors:

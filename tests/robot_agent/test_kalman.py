@@ -8,6 +8,7 @@ import pytest
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING
 from blackboard.opinion.grid import Array, Grid
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.gaussian.filter import LOST, FirstHand
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated
@@ -102,6 +103,35 @@ def test_mates_are_told_relative_and_not_taken_as_evidence() -> None:
     assert before is not None
     assert robot.belief is not None
     assert np.array_equal(robot.belief.mean, before.mean)
+
+
+def test_ranges_to_known_points_correct_the_place_and_a_wrong_one_does_not() -> None:
+    def ranges(off: float) -> list[Seen]:
+        there = [(name, place, float(np.hypot(*place)) + off) for name, place in LANDMARKS.items()]
+        return [
+            Seen(subject=name, kind="range", values=(r,), covariance=(1e-4,), landmark=place)
+            for name, place, r in there
+        ]
+
+    wide = Fix(position=(0.2, -0.1), sigma=0.3, heading=0.0, heading_sigma=0.03)
+    robot, wrong = FirstHand(ROBOT), FirstHand(ROBOT)
+    for it, off in ((robot, 0.0), (wrong, 3.0)):
+        it.step(readings(0, fix=wide))
+        for tick in range(1, 5):
+            it.step(readings(tick, odometry=Odometry(distance=0, turn=0, dt=1), seen=ranges(off)))
+    assert robot.belief is not None
+    assert robot.belief.mean[AXES] == pytest.approx((0.0, 0.0), abs=0.03)
+    assert wrong.belief is None or wrong.belief.mean[AXES] == pytest.approx((0.2, -0.1), abs=0.01)
+
+
+def test_other_kinds_of_sightings_are_told_as_they_are_or_by_the_robot_s_model() -> None:
+    robot, place = started(), {"values": (1.0, 0.5), "covariance": (0.01, 0.0, 0.01)}
+    own = [Seen(subject="robot/r2", kind="range", values=(2.0,)), Seen(subject="object/ball", kind="position", **place)]
+    strange = Seen(subject="object/cup", kind="doppler", values=(1.0,))
+    told = robot.step(readings(1, seen=[*own, strange]))
+    assert [(r.subject, r.kind) for r in told.relatives] == [("robot/r2", "range"), ("object/ball", "position")]
+    assert told.relatives[0].range_variance == pytest.approx((Camera().floor + 2 * Camera().share) ** 2)
+    assert told.relatives[1].numbers()[1] == (0.01, 0.0, 0.01)
 
 
 def test_of_several_sightings_in_a_tick_the_newest_is_told() -> None:

@@ -10,12 +10,12 @@ import numpy as np
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.relation import Bias, Relative
+from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.evidence import Forward, Forwarded, pack_evidence
+from blackboard.wire.evidence import Forward, Forwarded, Seen, pack_evidence
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory, PackedNewest, PackedStanding
 from blackboard.wire.messages import (
     Clock,
@@ -50,6 +50,7 @@ READINGS = Readings(
     compass=1.5,
     fix=Fix(position=(1.0, 2.0), sigma=0.3, heading=0.1, heading_sigma=0.2),
     sightings=[Sighting(subject="landmark/l7", range=2.0, bearing=0.5, landmark=(4.0, 5.0), age=0.05)],
+    seen=[Seen(subject="landmark/l8", kind="range", values=(2.0,), covariance=(0.01,), landmark=(4.0, 5.0), age=0.05)],
 )
 TRUTH = Truth(run="x1", tick=3, time=0.6, positions={"robot/r1": (1.0, 2.0)})
 SOLO = Solo(robot="r1", tick=3, time=0.6, beliefs={"robot/r1": BELIEF})
@@ -94,7 +95,9 @@ EVIDENCE = pack_evidence(
             biases=(Bias(0.1, 7.0),),
             group="post",
             profile=((1.0, 0.5), (3.0, 0.25)),
-        )
+        ),
+        measured("position", "robot/r1", "object/ball", (1.0, 2.0), (0.1, 0.05, 0.2), 0.05),
+        measured("range", "robot/r1", "robot/r3", (3.0,), (0.1,), 0.05, (Bias(0.1, 7.0),), "uwb"),
     ],
 )
 FORWARD = Forward(

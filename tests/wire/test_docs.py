@@ -48,6 +48,7 @@ def default(model: type[BaseModel], name: str) -> str:
     value = field.get_default(call_default_factory=True)
     if value is None:
         return "none"
+    value = list(value) if isinstance(value, tuple) else value
     if isinstance(value, bool | list | dict | bytes):
         return {"False": "false"}.get(repr(value), f"`{value!r}`")
     return f'`"{value}"`' if isinstance(value, str) else f"{value:g}"

@@ -17,6 +17,7 @@ from blackboard.wire.evidence import (
     Forward,
     PackedIncrement,
     PackedState,
+    Seen,
     pack_evidence,
     unpack_increment,
     unpack_motion,
@@ -103,3 +104,28 @@ def test_a_sighting_whose_error_no_message_holds_is_left_out(error: dict[str, An
     sound = Relative("robot/r1", "object/ball", 2.0, 0.1, 0.01, 0.001)
     packed = pack_evidence(0, Motion(1.0), Nuisance(), None, None, [replace(sound, **error), sound])
     assert [relative.range_variance for relative in packed.relatives] == [0.01]
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "covariance", "why"),
+    [
+        ("range", (1.0, 2.0), (0.1,), "a range has 1 values, not 2"),
+        ("range", (-1.0,), (0.1,), "not negative"),
+        ("position", (1.0, 2.0), (), "the covariance of a position is 3 numbers"),
+        ("position", (1.0, 2.0), (0.1, 0.2, 0.1), "must be positive definite"),
+        ("bearing", (1.0,), (0.0,), "must be positive definite"),
+        ("pose", (1.0, 2.0, 3.0), (0.1, 0.0, 0.0, -0.1, 0.0, 0.1), "must be positive definite"),
+    ],
+)
+def test_a_sighting_of_a_kind_that_it_is_not_is_refused(
+    kind: str, values: tuple[float, ...], covariance: tuple[float, ...], why: str
+) -> None:
+    with pytest.raises(ValueError, match=why):
+        Seen(subject="robot/r2", kind=kind, values=values, covariance=covariance)
+
+
+def test_a_sighting_of_an_unknown_kind_is_read_and_left_out() -> None:
+    told = Seen(subject="robot/r2", kind="doppler", values=(1.0, 2.0), covariance=(0.1,))
+    known = Seen(subject="robot/r3", kind="range", values=(1.0,), covariance=(0.1,))
+    (found,) = unpack_relatives(EVIDENCE.model_copy(update={"seen": [told, known], "relatives": []}), "robot/r1")
+    assert (found.subject, found.kind) == ("robot/r3", "range")

@@ -109,6 +109,8 @@ class JointDesk:
         if before is None and len(self._newest) >= MAX_ROBOTS:
             raise Refused("too-many", f"{robot} would be one more than {MAX_ROBOTS} robots in the joint")
         evidence = self._bounded(unpack(robot, tick, time, packed))
+        if unknown := sum(not it.is_known for it in packed.seen):
+            self.counters["unknown_kinds"] += unknown  # sightings of kinds that are not known here
         self._newest[robot], self._states[robot] = (packed, tick), evidence.belief
         self._until[robot] = time
         waiting = self._waiting.setdefault(robot, deque())

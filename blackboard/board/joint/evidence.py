@@ -53,6 +53,9 @@ def check(packed: PackedEvidence) -> None:
     for it in packed.relatives:
         places += [it.range, it.range_variance, *(sigma for sigma, _ in it.biases)]
         errors += [abs(it.bearing), it.bearing_variance]
+    for seen in packed.seen:
+        numbers = [abs(number) for number in (*seen.values, *seen.covariance, *(sigma for sigma, _ in seen.biases))]
+        (errors if seen.kind == "bearing" else places).extend(numbers)
     places += [number for pair in packed.profile for number in pair]
     nuisance = packed.nuisance
     errors += [abs(nuisance.forward), abs(nuisance.turn), *nuisance.sigmas, *nuisance.walks]

@@ -55,7 +55,7 @@ class Tally:
 
     repeated: int = 0  # reports of a tick that is settled already
     gated: int = 0  # increments and relative beliefs that contradict the joint
-    silent: int = 0  # relative beliefs about a robot of which no motion came in the tick
+    silent: int = 0  # relative beliefs about a robot of which no motion came in the tick, or that say too little alone
     outvoted: int = 0  # predictions of a robot's place that a coalition contradicted
     verdicts: list[Verdict] = field(default_factory=list)  # of the last tick
     choices: dict[str, Choice] = field(

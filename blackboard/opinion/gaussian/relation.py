@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -33,6 +34,10 @@ NOTHING = Moments(np.zeros(2), np.eye(2) * FLAT)  # of a subject's place
 STANDARD = Moments(np.zeros(1), np.eye(1))  # of a lasting error
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # for the mean over a normal distribution
 
+Kind = Literal["range-bearing", "range", "bearing", "position", "pose"]
+#: How many numbers a sighting of each further kind has: x and y are in the observer's frame, and so is the heading of a pose.
+NUMBERS: dict[str, int] = {"range": 1, "bearing": 1, "position": 2, "pose": 3}
+
 
 @dataclass(frozen=True)
 class Bias:
@@ -51,6 +56,9 @@ class Relative:
     one observer in one `group` (by default those of the subject), each with a time constant of its own.
     `profile`, where given, replaces both variances: (distance, variance) pairs of an isotropic error of the seen position,
     interpolated, and to be averaged over the distances at which the subject may be.
+    Other kinds than "range-bearing" are made by `measured`: of a range alone the bearing means nothing, and of a bearing alone
+    the range. `spread` is the upper triangle of the covariance of a position (x, y), or of a pose (x, y, heading), in the
+    observer's frame.
     """
 
     observer: str
@@ -64,6 +72,23 @@ class Relative:
     group: str = ""
     profile: tuple[tuple[float, float], ...] = ()
     ahead: float = 0.0
+    kind: Kind = "range-bearing"
+    spread: tuple[float, ...] = ()
+    heading: float = 0.0  # rad: of a pose, the subject's heading in the observer's frame
+
+    @property
+    def places(self) -> bool:
+        """Whether it says alone where its subject is."""
+        return self.kind not in ("range", "bearing")
+
+    def numbers(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """What a sighting of a further kind measured, and the upper triangle of its covariance: as `measured` takes them."""
+        if self.kind == "range":
+            return (self.range,), (self.range_variance,)
+        if self.kind == "bearing":
+            return (self.bearing,), (self.bearing_variance,)
+        x, y = (self.range * self.along()).tolist()
+        return ((x, y, self.heading) if self.kind == "pose" else (x, y)), self.spread
 
     def along(self) -> Array:
         """The line of sight in the observer's frame, shape (2,)."""
@@ -80,6 +105,44 @@ class Relative:
     def blocks(self) -> dict[BiasBlock, float]:
         """The blocks of the lasting errors, standard normal states, and how far each moves the range (unit)."""
         return {bias_block(self.observer, self.group or self.subject, b.seconds): b.sigma for b in self.biases}
+
+
+def measured(
+    kind: Kind,
+    observer: str,
+    subject: str,
+    values: Sequence[float],
+    covariance: Sequence[float],
+    age: float = 0.0,
+    biases: tuple[Bias, ...] = (),
+    group: str = "",
+) -> Relative:
+    """A sighting of one of the further kinds (`NUMBERS`); `covariance` is an upper triangle, row by row."""
+    bearing, heading = 0.0, 0.0
+    spread: tuple[float, ...] = ()
+    if kind == "range":
+        (distance,), (radial,), angular = values, covariance, 0.0
+    elif kind == "bearing":
+        (bearing,), (angular,), distance, radial = values, covariance, 0.0, 0.0
+    else:
+        distance, bearing = math.hypot(values[0], values[1]), math.atan2(values[1], values[0])
+        spread, heading = tuple(covariance), values[2] if kind == "pose" else 0.0
+        radial, angular = 0.0, 0.0
+    it = Relative(
+        observer, subject, distance, bearing, radial, angular, age, biases, group, (), 0.0, kind, spread, heading
+    )
+    if not spread:
+        return it
+    radial, across = np.diag(_turned(it, [1.0, 1.0]))[:2]
+    return replace(it, range_variance=float(radial), bearing_variance=float(across) / max(distance, NEAREST) ** 2)
+
+
+def triangle(upper: Sequence[float]) -> Array:
+    """The symmetric matrix of an upper triangle, row by row."""
+    size = math.isqrt(2 * len(upper))
+    matrix = np.zeros((size, size))
+    matrix[np.triu_indices(size)] = upper
+    return matrix + np.triu(matrix, 1).T
 
 
 def bias_block(observer: str, group: str, seconds: float) -> BiasBlock:
@@ -101,6 +164,8 @@ def linearise(
 ) -> Factor:
     """A sighting against what a joint belief expects; the joint is not changed.
 
+    The residual has one number for a range or a bearing alone, three for a pose of a robot, else two.
+
     `motions` are those of the tick: they say where both stood when the sighting was taken. `place`, shape (2,), is the
     subject's where it is known; else a subject that the joint does not have is a point of which nothing is known. `at`, shape (9,),
     is where to linearise instead of the observer's mean: it is no evidence. KeyError: the observer is not in the joint.
@@ -115,26 +180,39 @@ def linearise(
     observer = mean if at is None else at
     back, turned = moved_in(observer, motions.get(sighting.observer), sighting.age)
     subject = None if place is not None else local.blocks[sighting.subject]
-    strayed = 0.0
+    strayed, its_heading = 0.0, None
     if subject is not None:
         place = local.mean[subject][AXES]
         if subject.stop - subject.start == STATES:
             motion = motions.get(sighting.subject)
-            place = place - moved_in(local.mean[subject], motion, sighting.age + sighting.ahead)[0]
+            gone, its_turn = moved_in(local.mean[subject], motion, sighting.age + sighting.ahead)
+            place, its_heading = place - gone, float(local.mean[subject][HEADING]) - its_turn
             strayed = _strayed(sighting, motion)
     away = place - (observer[AXES] - back)
     camera = float(observer[HEADING] - turned - observer[BEARING])
     form = _polar if _prefers_polar(local, sighting, away, subject) else _cartesian
-    residual, by_place, by_observer, by_range, noise = form(local, sighting, away, camera, subject)
+    seen = form(local, sighting, away, camera, subject)
     if strayed:
-        noise = noise + np.eye(2) * strayed
+        seen[4][AXES, AXES] += np.eye(2) * strayed
+    if not sighting.places:
+        spread = _spread(local, local.blocks[sighting.observer], subject)
+        seen = _alone(sighting, seen, spread, max(float(np.hypot(*away)), NEAREST))
+    residual, by_place, by_observer, by_range, noise = seen
+    if its_heading is not None and sighting.kind == "pose":
+        residual = np.append(residual, wrap(sighting.heading - its_heading + camera))
+        by_place, by_observer = np.vstack([by_place, np.zeros(2)]), np.vstack([by_observer, np.zeros(STATES)])
+        by_observer[2, [HEADING, BEARING]], by_range = (-1.0, 1.0), np.append(by_range, 0.0)
+    else:
+        noise = noise[AXES, AXES]
     residual = residual - by_range * (observer[RANGE] * sighting.range)
     by_observer[:, AXES] = -by_place
     by_observer[:, RANGE] = by_range * sighting.range
     jacobians: dict[Block, Array] = {sighting.observer: by_observer}
     if subject is not None:
-        jacobians[sighting.subject] = np.zeros((2, subject.stop - subject.start))
+        jacobians[sighting.subject] = np.zeros((len(residual), subject.stop - subject.start))
         jacobians[sighting.subject][:, AXES] = by_place
+        if its_heading is not None:
+            jacobians[sighting.subject][2:, HEADING] = 1.0
     if at is not None:
         apart = mean - at
         apart[HEADING] = wrap(float(apart[HEADING]))
@@ -162,7 +240,10 @@ def _anchors(joint: Joint, sighting: Relative, place: Array | None) -> dict[Bloc
     """The mean of a flat position, at the place where the sighting puts it.
 
     The mean of a flat position that nothing else depends on is arbitrary; a wrong one would give a wrong lever to the heading.
+    A range or a bearing alone puts it nowhere.
     """
+    if not sighting.places:
+        return {}
     observer, subject = sighting.observer, sighting.subject
     state = joint.mean[joint.blocks[observer]].copy()
     angle = float(state[HEADING] - state[BEARING]) + sighting.bearing
@@ -196,14 +277,19 @@ Form = tuple[Array, Array, Array, Array, Array]  # residual, by place, by observ
 
 def _polar(joint: Joint, sighting: Relative, away: Array, camera: float, subject: slice | None) -> Form:
     """Range and bearing times the distance, along and across the expected line of sight."""
-    distance = float(np.hypot(*away))
+    if (distance := float(np.hypot(*away))) < NEAREST:  # there is none: any will do
+        away, distance = np.array([NEAREST, 0.0]), NEAREST
     frame = np.array([away, [-away[1], away[0]]]) / distance
     off = wrap(sighting.bearing - math.atan2(away[1], away[0]) + camera)
     residual = np.array([sighting.range - distance, distance * off])
     angles = np.zeros((2, STATES))
     angles[1, [HEADING, BEARING]] = -distance, distance
-    radial, angular = _variances(joint, sighting, away, subject)
-    return residual, frame, angles, np.array([1.0, 0.0]), np.diag([radial, distance**2 * angular])
+    if sighting.spread:
+        noise = _turned(sighting, [1.0, distance / max(sighting.range, NEAREST)])
+    else:
+        radial, angular = _variances(joint, sighting, away, subject)
+        noise = np.diag([radial, distance**2 * angular])
+    return residual, frame, angles, np.array([1.0, 0.0]), noise
 
 
 def _cartesian(joint: Joint, sighting: Relative, away: Array, camera: float, subject: slice | None) -> Form:
@@ -215,8 +301,11 @@ def _cartesian(joint: Joint, sighting: Relative, away: Array, camera: float, sub
     angles[:, BEARING] = QUARTER @ expected
     angles[:, HEADING] = -angles[:, BEARING]
     frame = np.stack([along, QUARTER @ along], axis=1)
-    radial, angular = _variances(joint, sighting, away, subject)
-    noise = (frame * [radial, sighting.range**2 * angular]) @ frame.T
+    if sighting.spread:
+        noise = triangle(sighting.spread)
+    else:
+        radial, angular = _variances(joint, sighting, away, subject)
+        noise = (frame * [radial, sighting.range**2 * angular]) @ frame.T
     return sighting.range * along - expected, rotation, angles, along, noise
 
 
@@ -227,12 +316,36 @@ def _prefers_polar(joint: Joint, sighting: Relative, away: Array, subject: slice
     times the distance; a tenth of the distance does no harm to the first. A heading without error leaves the second exact.
     """
     distance = float(np.hypot(*away))
-    if distance < NEAREST:
+    if not sighting.places:
+        return True
+    if distance < NEAREST or (sighting.spread and sighting.range < distance / 2):
         return False
     at = joint.blocks[sighting.observer]
     heading = float(joint.covariance[at, at][HEADING, HEADING])
     spread = float(np.trace(_spread(joint, at, subject)))
     return heading > EXACT and spread < (heading + 0.01) * distance**2
+
+
+def _turned(sighting: Relative, stretched: Sequence[float]) -> Array:
+    """`spread` as a matrix along and across the line of sight, both axes stretched."""
+    turn = np.eye(math.isqrt(2 * len(sighting.spread)))
+    along = sighting.along()
+    turn[AXES, AXES] = np.stack([along, QUARTER @ along]) * np.array(stretched)[:, None]
+    return np.asarray(turn @ triangle(sighting.spread) @ turn.T)
+
+
+def _alone(sighting: Relative, form: Form, spread: Array, distance: float) -> Form:
+    """The range alone, or the bearing times the distance, of a polar form, with the second-order terms of the place's error.
+
+    What a straight line misses of a ring is added to what is expected, and its variance to the noise (Athans, Wishner,
+    Bertolini, IEEE TAC 13(5), 1968). `spread` is the covariance of the subject's place relative to the observer's, shape (2, 2).
+    """
+    residual, frame, angles, by_range, noise = form
+    (along, tie), (_, across) = frame @ spread @ frame.T
+    row = [0] if sighting.kind == "range" else [1]
+    shift = np.array([across / (2 * distance), -tie / distance])
+    curved = np.array([across**2 / 2, along * across + tie**2]) / distance**2
+    return residual[row] - shift[row], frame[row], angles[row], by_range[row], noise[row][:, row] + curved[row]
 
 
 def _spread(joint: Joint, observer: slice, subject: slice | None) -> Array:

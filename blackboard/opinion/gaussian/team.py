@@ -133,7 +133,9 @@ class TeamJoint:
                 self._multiply(news[robot])
         for robot, evidence in news.items():
             with self._blaming(robot):
-                for relative in sorted(evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing)):
+                for relative in sorted(
+                    evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind)
+                ):
                     if relative.observer == robot:
                         self._relate(relative, motions, heard)
 
@@ -229,7 +231,7 @@ class TeamJoint:
                 own = evidence.belief
                 said.setdefault(robot, {})[robot] = Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))
                 for relative in evidence.relatives:
-                    if relative.observer == robot and relative.subject != robot:
+                    if relative.observer == robot and relative.subject != robot and relative.places:
                         claim = claimed(own, relative, motions.get(robot))
                         said.setdefault(relative.subject, {})[robot] = claim
         parted: set[str] = set()
@@ -311,7 +313,7 @@ class TeamJoint:
                 if relative.observer != evidence.robot or robot not in ends or len(ends) < 2 or ends & self._left_out:
                     continue
                 (other,) = ends - {robot}
-                if other in heard and self.knows(other):
+                if other in heard and self.knows(other) and (relative.places or other not in found):
                     found[other] = relative
         own = news[robot].increment
         if own is not None and robot not in entered:
@@ -394,6 +396,9 @@ class TeamJoint:
             return
         if subject not in self.joint and observer in self._left_out:
             return
+        if not relative.places and not (self.knows(observer) and self.knows(subject)):
+            self.tally.silent += 1
+            return
         if robot and subject not in heard:
             known = self._known[subject]
             if not 0.0 <= relative.age + relative.ahead <= known.motion.dt:  # how far it had moved then is not known
@@ -402,7 +407,8 @@ class TeamJoint:
             motions = {**motions, subject: known.motion}
         factor, squared = self._weighed((observer, "relative"), linearise(self.joint, relative, motions))
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
-        agrees = squared <= quantile(GATE, 2) and not by and not self._contradict(observer, subject)
+        freedom = len(factor.residual)
+        agrees = squared <= quantile(GATE, freedom) and not by and not self._contradict(observer, subject)
         if (
             not robot
         ):  # of two robots that contradict each other, the one that placed the object first is believed about it
@@ -410,7 +416,7 @@ class TeamJoint:
         taken = agrees and not {observer, subject} & self._left_out
         if taken or subject in self.joint:
             self.trust.judge(observer, subject, agrees)
-        self._judge(Verdict(observer, subject, "relative", squared, 2, taken, by))
+        self._judge(Verdict(observer, subject, "relative", squared, freedom, taken, by))
         if taken:
             correct(self.joint, factor)
             self._note_errors(relative)
@@ -504,7 +510,7 @@ class TeamJoint:
 
 
 def claimed(observer: Moments, relative: Relative, motion: Motion | None) -> Claim:
-    """Where a sighting puts its subject, by an observer's block and its motion in the tick."""
+    """Where a sighting that places its subject puts it, by an observer's block and its motion in the tick."""
     alone = Joint()
     alone.add(relative.observer, observer)
     seen = linearise(alone, relative, {} if motion is None else {relative.observer: motion})

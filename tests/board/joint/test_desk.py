@@ -10,12 +10,14 @@ from blackboard.errors import Refused
 from blackboard.opinion.gaussian.team import MAX_ERRORS
 from blackboard.opinion.gaussian.vehicle import STATES
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import Forward, Forwarded, pack_evidence
+from blackboard.wire.evidence import Forward, Forwarded, Seen, pack_evidence
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
 from tests.board.joint.desks import MAKE, at, desk, means, sighting
 from tests.robot_agent.robots import readings
+
+PLACED = Seen(subject="object/ball", kind="position", values=(5.0, 2.0), covariance=(0.04, 0.01, 0.04))
 
 
 def test_robots_enter_by_their_states_and_objects_by_their_sightings() -> None:
@@ -99,6 +101,14 @@ def test_what_is_kept_is_bounded() -> None:
         it.take("r1", tick, 0.0, at(10, 10), own=True)
     assert it.counters["joint_dropped"] == 5
     assert len(it.forward(0.0)) == MAX_WAITING
+
+
+def test_a_sighting_of_a_kind_that_is_not_known_is_left_out_and_counted() -> None:
+    it = desk()
+    told = [Seen(subject="object/ball", kind="doppler", values=(1.0,)), PLACED]
+    it.take("r1", 0, 0.0, at(10, 10).model_copy(update={"seen": told}), own=True)
+    assert means(it.settle(0.0, MAKE)) == {"robot/r1": (10.0, 10.0), "object/ball": (15.0, 12.0)}
+    assert it.counters["unknown_kinds"] == 1
 
 
 def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

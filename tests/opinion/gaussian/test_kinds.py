@@ -1,0 +1,172 @@
+"""Sightings of every kind: their derivatives, what they share with range and bearing, and what a straight line misses of a ring."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import NUMBERS, Bias, Kind, Relative, linearise, measured
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, STATES, Motion, Nuisance, correct, wrap
+from blackboard.opinion.grid import Array
+
+SEEDS = st.integers(0, 10_000)
+KINDS: list[Kind] = ["range", "bearing", "position", "pose"]
+UPPER = {1: np.triu_indices(1), 2: np.triu_indices(2), 3: np.triu_indices(3)}
+
+
+def two_robots(chance: np.random.Generator, scale: float = 0.01) -> Joint:
+    joint = Joint()
+    for k, place in enumerate(([0.0, 0.0], [2.0, 0.7])):
+        mean = np.zeros(STATES)
+        mean[:3], mean[3:5] = [*place, chance.uniform(-3, 3)], 0.95
+        joint.add(f"robot/r{k}", Moments(mean, np.eye(STATES)))
+    root = chance.normal(0, scale, (2 * STATES, 2 * STATES + 3))
+    joint.covariance = root @ root.T / (2 * STATES)
+    return joint
+
+
+def truly(joint: Joint, kind: Kind, off: Array) -> list[float]:
+    """What a sighting of r1 by r0 would measure if the means were true, and its error."""
+    one, other = (joint.mean[joint.blocks[f"robot/r{k}"]] for k in (0, 1))
+    away, camera = (other - one)[AXES], one[HEADING] - one[BEARING]
+    c, s = math.cos(camera), math.sin(camera)
+    x, y = np.array([[c, s], [-s, c]]) @ away
+    found = {
+        "range": [math.hypot(x, y)],
+        "bearing": [math.atan2(y, x)],
+        "position": [x, y],
+        "pose": [x, y, wrap(other[HEADING] - camera)],
+    }[kind]
+    return [float(a + b) for a, b in zip(found, off, strict=False)]
+
+
+def covariance_of(kind: Kind, chance: np.random.Generator) -> tuple[float, ...]:
+    size = NUMBERS[kind]
+    root = chance.normal(0, 0.1, (size, size + 2))
+    return tuple(((root @ root.T) + 1e-4 * np.eye(size))[UPPER[size]].tolist())
+
+
+def seen(joint: Joint, kind: Kind, chance: np.random.Generator, off: float = 0.01) -> Relative:
+    values = truly(joint, kind, chance.normal(0, off, 3))
+    biases = (Bias(0.1, 7.0),) if kind != "bearing" else ()
+    return measured(kind, "robot/r0", "robot/r1", values, covariance_of(kind, chance), 0.0, biases)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(seed=SEEDS)
+def test_each_kind_has_the_derivatives_that_it_says(kind: Kind, seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    joint = two_robots(chance, scale=1e-3)
+    it = seen(joint, kind, chance, off=0.0)
+    factor = linearise(joint, it, {})
+    assert len(factor.residual) == NUMBERS[kind]
+    assert np.abs(factor.residual).max() < 1e-3  # a millimetre is the second-order term
+    joint.begin(factor.priors)
+    mean = joint.mean.copy()
+    for block, jacobian in factor.jacobians.items():
+        place = joint.blocks[block]
+        for k in range(place.start, place.stop):
+            ends = []
+            for step in (1e-6, -1e-6):
+                joint.mean = mean.copy()
+                joint.mean[k] += step
+                ends.append(linearise(joint, it, {}).residual)
+            numeric = (ends[0] - ends[1]) / 2e-6
+            assert np.allclose(numeric, -jacobian[:, k - place.start], atol=2e-3)
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["polar", "cartesian"])
+@given(seed=SEEDS)
+def test_a_position_is_a_range_and_a_bearing_where_its_errors_lie_along_and_across(wide: bool, seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    joint = two_robots(chance, scale=1.0 if wide else 0.05)
+    distance, bearing = chance.uniform(1.5, 4), chance.uniform(-3, 3)
+    polar = Relative("robot/r0", "robot/r1", distance, bearing, 0.04, 0.01, 0.0, (Bias(0.1, 7.0),))
+    c, s = math.cos(bearing), math.sin(bearing)
+    frame = np.array([[c, -s], [s, c]])
+    covariance = (frame * [0.04, distance**2 * 0.01]) @ frame.T
+    place = [distance * c, distance * s]
+    other = measured("position", "robot/r0", "robot/r1", place, covariance[UPPER[2]].tolist(), biases=(Bias(0.1, 7.0),))
+    one, same = linearise(joint, polar, {}), linearise(joint, other, {})
+    assert np.allclose(one.residual, same.residual)
+    assert np.allclose(one.noise, same.noise)
+    assert {block: np.allclose(rows, same.jacobians[block]) for block, rows in one.jacobians.items()} == dict.fromkeys(
+        one.jacobians, True
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(seed=SEEDS)
+def test_what_was_measured_is_told_again_as_it_was(kind: Kind, seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    values, covariance = tuple(chance.uniform(0.1, 3, NUMBERS[kind]).tolist()), covariance_of(kind, chance)
+    told = measured(kind, "robot/r0", "robot/r1", values, covariance).numbers()
+    assert np.allclose(told[0], values)
+    assert told[1] == pytest.approx(covariance)
+
+
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+@pytest.mark.parametrize("sigma", [0.1, 0.4])
+def test_what_a_line_misses_of_a_ring_is_expected_and_added_to_the_noise(kind: Kind, sigma: float) -> None:
+    """Against samples of the place."""
+    chance, joint = np.random.default_rng(1), Joint()
+    joint.add("robot/r0", Moments(np.zeros(STATES), np.zeros((STATES, STATES))))
+    root = sigma * np.array([[1.0, 0.0], [0.5, 0.8]])
+    joint.add("object/ball", Moments(np.array([2.0, 0.0]), root @ root.T))
+    it = measured(kind, "robot/r0", "object/ball", [2.0 if kind == "range" else 0.0], [1e-12])
+    factor, places = linearise(joint, it, {}), np.array([2.0, 0.0]) + chance.normal(size=(400_000, 2)) @ root.T
+    distances, angles = np.hypot(*places.T), np.arctan2(places[:, 1], places[:, 0])
+    samples = distances - 2.0 if kind == "range" else 2.0 * angles
+    expected, spread = -float(factor.residual[0]), float(joint.innovation(factor).covariance[0, 0])
+    assert expected == pytest.approx(float(samples.mean()), abs=0.12 * sigma**2)
+    assert spread == pytest.approx(float(samples.var()), rel=0.15)
+
+
+def test_a_pose_tells_the_heading_of_a_mate() -> None:
+    joint = two_robots(np.random.default_rng(3), scale=0.05)
+    its = joint.blocks["robot/r1"].start + HEADING
+    joint.covariance[its, its] += 1.0
+    it = measured(
+        "pose", "robot/r0", "robot/r1", truly(joint, "pose", np.array([0.0, 0.0, 0.1])), (0.01, 0, 0, 0.01, 0, 1e-4)
+    )
+    before = joint.mean[its]
+    correct(joint, linearise(joint, it, {}))
+    assert wrap(joint.mean[its] - before) == pytest.approx(0.1, abs=0.02)
+    assert joint.covariance[its, its] < 0.1
+
+
+def test_a_pose_of_what_is_no_robot_is_a_position() -> None:
+    joint, covariance = two_robots(np.random.default_rng(3)), (0.01, 0.002, 0.1, 0.02, 0.1, 1.0)
+    pose = linearise(joint, measured("pose", "robot/r0", "object/ball", (1.0, 2.0, 0.5), covariance), {})
+    position = linearise(joint, measured("position", "robot/r0", "object/ball", (1.0, 2.0), (0.01, 0.002, 0.02)), {})
+    assert np.array_equal(pose.residual, position.residual)
+    assert np.allclose(pose.noise, position.noise)
+
+
+def entering(robot: str, tick: int, relatives: tuple[Relative, ...] = ()) -> Evidence:
+    mean = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    belief = Moments(mean, np.diag([0.01] * 2 + [1e-4] * 7))
+    return Evidence(robot, 0, tick, Motion(), Nuisance(), belief, relatives=relatives)
+
+
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_a_range_alone_of_what_nobody_knows_waits_and_of_what_is_known_counts(kind: Kind) -> None:
+    team = TeamJoint()
+    alone = measured(kind, "robot/r0", "object/ball", [1.0 if kind == "range" else 0.0], [1e-4])
+    team.settle(0, 1.0, [entering("robot/r0", 0, (alone,))])
+    assert not team.knows("object/ball")
+    assert team.tally.silent == 1
+    placed = Relative("robot/r1", "object/ball", 1.0, 0.0, 0.25, 0.25)
+    team.settle(1, 1.0, [entering("robot/r1", 1, (placed,))])
+    before = np.trace(team.marginal("object/ball").covariance)
+    again = [Evidence("robot/r0", 0, 2, Motion(), Nuisance(), relatives=(alone,))]
+    (verdict,) = team.settle(2, 0.0, again)
+    assert (verdict.taken, verdict.freedom) == (True, 1)
+    assert np.trace(team.marginal("object/ball").covariance) < before
