@@ -63,11 +63,14 @@ class MemberFlags:
 
     def chosen(self) -> Scenario:
         """The named scenario, or the defaults, with the name of the team. UserError: no such scenario, or no possible name."""
-        chosen = load(self.scenario) if self.scenario else Scenario({})
+        chosen = self._load()
         if self.team is None:
             return chosen
         door.check_name("--team", self.team)
         return chosen.changed("team", name=self.team)
+
+    def _load(self) -> Scenario:
+        return load(self.scenario) if self.scenario else Scenario({})
 
     def check_member(self, chosen: Scenario, name: str, sub_teams: Sequence[str]) -> None:
         """Check the names of a member, and warn of each of its sub-teams that the named scenario lacks. UserError: a name."""
@@ -82,8 +85,16 @@ class MemberFlags:
 class WhichTeam(MemberFlags):
     """Which team a command is about."""
 
-    scenario: str | None = "demo"
-    "The team's scenario, a file or the name of one that comes with the package."
+    scenario: str | None = None
+    "The team's scenario, a file or the name of one in the package; robots in it that never came are shown [default: demo, unshown]."
+
+    @property
+    def members(self) -> dict[str, list[str]]:
+        """Sub-team -> its robots, of the scenario that is named. UserError: no such scenario."""
+        return self._load().team.sub_teams if self.scenario else {}
+
+    def _load(self) -> Scenario:
+        return load(self.scenario or "demo")
 
 
 @Parameter(name="*")

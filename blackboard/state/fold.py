@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Anchor, Grid
+from blackboard.state.alarms import QUIET, Alarms
 from blackboard.state.moments import MAX_BYTES, About, Moment, Point, Timeline
-from blackboard.state.processes import MAX_PROCESSES, RECENT, Process
+from blackboard.state.processes import MAX_PROCESSES, RECENT, SILENT, Process
 from blackboard.state.received import M, Received
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpacked_grid
@@ -29,7 +30,8 @@ MAX_SOURCES = 64  # of a subject; sub-teams count as such
 MAX_TRUTHS = 64  # ticks whose truth is kept until they are settled
 MAX_SIGHTINGS = 1024
 MAX_EVENTS = 1000
-FORGET = 60.0  # seconds of team time after which an old belief is not shown any more
+FORGET = 60.0  # seconds of team time after which an old belief is not shown any more; in which a source still counts as known
+LOST = 0.1  # share of the grid's cells: who may be on more of them, exp(entropy), is lost
 
 AHEAD = 5.0  # seconds that the stamp of a settled tick may be ahead of Unix time, where no world gives the time
 TICKS_AHEAD = 2  # that a settled tick may be ahead of the world's newest Clock, which comes from another sender
@@ -51,6 +53,15 @@ class Event:
     what: str  # "here", "gone", "run", "conflict", "agreement", "left out", "back in", "refused", "namesake"
     who: str
     text: str
+
+    @property
+    def severity(self) -> str:
+        """How much it matters: "alarm", "warning" or "note"."""
+        return SEVERITY.get(self.what, "note")
+
+
+#: Of events; others are notes.
+SEVERITY = {"gone": "alarm", "namesake": "alarm", "conflict": "warning", "left out": "warning", "refused": "warning"}
 
 
 class Fold:
@@ -77,6 +88,12 @@ class Fold:
         except Refused as refusal:
             self.refused[refusal.reason] += 1
 
+    def expect(self, name: str, sub_teams: Mapping[str, Iterable[str]]) -> None:
+        """The robots of a team's scenario by sub-team: they are shown although they were never heard."""
+        for sub_team, robots in sub_teams.items():
+            for robot in robots:
+                self._team(name).expect(sub_team, robot)
+
     def _team(self, name: str) -> TeamFold:
         if name not in self.teams and len(self.teams) >= MAX_TEAMS:
             raise Refused("too-many", f"{name} would be one more than {MAX_TEAMS} teams")
@@ -93,11 +110,16 @@ class TeamFold:
         self.grid: Grid | None = None  # of its boards, with the anchor of their statuses
         self.moments = Timeline(most_bytes=most_bytes)
         self.events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self.alarms = Alarms()
         self.changes = 0  # grows with each moment and each change of liveliness
         self._truths: dict[
             tuple[str, int], dict[str, Point]
         ] = {}  # run and tick; the first of a run comes before its Clock
         self._forget()
+
+    def expect(self, sub_team: str, robot: str) -> None:
+        """A scenario names this robot: it is shown although it was never heard. Refused: "too-many"."""
+        self._process("robot", robot, sub_team)
 
     def _forget(self) -> None:
         """A new run: nothing of the beliefs and ticks before it counts."""
@@ -110,7 +132,9 @@ class TeamFold:
         self._agreed: dict[str, dict[str, deque[Received[Consensus]]]] = {}
         self._sightings: dict[str, tuple[str, ...]] = {}  # observer -> what it sees
         self._open: tuple[int, float] | None = None  # tick and time of the moment that is not complete
-        self._noticed: dict[tuple[str, str], str] = {}  # conflicts and sources left out at this moment, by subject
+        #: conflicts, and sources left out, by subject: team time at which they were found last
+        self._noticed: dict[tuple[str, str], float] = {}
+        self.alarms.forget()
 
     @property
     def mode(self) -> str:
@@ -125,6 +149,7 @@ class TeamFold:
         for store in (self._reports, self._consensus, self._agreed):
             assert len(store) <= MAX_SUBJECTS
             assert all(len(by_source) <= MAX_SOURCES for by_source in store.values())
+        self.alarms.check()
         assert self._open is None or self.moments.newest is None or self._open[0] > self.moments.newest.tick
 
     # --- liveliness -----------------------------------------------------------------------------------------------------
@@ -137,12 +162,20 @@ class TeamFold:
         if process.alive != alive:
             process.gone_at = None if process.alive else now
             self.changes += 1
+            self._tell_of_gone(process, now)
             self._note(
                 "here" if process.alive else "gone",
                 process.name,
                 kind if kind == process.name else f"{kind} {process.name}",
                 now,
             )
+
+    def _tell_of_gone(self, process: Process, now: float) -> None:
+        """An alarm where a process has gone, unless it is the world at the end of its run."""
+        if process.alive:
+            self.alarms.end("gone", process.name, now)
+        elif (process.kind, process.name) != WORLD or self.clock is None or not self.clock.end:
+            self.alarms.raise_("gone", process.name, f"{process.name} is gone", now)
 
     def _process(self, kind: str, name: str, sub_team: str | None = None) -> Process:
         known = self.processes.get((kind, name))
@@ -233,13 +266,24 @@ class TeamFold:
         if status.kind == "robot" and status.phase == "reported":
             process.finished(status.tick, status.time, now)
             _withdraw(self._reports, status.process, status)
-        elif status.kind == "board" and status.follows:
+        if status.kind == "board":
+            self._hear_ages(sub_team, status, now)
+        if status.kind == "board" and status.follows:
             process.finished(status.tick, status.time, now)  # what its sub-team has settled, another board says
         elif status.kind == "board" and status.phase in ("consensus", "agreed"):
             _withdraw(self._consensus if status.phase == "consensus" else self._agreed, sub_team, status)
             if status.phase == "agreed":
                 process.finished(status.tick, status.time, now)
                 self._settled(status, now)
+
+    def _hear_ages(self, sub_team: str, status: Status, now: float) -> None:
+        """A board knows robots that went before anybody looked: who was heard in the last minute is known here, too."""
+        for robot, age in status.ages.items():
+            if ("robot", robot) not in self.processes and 0 <= age < FORGET:
+                process = self._process("robot", robot, sub_team)
+                process.heard_at = process.gone_at = now - age
+                if age > SILENT:
+                    self.alarms.raise_("gone", robot, f"{robot} is gone", process.gone_at)
 
     # --- moments --------------------------------------------------------------------------------------------------------
 
@@ -294,27 +338,40 @@ class TeamFold:
         self._reports = _younger(self._reports, oldest)
 
     def _notice(self, moment: Moment, now: float) -> None:
-        """Note which conflicts and which sources left out are new, and which are over."""
-        found = {}
+        """Note which conflicts and which sources left out are new, and which did not come back for QUIET seconds."""
+        found = dict[tuple[str, str], str]()
+        alarms = dict[tuple[str, str], str]()
         for subject, about in moment.subjects.items():
             best = about.best
             if best is None or best.message.tick < moment.tick:
                 continue
-            if best.message.conflict:
+            it = best.message
+            if it.conflict:
                 found[subject, ""] = f"conflict about {subject}"
-            for one in best.message.dissent:
-                found[subject, one.source] = (
-                    f"{one.source} keeps disagreeing about {subject}, by {one.sigmas:.1f} sigmas"
+            for one in it.dissent:
+                text = f"{one.source} keeps disagreeing about {subject}, by {one.sigmas:.1f} sigmas"
+                found[subject, one.source] = alarms["liar", one.source] = text
+            for out in it.left_out:
+                found[subject, out.source] = f"{out.source} left out about {subject}: {out.reason}"
+            if self.grid is not None and (share := math.exp(min(it.entropy, 99.0)) / math.prod(self.grid.shape)) > LOST:
+                alarms["lost", subject] = (
+                    f"nobody knows where {subject} is: it may be on {100 * share:.0f} % of the map"
                 )
-            for it in best.message.left_out:
-                found[subject, it.source] = f"{it.source} left out about {subject}: {it.reason}"
+            for learned in it.learned:
+                if learned.since is not None and not learned.echo:
+                    times = math.sqrt(max(0.0, learned.variance))
+                    text = f"{learned.source} is over-confident: its errors are {times:.1f} times what it claims"
+                    alarms["over-confident", learned.source] = text
+        self.alarms.look(alarms, now)
         for (subject, source), text in found.items():
             if (subject, source) not in self._noticed:
                 self._note("left out" if source else "conflict", subject, text, now)
-        for subject, source in self._noticed.keys() - found.keys():
-            text = f"{source} counts again about {subject}" if source else f"no conflict about {subject} any more"
-            self._note("back in" if source else "agreement", subject, text, now)
-        self._noticed = found
+            self._noticed[subject, source] = moment.time
+        for (subject, source), last in list(self._noticed.items()):
+            if moment.time - last > QUIET:
+                del self._noticed[subject, source]
+                text = f"{source} counts again about {subject}" if source else f"no conflict about {subject} any more"
+                self._note("back in" if source else "agreement", subject, text, now)
 
 
 def _unread(key: str) -> dict[str, Any] | None:

@@ -9,6 +9,7 @@ from blackboard.wire.messages import Status
 
 MAX_PROCESSES = 512  # of a team
 WINDOW = 32  # ticks over which a rate is measured
+SILENT = 5.0  # seconds without a word after which a process counts as silent
 RECENT = 4  # of what one source gave, because some of it is newer than the moment that is settled
 
 

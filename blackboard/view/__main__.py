@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import sys
 from functools import partial
 from pathlib import Path
@@ -68,6 +69,7 @@ def status(
     file: Path | None = None,
     *,
     team: str | None = None,
+    scenario: str | None = None,
     watch: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     once: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     seconds: Seconds = 1.5,
@@ -81,7 +83,9 @@ def status(
     file
         A tape (MCAP), to show how it ends, instead of running teams.
     team
-        One team only [default: all].
+        One team only [default: all, or that of the scenario].
+    scenario
+        The team's scenario: its robots are shown even if they never came.
     watch
         Look again and again, until it is interrupted; with --json one line each time.
     once
@@ -91,23 +95,27 @@ def status(
     """
     if watch and once:
         raise UserError("--watch --once: give one of them")
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    which = WhichTeam(team=team, scenario=scenario)
     if file is not None:
         if watch:
             raise UserError("--watch: a tape does not change; leave it out")
-        taped = TeamSource(file, which=WhichTeam(team=team)).open(flags, "status")
+        taped = TeamSource(file, which=which).open(flags, "status")
         taped.read_on()
-        output.show(summary(taped.feed.fold, taped.feed.now), text)
+        output.show(summary(taped.feed.fold, taped.feed.now), partial(text, width=width))
         return door.DONE if taped.feed.fold.teams else door.FAILED
-    if team is not None:
-        door.check_name("--team", team)
+    if team is not None or scenario is not None:
+        team = which.chosen().team.name
     clock, stop = UnixClock(), door.Stop()
     with Link(flags.link(), "status", patience=PATIENCE) as link:
         feed = Feed(link, clock.now, team or "*")
         while not stop():
             feed.follow(seconds, stop)
+            if team in feed.fold.teams:
+                feed.fold.expect(team, which.members)
             if watch and not output.as_json and sys.stdout.isatty():
                 beneath(sys.stdout).write(CLEAR)
-            output.show(summary(feed.fold, clock.now()), text)
+            output.show(summary(feed.fold, clock.now()), partial(text, width=width))
             sys.stdout.flush()
             if not watch:
                 break

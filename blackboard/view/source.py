@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -48,7 +48,7 @@ class TeamSource:
                 raise UserError(f"{self.file}: a tape is looked at without a network; leave out where the network is")
             return open_tape(self.file, self.which.team)
         chosen = self.which.chosen()
-        return Running(flags.link(), name, chosen.team.name, chosen.board.drift, patience, stopped)
+        return Running(flags.link(), name, chosen.team.name, chosen.board.drift, patience, stopped, self.which.members)
 
 
 class Running:
@@ -64,14 +64,16 @@ class Running:
         drift: float,
         patience: float,
         stopped: Callable[[], bool],
+        members: Mapping[str, Sequence[str]],
     ) -> None:
-        self.team, self.drift = team, drift
+        self.team, self.drift, self._members = team, drift, members
         self._config, self._name, self._patience, self._stopped = config, name, patience, stopped
 
     def __enter__(self) -> Running:
         self._link = Link(self._config, self._name, patience=self._patience, stopped=self._stopped)
         self._link.__enter__()
         self.feed = Feed(self._link, UnixClock().now, self.team)
+        self.feed.fold.expect(self.team, self._members)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

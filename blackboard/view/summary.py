@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from blackboard.process.columns import columns
+from blackboard.process.columns import columns, shortened
+from blackboard.state.alarms import Alarm
 from blackboard.state.fold import Fold, TeamFold
 from blackboard.state.moments import About, Moment
-from blackboard.state.processes import Process
+from blackboard.state.processes import SILENT, Process
 from blackboard.state.received import REGION
 
 Table = dict[str, Any]
-STALE = 5.0  # seconds without a word after which a process counts as silent
+RECENT = 60.0  # seconds for which an alarm that is over is told
+#: What falls away first where a terminal is narrow: of the processes, and of the subjects.
+PROCESSES_FALL = ("skipped", "late", "dropped", "kind", "ticks/s", "sub-team", "heard", "refused")
+SUBJECTS_FALL = ("rule", "sources", "95 % area", "entropy")
 
 
 def summary(fold: Fold, now: float) -> Table:
@@ -32,6 +36,7 @@ def team_summary(team: TeamFold, now: float, moment: Moment | None = None) -> Ta
         "age": None if newest is None else now - newest.at,
         "settlements": max(boards, default=0.0),  # ticks settled per second, by the fastest board
         "processes": processes(team, now),
+        "alarms": alarms(team, now),
         "subjects": {} if newest is None else {name: subject(it) for name, it in newest.subjects.items()},
     }
 
@@ -45,7 +50,7 @@ def processes(team: TeamFold, now: float) -> list[Table]:
 
 def _process(it: Process, now: float) -> Table:
     counters = {} if it.status is None else it.status.counters
-    silent = it.heard_at > 0 and now - it.heard_at > STALE
+    silent = it.heard_at > 0 and now - it.heard_at > SILENT
     return {
         "name": it.name,
         "kind": it.kind,
@@ -64,6 +69,28 @@ def _process(it: Process, now: float) -> Table:
         "ages": {} if it.status is None else dict(it.status.ages),  # source -> seconds since that process heard it
         "clocks": {} if it.status is None else dict(it.status.clocks),  # source -> seconds that its clock is ahead
         "settings": {} if it.status is None else dict(it.status.settings),
+    }
+
+
+def alarms(team: TeamFold, now: float) -> list[Table]:
+    """What an operator must not miss at `now`, Unix seconds: what lasts, then what is over but was not looked at."""
+    silent = [
+        Alarm("gone", it.name, f"{it.name} is silent, though connected", it.heard_at, now)
+        for it in team.processes.values()
+        if it.alive and it.heard_at > 0 and now - it.heard_at > SILENT
+    ]
+    return [_alarm(it, now) for it in [*silent, *(it for it in team.alarms.all() if it.since <= now)]]
+
+
+def _alarm(it: Alarm, now: float) -> Table:
+    over = it.until is not None and it.until <= now
+    return {
+        "what": it.what,
+        "who": it.who,
+        "text": it.text,
+        "since": it.since,
+        "for": (it.until if over and it.until is not None else now) - it.since,
+        "over": now - it.until if over and it.until is not None else None,  # seconds since it is over
     }
 
 
@@ -101,16 +128,27 @@ def subject(about: About) -> Table:
 # --- as text ----------------------------------------------------------------------------------------------------------------
 
 
-def text(table: Table) -> str:
-    """The tables of all teams as text."""
+def text(table: Table, width: int | None = None) -> str:
+    """The tables of all teams as text, in lines of at most `width` characters."""
     if not table["teams"]:
         return "no team is heard of here"
-    return "\n\n".join(_team_text(team) for team in table["teams"])
+    return "\n\n".join(_team_text(team, width) for team in table["teams"])
 
 
-def _team_text(it: Table) -> str:
-    lines = [team_line(it), "", *process_lines(it)]
-    return "\n".join([*lines, "", *subject_lines(it)] if it["subjects"] else lines)
+def _team_text(it: Table, width: int | None) -> str:
+    lines = [team_line(it), *alarm_lines(it, width), "", *process_lines(it, width)]
+    return "\n".join([*lines, "", *subject_lines(it, width)] if it["subjects"] else lines)
+
+
+def alarm_lines(it: Table, width: int | None = None) -> list[str]:
+    """What is wrong, a line for each; of what is over only what is a minute old at most."""
+    found = [
+        f"! {one['text']}, for {one['for']:.0f} s"
+        + ("" if one["over"] is None else f"; over since {one['over']:.0f} s")
+        for one in it["alarms"]
+        if one["over"] is None or one["over"] <= RECENT
+    ]
+    return found if width is None else [shortened(line, width) for line in found]
 
 
 def team_line(it: Table) -> str:
@@ -121,8 +159,8 @@ def team_line(it: Table) -> str:
     return f"team {it['team']}: {it['mode']}, {tick}, {it['settlements']:.1f} settled/s"
 
 
-def process_lines(it: Table) -> list[str]:
-    """The processes of a team, a line for each behind the names of the columns."""
+def process_lines(it: Table, width: int | None = None) -> list[str]:
+    """The processes of a team, a line for each behind the names of the columns; of at most `width` characters."""
     rows: list[tuple[str, ...]] = [
         ("process", "kind", "sub-team", "state", "tick", "ticks/s", "heard", "dropped", "late", "skipped", "refused")
     ]
@@ -142,16 +180,19 @@ def process_lines(it: Table) -> list[str]:
                 ", ".join(f"{reason} {count}" for reason, count in one["refused"].items()) or "-",
             )
         )
-    return columns(rows)
+    return columns(rows, width, PROCESSES_FALL)
 
 
 def _state(one: Table) -> str:
+    state = one["state"]
+    if state != "alive":
+        state = "never heard" if one["age"] is None else f"{state} {one['age']:.0f} s"
     follows, namesakes = one["part"] == "follows", one["counters"].get("namesakes")
-    return ", ".join([one["state"]] + ["follows"] * follows + [f"namesakes {namesakes}"] * bool(namesakes))
+    return ", ".join([state] + ["follows"] * follows + [f"namesakes {namesakes}"] * bool(namesakes))
 
 
-def subject_lines(it: Table) -> list[str]:
-    """What a team believes, a line for each subject behind the names of the columns."""
+def subject_lines(it: Table, width: int | None = None) -> list[str]:
+    """What a team believes, a line for each subject behind the names of the columns; of at most `width` characters."""
     rows: list[tuple[str, ...]] = [("subject", "believed at", "entropy", "95 % area", "error", "rule", "sources", "")]
     for name, one in it["subjects"].items():
         rows.append(
@@ -166,7 +207,7 @@ def subject_lines(it: Table) -> list[str]:
                 _trouble(one),
             )
         )
-    return columns(rows)
+    return columns(rows, width, SUBJECTS_FALL)
 
 
 def _trouble(one: Table) -> str:

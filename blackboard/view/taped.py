@@ -35,7 +35,10 @@ class Taped:
         self.file = file
         self.team = team or about.get("team") or first[1].key.split("/")[1]
         self.feed = TapeFeed(chain([first], envelopes))
-        self.drift = _drift(about.get("scenario", ""))
+        scenario = _scenario(about.get("scenario", ""))
+        self.drift = scenario.board.drift
+        if about.get("scenario"):
+            self.feed.fold.expect(self.team, scenario.team.sub_teams)
 
     def __enter__(self) -> Taped:
         return self
@@ -81,9 +84,9 @@ class Taped:
         return chosen
 
 
-def _drift(scenario: str) -> float:
-    """The boards' drift by the scenario on a tape; that of a default board where it has none or one of another version."""
+def _scenario(text: str) -> Scenario:
+    """The scenario on a tape; the default one where it has none, or one of another version."""
     try:
-        return Scenario(parse(scenario, json.loads) if scenario else {}).board.drift
+        return Scenario(parse(text, json.loads) if text else {})
     except (ValueError, UserError):
-        return Scenario({}).board.drift
+        return Scenario({})

@@ -107,6 +107,33 @@ def test_a_team_that_has_told_nothing_is_shown_too() -> None:
     asyncio.run(play())
 
 
+@pytest.mark.parametrize("size", [(80, 24), (100, 30), (140, 40)])
+def test_subjects_and_processes_fit_the_terminal(size: tuple[int, int]) -> None:
+    async def story(top: Top, pilot: Pilot[None]) -> None:
+        await pilot.resize_terminal(*size)
+        await pilot.pause()
+        top.draw()
+        await pilot.pause()
+        for name, words in (("#subjects", ("object/ball", "robot/r3")), ("#processes", ("board-a", "world", "alive"))):
+            place, lines = top.query_one(name).region, said(top, name).splitlines()
+            assert place.bottom < size[1]
+            assert max(map(len, lines)) <= place.width
+            assert all(word in said(top, name) for word in words)
+
+    on_a_tape(story)
+
+
+def test_an_alarm_stays_until_it_was_looked_at() -> None:
+    async def story(top: Top, pilot: Pilot[None]) -> None:
+        top.fold.alarms.raise_("gone", "r2", "r2 is gone", top.source.now - 12.0)
+        top.draw()
+        assert said(top, "#alarms") == "! r2 is gone, for 12 s"
+        await pilot.press("a")
+        assert said(top, "#alarms") == ""
+
+    on_a_tape(story)
+
+
 def test_the_map_has_each_peak_where_it_is_also_when_it_is_small() -> None:
     moment = team_of().moments.newest
     assert moment is not None

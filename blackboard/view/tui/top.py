@@ -18,17 +18,20 @@ from textual.widget import Widget
 from textual.widgets import Footer, Static
 
 from blackboard.errors import UserError
+from blackboard.process.columns import shortened
 from blackboard.process.printable import printable
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
 from blackboard.view.feed import Source
-from blackboard.view.summary import process_lines, subject_lines, team_line, team_summary
+from blackboard.view.summary import Table, alarm_lines, process_lines, subject_lines, team_line, team_summary
 from blackboard.view.tui.heat import Heat, heat
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
 
 PERIOD = 0.5  # seconds between two pictures
 EVENTS = 6  # lines
+SMALL = 40  # lines of a terminal below which nothing is left empty
+MAX_LINE = 400  # characters of an event
 
 
 class HeatMap(Widget):
@@ -57,10 +60,12 @@ class Top(App[None]):
 
     TITLE = "blackboard top"
     CSS = """
-    #map { width: 1fr; min-width: 30; }
-    #right { width: 1.2fr; }
+    #map { width: 1fr; min-width: 24; }
+    #right { width: 1.2fr; min-width: 52; scrollbar-size-vertical: 1; }
     #head { height: 1; text-style: bold; }
+    #alarms { height: auto; max-height: 4; color: $error; }
     #processes, #subjects, #events { height: auto; margin-bottom: 1; }
+    .-small #processes, .-small #subjects { margin-bottom: 0; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
         ("q", "quit", "quit"),
@@ -71,6 +76,7 @@ class Top(App[None]):
         ("right_square_bracket", "choose(1)", "next subject"),
         ("l", "scale", "log/linear"),
         ("w", "why", "why"),
+        ("a", "seen", "alarms seen"),
     ]
 
     def __init__(self, source: Source, team: str, drift: float = 1.0) -> None:
@@ -79,15 +85,18 @@ class Top(App[None]):
         self.source, self.team_name, self.drift = source, team, drift
         self.chosen = ""
         self.log_scale, self.with_why = True, False
+        self.table: Table = {"alarms": []}  # what is shown
         self.tick: int | None = None  # of the moment that is shown while paused
+        self._seen: set[tuple[str, str, float]] = set()  # alarms that were looked at: what, who, since when
 
     def compose(self) -> ComposeResult:
         yield Static(id="head")
+        yield Static(id="alarms")
         with Horizontal():
             yield HeatMap(id="map")
             with VerticalScroll(id="right"), Vertical():
-                yield Static(id="processes")
                 yield Static(id="subjects")
+                yield Static(id="processes")
                 yield Static(id="events")
                 yield Static(id="why")
         yield Footer()
@@ -119,22 +128,27 @@ class Top(App[None]):
         if not self.query("#head"):
             return  # on a slow machine it is time to draw before the widgets are there
         fold, moment = self.fold, self.moment()
-        table = team_summary(fold, self.source.now, moment)
+        table = self.table = team_summary(fold, self.source.now, moment)
+        self.screen.set_class(self.size.height < SMALL, "-small")
+        width = self.query_one("#right", VerticalScroll).scrollable_content_region.width or None
         state = "" if self.tick is None else "   PAUSED"
-        self.query_one("#head", Static).update(_text([f"{team_line(table)}{state}"]))
-        self.query_one("#processes", Static).update(_text(process_lines(table)))
+        self._show("head", [f"{team_line(table)}{state}"])
+        table["alarms"] = [it for it in table["alarms"] if _name(it) not in self._seen]
+        alarms = alarm_lines(table, self.size.width)
+        self._show("alarms", alarms)
+        self.query_one("#alarms").display = bool(alarms)
+        self._show("processes", process_lines(table, width))
         names = list(table["subjects"])
         if self.chosen not in names:
             self.chosen = next((name for name in names if table["subjects"][name]["mean"] is not None), "")
-        lines = subject_lines(table) if names else ["nothing is settled yet"]
-        subjects = _text(lines)
+        subjects = _text(subject_lines(table, width) if names else ["nothing is settled yet"])
         if self.chosen:
             subjects.highlight_regex(rf"(?m)^{self.chosen} .*$", "reverse")
         self.query_one("#subjects", Static).update(subjects)
         events = [
-            f"tick {it.tick}  {it.text} {'is ' + it.what if it.what in ('here', 'gone') else ''}" for it in fold.events
+            f"tick {it.tick}  {it.text}{' is ' + it.what if it.what in ('here', 'gone') else ''}" for it in fold.events
         ]
-        self.query_one("#events", Static).update(_text(events[-EVENTS:]))
+        self._show("events", [shortened(it, width or MAX_LINE) for it in events[-EVENTS:]])
         self.query_one("#why", Static).update(
             Text("\n".join(map(printable, self._why(moment))) if self.with_why else "")
         )
@@ -144,6 +158,9 @@ class Top(App[None]):
             view.show(None)
         else:
             view.show(heat(moment, fold.grid, self.chosen, size.height, size.width, self.log_scale))
+
+    def _show(self, name: str, lines: list[str]) -> None:
+        self.query_one(f"#{name}", Static).update(_text(lines))
 
     def _why(self, moment: Moment | None) -> list[str]:
         if moment is None or not self.chosen:
@@ -180,9 +197,18 @@ class Top(App[None]):
         self.log_scale = not self.log_scale
         self.draw()
 
+    def action_seen(self) -> None:
+        """The alarms that are shown were looked at; one that begins anew is shown again."""
+        self._seen = {*self._seen, *map(_name, self.table["alarms"])}
+        self.draw()
+
     def action_why(self) -> None:
         self.with_why = not self.with_why
         self.draw()
+
+
+def _name(alarm: Table) -> tuple[str, str, float]:
+    return alarm["what"], alarm["who"], alarm["since"]
 
 
 def _text(lines: list[str]) -> Text:

@@ -1,0 +1,66 @@
+"""Alarms: what an operator must not miss. An alarm stays after what raised it is over, until it is looked at. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+MAX_ALARMS = 256
+QUIET = 5.0  # seconds without it after which something that comes and goes counts as over
+
+#: Of the worst first.
+KINDS = ("gone", "liar", "lost", "over-confident")
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """What is wrong with whom. Times are Unix seconds; `until` is None while it lasts."""
+
+    what: str  # of KINDS
+    who: str
+    text: str
+    since: float
+    seen: float  # when it was found last
+    until: float | None = None
+
+
+class Alarms:
+    """The alarms of a team, one of each kind and name; the oldest that are over are forgotten first."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, str], Alarm] = {}
+
+    def raise_(self, what: str, who: str, text: str, now: float) -> None:
+        """Something is wrong at `now`; what lasts keeps its beginning, what was over begins anew."""
+        known = self._kept.pop((what, who), None)
+        since = known.since if known is not None and known.until is None else now
+        self._kept[what, who] = Alarm(what, who, text, since, now)
+        if len(self._kept) > MAX_ALARMS:
+            over = next((key for key, it in self._kept.items() if it.until is not None), next(iter(self._kept)))
+            del self._kept[over]
+
+    def end(self, what: str, who: str, now: float) -> None:
+        """It is over at `now`."""
+        known = self._kept.get((what, who))
+        if known is not None and known.until is None:
+            self._kept[what, who] = replace(known, until=now)
+
+    def look(self, found: Mapping[tuple[str, str], str], now: float) -> None:
+        """All that a settled tick shows: kind and name -> text. What was not found for QUIET seconds is over."""
+        for (what, who), text in found.items():
+            self.raise_(what, who, text, now)
+        for (what, who), alarm in self._kept.items():
+            if what != "gone" and alarm.until is None and now - alarm.seen > QUIET:
+                self._kept[what, who] = replace(alarm, until=alarm.seen)
+
+    def forget(self) -> None:
+        """A new run: what was believed before it is of no matter; who is gone stays gone."""
+        self._kept = {key: it for key, it in self._kept.items() if it.what == "gone"}
+
+    def all(self) -> list[Alarm]:
+        """What lasts before what is over, the worst and then the newest first."""
+        return sorted(self._kept.values(), key=lambda it: (it.until is not None, KINDS.index(it.what), -it.since))
+
+    def check(self) -> None:
+        """AssertionError: it is beyond its bounds."""
+        assert len(self._kept) <= MAX_ALARMS

@@ -1,0 +1,114 @@
+"""Alarms: they stay after what raised them is over, keep their beginning, and are bounded."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from blackboard.state.alarms import MAX_ALARMS, QUIET, Alarms
+from blackboard.state.fold import Fold, TeamFold
+from blackboard.view.summary import alarm_lines, summary, team_summary, text
+from blackboard.wire import keys
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Consensus, Dissent, Status
+from tests.view.recorded import folded, recorded
+
+CONSENSUS = next(decode(Consensus, it.payload) for it, _ in recorded() if it.kind is Kind.PUT and "/agreed/" in it.key)
+R1 = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
+
+
+def test_what_comes_and_goes_is_one_alarm_until_it_stays_away() -> None:
+    alarms = Alarms()
+    for now in range(10):
+        alarms.look({("liar", "r2"): "r2 lies"} if now % 2 == 0 else {}, float(now))
+    (one,) = alarms.all()
+    assert (one.since, one.until) == (0.0, None)
+    alarms.look({}, 8.0 + QUIET + 0.1)
+    (one,) = alarms.all()
+    assert one.until == 8.0
+    alarms.look({("liar", "r2"): "again"}, 30.0)
+    assert [(it.since, it.until) for it in alarms.all()] == [(30.0, None)]
+
+
+def test_what_lasts_stands_before_what_is_over_and_the_oldest_that_are_over_go() -> None:
+    alarms = Alarms()
+    for n in range(2 * MAX_ALARMS):
+        alarms.raise_("gone", f"r{n}", "gone", float(n))
+        if n:
+            alarms.end("gone", f"r{n}", float(n))
+        alarms.check()
+    assert alarms.all()[0].who == "r0"
+
+
+def test_a_robot_that_goes_and_comes_back_is_told_for_a_minute() -> None:
+    fold = folded()
+    fold.take(Envelope(R1, kind=Kind.GONE), 1_000_010.0)
+    team = summary(fold, 1_000_022.0)["teams"][0]
+    assert ("gone", "r1", 12.0, None) in [(it["what"], it["who"], it["for"], it["over"]) for it in team["alarms"]]
+    assert "! r1 is gone, for 12 s" in text(summary(fold, 1_000_022.0))
+    fold.take(Envelope(R1, kind=Kind.ALIVE), 1_000_030.0)
+    assert "! r1 is gone, for 20 s; over since 10 s" in text(summary(fold, 1_000_040.0))
+    assert not any("r1 is gone" in it for it in alarm_lines(team_summary(fold.teams["t"], 1_000_200.0)))
+
+
+def test_the_world_at_the_end_of_its_run_is_no_alarm() -> None:
+    fold, world = Fold(), keys.WORLD.key(team="t")
+    fold.take(Envelope(world, kind=Kind.ALIVE), 1.0)
+    clock = Clock(run="x", tick=3, time=1.0, mode="realtime", end=True)
+    fold.take(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 2.0)
+    fold.take(Envelope(world, kind=Kind.GONE), 3.0)
+    assert fold.teams["t"].alarms.all() == []
+
+
+def test_a_robot_that_went_before_anybody_looked_is_known_by_its_board() -> None:
+    fold = Fold()
+    said = Status(process="board-a", kind="board", tick=4, time=2.0, ages={"r1": 0.1, "r3": 12.0, "r4": 500.0})
+    fold.take(Envelope(keys.BOARD.key(team="t", sub_team="a", board="board-a"), kind=Kind.ALIVE), 100.0)
+    fold.take(Envelope(R1, kind=Kind.ALIVE), 100.0)
+    fold.take(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 100.0)
+    rows = {it["name"]: it for it in summary(fold, 100.0)["teams"][0]["processes"]}
+    assert (rows["r3"]["state"], rows["r3"]["age"]) == ("gone", 12.0)
+    assert "r4" not in rows
+    assert "gone 12 s" in text(summary(fold, 100.0))
+    assert "! r3 is gone, for 12 s" in text(summary(fold, 100.0))
+
+
+def test_robots_of_the_scenario_are_shown_although_they_never_came() -> None:
+    fold = folded()
+    fold.expect("t", {"a": ["r1", "r9"]})
+    rows = {it["name"]: it for it in summary(fold, 1_000_001.0)["teams"][0]["processes"]}
+    assert (rows["r9"]["state"], rows["r9"]["age"]) == ("gone", None)
+    assert "never heard" in text(summary(fold, 1_000_001.0))
+
+
+def settled(ticks: int, **changes: Any) -> TeamFold:
+    """A team whose board settles the same belief in every tick, 0.5 s each; in every second one there is a conflict."""
+    team = TeamFold("t")
+    for n in range(ticks):
+        at = {"tick": n, "time": 0.5 * n}
+        told = CONSENSUS.model_copy(update={**at, "conflict": n % 2 == 0, **changes})
+        said = Status(process="b", kind="board", phase="agreed", subjects=[told.subject], **at)
+        for message in (told, said):
+            team.hear({"sub_team": told.sub_team}, message, 1, 0.5 * n)
+    return team
+
+
+def test_what_flaps_is_told_once() -> None:
+    team = settled(30)
+    assert [(it.what, it.severity) for it in team.events] == [("conflict", "warning")]
+    for n in range(30, 60):
+        calm = CONSENSUS.model_copy(update={"tick": n, "time": 0.5 * n, "conflict": False})
+        said = Status(process="b", kind="board", tick=n, time=0.5 * n, phase="agreed", subjects=[calm.subject])
+        for message in (calm, said):
+            team.hear({"sub_team": calm.sub_team}, message, 1, 0.5 * n)
+    assert [it.what for it in team.events] == ["conflict", "agreement"]
+
+
+def test_who_may_be_anywhere_is_lost_and_who_keeps_disagreeing_a_liar() -> None:
+    assert [it.what for it in settled(3).alarms.all()] == []
+    off = Dissent(level="consensus", source="r3", sigmas=5.6, weight=0.1, since=0.0)
+    team = settled(3, entropy=math.log(0.5 * math.prod(CONSENSUS.belief.grid.shape)), dissent=[off])
+    told = {it.what: it.text for it in team.alarms.all()}
+    assert told["lost"] == f"nobody knows where {CONSENSUS.subject} is: it may be on 50 % of the map"
+    assert told["liar"] == f"r3 keeps disagreeing about {CONSENSUS.subject}, by 5.6 sigmas"
