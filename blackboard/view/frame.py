@@ -18,10 +18,10 @@ from typing import Any
 from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import About, Moment
 from blackboard.state.received import REGION, STEP, Drawn, Received
-from blackboard.view.summary import processes
+from blackboard.view.summary import alarms, processes
 from blackboard.wire.messages import Consensus, Report
 
-MAX_EVENTS = 30
+MAX_EVENTS = 30  # and alarms
 MAX_BELIEFS = 2000  # in one frame
 DIGITS = 5  # significant ones; a screen has fewer
 
@@ -71,8 +71,16 @@ def frame(
         "subjects": subjects,
         "sightings": () if moment is None else moment.sightings,
         "processes": slim(team, now) if shown is None else shown,
+        "alarms": alarms(team, now)[:MAX_EVENTS],
         "events": [
-            {"at": round(it.at, 3), "tick": it.tick, "what": it.what, "who": it.who, "text": it.text}
+            {
+                "at": round(it.at, 3),
+                "tick": it.tick,
+                "what": it.what,
+                "who": it.who,
+                "text": it.text,
+                "severity": it.severity,
+            }
             for it in _last(team.events, now)
         ],
     }
@@ -94,7 +102,11 @@ def slim(team: TeamFold, now: float) -> list[Table]:
     """What the page shows of each process at `now`, Unix time in seconds."""
     names = ("name", "kind", "sub_teams", "state", "tick", "refused", "dropped", "late")
     return [
-        {**{name: it[name] for name in names}, "age": _short(it["age"] or 0.0), "rate": _short(it["rate"])}
+        {
+            **{name: it[name] for name in names},
+            "age": None if it["age"] is None else _short(it["age"]),
+            "rate": _short(it["rate"]),
+        }
         for it in processes(team, now)
     ]
 

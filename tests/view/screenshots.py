@@ -16,7 +16,7 @@ from tests.view.browser import FOUND, MISSING, Browser, browser
 from tests.view.serving import served
 
 TICK, SUBJECT = 150, "robot/r1"
-SIZES = ((1280, 800, False), (390, 844, True))
+SIZES = ((1280, 800, False), (390, 844, True), (1920, 1080, False), (2560, 1300, False))
 
 
 def show(page: Browser, url: str, tick: int, subject: str, theme: str) -> None:

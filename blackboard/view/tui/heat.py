@@ -13,15 +13,16 @@ from blackboard.state.moments import Moment, Point
 from blackboard.state.received import STEP, Drawn
 
 BACK = (13, 17, 23)
-#: Okabe and Ito's colours, brighter where they are too faint on black.
+#: Okabe and Ito's orange, sky, green, pink and yellow, brighter where they are too faint on black, and three that differ from them.
 COLOURS = (
     (230, 159, 0),
     (86, 180, 233),
-    (0, 178, 130),
-    (204, 121, 167),
-    (235, 110, 30),
-    (47, 154, 224),
+    (0, 178, 131),
+    (224, 122, 184),
     (240, 228, 66),
+    (232, 80, 58),
+    (154, 123, 255),
+    (196, 204, 212),
 )
 FADE = 0.6  # share of its colour that a belief keeps which is not chosen
 

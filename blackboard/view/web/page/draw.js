@@ -3,10 +3,9 @@
 /** Cividis (Nuñez, Anderton and Renslow 2018), a few of its colours; those between them are mixed. */
 const CIVIDIS = [[0, 34, 78], [18, 53, 112], [59, 73, 108], [87, 93, 109], [112, 113, 115], [138, 134, 120], [165, 156, 116],
   [195, 179, 105], [225, 204, 85], [254, 232, 56]];
-/** Okabe and Ito's colours, without black, which is the ink. */
-const OKABE_ITO = ["#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#d55e00", "#0072b2", "#f0e442"];
-const DARK = { "#0072b2": "#2f9ae0" }; // blue is too faint on black
-const LIGHT = { "#f0e442": "#8a8000", "#56b4e9": "#2f8fc9" }; // yellow and sky are too faint on white
+/** As blackboard/view/tui/heat.py has them: on black, and darker ones on white. */
+const ON_DARK = ["#e69f00", "#56b4e9", "#00b283", "#e07ab8", "#f0e442", "#e8503a", "#9a7bff", "#c4ccd4"];
+const ON_LIGHT = ["#b97d00", "#2f8fc9", "#007a59", "#b8418c", "#8a8000", "#c8321c", "#6a4be0", "#5b6670"];
 
 export const TABLE = new Uint8Array(256 * 3);
 for (let i = 0; i < 256; i++) {
@@ -15,10 +14,7 @@ for (let i = 0; i < 256; i++) {
 }
 
 /** The colour of a subject by its place among all. */
-export function colour(index, light) {
-  const it = OKABE_ITO[index % OKABE_ITO.length];
-  return index >= OKABE_ITO.length && index % OKABE_ITO.length === 0 ? (light ? "#5b6670" : "#c4ccd4") : (light ? LIGHT : DARK)[it] || it;
-}
+export function colour(index, light) { return (light ? ON_LIGHT : ON_DARK)[index % ON_DARK.length]; }
 
 /** A canvas as large as it is shown, in the pixels of the screen; its context in CSS pixels. */
 export function prepare(canvas) {

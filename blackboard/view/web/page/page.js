@@ -4,6 +4,7 @@ import { Cache, History, best, coverage, decode, lineOf } from "./frames.js";
 import { TABLE, chart, colour, contour, level, mark, outline, peak, picture, place, prepare, projection, steps } from "./draw.js";
 
 const $ = (id) => document.getElementById(id);
+const OLD = 1; // seconds after which a belief on the map tells its age
 const TRAIL = 60; // seconds of team time
 const WINDOW = 180; // seconds of team time that the charts show
 const history_ = new History();
@@ -32,7 +33,10 @@ const state = {
   fetching: "",
   order: new Map(), // subject -> its place among the colours
   whyFor: "",
+  seen: new Set(JSON.parse(saved("seen") || "[]")), // alarms that were looked at
+  important: saved("events") === "important", // of what happened only alarms and warnings are shown
 };
+const FAINT = 0.05; // share of the map: a belief that is wider is drawn thinner, so that it never covers the map
 window.page = { state, history: history_, level, peak, best, contour }; // for tests and the curious
 
 // --- what comes in -------------------------------------------------------------------------------------------------------------
@@ -187,6 +191,7 @@ function draw() {
   drawCharts(header, colours);
   drawProcesses(header);
   drawPulse(state.tape ? header : state.live || header);
+  drawAlarms(header);
   drawEvents(header);
   askWhy(header);
 }
@@ -249,12 +254,14 @@ function drawMap(header, names, colours) {
     line(context, to.x(from[0]), to.y(from[1]), to.x(end[0]), to.y(end[1]));
   }
   context.globalAlpha = 1;
+  const away = absent(header);
   for (const name of names) {
     const it = header.subjects[name], belief = best(it);
     if (!belief) continue;
-    const [r, g, b] = rgb(tint(name)), chosen = name === state.subject;
-    place(context, to, grid, belief, picture(belief, (at) => [r, g, b, at ? 235 * Math.exp((at - 255) * header.step * 0.6) : 0]), true);
-    context.strokeStyle = tint(name); context.lineWidth = chosen ? 2.6 : 1.5; context.setLineDash(it.conflict ? [5, 3] : []);
+    const tone = away.has(name) ? colours.soft : tint(name), [r, g, b] = rgb(tone), chosen = name === state.subject;
+    const share = belief.area / (grid.cell ** 2 * grid.shape[0] * grid.shape[1]), ink = 235 * Math.min(1, Math.sqrt(FAINT / Math.max(share, 1e-9)));
+    place(context, to, grid, belief, picture(belief, (at) => [r, g, b, at ? ink * Math.exp((at - 255) * header.step * 0.6) : 0]), true);
+    context.strokeStyle = tone; context.lineWidth = chosen ? 2.6 : 1.5; context.setLineDash(it.conflict ? [5, 3] : []);
     outline(context, to, grid, belief);
     context.setLineDash([]);
   }
@@ -262,12 +269,13 @@ function drawMap(header, names, colours) {
     const it = header.subjects[name], belief = best(it);
     if (it.truth) mark(context, to.x(it.truth[0]), to.y(it.truth[1]), 4, colours.ink, colours.arena);
     if (!belief) continue;
-    const away = Math.max(11, 1.9 * belief.sigma * to.scale + 5);
+    const off = Math.max(11, Math.min(60, 1.9 * belief.sigma * to.scale + 5));
     context.font = `${name === state.subject ? 700 : 600} 12px system-ui, sans-serif`;
     context.textAlign = "left"; context.textBaseline = "alphabetic"; context.lineJoin = "round";
-    const label = name.split("/")[1], x = Math.min(to.x(belief.mean[0]) + away * 0.72, to.x(x1) - 8 * label.length), y = to.y(belief.mean[1]) - away * 0.72;
+    const label = name.split("/")[1] + (away.has(name) ? `, ${away.get(name)}` : belief.age > OLD ? `, ${belief.age.toFixed(0)} s old` : "");
+    const x = Math.min(to.x(belief.mean[0]) + off * 0.72, to.x(x1) - 8 * label.length), y = to.y(belief.mean[1]) - off * 0.72;
     context.lineWidth = 3.5; context.strokeStyle = colours.arena; context.strokeText(label, x, Math.max(y, 14));
-    context.fillStyle = tint(name); context.fillText(label, x, Math.max(y, 14));
+    context.fillStyle = away.has(name) ? colours.soft : tint(name); context.fillText(label, x, Math.max(y, 14));
   }
   canvas.onclick = (event) => {
     const box = canvas.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
@@ -276,6 +284,16 @@ function drawMap(header, names, colours) {
     if (nearest && far(nearest) < 40) choose(nearest);
   };
 }
+
+/** Robots that are gone or silent, by subject, and for how long. */
+function absent(header) {
+  const found = new Map();
+  for (const it of header.processes) if (it.kind === "robot" && it.state !== "alive") found.set(`robot/${it.name}`, since(it));
+  return found;
+}
+
+/** What a process does: "alive", "gone 12 s", "never heard". */
+function since(it) { return it.state === "alive" ? it.state : it.age === null ? "never heard" : `${it.state} ${it.age.toFixed(0)} s`; }
 
 function drawTrails(context, to, header, names) {
   const end = header.tick === null ? -1 : history_.index(header.tick);
@@ -415,7 +433,7 @@ function drawProcesses(header) {
     const refused = Object.entries(it.refused).map(([reason, count]) => `${reason} ${count}`).join(", ");
     const where = it.sub_teams.length ? ` (${it.sub_teams.join(", ")})` : "";
     const more = [refused, it.dropped ? `dropped ${it.dropped}` : "", it.late ? `late ${it.late}` : ""].filter(Boolean).join(", ");
-    const cells = [it.name + where, it.state, it.tick ?? "-", it.rate.toFixed(1), `${it.age.toFixed(1)} s`, more || "-"];
+    const cells = [it.name + where, since(it), it.tick ?? "-", it.rate.toFixed(1), it.age === null ? "-" : `${it.age.toFixed(1)} s`, more || "-"];
     cells.forEach((text, index) => { row.children[index].textContent = text; });
     row.children[1].className = it.state;
   });
@@ -425,10 +443,21 @@ function drawProcesses(header) {
 function drawPulse(header) {
   fill($("pulse"), header.processes, () => element("i"), (it, process) => {
     it.className = `${process.kind} ${process.state}`;
-    it.title = `${process.name}: ${process.state}, ${process.rate.toFixed(1)} ticks/s`;
+    it.title = `${process.name}: ${since(process)}, ${process.rate.toFixed(1)} ticks/s`;
   });
   const alive = header.processes.filter((it) => it.state === "alive").length;
   $("pulse").setAttribute("aria-label", `${alive} of ${header.processes.length} processes alive`);
+}
+
+/** What must not be missed, until somebody has looked at it. */
+function drawAlarms(header) {
+  const nameOf = (it) => `${header.run} ${it.what} ${it.who} ${Math.round(it.since)}`;
+  const rows = header.alarms.filter((it) => !state.seen.has(nameOf(it)));
+  fill($("alarms"), rows, () => element("li", {}, element("span"), element("button", { textContent: "seen" })), (row, it) => {
+    row.className = it.over === null ? "" : "over";
+    row.firstChild.textContent = `${it.text}, for ${it.for.toFixed(0)} s` + (it.over === null ? "" : `; over since ${it.over.toFixed(0)} s`);
+    row.lastChild.onclick = () => { state.seen.add(nameOf(it)); save("seen", JSON.stringify([...state.seen].slice(-200))); redraw(); };
+  });
 }
 
 function told(event) {
@@ -436,14 +465,15 @@ function told(event) {
 }
 
 function drawEvents(header) {
-  const last = header.events[header.events.length - 1];
+  const grave = header.events.filter((it) => it.severity !== "note"), last = grave[grave.length - 1] || header.events[header.events.length - 1];
+  $("important").textContent = state.important ? "important" : "everything";
   if (last) {
-    $("latest").className = last.what;
+    $("latest").className = last.severity;
     $("latest").textContent = `${last.tick < 0 ? "" : `tick ${last.tick}: `}${told(last)}`;
   }
-  const rows = header.events.slice().reverse();
+  const rows = (state.important ? grave : header.events).slice().reverse();
   fill($("events"), rows, () => element("li", {}, element("span"), element("div")), (row, it) => {
-    row.className = it.what;
+    row.className = it.severity;
     row.firstChild.textContent = it.tick < 0 ? "" : `tick ${it.tick}`;
     row.lastChild.textContent = told(it);
   });
@@ -459,6 +489,7 @@ async function askWhy(header) {
   try {
     const found = await (await fetch(`why?${query}`)).json();
     if (state.whyFor !== key) return;
+    $("whytitle").textContent = found.why ? `Why, in tick ${found.why.tick}` : "Why";
     fill($("why"), found.sentences.filter(Boolean), () => element("p"), (it, text) => {
       it.textContent = text;
       it.className = /^(Agreed by|Sub-team)/.test(text) ? "lead" : "";
@@ -488,6 +519,7 @@ $("speed").onclick = () => faster(1);
 $("now").onclick = () => pause(false);
 $("scrub").oninput = (event) => pause(true, Number(event.target.value));
 $("scale").onclick = toggleScale;
+$("important").onclick = () => { state.important = !state.important; save("events", state.important ? "important" : "everything"); redraw(); };
 $("theme").onclick = toggleTheme;
 $("link").onclick = copyLink;
 $("help").onclick = () => $("keys").showModal();
