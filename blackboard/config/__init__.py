@@ -138,9 +138,9 @@ class BoardSection(Section):
     fusion: Literal["opinions", "joint"] = "opinions"
     "Whether beliefs are pooled, or what robots send as evidence goes into one joint Gaussian of the team."
     objects_drift: Drift = 0.5
-    "[unit/sqrt(s)] How objects in the joint move: a random walk."
+    "[unit/sqrt(s)] How objects in the joint move before their own sightings show it: a random walk."
     objects_drifts: dict[Name, Drift] = Field(default_factory=dict)
-    "[unit/sqrt(s)] The random walk of single objects, by name, in place of objects_drift: { can = 0.0 } stands still."
+    "[unit/sqrt(s)] The same of single objects, by name, in place of objects_drift: { can = 0.0 } stands still, until it is kicked."
     max_age: Positive = 10.0
     "[s] Age, in team time, beyond which a source that fell silent is left out."
     drift: Annotated[float, Field(ge=0)] = 1.0

@@ -27,7 +27,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "49c983bbfd0415129f978d8d58a1a23af7a9ca1dca04a4eb9c2eaf07395acbb3"
+HASH = "a61d45768470fc7654a8f0aa20ed1cd9d14ad47edaf6065bc066e0d4b0305d77"
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:

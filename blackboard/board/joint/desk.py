@@ -294,13 +294,18 @@ class JointDesk:
             conflict=bool(left_out or camps),
             rule="joint",
             learned=learned(self.team.innovations, taken),
-            parameters={"gate": quantile(GATE, 2)},
+            parameters=self._parameters(subject),
             state=self._state(subject),
             dissent=self.dissent.told(
                 {it.source.removeprefix("robot/") for it in about} | {subject.removeprefix("robot/")}
             ),
             camps=camps,
         )
+
+    def _parameters(self, subject: str) -> dict[str, float]:
+        """The limit of a sighting's squared distance, and of an object the random walk (unit / sqrt(s)) that its sightings show."""
+        gate = {"gate": quantile(GATE, 2)}
+        return gate if subject.startswith("robot/") else {**gate, "drift": self.team.drift_of(subject)}
 
     def _state(self, subject: str) -> PackedState | None:
         return pack_state(self.team.pose(subject)) if subject.startswith("robot/") else None

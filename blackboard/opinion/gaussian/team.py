@@ -27,6 +27,7 @@ from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, correct, drive
+from blackboard.opinion.gaussian.walks import LEAST, Walks
 from blackboard.opinion.grid import Grid
 
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
@@ -38,15 +39,15 @@ WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of th
 
 @dataclass(frozen=True)
 class Objects:
-    """How objects move: random walks (unit / sqrt(s)), and for how many seconds without a sighting they are kept."""
+    """How objects move, before they are seen: random walks (unit / sqrt(s)). `kept`: seconds without a sighting."""
 
     drift: float = 0.5
     drifts: Mapping[str, float] = field(default_factory=dict)  # of those that move otherwise, by name, as `can`
     kept: float = 60.0
 
     def drift_of(self, subject: str) -> float:
-        """The random walk of an object, named as `object/can`."""
-        return self.drifts.get(subject.partition("/")[2], self.drift)
+        """What is told of an object's random walk, named as `object/can`; one that stands still may be kicked all the same."""
+        return max(self.drifts.get(subject.partition("/")[2], self.drift), LEAST * self.drift)
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,7 @@ class TeamJoint:
     trust: Trust = field(default_factory=Trust)
     contacts: Contacts = field(default_factory=Contacts)
     innovations: Innovations = field(default_factory=Innovations)
+    walks: Walks = field(default_factory=Walks)
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
     tick: int = -1
     _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
@@ -91,6 +93,7 @@ class TeamJoint:
             trust=self.trust.copy(),
             contacts=self.contacts.copy(),
             innovations=self.innovations.copy(),
+            walks=self.walks.copy(),
             _known=dict(self._known),
             _seen=dict(self._seen),
             _used={observer: dict(used) for observer, used in self._used.items()},
@@ -180,7 +183,8 @@ class TeamJoint:
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
         self._forget_errors(dt)
         for name in self._seen:
-            walk = np.eye(2) * self.objects.drift_of(name) ** 2 * dt
+            walk = np.eye(2) * self.drift_of(name) ** 2 * dt
+            self.walks.pass_time(name, self.objects.drift_of(name), dt)
             self.joint.move(name, self.joint.moments(name).mean, np.eye(2), walk)
             self._seen[name] += dt
         return motions
@@ -210,6 +214,7 @@ class TeamJoint:
             for name in [name for name in self._seen if robot in self.trust.observers(name)]:
                 self._drop(name)
                 self.trust.forget(name)
+                self.walks.forget(name)
                 del self._seen[name]
         self._left_out = robots
 
@@ -405,7 +410,10 @@ class TeamJoint:
                 self.tally.silent += 1
                 return
             motions = {**motions, subject: known.motion}
-        factor, squared = self._weighed((observer, "relative"), linearise(self.joint, relative, motions))
+        factor = linearise(self.joint, relative, motions)
+        if not robot and observer not in self._left_out and len(factor.residual) >= 2:  # a range alone is no place
+            self.walks.judge(subject, self._placed(subject, factor))
+        factor, squared = self._weighed((observer, "relative"), factor)
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
         freedom = len(factor.residual)
         agrees = squared <= quantile(GATE, freedom) and not by and not self._contradict(observer, subject)
@@ -422,6 +430,16 @@ class TeamJoint:
             self._note_errors(relative)
             if not robot:
                 self._seen[subject] = 0.0
+
+    def _placed(self, subject: str, factor: Factor) -> Moments:
+        """Where a sighting alone puts an object, shape (2,) and (2, 2): all that its observer is unsure of is counted."""
+        rows = dict(factor.jacobians)
+        by = rows.pop(subject)
+        before = self.joint.moments(subject) if subject in self.joint else factor.priors[subject]
+        spread = self.joint.innovation(replace(factor, jacobians=rows)).covariance
+        weighed = by.T @ np.linalg.inv(spread)
+        covariance = np.linalg.inv(weighed @ by)
+        return Moments(before.mean + covariance @ weighed @ factor.residual, covariance)
 
     def _note_errors(self, relative: Relative) -> None:
         """The lasting errors of a sighting were of use; of an observer's those that were not for the longest go first."""
@@ -468,6 +486,7 @@ class TeamJoint:
         for name in gone:
             self._drop(name)
             self.trust.forget(name)
+            self.walks.forget(name)
             del self._seen[name]
 
     def projected(self, relative: Relative, motion: Motion) -> Moments:
@@ -499,6 +518,10 @@ class TeamJoint:
         """Mean and covariance of a subject's position; KeyError where it is not in the joint."""
         block = self.joint.moments(subject)
         return Moments(block.mean[AXES], block.covariance[AXES, AXES])
+
+    def drift_of(self, subject: str) -> float:
+        """The random walk of an object (unit / sqrt(s)), as its sightings show it."""
+        return self.walks.drift(subject, self.objects.drift_of(subject))
 
     def pose(self, robot: str) -> Moments:
         """The whole block of a robot, shape (9,) and (9, 9): where its first-hand filter may linearise."""

@@ -193,15 +193,31 @@ def test_an_object_enters_where_it_is_seen_spreads_and_is_forgotten() -> None:
     assert "object/ball" not in team.subjects()
 
 
-def test_an_object_that_is_said_to_stand_does_not_spread() -> None:
+def test_an_object_that_is_said_to_stand_hardly_spreads() -> None:
     belief = entering(Moments(np.array([1.0, 1.0, 0.0]), np.diag([0.01, 0.01, 0.0])), NUISANCE)
     seen = tuple(Relative("robot/r1", f"object/{name}", 2.0, 0.0, 0.01, 0.0025) for name in ("ball", "can"))
     team = TeamJoint(Objects(drift=0.5, drifts={"can": 0.0}))
     team.settle(0, 1.0, [Evidence("robot/r1", 0, 0, Motion(), NUISANCE, belief, None, seen)])
     before = {name: team.marginal(f"object/{name}").covariance.copy() for name in ("ball", "can")}
     team.settle(1, 1.0, [])
-    assert team.marginal("object/can").covariance == pytest.approx(before["can"], rel=1e-9)
-    assert team.marginal("object/ball").covariance == pytest.approx(before["ball"] + 0.25 * np.eye(2), rel=1e-6)
+    assert team.marginal("object/can").covariance == pytest.approx(
+        before["can"] + (0.5 / 32) ** 2 * np.eye(2), rel=1e-2
+    )
+    assert team.marginal("object/ball").covariance == pytest.approx(before["ball"] + 0.25 * np.eye(2), rel=1e-2)
+
+
+def test_an_object_that_stood_is_followed_within_two_seconds_when_it_is_kicked() -> None:
+    belief = entering(Moments(np.array([1.0, 1.0, 0.0]), np.diag([0.01, 0.01, 0.0])), NUISANCE)
+    team = TeamJoint(Objects(drift=0.5, drifts={"can": 0.0}))
+    for tick in range(100):
+        distance = 2.0 if tick < 80 else 7.0
+        seen = (Relative("robot/r1", "object/can", distance, 0.0, 0.01, 0.0025),)
+        team.settle(tick, 0.2, [Evidence("robot/r1", 0, tick, Motion(), NUISANCE, belief, None, seen)])
+        if tick == 79:
+            assert team.drift_of("object/can") < 0.05
+        if tick == 90:
+            assert team.marginal("object/can").mean[0] == pytest.approx(8.0, abs=0.5)
+    assert team.drift_of("object/can") < 1.0
 
 
 # --- lasting errors ------------------------------------------------------------------------------------------------------
