@@ -131,7 +131,7 @@ ROOMS = (
         "run",
         "door, terminal (what is printed), logs, flags, overrides (`--set`), launch, supervisor, lifeline, health, progress, "
         "browser; gate: a router with keys; keys: `blackboard keys`; reference: docs/scenario.md",
-        "shared net@door,gate,health,launch process.clock@door,gate,health,keys,launch process.loop@door access@gate,keys "
+        "shared net@door,gate,health,launch process.clock@door,gate,health,keys,launch,progress process.loop@door access@gate,keys "
         "state@launch blackboard@door cyclopts pydantic@reference",
         "rich@progress",
     ),
@@ -204,8 +204,12 @@ ROOMS = (
         "shared config.world@score judge lab run cyclopts",
         "lab.drawing",
     ),
-    Room("chaos", "a team of processes under network trouble, by proxies; the soak", "shared judge net@team run@team"),
-    Room("chaos.__main__", "`blackboard chaos`, `make soak`", "shared chaos run"),
+    Room(
+        "chaos",
+        "a team of processes under network trouble, by proxies; the soak; lies/: what a member may claim, and what it costs",
+        "shared judge net@team run@team,trial lab@trial pydantic@changes",
+    ),
+    Room("chaos.__main__", "`blackboard chaos`, `make soak`", "shared chaos lab run cyclopts"),
     Room(
         "commands",
         "`blackboard demo | up | serve | router | scenario`",

@@ -90,6 +90,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("site-a$  blackboard router", HOSTS),
         ("blackboard serve --team all", "tests/system/test_share.py::test_an_object_that_one_team_sees_is_known_in_the_others"),
         ("blackboard chaos", NotRun("seven minutes; tests/long/test_chaos.py runs two cases")),
+        ("blackboard chaos --lies", NotRun("ten minutes; tests/hostile/test_lies.py tries lies on small teams")),
         ("make soak", NotRun("ten minutes; tests/chaos/test_verdict.py")),
     ),
     "paper.md": (

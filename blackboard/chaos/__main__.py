@@ -6,23 +6,35 @@ import asyncio
 import signal
 import sys
 from collections.abc import Coroutine
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from cyclopts import Parameter
 
 from blackboard.chaos.cases import chosen
+from blackboard.chaos.lies import catalogue
+from blackboard.chaos.lies import table as lying
+from blackboard.chaos.lies.trial import try_lie
 from blackboard.chaos.soak import LOSS
 from blackboard.chaos.soak import soak as run_soak
 from blackboard.chaos.table import run_case, text
 from blackboard.chaos.verdict import text as table
-from blackboard.config import load
+from blackboard.config import Scenario, load
+from blackboard.lab.parallel import run_jobs
+from blackboard.lab.sweep_plan import parse_seeds
 from blackboard.run import door
 from blackboard.run.flags import OutputFlags
+from blackboard.run.progress import progress
 
 NETWORK = (
     "network: a TCP proxy of this package on 127.0.0.1 between each troubled process and its router. Delays and cuts are as given; "
     "TCP loses no bytes, so a lost segment is one that comes 0.2 s later (0.4 s more if lost again) and holds up what is behind it. "
     "`reports-20` loses whole reports, in the robots themselves."
+)
+
+LIES = (
+    "Ratios to the same seed without the lie, of what was agreed on honest robots and objects from its beginning to the run's end. "
+    "named: after its beginning; cleared: after its end; innocent: the longest that an honest robot was named; slower: processor time."
 )
 
 app = door.new_app("blackboard-chaos")
@@ -34,9 +46,13 @@ def chaos(
     *,
     only: str | None = None,
     seed: int = 1,
+    lies: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    seeds: str | None = None,
+    fusion: Literal["joint", "opinions"] | None = None,
+    seconds: float = 20.0,
     output: OutputFlags = OutputFlags(),
 ) -> int:
-    """Run a team in real time under one network trouble after the other, and print what each cost.
+    """Run a team in real time under one network trouble after the other, or with one liar after the other, and print what each cost.
 
     For each case a new team of real processes, on a router of its own. "again settled" is the time from the end of the
     trouble until every board has beliefs that are at most 2 s old about all, and that rest on what each robot said at most 2 s
@@ -44,15 +60,30 @@ def chaos(
     ("solo") and as agreed on, that of objects, and how many 95 % regions held the truth. Of the whole run: the share of the
     robots' samples that are missing. Exit status 1 where a case was never settled again.
 
+    With --lies robots lie instead, one lie of the catalogue (`blackboard/chaos/lies/catalogue.py`) after the other: whole teams in
+    lockstep, each in one process, on all cores. Exit status 1 where what is asked for, the last lines, does not hold.
+
     Parameters
     ----------
     scenario
         A scenario file (TOML), or the name of one that comes with the package.
     only
-        Names of cases, with commas between them [default: all, about 6 minutes].
+        Names of cases, or lies, with commas between them [default: all; cases about 6 minutes, lies about 10 with one seed].
     seed
         Of the world and of losses and jitter.
+    lies
+        Robots lie, and the network is well.
+    seeds
+        Of lies: the seeds of the world, as 1..4 or 1,5 [default: --seed].
+    fusion
+        Of lies: pool opinions, or keep a joint belief [default: the scenario's].
+    seconds
+        Of lies: how long each run is, in team time; most lies begin after a fifth, and end after four.
     """
+    if lies:
+        numbers = parse_seeds(seeds) if seeds else [seed]
+        team = load(scenario).changed("board", fusion=fusion).changed("time", seconds=seconds)
+        return _try_lies(team, numbers, catalogue.chosen(only), output)
     team, cases = load(scenario), chosen(only)
 
     async def run() -> list[dict[str, Any]]:
@@ -65,6 +96,25 @@ def chaos(
     rows = _run(run())
     output.show({"scenario": team.name, "seed": seed, "network": NETWORK, "rows": rows}, text)
     return 1 if any(row["recovery"] is None for row in rows) else 0
+
+
+def _try_lies(team: Scenario, seeds: list[int], lies: list[catalogue.Lie], output: OutputFlags) -> int:
+    """Run every lie with every seed, and each seed without one; print the table."""
+    worlds = {seed: team.changed("world", seed=seed) for seed in seeds}
+    jobs: list[tuple[int, catalogue.Lie | None]] = [(seed, lie) for lie in (None, *lies) for seed in seeds]
+    with progress("lies", lines=True) as show:
+        todo = [(worlds[seed], lie, np.random.default_rng([seed, number])) for number, (seed, lie) in enumerate(jobs)]
+        done = run_jobs(try_lie, todo, show)
+    trials = dict(zip(jobs, done, strict=True))
+    rows = [
+        lying.row(worlds[seed], seed, lie, trials[seed, None], trials[seed, lie])
+        for seed, lie in jobs
+        if lie is not None
+    ]
+    asked = lying.asked(rows, team.board.fusion)
+    result = {"scenario": team.name, "fusion": team.board.fusion, "seeds": seeds, "what": LIES, "rows": rows}
+    output.show({**result, "asked": asked}, lying.text)
+    return 0 if all(holds for holds, _ in asked) else 1
 
 
 @app.command

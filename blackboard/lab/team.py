@@ -5,11 +5,13 @@ In lockstep the result is the same, to the bit, as that of the processes of `bla
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
 from blackboard.judge.card import scorecard
+from blackboard.judge.samples import Keep
 from blackboard.net.scheduler import Scheduler
 from blackboard.process.service import Service
 from robot_agent.team import robot_of
@@ -18,27 +20,43 @@ from sim_world.service import world_of
 if TYPE_CHECKING:
     import numpy as np
 
+Wrap = Callable[[str, Service], Service]  # a robot's name and its service -> the service that runs in its place
+
 
 class Team(Scheduler):
     """The processes of a scenario as services on a bus, which may shuffle what it delivers, lose some of it, or be watched."""
 
-    def __init__(self, scenario: Scenario, shuffle: np.random.Generator | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        shuffle: np.random.Generator | None = None,
+        *,
+        around: Wrap = lambda name, service: service,
+        record: Keep | None = None,
+    ) -> None:
         """Connect the boards, the robots, then the world. With `shuffle`, envelopes arrive in an order drawn from it.
 
-        UserError: a mistake in the scenario.
+        Each robot runs as what `around` makes of it; `record` is given every sample that counts. UserError: a mistake in the scenario.
         """
         super().__init__(shuffle=shuffle)
-        self.scenario = scenario
+        self.scenario, self._around = scenario, around
         self.boards = {  # by sub-team, as `a`, and where it has several as `a2`
             name.removeprefix("board-"): board_of(scenario, sub_team, name)
             for sub_team in scenario.team.sub_teams
             for name in scenario.team.boards_of(sub_team)
         }
         self.robots = {name: robot_of(scenario, name) for name in scenario.team.robots}
-        self.world = world_of(scenario)
-        services: list[Service] = [*self.boards.values(), *self.robots.values(), self.world]
-        for service in services:
-            self.join(service)
+        self.world = world_of(scenario, record)
+        for board in self.boards.values():
+            self.join(board)
+        for name, robot in self.robots.items():
+            self.join(around(name, robot))
+        self.join(self.world)
+
+    def add_robot(self, name: str, sub_teams: Sequence[str]) -> None:
+        """Connect a robot that the scenario does not name, in some sub-teams."""
+        self.robots[name] = robot_of(self.scenario, name, sub_teams=sub_teams)
+        self.join(self._around(name, self.robots[name]))
 
     def run(self) -> dict[str, Any]:
         """Run to the end of the world: the scorecard. Its wall seconds are those of the bus."""

@@ -1,4 +1,4 @@
-"""A progress bar on a terminal; elsewhere nothing, or a line for each tenth."""
+"""A progress bar on a terminal, with the time left; elsewhere nothing, or a line for each tenth."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from blackboard.process.clock import UnixClock
 from blackboard.process.printable import printable
 
 Show = Callable[[int, int], None]  # to be called with what is done and the total
@@ -19,9 +20,14 @@ def progress(name: str, lines: bool = False) -> Iterator[Show | None]:
         return
     from rich.console import Console
     from rich.markup import escape
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = TextColumn(escape(printable(name))), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    columns = (
+        TextColumn(escape(printable(name))),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(name, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
@@ -29,12 +35,14 @@ def progress(name: str, lines: bool = False) -> Iterator[Show | None]:
 
 def _in_lines(name: str) -> Show:
     """A function that prints a line on standard error whenever another tenth of all is done."""
-    told = 0
+    told, clock = 0, UnixClock()
+    began = clock.now()
 
     def show(done: int, total: int) -> None:
         nonlocal told
         if done * 10 // total > told:
             told = done * 10 // total
-            print(f"{name}: {done} of {total}", file=sys.stderr, flush=True)  # noqa: T201
+            left = (clock.now() - began) / done * (total - done)
+            print(f"{name}: {done} of {total} ({left / 60:.1f} min left)", file=sys.stderr, flush=True)  # noqa: T201
 
     return show

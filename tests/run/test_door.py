@@ -52,6 +52,7 @@ def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
         ("demo --start 5", "--start and --protocol are about a recording: name its folder with --mrclam"),
         ("demo --protocol A_all", "--start and --protocol are about a recording"),
         ("chaos --only storm", "--only storm: no such case; choose from calm, "),
+        ("chaos --lies --only calm", "--only calm: no such lie; choose from off-2, "),
     ],
 )
 def test_so_is_every_mistake_that_is_found_before_anything_is_started(

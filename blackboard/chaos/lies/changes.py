@@ -1,0 +1,418 @@
+"""What a liar changes in the reports of a tick, as data. Pure.
+
+A change takes the honest reports of a tick, and the `Scene` that the liar sees, and returns the reports that are sent instead.
+Lengths are in the grid's unit, angles in radians, times in seconds of team time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, wrap
+from blackboard.opinion.grid import Array, Grid
+from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.evidence import (
+    MAX_RELATIVES,
+    UPPER,
+    PackedEvidence,
+    PackedIncrement,
+    PackedMotion,
+    PackedRelative,
+    unpack_state,
+)
+from blackboard.wire.falsified import displaced, narrowed, overconfident
+from blackboard.wire.messages import Consensus, Informed, Report
+from blackboard.wire.types import LARGEST
+
+Whom = Literal["self", "mate", "mates", "object", "objects", "others", "all"]  # mate, object: the first one by name
+VAGUE = 15.0  # the sigma of a belief that hardly says anything
+
+
+@dataclass
+class Scene:
+    """What a liar knows when it lies."""
+
+    robot: str
+    grid: Grid
+    mates: Sequence[str]  # the honest robots of the scenario, sorted
+    rng: np.random.Generator
+    time: float = 0.0  # of the tick
+    since: float = 0.0  # seconds since its lie began
+    tick: int = 0
+    agreed: dict[str, Consensus] = field(default_factory=dict)  # subject -> the newest that it heard
+    past: list[dict[str, Report]] = field(default_factory=list)  # its honest reports since the lie began, by subject
+
+    def targets(self, whom: Whom) -> list[str]:
+        """The subjects that a lie is about, of those that the team has agreed on."""
+        own = f"robot/{self.robot}"
+        mates = [f"robot/{mate}" for mate in self.mates if f"robot/{mate}" in self.agreed]
+        objects = sorted(subject for subject in self.agreed if subject.startswith("object/"))
+        return {
+            "self": [own],
+            "mate": mates[:1],
+            "mates": mates,
+            "object": objects[:1],
+            "objects": objects,
+            "others": mates + objects,
+            "all": [own, *mates, *objects],
+        }[whom]
+
+    def place(self, subject: str) -> Array | None:
+        """Where the team has a subject, shape (2,)."""
+        found = self.agreed.get(subject)
+        if found is None:
+            return None
+        return np.array(found.state.mean[AXES]) if found.state is not None else self.belief(found).mean()
+
+    def belief(self, consensus: Consensus) -> Belief:
+        return unpack(consensus.belief, self.grid)
+
+    def pose(self, reports: Mapping[str, Report]) -> Array | None:
+        """Where it believes itself to be, and its heading: shape (3,); None without evidence."""
+        evidence = evidence_of(reports, self.robot)
+        return None if evidence is None or evidence.state is None else np.array(evidence.state.mean[: HEADING + 1])
+
+    def drawn(self, mean: Array, sigma: float) -> Belief:
+        """A Gaussian on the grid, at its border where the mean is outside."""
+        low = np.array(self.grid.origin)
+        high = low + np.array(self.grid.shape) * self.grid.cell
+        return gaussian(self.grid, [float(x) for x in np.clip(mean, low, high)], sigma)
+
+
+Reports = dict[str, Report]  # by subject
+
+
+def evidence_of(reports: Mapping[str, Report], robot: str) -> PackedEvidence | None:
+    own = reports.get(f"robot/{robot}")
+    return None if own is None else own.evidence
+
+
+class Change:
+    """One thing that is changed."""
+
+    def apply(self, reports: Reports, scene: Scene) -> Reports:
+        """The reports of a tick instead of the honest ones."""
+        found = {subject: self.report(report, scene) for subject, report in reports.items()}
+        own = f"robot/{scene.robot}"
+        if (evidence := evidence_of(found, scene.robot)) is not None:
+            found[own] = found[own].model_copy(update={"evidence": self.evidence(evidence, scene)})
+        return found
+
+    def report(self, report: Report, scene: Scene) -> Report:
+        """One report instead of another."""
+        return report
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        """Its evidence instead of the honest one."""
+        return evidence
+
+
+# --- places and how sure it is of them --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Off(Change):
+    """Everything is told as if it were elsewhere: by `offset`, and `rate` more in each second."""
+
+    offset: tuple[float, float] = (0.0, 0.0)
+    rate: tuple[float, float] = (0.0, 0.0)
+
+    def report(self, report: Report, scene: Scene) -> Report:
+        return displaced(report, [o + r * scene.since for o, r in zip(self.offset, self.rate, strict=True)])
+
+
+@dataclass(frozen=True)
+class Sure(Change):
+    """All claimed sigmas are smaller by a factor."""
+
+    factor: float
+
+    def report(self, report: Report, scene: Scene) -> Report:
+        return overconfident(report, self.factor)
+
+
+@dataclass(frozen=True)
+class Gains(Change):
+    """Each tick it gained so much information (1 / unit^2) on its place, and that says that it is off by `offset`."""
+
+    offset: tuple[float, float]
+    information: float
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        if evidence.state is None:
+            return evidence
+        vector = np.zeros(STATES)
+        vector[AXES] = np.array(self.offset) * self.information
+        matrix = np.diag([self.information] * 2 + [0.0] * (STATES - 2))
+        return evidence.model_copy(update={"increment": _increment(evidence.state.mean, matrix, vector)})
+
+
+@dataclass(frozen=True)
+class Sees(Change):
+    """Others are seen elsewhere, with the sigmas `sigma` (unit and rad; None: as it claims honestly).
+
+    By `offset` from where it saw them. With `always`, seen or not, from where the team has them: that pulls them along, tick by tick.
+    """
+
+    whom: Whom
+    offset: tuple[float, float] = (0.0, 0.0)
+    sigma: float | None = None
+    always: bool = False
+
+    def apply(self, reports: Reports, scene: Scene) -> Reports:
+        pose, found = scene.pose(reports), dict(reports)
+        seen = {it.subject: it for it in _seen(reports, scene)}
+        for subject in scene.targets(self.whom):
+            place = scene.place(subject)
+            if place is None or subject == f"robot/{scene.robot}":
+                continue
+            if self.always:
+                belief = scene.drawn(place + self.offset, self.sigma or 0.5)
+                found[subject] = _about(subject, belief, reports, scene)
+            elif subject in found:
+                found[subject] = displaced(found[subject], self.offset)
+            if pose is not None and (self.always or subject in seen):
+                honest = None if self.always else seen[subject]
+                at = place if honest is None else _where(pose, honest)
+                seen[subject] = _sighting(pose, at + np.array(self.offset), subject, honest, self.sigma)
+        return _with_relatives(found, scene, list(seen.values()))
+
+
+@dataclass(frozen=True)
+class Knows(Change):
+    """Tells informed beliefs that contain what everybody said just now: `offset` from where the team has it, with a sigma."""
+
+    whom: Whom
+    offset: tuple[float, float]
+    sigma: float
+
+    def apply(self, reports: Reports, scene: Scene) -> Reports:
+        found = dict(reports)
+        everybody = dict.fromkeys(sorted({*scene.mates, scene.robot}), scene.time)
+        for subject in scene.targets(self.whom):
+            place = scene.place(subject)
+            if place is not None:
+                informed = Informed(belief=pack(scene.drawn(place + self.offset, self.sigma)), ancestors=everybody)
+                said = found.get(subject) or _about(subject, scene.drawn(place, VAGUE), reports, scene)
+                found[subject] = said.model_copy(update={"informed": informed})
+        return found
+
+
+@dataclass(frozen=True)
+class Echoes(Change):
+    """Says as its own what the team agreed a tick ago, with sigmas smaller by a factor."""
+
+    factor: float = 1.0
+
+    def apply(self, reports: Reports, scene: Scene) -> Reports:
+        found = dict(reports)
+        for subject in found.keys() & scene.agreed.keys():
+            belief = pack(narrowed(scene.belief(scene.agreed[subject]), self.factor))
+            found[subject] = found[subject].model_copy(update={"belief": belief})
+        return super().apply(found, scene)
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        agreed = scene.agreed.get(f"robot/{scene.robot}")
+        if agreed is None or agreed.state is None:
+            return evidence
+        moments, matrix = unpack_state(agreed.state), np.zeros((STATES, STATES))
+        matrix[AXES, AXES] = self.factor**2 * np.linalg.pinv(moments.covariance[AXES, AXES])
+        increment = _increment(agreed.state.mean, matrix, np.zeros(STATES))
+        return evidence.model_copy(update={"state": agreed.state, "increment": increment})
+
+
+# --- what there is ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Invents(Change):
+    """Sees objects that do not exist; `fresh`: others each tick; `grouped`: with four lasting errors, of a new group each tick."""
+
+    count: int
+    fresh: bool = False
+    grouped: bool = False
+
+    def apply(self, reports: Reports, scene: Scene) -> Reports:
+        found, turn = dict(reports), scene.tick if self.fresh else 0
+        near = scene.place(f"robot/{scene.robot}")
+        invented = []
+        for number in range(self.count):
+            subject, bearing = f"object/x{turn}-{number}", wrap(number * 2.4)
+            invented.append(
+                PackedRelative(
+                    subject=subject,
+                    range=5.0,
+                    bearing=float(bearing),
+                    range_variance=0.1,
+                    bearing_variance=0.01,
+                    biases=[(1.0, 60.0)] * 4 if self.grouped else [],
+                    group=f"g{scene.tick}" if self.grouped else "",
+                )
+            )
+            if near is not None:
+                away = 5.0 * np.array([math.cos(bearing), math.sin(bearing)])
+                found[subject] = _about(subject, scene.drawn(near + away, 0.5), reports, scene)
+        honest = _seen(reports, scene)
+        return _with_relatives(found, scene, [*invented, *honest])
+
+
+@dataclass(frozen=True)
+class Absurd(Change):
+    """So many numbers of its evidence are drawn anew each tick, of any size that the format takes."""
+
+    numbers: int
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        epoch, rng = {"epoch": evidence.epoch}, scene.rng
+        said = evidence.model_dump(exclude={"epoch"})
+        for _ in range(self.numbers):
+            before = deepcopy(said)
+            places = _numbers(said)
+            places[int(rng.integers(len(places)))](float(rng.choice([-1.0, 1.0])) * 10.0 ** float(rng.uniform(-12, 7)))
+            try:
+                PackedEvidence.model_validate({**said, **epoch})
+            except ValidationError:
+                said = before
+        return PackedEvidence.model_validate({**said, **epoch})
+
+
+# --- motion, time and numbering ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Drives(Change):
+    """Its odometry tells so many times the way and the turn; the lasting errors of its wheels are `sigma` (None: as honest)."""
+
+    distance: float = 1.0
+    turn: float = 1.0
+    sigma: float | None = None
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        told, nuisance = evidence.travelled, evidence.nuisance
+        more = {"distance": told.distance * self.distance, "turn": told.turn * self.turn}
+        if self.sigma is not None:
+            nuisance = nuisance.model_copy(update={"sigmas": (self.sigma,) * 6, "walks": (self.sigma,) * 3})
+        return evidence.model_copy(update={"travelled": told.model_copy(update=more), "nuisance": nuisance})
+
+
+@dataclass(frozen=True)
+class Epochs(Change):
+    """A new epoch begins each tick, as if it were started anew."""
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        epoch = max(evidence.epoch, round(1000 * scene.time))
+        return evidence.model_copy(update={"epoch": epoch, "travelled": _STANDS})
+
+
+@dataclass(frozen=True)
+class Clock(Change):
+    """Its stamps are ahead by so many seconds, and by `rate` more in each."""
+
+    seconds: float = 0.0
+    rate: float = 0.0
+
+    def report(self, report: Report, scene: Scene) -> Report:
+        ahead = self.seconds + self.rate * scene.since
+        ancestors = {name: until + ahead * (name == scene.robot) for name, until in report.ancestors.items()}
+        return report.model_copy(update={"time": report.time + ahead, "ancestors": ancestors})
+
+
+@dataclass(frozen=True)
+class Replays(Change):
+    """Says again what it said so many seconds ago, or when its lie began, as if it were new; `stamped`: with the old stamps."""
+
+    seconds: float
+    stamped: bool = False
+
+    def apply(self, reports: Reports, scene: Scene) -> Reports:
+        old = next((it for it in scene.past if min(r.time for r in it.values()) >= scene.time - self.seconds), reports)
+        found = {}
+        for subject, report in old.items():
+            now = (
+                {} if self.stamped else {"tick": scene.tick, "time": scene.time, "ancestors": {scene.robot: scene.time}}
+            )
+            found[subject] = report.model_copy(update=now)
+        said, now_said = evidence_of(found, scene.robot), evidence_of(reports, scene.robot)
+        if said is not None and now_said is not None and not self.stamped:
+            kept = {"epoch": now_said.epoch, "travelled": now_said.travelled}  # whose sums may not shrink
+            own = f"robot/{scene.robot}"
+            found[own] = found[own].model_copy(update={"evidence": said.model_copy(update=kept)})
+        return found
+
+
+# --- how ---------------------------------------------------------------------------------------------------------------
+
+_STANDS = PackedMotion(distance=0.0, turn=0.0, time=0.0, moving=0.0, along=0.0, across=0.0, heading=0.0)
+
+
+def _seen(reports: Reports, scene: Scene) -> list[PackedRelative]:
+    evidence = evidence_of(reports, scene.robot)
+    return [] if evidence is None else evidence.relatives
+
+
+def _about(subject: str, belief: Belief, reports: Reports, scene: Scene) -> Report:
+    """A first-hand report of this tick."""
+    known = reports.get(subject)
+    if known is not None:
+        return known.model_copy(update={"belief": pack(belief)})
+    return Report(
+        source=scene.robot,
+        subject=subject,
+        tick=scene.tick,
+        time=scene.time,
+        belief=pack(belief),
+        ancestors={scene.robot: scene.time},
+    )
+
+
+def _increment(reference: Sequence[float], information: Array, vector: Array) -> PackedIncrement:
+    upper = tuple(float(x) for x in np.clip(information[UPPER], -LARGEST, LARGEST))
+    return PackedIncrement(reference=tuple(reference), information=upper, vector=tuple(float(x) for x in vector))
+
+
+def _where(pose: Array, seen: PackedRelative) -> Array:
+    angle = pose[HEADING] + seen.bearing
+    return np.asarray(pose[AXES] + seen.range * np.array([math.cos(angle), math.sin(angle)]))
+
+
+def _sighting(
+    pose: Array, place: Array, subject: str, honest: PackedRelative | None, sigma: float | None
+) -> PackedRelative:
+    """What it would see of a subject at a place, with an honest sighting's variances or with others."""
+    x, y = place - pose[AXES]
+    distance, bearing = math.hypot(x, y), float(wrap(math.atan2(y, x) - pose[HEADING]))
+    if honest is not None and sigma is None:
+        return honest.model_copy(update={"range": distance, "bearing": bearing})
+    variance = 0.25 if sigma is None else sigma**2
+    return PackedRelative(
+        subject=subject, range=distance, bearing=bearing, range_variance=variance, bearing_variance=min(variance, 0.04)
+    )
+
+
+def _with_relatives(reports: Reports, scene: Scene, relatives: list[PackedRelative]) -> Reports:
+    own, evidence = f"robot/{scene.robot}", evidence_of(reports, scene.robot)
+    if evidence is None:
+        return reports
+    changed = evidence.model_copy(update={"relatives": relatives[:MAX_RELATIVES]})
+    return {**reports, own: reports[own].model_copy(update={"evidence": changed})}
+
+
+def _numbers(part: Any) -> list[Callable[[float], None]]:
+    """For every number below a map or a list what puts another one in its place; tuples are made lists."""
+    found: list[Callable[[float], None]] = []
+    for at, value in list(part.items()) if isinstance(part, dict) else list(enumerate(part)):
+        if isinstance(value, float):
+            found.append(partial(part.__setitem__, at))
+        elif isinstance(value, dict | list | tuple):
+            part[at] = inner = list(value) if isinstance(value, tuple) else value
+            found += _numbers(inner)
+    return found
