@@ -68,6 +68,21 @@ class OdometrySection(Section):
     "[rad/sqrt(s)] Sigma of the turn, in motion."
     standing: Annotated[float, Field(ge=0, le=1)] = 0.3
     "[share] Share of these sigmas that a robot that stands has."
+    distance_lasting: Share = 0.0
+    "[share] Sigma of the error of the distance's scale, which lasts; a robot in a joint estimates it."
+    turn_lasting: Share = 0.0
+    "[share] The same of the turn's scale."
+
+
+class RangingSection(Section):
+    """The robot's model of ranges that are measured without a bearing, as by UWB radios, in a joint."""
+
+    bias: Sigma = 0.0
+    "[unit] Sigma of an error that lasts, of each pair."
+    seconds: Positive = 1000.0
+    "[s] How long it lasts."
+    scale: Share = 0.0
+    "[share] Sigma of an error of all ranges of a robot as a share of them."
 
 
 class ObjectsSection(Section):
@@ -105,6 +120,8 @@ class RobotSection(Section):
     "Its model of the camera."
     odometry: OdometrySection = Field(default_factory=OdometrySection)
     "Its model of the odometry."
+    ranging: RangingSection = Field(default_factory=RangingSection)
+    "Its model of ranges alone."
     objects: ObjectsSection = Field(default_factory=ObjectsSection)
     "How it tracks what is neither robot nor landmark."
     coding: Literal["log8", "log16"] = "log8"

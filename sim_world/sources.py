@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.config.pyfg import read_graph
 from blackboard.config.world import WorldSection
 from blackboard.faults import faults_of, is_of_sensors
 from sim_world.faults import Faulted
 from sim_world.mrclam.files import read_recording
 from sim_world.mrclam.replay import Replay
+from sim_world.pyfg import GraphReplay
 from sim_world.sensor_source import SensorSource
 from sim_world.world import Streams, World
 
@@ -31,7 +33,7 @@ def open_sensor_source(scenario: Scenario, streams: Streams | None = None) -> Se
 def replayed_from(scenario: Scenario) -> float | None:
     """When the replay of a scenario begins, Unix seconds; None where the world is simulated. UserError: as of `open_sensor_source`."""
     source = _sound_source(scenario, None)
-    return source.start if isinstance(source, Replay) else None
+    return source.start if isinstance(source, Replay | GraphReplay) else None
 
 
 def _sound_source(scenario: Scenario, streams: Streams | None) -> SensorSource:
@@ -39,4 +41,7 @@ def _sound_source(scenario: Scenario, streams: Streams | None) -> SensorSource:
     robots, time = scenario.team.robots, scenario.time
     if settings.kind == "mrclam":
         return Replay(settings, read_recording(settings.dir), robots, time.tick, time.seconds)
-    return World(settings, scenario.grid, robots, time.tick, streams or seeded_streams(settings.seed))
+    streams = streams or seeded_streams(settings.seed)
+    if settings.kind == "pyfg":
+        return GraphReplay(settings, read_graph(settings.dir), robots, time.tick, time.seconds, streams)
+    return World(settings, scenario.grid, robots, time.tick, streams)

@@ -144,7 +144,7 @@ ROOMS = (
     Room("robot_agent.__main__", "`robot-agent`", "shared robot_agent run cyclopts"),
     Room(
         "sim_world",
-        "world, sensors, sources, mrclam/ (recordings), members, faults (all pure), service, scenarios/*.toml",
+        "world, sensors, sources, mrclam/ and pyfg (recordings), members, faults (all pure), service, scenarios/*.toml",
         "shared config.world judge",
     ),
     Room("sim_world.__main__", "`sim-world`", "shared judge sim_world run"),

@@ -88,8 +88,8 @@ class CheckSection(Section):
 class WorldSection(Section):
     """What is true, how the sensors measure, what is asked for a PASS, and for how long the world waits."""
 
-    kind: Literal["simulated", "mrclam"] = "simulated"
-    "A simulated team, or a recorded one (UTIAS MRCLAM)."
+    kind: Literal["simulated", "mrclam", "pyfg"] = "simulated"
+    "A simulated team, or a recorded one (UTIAS MRCLAM, or a factor graph in PyFG format)."
     seed: Annotated[int, Field(ge=0, lt=1 << 63)] = 1
     "Seed of all random numbers of the world."
 
@@ -111,15 +111,21 @@ class WorldSection(Section):
 
     # mrclam
     dir: str | None = None
-    "Folder of the recording (mrclam)."
+    "Folder of the recording (mrclam), or its file (pyfg)."
     start: Coordinate | None = None
-    "[s] Where the replay begins, Unix time; the first whole second that all files cover where it is not given (mrclam)."
+    "[s] Where the replay begins, Unix time; the first whole second that all files cover where it is not given (mrclam, pyfg)."
     protocol: str = "A_all"
     "Which landmark sightings may be used (mrclam; docs/real-robots.md)."
     odometry_lag: Sigma = 0.22
     "[s] By how much commands lead the motion (mrclam; measured: 0.2 to 0.25)."
     sighting_latency: Sigma = 0.04
     "[s] By how much sightings are stamped late (mrclam; measured: 0.03 to 0.05)."
+
+    # pyfg
+    start_sigma: Positive = 0.5
+    "[unit] How well a robot is told where it starts; the error is drawn from the seed (pyfg)."
+    start_heading: Positive = 0.1
+    "[rad] How well it is told its heading then (pyfg)."
 
     check: CheckSection = Field(default_factory=CheckSection)
     "What a run must show to PASS."
@@ -153,8 +159,9 @@ class WorldSection(Section):
 def check_world(scenario: Scenario) -> list[str]:
     """A sentence for each thing in the [world] tables of a scenario that looks like a mistake. UserError: one that is a mistake."""
     world = scenario.section("world", WorldSection)
-    if world.kind == "mrclam":
-        recording_folder(world.dir)
+    if world.kind != "simulated":
+        if world.kind == "mrclam":
+            recording_folder(world.dir)
         return []
     for robot in world.lost:
         if robot not in scenario.team.robots:

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
+from blackboard.config.pyfg import read_graph
 from blackboard.errors import UserError
 from blackboard.faults import without_faults
 from blackboard.run import door
@@ -32,6 +33,8 @@ class RecordingFlags:
     "Where the replay begins, Unix time."
     protocol: str | None = None
     "Which of its landmark sightings may be used, as A_all or C_blind12; score also takes all."
+    pyfg: str | None = None
+    "Replay the recorded team in this file (a factor graph in PyFG format)."
 
     @property
     def given(self) -> bool:
@@ -39,14 +42,19 @@ class RecordingFlags:
         return self != RecordingFlags()
 
     def scenario(self, name: str | None = None) -> Scenario:
-        """The named scenario [default: demo, or mrclam with --mrclam] with these flags applied to its world.
+        """The named scenario [default: demo; mrclam with --mrclam, pyfg with --pyfg] with these flags applied to its world.
 
-        UserError: --start or --protocol where the world is not a recording.
+        UserError: --start or --protocol where the world is no recording that has them, or a file that cannot be replayed.
         """
+        if self.mrclam is not None and self.pyfg is not None:
+            raise UserError("--mrclam and --pyfg: give one of the two")
         recorded = None if self.mrclam is None else "mrclam"
-        scenario = load(name or recorded or "demo")
+        scenario = load(name or recorded or ("pyfg" if self.pyfg else "demo"))
+        if self.pyfg is not None:
+            scenario = read_graph(self.pyfg).applied(scenario)
         scenario = scenario.changed("world", kind=recorded, dir=self.mrclam, start=self.start, protocol=self.protocol)
-        if self.given and scenario.tables["world"].get("kind") != "mrclam":
+        about = {"mrclam"} | ({"pyfg"} if self.protocol is None else set())
+        if self.given and scenario.tables["world"].get("kind") not in about:
             raise UserError("--start and --protocol are about a recording: name its folder with --mrclam")
         return scenario
 

@@ -113,7 +113,7 @@ def judge(
     settings = scenario.section("world", WorldSection)
     robots = [robot for robot in scenario.team.robots if robot not in without]
     referee = Referee(scenario.grid, settings.check, robots, record, faulty=faulty_robots(scenario))
-    every = round(JUDGED_EVERY / scenario.time.tick) if settings.kind == "mrclam" else 1
+    every = round(JUDGED_EVERY / scenario.time.tick) if settings.kind != "simulated" else 1
     instants = _instants(story, output, without)
     for tick in sorted(instants):
         referee.hear(instants[tick], judged=tick in story.truths and tick > 0 and tick % max(1, every) == 0)

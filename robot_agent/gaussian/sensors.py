@@ -147,16 +147,20 @@ def sensors_of(settings: RobotSection) -> Sensors:
     vision "range-bearing": its sigmas of one frame, and else the physics above, which holds for wheels and cameras like the
     recorded robots'.
     """
-    vision, wheels = settings.vision, settings.odometry
+    vision, wheels, ranging = settings.vision, settings.odometry, settings.ranging
+    lasting = (Bias(ranging.bias, ranging.seconds),) if ranging.bias else ()
     if vision.kind != "position":
-        return Sensors(
-            camera=Camera(floor=vision.range_floor, share=vision.range_share, bearing=ALIKE * vision.bearing)
-        )
+        camera = Camera(floor=vision.range_floor, share=vision.range_share, bearing=ALIKE * vision.bearing)
+        return Sensors(camera=camera, ranging=lasting)
     distances = np.linspace(SEEN_FROM + 0.01, SEEN_TO - 0.01, 49)
     profile = tuple(zip(distances.tolist(), np.square(position_sigma(distances, vision)).tolist(), strict=True))
     return Sensors(
         Wheels(
-            Nuisance(forward=wheels.distance_scale, turn=wheels.turn_scale),
+            Nuisance(
+                forward=wheels.distance_scale,
+                turn=wheels.turn_scale,
+                sigmas=(wheels.distance_lasting, wheels.turn_lasting, 0.0, 0.0, 0.0, ranging.scale),
+            ),
             along=wheels.along,
             across=wheels.across,
             heading=wheels.turn,
@@ -165,6 +169,7 @@ def sensors_of(settings: RobotSection) -> Sensors:
             standing=wheels.standing,
         ),
         replace(Camera(), profile=profile),
+        ranging=lasting,
     )
 
 

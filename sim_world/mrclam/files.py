@@ -55,18 +55,7 @@ class Track:
 
     def pose(self, time: float) -> tuple[float, float, float] | None:
         """The true x, y, heading, interpolated; None outside the recording and in a gap."""
-        row = int(np.searchsorted(self.truth[:, 0], time, side="right"))
-        if row == 0:
-            return None
-        t0, x0, y0, h0 = (float(v) for v in self.truth[row - 1])
-        if time == t0:
-            return x0, y0, h0
-        if row == len(self.truth) or self.truth[row, 0] - t0 > LONGEST_GAP:
-            return None
-        t1, x1, y1, h1 = (float(v) for v in self.truth[row])
-        part = (time - t0) / (t1 - t0)
-        turn = (h1 - h0 + math.pi) % (2 * math.pi) - math.pi
-        return x0 + part * (x1 - x0), y0 + part * (y1 - y0), h0 + part * turn
+        return interpolated(self.truth, time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +84,22 @@ class Recording:
             names = ", ".join(f"r{number}" for number in self.tracks)
             raise UserError(f"team.sub_teams: {self.folder} has no robot {robot}; it has {names}")
         return int(found[1])
+
+
+def interpolated(poses: Array, time: float) -> tuple[float, float, float] | None:
+    """The x, y, heading at a time, of rows (time, x, y, heading) in time order; None outside of them and in a gap."""
+    row = int(np.searchsorted(poses[:, 0], time, side="right"))
+    if row == 0:
+        return None
+    t0, x0, y0, h0 = (float(v) for v in poses[row - 1])
+    if time == t0:
+        return x0, y0, h0
+    if row == len(poses) or poses[row, 0] - t0 > LONGEST_GAP:
+        return None
+    t1, x1, y1, h1 = (float(v) for v in poses[row])
+    part = (time - t0) / (t1 - t0)
+    turn = (h1 - h0 + math.pi) % (2 * math.pi) - math.pi
+    return x0 + part * (x1 - x0), y0 + part * (y1 - y0), h0 + part * turn
 
 
 def read_recording(folder: str | Path | None) -> Recording:

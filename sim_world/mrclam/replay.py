@@ -35,11 +35,7 @@ class Replay:
         numbers = {robot: recording.number(robot) for robot in robots}
         self.numbers = {robot: number for robot, number in numbers.items() if number != self.protocol.unknown}
         self.start = recording.first if settings.start is None else settings.start
-        self.stride = round(JUDGED_EVERY / dt)
-        if abs(self.stride * dt - JUDGED_EVERY) > 1e-9 or not self.stride:
-            raise UserError(
-                f"time.tick: {dt:g} s does not divide a second, and whole seconds are judged; use 0.5 or 1.0"
-            )
+        self.stride = stride_of(dt)
         self._check_window(seconds)
         self._check_unknown()
 
@@ -134,3 +130,11 @@ class Replay:
         if number == self.protocol.unknown:
             return f"object/robot{number}" if robot else f"object/landmark{number}"
         return f"robot/r{number}" if robot else f"landmark/{number}"
+
+
+def stride_of(dt: float) -> int:
+    """How many ticks of `dt` seconds follow each other from one judged tick to the next. UserError: they do not fit."""
+    stride = round(JUDGED_EVERY / dt)
+    if abs(stride * dt - JUDGED_EVERY) > 1e-9 or not stride:
+        raise UserError(f"time.tick: {dt:g} s does not divide a second, and whole seconds are judged; use 0.5 or 1.0")
+    return stride

@@ -53,7 +53,7 @@ def test_every_key_has_a_meaning_and_every_number_a_unit() -> None:
 
 def test_every_key_of_the_shipped_scenarios_is_there() -> None:
     known = {row[0].strip("`") for row in rows()} | {row[1].strip("`") for row in rows()}
-    for name in ("demo", "mrclam", "paper", "liar"):
+    for name in ("demo", "mrclam", "pyfg", "paper", "liar"):
         tables = load(name).tables
         for section in ("team", "grid", "time", "board", "robot", "world"):
             assert set(tables.get(section, {})) <= known
