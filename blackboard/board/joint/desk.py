@@ -26,6 +26,7 @@ from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
@@ -46,6 +47,7 @@ log = logging.getLogger(__name__)
 MAX_ROBOTS = 64
 TICKS = 8  # of another board that are remembered as heard; a stale one may arrive after the newest
 MAX_OBJECTS = 64  # in the joint; sightings of others are left to the pooled opinions
+FINEST = 8  # a place is told by one sensor no better than a cell over this, where `[board] sharpest` does not say
 STRIKES = 3  # times that a robot's evidence broke the joint until it is left out
 PENALTY = 60.0  # seconds of team time for which it is then left out; afterwards one more time is enough
 MAX_WAITING = 64  # ticks of one robot that wait to be settled; the oldest are dropped
@@ -89,7 +91,8 @@ class JointDesk:
     def _begun(self) -> TeamJoint:
         rule = self.settings.of("robot/any")
         objects = Objects(self.settings.objects_drift, self.settings.objects_drifts)
-        return TeamJoint(objects, rule=rule if isinstance(rule, Coalition) else Coalition())
+        limits = Limits(self.settings.sharpest or self.grid.cell / FINEST)
+        return TeamJoint(objects, limits=limits, rule=rule if isinstance(rule, Coalition) else Coalition())
 
     def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool, skew: float = 0.0) -> None:
         """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.

@@ -156,9 +156,9 @@ class Contacts:
                 return frozenset(out)
             out.add(worst)
 
-    def forget(self, robot: str) -> None:
-        """Drop what is known of a robot, which begins anew."""
-        self._pairs = {pair: contact for pair, contact in self._pairs.items() if robot not in pair}
+    def begin(self, robot: str) -> None:
+        """A robot begins anew: the error of its place is another one from now on. What it said before is held against it as before."""
+        self._corrected[robot] -= math.log(FAINT)
         self._reckoned.pop(robot, None)
 
     def _met(self, one: str, other: str, said: Mapping[str, Claim]) -> Contact:

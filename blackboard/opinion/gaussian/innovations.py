@@ -42,7 +42,3 @@ class Innovations:
         """The variance of a source's noise relative to what it claims, at least 1; 1 until enough is known."""
         ratios = self._ratios.get(source, ())
         return min(MOST, max(1.0, statistics.median(ratios))) if len(ratios) >= FEWEST else 1.0
-
-    def forget(self, robot: str) -> None:
-        """Drop what was remembered of a robot, which begins anew."""
-        self._ratios = {source: ratios for source, ratios in self._ratios.items() if source[0] != robot}

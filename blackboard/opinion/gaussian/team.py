@@ -24,6 +24,7 @@ from blackboard.opinion.gaussian.evidence import Evidence, Tally, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.innovations import Innovations, Source
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, correct, drive
@@ -75,6 +76,7 @@ class TeamJoint:
     contacts: Contacts = field(default_factory=Contacts)
     innovations: Innovations = field(default_factory=Innovations)
     walks: Walks = field(default_factory=Walks)
+    limits: Limits = field(default_factory=Limits)
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
     tick: int = -1
     _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
@@ -94,6 +96,7 @@ class TeamJoint:
             contacts=self.contacts.copy(),
             innovations=self.innovations.copy(),
             walks=self.walks.copy(),
+            limits=self.limits.copy(),
             _known=dict(self._known),
             _seen=dict(self._seen),
             _used={observer: dict(used) for observer, used in self._used.items()},
@@ -125,8 +128,10 @@ class TeamJoint:
         return self.tally.verdicts
 
     def _take(self, dt: float, news: Mapping[str, Evidence]) -> None:
+        self.limits.pass_time(dt)
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
+        news = self._bounded(news, set(motions) - entered)
         heard = entered | set(motions)
         entered |= self._compare(news, motions)
         with self._blaming(""):
@@ -141,6 +146,28 @@ class TeamJoint:
                 ):
                     if relative.observer == robot:
                         self._relate(relative, motions, heard)
+
+    def _bounded(self, news: Mapping[str, Evidence], known: set[str]) -> dict[str, Evidence]:
+        """The evidence of a tick, as much of it as its robots' sensors can know; `known` are the robots whose increments count."""
+        bounded = {}
+        for robot, it in news.items():
+            with self._blaming(robot):
+                increment = it.increment
+                if robot in known:
+                    increment = self.limits.increment(robot, increment, self.innovations.variance((robot, "increment")))
+                relatives = tuple(self.limits.sighting(relative, self._distance(relative)) for relative in it.relatives)
+                bounded[robot] = replace(it, increment=increment, relatives=relatives)
+        return bounded
+
+    def _distance(self, relative: Relative) -> float:
+        """How far away a subject is: as it was measured, or else as the joint has it; 0 where nobody knows."""
+        ends = relative.observer, relative.subject
+        if relative.kind != "bearing":
+            return relative.range
+        if not all(end in self.joint for end in ends):
+            return 0.0
+        one, other = (self.joint.mean[self.joint.blocks[end]][AXES] for end in ends)
+        return float(np.hypot(*(one - other)))
 
     def _news(self, tick: int, reports: Iterable[Evidence]) -> dict[str, Evidence]:
         """One report per robot, of this tick and not of an epoch that is over, sorted by name."""
@@ -181,6 +208,7 @@ class TeamJoint:
             with self._blaming(robot):
                 motions[robot] = evidence.travelled.since(known.travelled)
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
+                self.limits.drive(robot, motions[robot], evidence.nuisance)
         self._forget_errors(dt)
         for name in self._seen:
             walk = np.eye(2) * self.drift_of(name) ** 2 * dt
@@ -193,19 +221,17 @@ class TeamJoint:
         """A robot enters with its first-hand belief, once per epoch: what it adds later are increments.
 
         A new epoch rests on new evidence alone, so its belief is independent of everything in the joint. A robot that is
-        not in the joint though its epoch is not new (a board that was restarted) enters in the same way.
+        not in the joint though its epoch is not new (a board that was restarted) enters in the same way. What was learned of a robot
+        stays: who could begin with a clean record would do so after each lie.
         """
         robot, known = evidence.robot, self._known.get(evidence.robot)
         if known is None or known.epoch < evidence.epoch:
             self._known[robot] = Known(evidence.epoch, evidence.travelled)
             self._drop(robot)
-            self.trust.forget(robot)
-            self.contacts.forget(robot)
-            self.innovations.forget(robot)
-            self._refuted -= {robot}
+            self.contacts.begin(robot)
         if robot in self.joint or evidence.belief is None:
             return False
-        self.joint.add(robot, evidence.belief)
+        self.joint.add(robot, self.limits.entering(robot, evidence.belief))
         return True
 
     def _leave_out(self, robots: frozenset[str]) -> None:
@@ -252,7 +278,7 @@ class TeamJoint:
             self._drop(robot)
             belief = news[robot].belief
             assert belief is not None
-            self.joint.add(robot, belief)
+            self.joint.add(robot, self.limits.entering(robot, belief))
         return again
 
     def _choose(

@@ -71,13 +71,19 @@ def test_a_pair_that_contradicts_from_the_first_has_spoilt_nothing() -> None:
     assert contacts.contradict("one", "other")
 
 
-def test_a_robot_that_begins_anew_is_believed_again() -> None:
+def test_a_robot_that_begins_anew_is_believed_again_once_it_agrees_for_long() -> None:
+    """Else it would begin anew after each lie."""
     contacts = Contacts()
-    contacts.judge({"one": own(np.array([30.0, 0.0])), "other": seen(np.zeros(2)), "third": seen(np.zeros(2))})
-    assert contacts.contradict("one", "third")
-    contacts.forget("one")
-    assert not contacts.contradict("one", "other")
+    apart = {"one": own(np.array([30.0, 0.0])), "other": seen(np.zeros(2)), "third": seen(np.zeros(2))}
+    contacts.judge(apart)
+    contacts.begin("one")
+    assert contacts.contradict("one", "other")
     assert not contacts.contradict("other", "third")
+    agreeing = apart | {"one": own(np.zeros(2))}
+    for _ in range(10):
+        contacts.begin("one")
+        contacts.judge(agreeing)
+    assert not contacts.contradict("one", "other")
 
 
 def told(contradicting: str, agreeing: str) -> Contacts:
@@ -144,5 +150,6 @@ def test_a_copy_knows_who_goes_by_odometry_alone_and_changes_nothing_of_the_orig
     assert contacts.is_reckoned("r1")
     copy = contacts.copy()
     assert copy.is_reckoned("r1")
-    copy.forget("r1")
+    copy.begin("r1")
+    assert not copy.is_reckoned("r1")
     assert contacts.is_reckoned("r1")

@@ -1,0 +1,133 @@
+"""How much one robot's evidence may be worth, whatever it claims: as much as one place told by the sharpest sensor of the team.
+
+A claimed covariance says nothing about the truth. So a board holds three things against `sharpest`, the least sigma (unit) of a place:
+
+- a sighting: no range, and no place across the line of sight, is known better;
+- all that a robot says of itself: its increments are multiplied into a filter of its own (`alone`), whose place is never known better,
+  however often they come and however little it claims that its motion adds;
+- the belief with which it enters: no sharper, and after `ENTRIES` beginnings in a row wider, as `RENEWAL` says. Its mates keep what
+  they learned from the epochs before, so a robot that begins anew each tick would count once for each.
+
+Nothing that stays within them is changed, to the bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blackboard.opinion.gaussian.increment import Increment, likelihood
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, correct, drive
+from blackboard.opinion.grid import Array
+
+ENTRIES = 3.0  # beginnings in a row that count in full: a start, a restart, and one that follows a lie found out
+RENEWAL = 60.0  # seconds until one more does
+HALVINGS = 20  # of the share of an increment that is sought
+LEAST = 1e-4  # share of a beginning that always counts, so that its covariance is a number
+
+
+@dataclass
+class Limits:
+    """Mutable; `pass_time` once per tick, the rest in the order of the joint's steps. With `sharpest` 0 nothing is bounded."""
+
+    sharpest: float = 0.0
+    _alone: dict[str, Joint] = field(default_factory=dict)  # robot -> what it says of itself, and nobody else
+    _entries: dict[str, float] = field(default_factory=dict)  # robot -> beginnings that would count in full
+
+    def copy(self) -> Limits:
+        """The same, which may be changed without changing this one."""
+        return Limits(self.sharpest, {robot: it.copy() for robot, it in self._alone.items()}, dict(self._entries))
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` seconds pass."""
+        self._entries = {robot: it for robot, n in self._entries.items() if (it := n + dt / RENEWAL) < ENTRIES}
+
+    def entering(self, robot: str, belief: Moments) -> Moments:
+        """The belief with which a robot's block enters the joint."""
+        if not self.sharpest:
+            return belief
+        left = self._entries.get(robot, ENTRIES)
+        self._entries[robot] = max(0.0, left - 1.0)
+        belief = Moments(belief.mean, self._blunted(belief.covariance) / min(1.0, max(left, LEAST)))
+        self._alone[robot] = Joint()
+        self._alone[robot].add(robot, belief)
+        return belief
+
+    def drive(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
+        """Move a robot by what it says of itself."""
+        if robot in self._alone:
+            drive(self._alone[robot], robot, motion, nuisance)
+
+    def increment(self, robot: str, increment: Increment | None, variance: float) -> Increment | None:
+        """As much of an increment as leaves the robot's own place no sharper; None: nothing.
+
+        `variance` is what was learned of the noise of the robot's increments, relative to what it claims.
+        """
+        if increment is None or robot not in self._alone:
+            return increment
+        before, least = self._alone[robot], variance * self.sharpest**2
+        share, too_much = 1.0, 1.0
+        after = _multiplied(before, robot, increment, share)
+        if _sharpness(after, robot) < least:
+            share = 0.0
+            for _ in range(HALVINGS):
+                middle = (share + too_much) / 2
+                tried = _multiplied(before, robot, increment, middle)
+                share, too_much = (share, middle) if _sharpness(tried, robot) < least else (middle, too_much)
+            after = _multiplied(before, robot, increment, share)
+        self._alone[robot] = after
+        return None if share == 0 else increment if share == 1 else _scaled(increment, share)
+
+    def sighting(self, relative: Relative, distance: float) -> Relative:
+        """A sighting that claims no more than the sharpest sensor could; `distance` (unit) is how far away its subject is."""
+        least = self.sharpest**2
+        across = least / max(distance, self.sharpest) ** 2 if least else 0.0
+        spread = relative.spread
+        if spread:
+            rows = np.triu_indices(2 if relative.kind == "position" else 3)
+            covariance = np.zeros((rows[0][-1] + 1,) * 2)
+            covariance[rows] = covariance.T[rows] = spread
+            blunted = self._blunted(covariance)
+            spread = spread if blunted is covariance else tuple(blunted[rows].tolist())
+        sharp = relative.range_variance < least or relative.bearing_variance < across or spread is not relative.spread
+        if not sharp and all(variance >= least for _, variance in relative.profile):
+            return relative
+        return replace(
+            relative,
+            range_variance=max(least, relative.range_variance),
+            bearing_variance=max(across, relative.bearing_variance),
+            profile=tuple((distance, max(least, variance)) for distance, variance in relative.profile),
+            spread=spread,
+        )
+
+    def _blunted(self, covariance: Array) -> Array:
+        """A covariance with a place that is known no better than the sharpest sensor could tell; the same one where it is not."""
+        values, axes = np.linalg.eigh(covariance[AXES, AXES])
+        lacking = np.maximum(0.0, self.sharpest**2 - values)
+        if not lacking.any():
+            return covariance
+        found = covariance.copy()
+        found[AXES, AXES] += (axes * lacking) @ axes.T
+        return found
+
+
+def _multiplied(alone: Joint, robot: str, increment: Increment, share: float) -> Joint:
+    """A robot's own belief after a share of an increment."""
+    after = alone.copy()
+    factor = likelihood(after, robot, _scaled(increment, share))
+    if factor is not None:
+        correct(after, factor)
+    return after
+
+
+def _scaled(increment: Increment, share: float) -> Increment:
+    """The likelihood to a power."""
+    return replace(increment, information=increment.information * share, vector=increment.vector * share)
+
+
+def _sharpness(alone: Joint, robot: str) -> float:
+    """The variance of a robot's place in the direction in which it is known best."""
+    return float(np.linalg.eigvalsh(alone.moments(robot).covariance[AXES, AXES])[0])

@@ -1,0 +1,139 @@
+"""How much one robot's evidence may be worth, whatever it claims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.limits import Limits
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, entering
+from tests.opinion.gaussian.driving import team, told
+
+SHARPEST = 0.5
+SURE = st.floats(1e-6, 1e12)  # information
+LIAR, MATE = "robot/liar", "robot/mate"
+
+
+def began(place: tuple[float, float], variance: float) -> Moments:
+    return entering(Moments(np.array([*place, 0.0]), np.diag([variance, variance, 1e-4])), Nuisance())
+
+
+def claim(along: float, across: float, turn: float) -> Increment:
+    """An increment that puts the place at (3, 0), with this information along two axes that are turned."""
+    c, s = np.cos(turn), np.sin(turn)
+    axes = np.array([[c, -s], [s, c]])
+    information = np.zeros((STATES, STATES))
+    information[AXES, AXES] = (axes * [along, across]) @ axes.T
+    off = np.zeros(STATES)
+    off[0] = 3.0
+    return Increment(np.zeros(STATES), information, information @ off)
+
+
+def limited() -> TeamJoint:
+    return TeamJoint(limits=Limits(SHARPEST))
+
+
+claims = st.builds(claim, SURE, SURE, st.floats(0, 3))
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.tuples(claims, st.booleans(), SURE), min_size=1, max_size=12))
+def test_what_a_robot_says_of_itself_is_never_worth_more_than_the_sharpest_sensor(
+    said: list[tuple[Increment, bool, float]],
+) -> None:
+    it, epoch = limited(), 0
+    for tick, (increment, anew, sure) in enumerate(said):
+        epoch += anew
+        belief = began((0.0, 0.0), 1 / sure)
+        it.settle(tick, 0.2, [Evidence(LIAR, epoch, tick, Motion(), Nuisance(), belief, increment)])
+        least = np.linalg.eigvalsh(it.marginal(LIAR).covariance)[0]
+        assert least >= SHARPEST**2 * (1 - 1e-3)
+
+
+@settings(deadline=None, max_examples=60)
+@given(SURE, SURE, st.floats(0.01, 30), st.lists(SURE, max_size=3))
+def test_no_sighting_tells_a_place_better_than_the_sharpest_sensor(
+    along: float, turn: float, distance: float, profile: list[float]
+) -> None:
+    spread = tuple((float(n), 1 / it) for n, it in enumerate(profile))
+    seen = Limits(SHARPEST).sighting(Relative(LIAR, MATE, distance, 0.0, 1 / along, 1 / turn, profile=spread), distance)
+    least = SHARPEST**2 * (1 - 1e-9)
+    assert seen.range_variance >= least
+    assert seen.bearing_variance * max(distance, SHARPEST) ** 2 >= least
+    assert all(variance >= least for _, variance in seen.profile)
+
+
+@given(SURE, SURE, st.floats(-1, 1), st.sampled_from(["position", "pose"]))
+def test_nor_does_a_position_or_a_pose_that_is_seen(
+    x: float, y: float, share: float, kind: Literal["position", "pose"]
+) -> None:
+    both = share * (1 / x / y) ** 0.5
+    spread = (1 / x, both, 1 / y) if kind == "position" else (1 / x, both, 0.0, 1 / y, 0.0, 0.1)
+    seen = Limits(SHARPEST).sighting(Relative(LIAR, MATE, 1.0, 0.0, 1.0, 1.0, kind=kind, spread=spread), 1.0).spread
+    first, cross, second = (seen[0], seen[1], seen[2 if kind == "position" else 3])
+    assert np.linalg.eigvalsh([[first, cross], [cross, second]])[0] >= SHARPEST**2 * (1 - 1e-9)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 1000), st.integers(2, 4))
+def test_evidence_within_the_limits_is_taken_as_it_is_to_the_bit(seed: int, number: int) -> None:
+    free, it, robots = TeamJoint(), TeamJoint(limits=Limits(0.05)), team(number, seed)
+    for tick in range(8):
+        reports = told(robots, tick)
+        free.settle(tick, 1.0, reports)
+        it.settle(tick, 1.0, reports)
+    assert it.joint.mean.tobytes() == free.joint.mean.tobytes()
+    assert it.joint.covariance.tobytes() == free.joint.covariance.tobytes()
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(1e-9, 1.0), st.floats(1e-9, 1.0), st.booleans())
+def test_a_robot_that_begins_anew_each_tick_does_not_drag_its_mates_along(
+    variance: float, noise: float, standing: bool
+) -> None:
+    """A mate that knows its place up to 1 stays where it is, up to what three opinions of the sharpest kind could do."""
+    it, place = limited(), 0.0
+    for tick in range(100):
+        place += 0.05
+        seen = Relative(LIAR, MATE, 5.0, 0.0, noise, noise)
+        epoch = 1 if standing else tick
+        liar = Evidence(LIAR, epoch, tick, Motion(), Nuisance(), began((place - 5.0, 0.0), variance), None, (seen,))
+        mate = Evidence(MATE, 1, tick, Motion(), Nuisance(), began((0.0, 0.0), 1.0))
+        it.settle(tick, 0.2, [liar, mate])
+    share = 1 - it.marginal(MATE).covariance[0, 0]
+    assert share <= 1 - 1 / (1 + 5 / SHARPEST**2)
+    assert abs(it.marginal(MATE).mean[0]) < 2.0
+
+
+def test_an_increment_of_what_is_known_as_well_as_can_be_is_worth_nothing() -> None:
+    it = Limits(SHARPEST)
+    it.entering(LIAR, began((0.0, 0.0), SHARPEST**2))
+    assert it.increment(LIAR, claim(1.0, 1.0, 0.0), 1.0) is None
+    copy = it.copy()
+    copy.drive(LIAR, Motion(1.0, 0.0, 1.0, 1.0, along=1.0, across=1.0), Nuisance())
+    assert copy.increment(LIAR, claim(1.0, 1.0, 0.0), 1.0) is not None
+    assert it.increment(LIAR, claim(1.0, 1.0, 0.0), 1.0) is None
+
+
+def test_the_record_of_a_robot_outlives_its_epochs() -> None:
+    it, robots = TeamJoint(), team(4, 1)
+    for tick in range(40):
+        reports = told(robots, tick)
+        epoch = tick if tick > 5 else 0
+        liar = reports[0]
+        off = np.zeros(STATES)
+        off[0] = 6.0
+        assert liar.belief is not None
+        lie = replace(liar, epoch=epoch, belief=Moments(liar.belief.mean + off, liar.belief.covariance))
+        it.settle(tick, 1.0, [lie, *reports[1:]])
+        robots[0].epoch = epoch
+    assert it.subjects() == ["robot/r1", "robot/r2", "robot/r3"]
