@@ -1,8 +1,9 @@
 """Beliefs of what people have, as masses: a covariance matrix, particles, a mixture, a range and a bearing, an occupancy grid.
 
 Positions are in the grid's unit, angles in radians. Whatever cannot become a belief is a ValueError that names the value and where
-it is. Densities are integrated over each cell by Gauss-Legendre quadrature. Nothing narrower than a quarter of a cell can be told on
-a grid, so a smaller standard deviation is taken as that.
+it is. Where errors alone lead across the border of the grid, the part on the grid counts. Densities are integrated over each cell by
+Gauss-Legendre quadrature. Nothing narrower than a quarter of a cell can be told on a grid, so a smaller standard deviation is taken
+as that.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ NEGLIGIBLE = 60.0  # nats below the largest centre of a cell, from which on the 
 CHUNK = 1 << 20  # points that are evaluated together
 WRONG = 1e-6  # by which a covariance may miss symmetry, relative to its largest entry
 PARTICLES = 256  # that are added up together
-FURTHEST = 5.0  # sigmas by which what is seen may be outside the grid
+FURTHEST = 5.0  # sigmas, and a cell, by which a place that is not known exactly may be outside the grid
 REACH = 8.0  # sigmas that the table of the normal distribution covers on each side
 
 
 def from_gaussian(grid: Grid, mean: npt.ArrayLike, covariance: npt.ArrayLike) -> Array:
-    """A Gaussian with any covariance in unit**2, shape (ndim, ndim): mean in the grid; an eigenvalue of 0 is taken as NARROWEST."""
-    place = _place(grid, "from_gaussian: mean", mean)
-    return _gaussian(grid, place, _covariance(grid, "from_gaussian: covariance", covariance))
+    """A Gaussian with any covariance in unit**2, shape (ndim, ndim): mean near the grid; an eigenvalue of 0 is taken as NARROWEST."""
+    spread = _covariance(grid, "from_gaussian: covariance", covariance)
+    return _gaussian(grid, _place(grid, "from_gaussian: mean", mean, np.sqrt(np.diag(spread))), spread)
 
 
 def from_mixture(
@@ -47,8 +48,9 @@ def from_mixture(
     share = _weights("from_mixture", n, weights)
     p = np.zeros(grid.shape)
     for i in range(n):
-        place = _place(grid, f"from_mixture: mean {i}", means[i])
-        p += share[i] * _gaussian(grid, place, _covariance(grid, f"from_mixture: covariance {i}", covariances[i]))
+        spread = _covariance(grid, f"from_mixture: covariance {i}", covariances[i])
+        place = _place(grid, f"from_mixture: mean {i}", means[i], np.sqrt(np.diag(spread)))
+        p += share[i] * _gaussian(grid, place, spread)
     return _normalised(p)
 
 
@@ -61,13 +63,17 @@ def from_particles(
     """Particles, shape (N, ndim), each spread by a Gaussian of `bandwidth` (unit; one, or one for each axis) within the grid.
 
     Without a bandwidth Scott's rule chooses it: the standard deviation times n ** (-1 / (ndim + 4)) along each axis, n being the
-    effective number of particles, 1 / sum of squared weights. `weights` [default: equal] in any scale.
+    effective number of particles, 1 / sum of squared weights. `weights` [default: equal] in any scale. Particles outside the grid are
+    left out, unless all are.
     """
     points = np.asarray(xy, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != grid.ndim or not len(points):
         raise ValueError(f"from_particles: particles of shape {points.shape}; give (N, {grid.ndim}) with N above 0")
-    _check_inside(grid, "from_particles: particle", points)
     share = _weights("from_particles", len(points), weights)
+    inside = _inside(grid, points)
+    if not (share[inside] > 0).any() or not np.isfinite(points).all():
+        _check_inside(grid, "from_particles: particle", points)
+    points, share = points[inside], share[inside] / share[inside].sum()
     if bandwidth is None:
         spread = np.sqrt(share @ (points - share @ points) ** 2)
         sigmas = spread * float(1.0 / (share @ share)) ** (-1.0 / (grid.ndim + 4))
@@ -103,8 +109,9 @@ def from_range_bearing(
 
     Without a bearing it is a ring, without a distance a ray. Before, every place was as likely as another, so the mass is in
     proportion to the likelihood. The errors are independent and Gaussian; that of the robot's own position is equal on both axes.
+    What is seen outside the grid tells nothing of a place on it: then the mass is everywhere the same.
     """
-    here = _place(grid, "from_range_bearing: position", position)
+    here = _place(grid, "from_range_bearing: position", position, np.full(2, position_sigma))
     if grid.ndim != 2:
         raise ValueError(f"from_range_bearing: a grid of {grid.ndim} axes; it needs 2")
     if distance is None and bearing is None:
@@ -132,7 +139,8 @@ def from_range_bearing(
 
     if distance is not None:
         direction = None if bearing is None else heading + bearing
-        _check_reached(grid, here, distance, direction, along, math.hypot(bearing_sigma, heading_sigma))
+        if not _reaches(grid, here, distance, direction, along, math.hypot(bearing_sigma, heading_sigma)):
+            return np.full(grid.shape, 1.0 / grid.size)
     return _normalised(_integrated(grid, log_density, least))
 
 
@@ -144,23 +152,20 @@ def _check_told(**told: float | None) -> None:
             )
 
 
-def _check_reached(
+def _reaches(
     grid: Grid, here: Array, distance: float, direction: float | None, along: float, angle_sigma: float
-) -> None:
-    """ValueError where nothing of the grid is at a distance, and where it is known in a direction (radians), within FURTHEST sigmas.
+) -> bool:
+    """Whether anything of the grid is at a distance, and where it is known in a direction (radians), within FURTHEST sigmas.
 
     `along` is the sigma of the distance, in unit.
     """
     x, y = grid.mesh()
     if direction is None:
-        where, reach = "further away than all of", along
-        off = float(np.abs(np.hypot(x - here[0], y - here[1]) - distance).min())
+        reach, off = along, float(np.abs(np.hypot(x - here[0], y - here[1]) - distance).min())
     else:
         seen = here + distance * np.array([math.cos(direction), math.sin(direction)])
-        where, reach = f"at {_shown(seen)}, outside", max(along, distance * angle_sigma)
-        off = float(np.hypot(x - seen[0], y - seen[1]).min())
-    if off > FURTHEST * reach + grid.cell:
-        raise ValueError(f"from_range_bearing: what is seen is {where} the grid, which is {_told(grid)}")
+        reach, off = max(along, distance * angle_sigma), float(np.hypot(x - seen[0], y - seen[1]).min())
+    return off <= FURTHEST * reach + grid.cell
 
 
 def from_occupancy(
@@ -270,18 +275,22 @@ def _normal() -> tuple[Array, Array]:
 # --- what is wrong with what was given --------------------------------------------------------------------------------------
 
 
-def _place(grid: Grid, what: str, given: npt.ArrayLike) -> Array:
+def _place(grid: Grid, what: str, given: npt.ArrayLike, sigmas: Array) -> Array:
     place = np.asarray(given, dtype=np.float64)
     if place.shape != (grid.ndim,):
         raise ValueError(f"{what} of shape {place.shape}; give {grid.ndim} coordinates")
-    _check_inside(grid, what, place[None], number=False)
+    _check_inside(grid, what, place[None], np.where(sigmas > 0, FURTHEST * sigmas + grid.cell, 0.0), number=False)
     return place
 
 
-def _check_inside(grid: Grid, what: str, points: Array, *, number: bool = True) -> None:
-    inside = np.ones(len(points), dtype=bool)
-    for axis, (low, high) in enumerate(_borders(grid)):
-        inside &= (points[:, axis] >= low) & (points[:, axis] <= high)  # a NaN is on no grid either
+def _inside(grid: Grid, points: Array, beyond: npt.ArrayLike = 0.0) -> npt.NDArray[np.bool_]:
+    """Which points are on the grid, or `beyond` its border by so much along each axis at most; a NaN is on no grid."""
+    low, high = np.transpose(_borders(grid))
+    return np.asarray(((points >= low - beyond) & (points <= high + beyond)).all(axis=1))
+
+
+def _check_inside(grid: Grid, what: str, points: Array, beyond: npt.ArrayLike = 0.0, *, number: bool = True) -> None:
+    inside = _inside(grid, points, beyond)
     if not inside.all():
         i = int(np.argmin(inside))
         name = f"{what} {i} at" if number else what

@@ -194,12 +194,32 @@ def test_the_same_grid_again_changes_nothing() -> None:
     )
 
 
+# --- near and behind walls ---------------------------------------------------------------------------------------------
+
+
+def test_what_errors_lead_across_the_border_is_a_belief() -> None:
+    beyond = Belief.from_gaussian(GRID, (26, 3), np.eye(2))
+    assert beyond.mean()[0] > 24
+    mixed = Belief.from_mixture(GRID, [(26, 3), (3, 3)], [np.eye(2), np.eye(2)])
+    assert mixed.p.sum() == pytest.approx(1)
+    here = Belief.from_range_bearing(GRID, (25.5, 3), 0, distance=1, bearing=3.14, distance_sigma=1, position_sigma=0.5)
+    assert 23 < here.mean()[0] < 25
+    some = Belief.from_particles(GRID, [(3, 3), (3, 99)], weights=[1, 3], bandwidth=1)
+    assert some.mean() == pytest.approx((3, 3), abs=0.1)
+
+
+@pytest.mark.parametrize("bearing", [0.0, None])
+def test_what_is_seen_outside_the_grid_tells_nothing_of_a_place_on_it(bearing: float | None) -> None:
+    seen = Belief.from_range_bearing(GRID, (3, 3), 0, distance=99, bearing=bearing, distance_sigma=1)
+    assert np.ptp(seen.p) == 0
+
+
 # --- what is no belief -------------------------------------------------------------------------------------------------
 
 
 B, ONE = Belief, np.eye(2)
 WRONG: list[tuple[Callable[[], object], str]] = [
-    (lambda: B.from_gaussian(GRID, (26, 3), ONE), r"mean \(26, 3\) is outside the grid, which is -5 to 25 by -3 to 22"),
+    (lambda: B.from_gaussian(GRID, (36, 3), ONE), r"mean \(36, 3\) is outside the grid, which is -5 to 25 by -3 to 22"),
     (lambda: B.from_gaussian(GRID, (NAN, 3), ONE), r"mean \(nan, 3\) is outside"),
     (lambda: B.from_gaussian(GRID, (3,), ONE), "mean of shape"),
     (lambda: B.from_gaussian(GRID, (3, 3), np.eye(3)), r"covariance of shape \(3, 3\)"),
@@ -211,7 +231,7 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: B.from_mixture(GRID, [(3, 3)], [-ONE]), "covariance 0 has the negative eigenvalue -1"),
     (lambda: B.from_mixture(GRID, [(3, 3)], [ONE], [0]), "all weights are 0"),
     (lambda: B.from_particles(GRID, [(3, 3), (3, NAN)]), r"particle 1 at \(3, nan\) is outside"),
-    (lambda: B.from_particles(GRID, [(3, 3), (3, 99)]), r"particle 1 at \(3, 99\)"),
+    (lambda: B.from_particles(GRID, [(3, 99), (3, 98)]), r"particle 0 at \(3, 99\)"),
     (lambda: B.from_particles(GRID, [3, 3]), "particles of shape"),
     (lambda: B.from_particles(GRID, np.zeros((0, 2))), "particles of shape"),
     (lambda: B.from_particles(GRID, [(3, 3), (4, 4)], [1, -1]), "weight 1 is -1"),
@@ -222,8 +242,6 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: B.from_range_bearing(GRID, (3, 3), 0, distance=-1), "distance -1"),
     (lambda: B.from_range_bearing(GRID, (3, 3), 0, distance=1, distance_sigma=-1), "distance_sigma -1"),
     (lambda: B.from_range_bearing(GRID, (3, 3), 0), "neither distance nor bearing"),
-    (lambda: B.from_range_bearing(GRID, (3, 3), 0, distance=99, bearing=0), r"is at \(102, 3\), outside the grid"),
-    (lambda: B.from_range_bearing(GRID, (3, 3), 0, distance=99, distance_sigma=1), "further away than all of the grid"),
     (lambda: B.from_range_bearing(Grid((9,)), (3,), 0, distance=1), "a grid of 1 axes"),
     (lambda: B.from_occupancy(Grid((2, 1)), [[0], [101]]), r"cell \(1, 0\) holds 101"),
     (lambda: B.from_occupancy(Grid((2, 1)), [[0], [NAN]]), r"cell \(1, 0\) holds nan"),
