@@ -6,11 +6,13 @@ answered to queries.
 
 from __future__ import annotations
 
+import atexit
 import json
 import logging
 import threading
 from collections.abc import Callable, Collection
 from contextlib import ExitStack
+from functools import cache
 from types import TracebackType
 from typing import Any, Self
 
@@ -36,6 +38,7 @@ MAX_KEYS = 4096  # keys of which the newest is kept; the one that was not sent f
 MAX_SUBSCRIBERS = (
     512  # while strangers flood, each with a thread of its own; where it would take more, all are listened to
 )
+LET_GO = 0.1  # seconds
 PAUSE, LOG_AFTER = 0.1, 5.0  # seconds between tries to connect, and until the log says that it is waiting
 
 
@@ -57,6 +60,7 @@ class Link:
     ) -> None:
         """Connect within `patience` seconds. Raises UserError where no router answers, Stopped where `stopped()` becomes true."""
         clock, identity, built = clock or UnixClock(), config.identity(), config.build(name)
+        _let_go_at_exit()
         self._session = _open(built, name, patience, stopped, clock, identity)
         self._inbox = Inbox()
         self.poke = self._inbox.poke  # lets a `receive` that waits, or the next one, return at once; for any thread
@@ -278,6 +282,15 @@ def _space(key: str) -> str:
         return key
     topic, parts = found
     return topic.key(**{**parts, "subject": "**"})
+
+
+@cache
+def _let_go_at_exit() -> None:
+    """Wait a moment when this process ends: Zenoh's threads let go of Python's objects after a session is closed.
+
+    An interpreter that is gone by then aborts the process ("FATAL: exception not rethrown").
+    """
+    atexit.register(threading.Event().wait, LET_GO)
 
 
 def start_zenoh_log() -> None:
