@@ -5,11 +5,14 @@ Where the boards keep a joint, `robot_agent.gaussian.agent` is the agent, and th
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
+
+import numpy as np
 
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, uniform
@@ -22,6 +25,7 @@ from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings
 from robot_agent.budget import Choice
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
+from robot_agent.localizers import heading_of
 from robot_agent.sensing import placed, trackable
 
 Feedback = Literal["paper", "guarded", "off"]
@@ -125,6 +129,21 @@ class Agent:
         self._snapshots.append(Snapshot(readings, self.mates, self.informed, reported))
         solo = {s: own for s, own in packed.items() if s == self.subject or s not in self.firsthand.seen}
         return reports, Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=solo)
+
+    def pose(self) -> Moments | None:
+        """Where the robot is, (x, y, heading) with covariance, shape (3,) and (3, 3), with what the team agreed on.
+
+        None while the place is hardly known. The variance of a heading that the localizer does not estimate is that of any heading.
+        """
+        localizer = self.informed.localizer
+        place = localizer.marginal()
+        if entropy(place.p) >= self.settings.objects.forget * math.log(self.grid.size):
+            return None
+        heading, variance = heading_of(localizer)
+        covariance = np.zeros((3, 3))
+        covariance[:2, :2] = place.covariance() + np.eye(2) * self.grid.cell**2 / 12
+        covariance[2, 2] = variance
+        return Moments(np.array([*place.mean(), heading]), covariance)
 
     def on_sent(self, choice: Choice) -> None:
         """What of the newest reports was sent: what the team agrees on rests on that, or on what was sent before it."""

@@ -7,6 +7,7 @@ offers its factory as an entry point of the group `cop_blackboard.localizers`; a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from importlib.metadata import EntryPoint
 from typing import Any, TypeVar
@@ -54,3 +55,9 @@ def localizer_factory(name: str) -> Factory:
     if factory is None:
         raise UserError(f"robot.localizer: no localizer {name!r}; known are {', '.join(known_localizers())}")
     return factory
+
+
+def heading_of(localizer: Any) -> tuple[float, float]:
+    """The mean heading of a localizer (radians) and its variance; that of any heading where it has none."""
+    headings = getattr(localizer, "heading_moments", None)
+    return (0.0, math.pi**2 / 3) if headings is None else headings()

@@ -35,6 +35,12 @@ class PoseLocalizer:
     def unknown(cls, settings: RobotSection, grid: Grid) -> PoseLocalizer:
         return cls(settings, PoseGrid.uniform(grid, settings.headings))
 
+    def heading_moments(self) -> tuple[float, float]:
+        """The mean heading (radians) and the variance about it."""
+        headings, masses = self.poses.headings, self.poses.masses / self.poses.masses.sum()
+        middle = float(np.angle(masses @ np.exp(1j * headings)))
+        return middle, float(masses @ wrap(headings - middle) ** 2)
+
     def predict(self, motion: Motion, compass: float | None) -> PoseLocalizer:
         moved = replace(
             self,

@@ -79,6 +79,10 @@ class PositionLocalizer:
         (x, y), (nx, ny) = self.corner, self.p.shape
         return Window(x, x + nx, y, y + ny)
 
+    def heading_moments(self) -> tuple[float, float]:
+        """The heading (radians); its variance is not estimated, and taken for that of any heading."""
+        return math.remainder(self.heading, math.tau), math.pi**2 / 3
+
     def predict(self, motion: Motion, compass: float | None) -> PositionLocalizer:
         heading = self.heading + motion.turn if compass is None else compass
         c, s = math.cos(heading), math.sin(heading)

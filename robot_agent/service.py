@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from blackboard.opinion.grid import Grid
@@ -25,6 +25,7 @@ from robot_agent.agent import Agent, Feedback, TeamBelief, TeamBeliefs
 from robot_agent.budget import Budget
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.agent import JointAgent
+from robot_agent.gaussian.sensors import Sensors
 from robot_agent.inputs import Gathered, Sequencer
 from robot_agent.sender import Sender, fastest
 
@@ -48,8 +49,13 @@ class AgentService(Around):
         feedback: Feedback = "guarded",
         joint: bool = False,
         drift: float = 1.0,
+        sensors: Sensors | None = None,
+        hears_readings: bool = True,
     ) -> None:
-        """`joint`: the boards keep a joint belief ([board] fusion); `drift`: how they let reports spread ([board] drift)."""
+        """`joint`: the boards keep a joint belief ([board] fusion); `drift`: how they let reports spread ([board] drift).
+
+        `sensors` are those of a filter for a joint, where they are not those of the settings. `hears_readings`: from the wire.
+        """
         self.robot, self.grid, self.settings = robot, grid, settings
         self._saves = settings.send.budget is not None and math.isfinite(settings.send.budget)
         self.peer = Peer(
@@ -58,13 +64,17 @@ class AgentService(Around):
             robot,
             self._hear,
             settings={"localizer": settings.localizer, "feedback": feedback},
-            listens=(keys.READING.key(team=team, robot=robot),),
+            listens=(keys.READING.key(team=team, robot=robot),) if hears_readings else (),
             brief=self._saves,
         )
         super().__init__(self.peer)
         self.clock, self.counters, self.refused = self.peer.clock, self.peer.intake.counters, self.peer.intake.refused
         self.rounds = Rounds(ROBOT, {"patience": settings.patience}, "readings")
-        self._new_agent = partial(JointAgent if joint else Agent, robot, settings, grid, feedback)
+        self._new_agent: Callable[[], JointAgent | Agent] = (
+            partial(JointAgent, robot, settings, grid, feedback, sensors)
+            if joint
+            else partial(Agent, robot, settings, grid, feedback)
+        )
         self._new_budget = partial(Budget, settings.send, grid, robot, drift, self.peer.size)
         self._forget()
 

@@ -123,9 +123,9 @@ ROOMS = (
     ),
     Room(
         "client",
-        "a team for other people's programs: member (a peer; pure), agreed, desk, why, team; ask: which team is there; "
-        "share: what one team agrees on, told to another (pure)",
-        "shared board@member net@team process.clock@team process.loop@team",
+        "a team for other people's programs: member (a peer; pure), agreed, desk, why, membership, team, robot; ask: which team is "
+        "there; share: what one team agrees on, told to another (pure)",
+        "shared board@member net@membership process.clock@membership process.loop@membership",
     ),
     Room(
         "run",
@@ -138,7 +138,7 @@ ROOMS = (
     Room(
         "robot_agent",
         "sensing, localizers, estimator, gaussian/ (its filter for a joint), agent, budget (what is said on a poor link), "
-        "sightings (their worth), coarse and short (fewer bytes), faults (all pure), service, team (the service of a robot), config",
+        "sightings (their worth), coarse and short (fewer bytes), faults (all pure), service, driven (by a program's calls), team (the service of a robot), config",
         "shared plugins@localizers pydantic@config",
     ),
     Room("robot_agent.__main__", "`robot-agent`", "shared robot_agent run cyclopts"),
@@ -221,6 +221,7 @@ ROOMS = (
 
 #: What a room may not import, and one module does, to run a whole team in one process: module -> module.
 EXCEPTIONS = {
+    ("blackboard.client.robot", "robot_agent.driven"),  # a program's own robot, loaded when it joins
     ("blackboard.commands", "robot_agent.config"),  # every section is validated before anything starts
     ("blackboard.lab.ideal", "robot_agent.gaussian.ideal"),
     ("blackboard.lab.ideal", "sim_world.sensors"),

@@ -22,6 +22,7 @@ class NotRun:
 NEWCOMER = "tests/long/test_newcomer.py"
 MAINTAINER = "tests/long/test_maintainer.py"
 CLIENT = "tests/system/test_client_page.py::test_every_line_of_the_page_does_what_it_says"
+ROBOTS = "tests/system/test_client_page.py::test_every_line_of_the_page_does_what_it_says"
 OWN_TEAM = "tests/system/test_newcomer.py::test_the_tutorial_s_own_team_runs_is_explained_and_swept"
 TAPE = "tests/view/test_tutorial.py::test_a_command_of_the_tutorial_does_what_it_says"
 RESEARCH = "tests/long/test_research_page.py::test_every_command_of_the_page_does_what_it_says"
@@ -101,6 +102,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
     ),
     "research.md": (("blackboard demo", RESEARCH), ("blackboard sweep", RESEARCH)),
+    "robots.md": (("blackboard router", ROBOTS), ("from blackboard.client", ROBOTS), ("try:", ROBOTS)),
     "ros2.md": (
         (".venv/bin/pip install", NotRun("an installation; tests/other/test_ros.py needs what it installs")),
         ("blackboard demo", NotRun("a node of ROS 2; tests/other/test_ros.py runs both with one in Rust")),

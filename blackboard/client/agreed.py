@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
+from blackboard.process.reactions import Cue
 from blackboard.wire.arrays import unpack
-from blackboard.wire.messages import Consensus
+from blackboard.wire.messages import Consensus, Refusal
+from blackboard.wire.types import Message
 
 #: Seconds without a newer agreed belief after which an older one is taken, because the stamp of the last one must have been wrong.
 FORGOTTEN = 10.0
@@ -54,3 +57,28 @@ class Newest:
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
         assert len(self._last) <= MAX_SUBJECTS
+
+
+class TeamNews:
+    """What a robot's process hears of its team, handed to the program: what is agreed, and what boards refused of the robot."""
+
+    def __init__(
+        self,
+        grid: Grid,
+        on_agreed: Callable[[Agreed], None] = lambda agreed: None,
+        on_refused: Callable[[Refusal], None] = lambda refusal: None,
+    ) -> None:
+        self._newest, self._on_agreed, self._on_refused = Newest(grid), on_agreed, on_refused
+
+    def take(self, it: Cue | Message, now: float) -> None:
+        """Take what came at a Unix time. Refused: as in `Newest.take`; and whatever a callback raises."""
+        if it in (Cue.BEGIN, Cue.FREE):
+            self._newest.forget()
+        elif isinstance(it, Consensus) and (agreed := self._newest.take(it, now)) is not None:
+            self._on_agreed(agreed)
+        elif isinstance(it, Refusal):
+            self._on_refused(it)
+
+    def check(self) -> None:
+        """AssertionError: an invariant does not hold."""
+        self._newest.check()

@@ -16,6 +16,9 @@ from blackboard.wire.messages import Status
 
 PAUSE = 0.1  # seconds between two questions
 
+#: What a robot must know of a board's settings, and what it takes where the board does not say so.
+SETTINGS = {"feedback": "guarded", "fusion": "opinions"}
+
 Get = Callable[[str], Iterable[Envelope]]  # the newest on a key expression, of each who answers: `Link.get`
 
 
@@ -24,7 +27,8 @@ class Found:
     team: str
     sub_team: str
     grid: Grid
-    feedback: str = "guarded"  # `[board] feedback`
+    feedback: str = SETTINGS["feedback"]  # `[board] feedback`
+    fusion: str = SETTINGS["fusion"]  # `[board] fusion`
 
 
 def ask(
@@ -66,7 +70,8 @@ def _boards(get: Get, key_expr: str) -> dict[tuple[str, str], Found]:
                 at, (team, sub_team) = message.anchor, (parts["team"], parts["sub_team"])
                 anchor = None if at is None else Anchor(at.latitude, at.longitude, at.bearing)
                 grid = replace(unpacked_grid(message.grid), anchor=anchor)
-                found[team, sub_team] = Found(team, sub_team, grid, str(message.settings.get("feedback", "guarded")))
+                told = (str(message.settings.get(key, default)) for key, default in SETTINGS.items())
+                found[team, sub_team] = Found(team, sub_team, grid, *told)
         except Refused:
             continue
     return found

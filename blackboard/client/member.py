@@ -7,10 +7,8 @@ this robot, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from blackboard.board.entries import MAX_SUBJECTS
-from blackboard.client.agreed import Agreed, Newest
+from blackboard.client.agreed import TeamNews
 from blackboard.config import BoardSection
 from blackboard.errors import OpinionError, Refused
 from blackboard.opinion.belief import Belief
@@ -23,7 +21,7 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import pack
 from blackboard.wire.codec import encode, open_envelope
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Consensus, Informed, PackedBelief, Refusal, Report, Solo
+from blackboard.wire.messages import Informed, PackedBelief, Report, Solo
 from blackboard.wire.opinions import check_stamp, reported
 from blackboard.wire.types import Message
 
@@ -42,8 +40,7 @@ class Member(Around):
         robot: str,
         grid: Grid,
         settings: BoardSection,
-        on_agreed: Callable[[Agreed], None] = lambda agreed: None,
-        on_refused: Callable[[Refusal], None] = lambda refusal: None,
+        news: TeamNews | None = None,
         judged: bool = True,
     ) -> None:
         """`settings` are those of the team's boards. `judged`: whether a world's referee gets what it reports."""
@@ -51,20 +48,13 @@ class Member(Around):
         super().__init__(self.peer)
         self.intake, self.clock = self.peer.intake, self.peer.clock
         self.grid, self._settings, self._judged = grid, settings, judged
-        self._on_agreed, self._on_refused = on_agreed, on_refused
-        self._newest = Newest(grid)
+        self._news = news or TeamNews(grid)
         self._reports: dict[str, Report] = {}  # subject -> the newest
-        self._forget()
-
-    def _forget(self) -> None:
-        """Stamps mean something else from now on."""
-        self._reports = {}
-        self._newest.forget()
 
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
         super().check()
-        self._newest.check()
+        self._news.check()
         assert all(report.subject == subject for subject, report in self._reports.items())
         assert len(self._reports) <= MAX_SUBJECTS
 
@@ -144,16 +134,13 @@ class Member(Around):
 
     def _hear(self, it: Cue | Message, now: float) -> list[Envelope]:
         if it is Cue.BEGIN:
-            self._forget()
+            self._reports = {}
         elif it is Cue.FREE:
             self.peer.begin("")
-            self._forget()
+            self._reports = {}
         elif it is Cue.TICK:
             return self._stand(now)
-        elif isinstance(it, Consensus) and (agreed := self._newest.take(it, now)) is not None:
-            self._on_agreed(agreed)
-        elif isinstance(it, Refusal):
-            self._on_refused(it)
+        self._news.take(it, now)
         return []
 
     def _stand(self, now: float) -> list[Envelope]:

@@ -16,7 +16,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from blackboard.client.agreed import Agreed, Newest
+from blackboard.client.agreed import Agreed, Newest, TeamNews
 from blackboard.client.member import Member
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
@@ -62,7 +62,7 @@ class Share(Around):
             robot=VIA + source,
             grid=grid,
             settings=settings,
-            on_agreed=self._learn,
+            news=TeamNews(grid, self._learn),
             judged=False,
         )
         super().__init__(self.tells)

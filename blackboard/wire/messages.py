@@ -328,6 +328,8 @@ class Odometry(Part):
     distance: Finite
     turn: Finite
     dt: Positive
+    distance_sigma: NonNegative | None = None  # of this step; None: by the robot's model
+    turn_sigma: NonNegative | None = None  # radians
 
 
 class Fix(Part):

@@ -12,12 +12,15 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct, drive
+from blackboard.opinion.gaussian.vehicle import AXES, POSE, Motion, correct, drive
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import pack_evidence
@@ -28,7 +31,7 @@ from robot_agent.budget import Choice
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand, Told
 from robot_agent.gaussian.hand_over import pose_of
-from robot_agent.gaussian.sensors import sensors_of
+from robot_agent.gaussian.sensors import Sensors, sensors_of
 from robot_agent.raster import with_outlier
 from robot_agent.sensing import trackable
 
@@ -45,10 +48,18 @@ class Step:
 class JointAgent:
     """One robot: `tick` takes readings and the agreed beliefs that have arrived, and returns what to report."""
 
-    def __init__(self, robot: str, settings: RobotSection, grid: Grid, feedback: Feedback = "guarded") -> None:
+    def __init__(
+        self,
+        robot: str,
+        settings: RobotSection,
+        grid: Grid,
+        feedback: Feedback = "guarded",
+        sensors: Sensors | None = None,
+    ) -> None:
+        """`sensors` are those of the settings where they are not given."""
         self.robot, self.subject = robot, f"robot/{robot}"
         self.settings, self.grid, self.feedback = settings, grid, feedback
-        self.filter = FirstHand(self.subject, sensors_of(settings))
+        self.filter = FirstHand(self.subject, sensors or sensors_of(settings))
         self.own = TeamJoint(Objects(drift=settings.objects.drift))  # of this robot alone, with the objects that it saw
         self.searching: Agent | None = None  # its grids, while there is no Gaussian belief
         self.team: Moments | None = None  # where the team's joint has this robot, moved on to the newest tick
@@ -80,6 +91,14 @@ class JointAgent:
             reports, solo = self._report(readings, told)
         self._time = readings.time
         return [r.model_copy(update={"evidence": evidence}) if r.subject == self.subject else r for r in reports], solo
+
+    def pose(self) -> Moments | None:
+        """Where the robot is, (x, y, heading) with covariance, shape (3,) and (3, 3): as the team has it, else by its own readings."""
+        state = self.team if self.team is not None else self.filter.belief
+        if state is None:
+            return None if self.searching is None else self.searching.pose()
+        found = Moments(state.mean[POSE].copy(), state.covariance[POSE, POSE].copy())
+        return found if np.trace(found.covariance[AXES, AXES]) < KNOWN else None
 
     def on_sent(self, choice: Choice) -> None:
         """What of the newest reports was sent: evidence that was not is gathered into that of the next tick."""

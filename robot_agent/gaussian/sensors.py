@@ -20,7 +20,7 @@ from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Odometry, Sighting
-from robot_agent.config import RobotSection
+from robot_agent.config import OdometrySection, RobotSection
 from robot_agent.sensing import SEEN_FROM, SEEN_TO, position_sigma
 
 #: The lasting errors of the recorded robots.
@@ -50,18 +50,23 @@ class Wheels:
     standing: float = 0.05  # the share of the sigmas that is left while the robot stands
 
     def motion(self, told: Odometry, before: Odometry | None) -> Motion:
-        """A tick's motion with its noise; `before` is the odometry of the tick before."""
+        """A tick's motion with its noise; `before` is the odometry of the tick before.
+
+        A sigma that the odometry comes with stands for all of its fresh error.
+        """
         moving = abs(told.distance) > STILL or abs(told.turn) > STILL
         time = told.dt * (1.0 if moving else self.standing**2)
         change = 0.0 if before is None else told.turn / told.dt - before.turn / before.dt
+        along = self.along**2 * time + self.way**2 * abs(told.distance)
+        heading = self.heading**2 * time + self.turning**2 * abs(told.turn) + (self.starting * change) ** 2
         return Motion(
             distance=told.distance,
             turn=told.turn,
             dt=told.dt,
             moving=told.dt if moving else 0.0,
-            along=self.along**2 * time + self.way**2 * abs(told.distance),
-            across=self.across**2 * time,
-            heading=self.heading**2 * time + self.turning**2 * abs(told.turn) + (self.starting * change) ** 2,
+            along=along if told.distance_sigma is None else told.distance_sigma**2,
+            across=self.across**2 * time if told.distance_sigma is None else 0.0,
+            heading=heading if told.turn_sigma is None else told.turn_sigma**2,
         )
 
 
@@ -147,29 +152,30 @@ def sensors_of(settings: RobotSection) -> Sensors:
     vision "range-bearing": its sigmas of one frame, and else the physics above, which holds for wheels and cameras like the
     recorded robots'.
     """
-    vision, wheels, ranging = settings.vision, settings.odometry, settings.ranging
+    vision, ranging = settings.vision, settings.ranging
     lasting = (Bias(ranging.bias, ranging.seconds),) if ranging.bias else ()
     if vision.kind != "position":
         camera = Camera(floor=vision.range_floor, share=vision.range_share, bearing=ALIKE * vision.bearing)
         return Sensors(camera=camera, ranging=lasting)
     distances = np.linspace(SEEN_FROM + 0.01, SEEN_TO - 0.01, 49)
     profile = tuple(zip(distances.tolist(), np.square(position_sigma(distances, vision)).tolist(), strict=True))
-    return Sensors(
-        Wheels(
-            Nuisance(
-                forward=wheels.distance_scale,
-                turn=wheels.turn_scale,
-                sigmas=(wheels.distance_lasting, wheels.turn_lasting, 0.0, 0.0, 0.0, ranging.scale),
-            ),
-            along=wheels.along,
-            across=wheels.across,
-            heading=wheels.turn,
-            turning=0.0,
-            starting=0.0,
-            standing=wheels.standing,
+    return Sensors(wheels_of(settings.odometry, ranging.scale), replace(Camera(), profile=profile), ranging=lasting)
+
+
+def wheels_of(odometry: OdometrySection, scale: float = 0.0) -> Wheels:
+    """Wheels by the sigmas of [robot.odometry]; `scale` is the sigma of the scale of the ranges."""
+    return Wheels(
+        Nuisance(
+            forward=odometry.distance_scale,
+            turn=odometry.turn_scale,
+            sigmas=(odometry.distance_lasting, odometry.turn_lasting, 0.0, 0.0, 0.0, scale),
         ),
-        replace(Camera(), profile=profile),
-        ranging=lasting,
+        along=odometry.along,
+        across=odometry.across,
+        heading=odometry.turn,
+        turning=0.0,
+        starting=0.0,
+        standing=odometry.standing,
     )
 
 

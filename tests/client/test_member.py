@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from blackboard.board.service import BoardService
-from blackboard.client.agreed import Agreed
+from blackboard.client.agreed import Agreed, TeamNews
 from blackboard.client.member import STANDS, Member
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
@@ -41,8 +41,7 @@ class One:
             robot="r1",
             grid=grid,
             settings=BoardSection(),
-            on_agreed=self.hear,
-            on_refused=self.refused.append,
+            news=TeamNews(grid, self.hear, self.refused.append),
         )
         self.tell(board_of("a", name="board-a"))
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 import pytest
 
 from blackboard.board.service import BoardService
-from blackboard.client.agreed import FORGOTTEN, Agreed
+from blackboard.client.agreed import FORGOTTEN, Agreed, TeamNews
 from blackboard.client.agreed import MAX_SUBJECTS as REMEMBERED
 from blackboard.client.member import Member
 from blackboard.client.share import MAX_SUBJECTS, Share
@@ -53,7 +53,7 @@ class Teams(Scheduler):
         def hear(agreed: Agreed) -> None:
             self.agreed[team, agreed.subject] = agreed
 
-        return Member(team=team, sub_teams=("a",), robot="r1", grid=GRID, settings=SETTINGS, on_agreed=hear)
+        return Member(team=team, sub_teams=("a",), robot="r1", grid=GRID, settings=SETTINGS, news=TeamNews(GRID, hear))
 
     @staticmethod
     def _share(source: str, to: str, options: dict[str, object]) -> Share:

@@ -1,4 +1,4 @@
-"""docs/client.md to the letter: its commands run, its Python runs, and what it says that is printed is printed."""
+"""docs/client.md and docs/robots.md to the letter: their commands run, its Python runs, and what it says that is printed is printed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import re
 import shlex
 from contextlib import ExitStack
 from pathlib import Path
+
+import pytest
 
 from blackboard.config import Scenario
 from blackboard.opinion.grid import Anchor
@@ -15,16 +17,21 @@ from tests.files import ROOT
 from tests.processes import program
 
 PAGE = (ROOT / "docs" / "client.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-COMMANDS = re.findall(r"^    blackboard (.+)$", PAGE, re.MULTILINE)
 
 
-def test_every_line_of_the_page_does_what_it_says() -> None:
+def blocks(page: str) -> list[str]:
+    return re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("name", ["client.md", "robots.md"])
+def test_every_line_of_the_page_does_what_it_says(name: str) -> None:
+    text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    commands = re.findall(r"^    blackboard (.+)$", text, re.MULTILINE)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    assert [command.split()[0] for command in COMMANDS] == ["router", "serve"]
-    page = "\n".join(BLOCKS).replace("tcp/127.0.0.1:7447", endpoint)
+    assert [command.split()[0] for command in commands] == ["router", "serve"]
+    page = "\n".join(blocks(text)).replace("tcp/127.0.0.1:7447", endpoint)
     with ExitStack() as running:
-        for command in COMMANDS:
+        for command in commands:
             arguments = shlex.split(command.replace("tcp/127.0.0.1:7447", endpoint))
             running.enter_context(program("-m", "blackboard", *arguments)).says("ready")
         client = running.enter_context(program("-c", page))
@@ -35,7 +42,7 @@ def test_every_line_of_the_page_does_what_it_says() -> None:
 
 
 def test_the_five_lines_are_five() -> None:
-    assert len([line for line in BLOCKS[0].splitlines() if line]) == 5
+    assert len([line for line in blocks(PAGE)[0].splitlines() if line]) == 5
 
 
 def test_its_scenario_is_one() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import ExitStack
 
 from blackboard.net.link import Link
@@ -40,3 +41,17 @@ def test_a_client_a_wire_robot_and_robot_agent_share_one_board() -> None:
         wait_until(all_of_them, lambda: f"each is in the consensus; used are {used}; client: {client.err}")
         wait_until(lambda: "object/ball" in client.out, lambda: f"the client prints what is agreed: {client.out}")
         assert "refused" not in board.err + client.err
+
+
+def test_the_robots_of_the_field_find_themselves() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    scenario = str(ROOT / "examples" / "field" / "field.toml")
+    with ExitStack() as running:
+        running.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
+        board = program("-m", "blackboard", "serve", "--scenario", scenario, "--sub-team", "a", "-e", endpoint)
+        running.enter_context(board).says("ready")
+        client = running.enter_context(program("-m", "examples.field.client", "-e", endpoint, "--seconds", "10"))
+        assert client.ends() == 0, client.err
+    off = [float(it) for it in re.findall(r"^r\d: RMSE ([\d.]+) m; ball at \[", client.out, re.MULTILINE)]
+    assert len(off) == 3, client.out
+    assert max(off) < 0.5

@@ -1,0 +1,261 @@
+"""Robot: a robot that says what its sensors tell, and gets its place in the team (docs/robots.md)."""
+
+from __future__ import annotations
+
+import math
+import re
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from blackboard.client.agreed import TeamNews
+from blackboard.client.membership import Membership
+from blackboard.opinion.grid import Grid
+from blackboard.wire.evidence import Seen
+from blackboard.wire.messages import Fix, Odometry, Sighting
+from blackboard.wire.names import NAME, SUBJECT_KINDS
+from blackboard.wire.types import LARGEST
+
+if TYPE_CHECKING:
+    from robot_agent.driven import Driven, Gathered, Pose
+
+SMALLEST = 1e-9  # the smallest eigenvalue of a covariance, of its scale
+LEAST = 1e-6  # the smallest sigma, unit or radians: a message holds no smaller one
+
+
+class Robot(Membership):
+    """A robot among its team-mates: tell it what odometry and sensors say, then `step`; lengths in the grid's unit, angles in radians.
+
+    It is `robot-agent` in this process: its own readings go into a filter here, and what they are worth goes to the team. Each call
+    that is wrong is a ValueError that names the argument.
+    """
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        """As `Team`."""
+        super().__init__(*arguments, **named)
+        self._lock = threading.Lock()
+        self._told: Gathered | None = None  # since the last step
+        self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
+        self._stepped = -math.inf  # team time of the newest step that had a time, seconds
+
+    def _made(self, grid: Grid, news: TeamNews) -> Driven:
+        from robot_agent.driven import driven
+
+        self._driven = driven(
+            news.take,
+            self._scenario,
+            team=self.name,
+            sub_teams=self.sub_teams,
+            robot=self.robot,
+            grid=grid,
+            joint=self._joint,
+        )
+        return self._driven
+
+    # --- what the sensors tell ----------------------------------------------------------------------------------------
+
+    def odometry(
+        self,
+        distance: float,
+        turn: float,
+        dt: float,
+        distance_sigma: float | None = None,
+        turn_sigma: float | None = None,
+    ) -> None:
+        """The robot drove a distance (forward is positive) and turned in `dt` seconds; sigmas of this piece [default: by the model].
+
+        Several pieces between two steps add up. A step without any means that the robot stood.
+        """
+        known = _Call("odometry")
+        self._tell(
+            odometry=Odometry(
+                distance=known.number("distance", distance),
+                turn=known.number("turn", turn),
+                dt=known.number("dt", dt, least=LEAST),
+                distance_sigma=known.sigma("distance_sigma", distance_sigma),
+                turn_sigma=known.sigma("turn_sigma", turn_sigma),
+            )
+        )
+
+    def moved_to(
+        self, pose: Sequence[float], dt: float, distance_sigma: float | None = None, turn_sigma: float | None = None
+    ) -> None:
+        """The robot's newest pose (x, y, heading) in any frame that stays, as of visual odometry, `dt` seconds after the last.
+
+        Only the way between two poses counts. After a jump of that frame call it once with `dt=0`.
+        """
+        known = _Call("moved_to")
+        x, y, heading = known.numbers("pose", pose, (3,))
+        seconds = known.number("dt", dt, least=0.0)
+        sigmas = known.sigma("distance_sigma", distance_sigma), known.sigma("turn_sigma", turn_sigma)
+        with self._lock:
+            last, self._place = self._place, (x, y, heading)
+        if last is not None and seconds >= LEAST:
+            turn = math.remainder(heading - last[2], math.tau)
+            way = last[2] + turn / 2
+            distance = (x - last[0]) * math.cos(way) + (y - last[1]) * math.sin(way)
+            self.odometry(distance, turn, seconds, *sigmas)
+
+    def compass(self, heading: float, sigma: float | None = None) -> None:
+        """The robot's heading in the team's frame, as a compass says it: 0 along x, counter-clockwise."""
+        known = _Call("compass")
+        self._tell(compass=(known.angle("heading", heading), known.sigma("sigma", sigma)))
+
+    def fix(
+        self,
+        position: Sequence[float],
+        sigma: float,
+        heading: float | None = None,
+        heading_sigma: float | None = None,
+    ) -> None:
+        """Where the robot is in the team's frame, as of GPS, or where it starts; of two between steps the newest counts."""
+        known = _Call("fix")
+        x, y = known.numbers("position", position, (2,))
+        if heading_sigma is not None and heading is None:
+            raise ValueError(f"fix(heading_sigma={heading_sigma!r}): give heading too")
+        if heading is not None and heading_sigma is None:
+            raise ValueError("fix(heading_sigma=None): give the sigma of the heading, in radians")
+        turned: dict[str, Any] = {}
+        if heading is not None:
+            sigma_of_heading = known.sigma("heading_sigma", heading_sigma)
+            turned = {"heading": known.angle("heading", heading), "heading_sigma": sigma_of_heading}
+        self._tell(fix=Fix(position=(x, y), sigma=known.number("sigma", sigma, least=LEAST), **turned))
+
+    def see(
+        self,
+        subject: str,
+        range: float | None = None,
+        bearing: float | None = None,
+        range_sigma: float | None = None,
+        bearing_sigma: float | None = None,
+        position: Sequence[float] | None = None,
+        covariance: npt.ArrayLike | None = None,
+        *,
+        at: Sequence[float] | None = None,
+        age: float = 0.0,
+    ) -> None:
+        """The robot sees `robot/r2`, `object/ball`, ...: at a range, a bearing (0: ahead, counter-clockwise), both, or a position.
+
+        A `position` (ahead, to the left) is in the robot's own frame, its `covariance` of shape (2, 2). With a third number, the
+        heading less the robot's own, it is a pose, and that of shape (3, 3). `at` is where a landmark stands in the team's frame;
+        `age` are seconds since it was seen. Of the ranges with bearings to one subject the newest counts.
+        """
+        known = _Call("see")
+        if not isinstance(subject, str) or not re.fullmatch(f"({SUBJECT_KINDS})/{NAME}", subject):
+            raise ValueError(f"see(subject={subject!r}): give robot/NAME, object/NAME or landmark/NAME")
+        if subject == f"robot/{self.robot}":
+            raise ValueError(f"see(subject={subject!r}): is this robot itself")
+        if subject.startswith("landmark/") == (at is None):
+            where = "give where the landmark stands" if at is None else "belongs to a landmark/NAME"
+            raise ValueError(f"see(at={at!r}): {where}")
+        common: dict[str, Any] = {
+            "subject": subject,
+            "landmark": None if at is None else known.numbers("at", at, (2,)),
+            "age": known.number("age", age, least=0.0),
+        }
+        if position is not None:
+            if not (range is bearing is range_sigma is bearing_sigma is None):
+                raise ValueError("see(position=...): give either a position or a range and a bearing")
+            if covariance is None:
+                raise ValueError("see(covariance=None): give the covariance of the position, shape (2, 2)")
+            size = 3 if np.shape(position) == (3,) else 2
+            values = known.numbers("position", position, (size,))
+            matrix = known.covariance("covariance", covariance, size)
+            kind, upper = ("position", "pose")[size - 2], tuple(matrix[np.triu_indices(size)].tolist())
+            self._tell(seen=(Seen(kind=kind, values=values, covariance=upper, **common),))
+            return
+        if covariance is not None:
+            raise ValueError("see(covariance=...): belongs to a position; give range_sigma and bearing_sigma")
+        if range is bearing is None:
+            raise ValueError("see(range=None): give a range, a bearing, both, or a position")
+        sigmas = known.sigma("range_sigma", range_sigma), known.sigma("bearing_sigma", bearing_sigma)
+        far = None if range is None else known.number("range", range, least=0.0)
+        angle = None if bearing is None else known.angle("bearing", bearing)
+        if far is not None and angle is not None:
+            both = Sighting(range=far, bearing=angle, range_sigma=sigmas[0], bearing_sigma=sigmas[1], **common)
+            self._tell(sightings=(both,))
+            return
+        for name, value, sigma in (("range", far, sigmas[0]), ("bearing", angle, sigmas[1])):
+            if value is not None:
+                one = Seen(kind=name, values=(value,), covariance=() if sigma is None else (sigma**2,), **common)
+                self._tell(seen=(one,))
+            elif sigma is not None:
+                raise ValueError(f"see({name}_sigma={sigma!r}): give {name} too")
+
+    # --- the place in the team ----------------------------------------------------------------------------------------
+
+    def step(self, time: float | None = None) -> Pose | None:
+        """Take all that was told since the last step, and tell the team: where the robot is, None before anybody knows.
+
+        `time` is team time in seconds of what was told [default: now]. Call it a few times per second. Refused: with `strict`,
+        what a board has refused.
+        """
+        if time is not None:
+            stamp = _Call("step").number("time", time)
+            if stamp < self._stepped:
+                raise ValueError(f"step(time={time!r}): is before the last step, at {self._stepped!r}")
+            self._stepped = stamp
+        self._raise_refused()
+        with self._lock:
+            told, self._told = self._told, None
+        return self._desk.call(lambda now: self._driven.step(told, now, time))
+
+    @property
+    def pose(self) -> Pose | None:
+        """Where the robot was at its last step, as the team has it now."""
+        return self._desk.call(lambda now: (self._driven.pose(), []))
+
+    def _tell(self, **told: Any) -> None:
+        from robot_agent.driven import Gathered
+
+        with self._lock:
+            self._told = (self._told or Gathered()).plus(Gathered(**told))
+
+
+class _Call:
+    """The arguments of a call, checked. ValueError: one that cannot be, by its name, in one sentence."""
+
+    def __init__(self, method: str) -> None:
+        self._method = method
+
+    def number(self, name: str, value: Any, least: float = -LARGEST) -> float:
+        found = self._float(value)
+        if not (math.isfinite(found) and least <= found <= LARGEST):
+            bound = "" if least < 0 else f" of at least {least:g}"
+            raise self._wrong(name, value, f"give a finite number{bound}")
+        return found
+
+    def angle(self, name: str, value: Any) -> float:
+        return math.remainder(self.number(name, value), math.tau)
+
+    def sigma(self, name: str, value: Any) -> float | None:
+        return None if value is None else self.number(name, value, least=LEAST)
+
+    def numbers(self, name: str, value: Any, shape: tuple[int, ...]) -> Any:
+        try:
+            found = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            found = np.array(np.nan)
+        if found.shape != shape or not np.isfinite(found).all() or np.abs(found).max() > LARGEST:
+            raise self._wrong(name, value, f"give {' x '.join(str(n) for n in shape)} finite numbers")
+        return tuple(found.tolist())
+
+    def covariance(self, name: str, value: Any, size: int) -> Any:
+        found = np.array(self.numbers(name, value, (size, size)))
+        scale = np.sqrt(np.maximum(np.diag(found), LEAST**2))
+        symmetric = np.abs(found - found.T).max() <= 1e-6 * np.abs(found).max()
+        if not symmetric or np.linalg.eigvalsh(found / np.outer(scale, scale))[0] < SMALLEST:
+            raise self._wrong(name, value, "give a symmetric matrix with positive eigenvalues")
+        return found
+
+    def _float(self, value: Any) -> float:
+        try:
+            return math.nan if isinstance(value, bool | str) else float(value)
+        except (TypeError, ValueError, OverflowError):
+            return math.nan
+
+    def _wrong(self, name: str, value: Any, cure: str) -> ValueError:
+        return ValueError(f"{self._method}({name}={value!r}): {cure}")

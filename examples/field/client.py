@@ -1,0 +1,61 @@
+"""Three robots on a field, each with wheels and a camera, one with GPS; `Robot` gives each its place in the team.
+
+    blackboard router -l tcp/127.0.0.1:7447
+    blackboard serve --scenario examples/field/field.toml --sub-team a -e tcp/127.0.0.1:7447
+    python -m examples.field.client -e tcp/127.0.0.1:7447 --seconds 30
+
+Where they really are is made up in world.py. At the end it prints how far off each was.
+"""
+
+import argparse
+import math
+import threading
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from blackboard.client import Robot
+from examples.field.world import Said, World
+
+HERE = Path(__file__).parent
+
+
+def tell(robot: Robot, said: Said, world: World) -> None:
+    """What the sensors say, and how exact they are."""
+    truth = world.truth
+    if said.start is not None:
+        x, y, heading = said.start
+        robot.fix((x, y), truth.start, heading, truth.start_heading)
+    else:
+        robot.odometry(said.distance, said.turn, said.dt)
+    if said.gps is not None:
+        robot.fix(said.gps, truth.gps)
+    for seen in said.seen:
+        robot.see(seen.subject, seen.range, seen.bearing, truth.range, truth.bearing)
+
+
+def main(args: argparse.Namespace) -> None:
+    world, off = World(args.seed), dict[str, list[float]]()
+    with ExitStack() as stack:
+        robots = {n: stack.enter_context(Robot(n, HERE / "field.toml", endpoint=args.connect)) for n in world.robots}
+        pause, begin = threading.Event(), time.monotonic()
+        for number, said in enumerate(world.steps(args.seconds)):
+            pause.wait(max(0.0, begin + number * world.truth.dt - time.monotonic()))
+            for name, robot in robots.items():
+                tell(robot, said[name], world)
+                pose = robot.step()
+                if pose is not None:
+                    off.setdefault(name, []).append(math.dist(pose.mean[:2], world.poses[name][:2]))
+        for name, robot in robots.items():
+            rmse = math.sqrt(sum(it**2 for it in off[name]) / len(off[name]))
+            print(
+                f"{name}: RMSE {rmse:.2f} m; ball at {robot.agreed['object/ball'].belief.mean().round(1)}", flush=True
+            )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-e", "--connect", default="tcp/127.0.0.1:7447")
+    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--seed", type=int, default=1)
+    main(parser.parse_args())

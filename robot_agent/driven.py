@@ -1,0 +1,165 @@
+"""A robot whose program gives it its readings by calls, in the program's own process. Pure.
+
+It is the robot process (`robot_agent.service`) without Readings on the wire: the program says what its sensors told since the last
+step, and a step makes one tick of that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from blackboard.config import Scenario
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.vehicle import Nuisance
+from blackboard.opinion.grid import Array
+from blackboard.process.reactions import Cue
+from blackboard.process.team_clock import Pace
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.evidence import Seen
+from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from blackboard.wire.types import MAX_OPINIONS, Message
+from robot_agent.config import RobotSection, VisionSection
+from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of, wheels_of
+from robot_agent.service import AgentService
+
+#: Wheels of which nobody said anything: errors of some percent of way and turn that last, as of calibrated wheeled robots (Borenstein
+#: and Feng, IEEE Trans. Robotics and Automation 12(6), 1996), and fresh ones that grow with both. Floors differ more than wheels.
+UNKNOWN_WHEELS = Wheels(
+    Nuisance(sigmas=(0.05, 0.05, 0.003, 0.0, 0.0, 0.0), walks=(0.003, 0.003, 0.0001)),
+    along=0.03,
+    across=0.01,
+    heading=0.02,
+    turning=0.05,
+    starting=0.0,
+)
+
+
+SUMMED = ("distance", "turn", "dt")  # of Odometry
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """What a robot's sensors told since its last step."""
+
+    odometry: Odometry | None = None
+    compass: tuple[float, float | None] | None = None  # heading and sigma, radians
+    fix: Fix | None = None
+    sightings: tuple[Sighting, ...] = ()  # ranges with bearings
+    seen: tuple[Seen, ...] = ()  # of other kinds
+
+    def plus(self, later: Gathered) -> Gathered:
+        """Both: ways and turns add up, of compass and fix the newest counts."""
+        before, odometry = self.odometry, later.odometry
+        if before is not None and odometry is not None:
+            sums: dict[str, Any] = {name: getattr(before, name) + getattr(odometry, name) for name in SUMMED}
+            for name in ("distance_sigma", "turn_sigma"):
+                one, other = getattr(before, name), getattr(odometry, name)
+                sums[name] = None if one is None or other is None else math.hypot(one, other)
+            odometry = Odometry(**sums)
+        return Gathered(
+            odometry or before,
+            later.compass or self.compass,
+            later.fix or self.fix,
+            (*self.sightings, *later.sightings)[-MAX_OPINIONS:],
+            (*self.seen, *later.seen)[-MAX_OPINIONS:],
+        )
+
+    def readings(self, run: str, robot: str, tick: int, time: float) -> Readings:
+        """All of it as the readings of a tick at a team time (s)."""
+        heading, sigma = self.compass or (None, None)
+        return Readings(
+            run=run,
+            robot=robot,
+            tick=tick,
+            time=time,
+            odometry=self.odometry,
+            compass=heading,
+            compass_sigma=sigma,
+            fix=self.fix,
+            sightings=list(self.sightings),
+            seen=list(self.seen),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a robot is at a team time (s): x, y (unit) and heading (radians), shape (3,), and covariance, shape (3, 3)."""
+
+    mean: Array
+    covariance: Array
+    time: float
+
+
+class Driven(AgentService):
+    """An `AgentService` whose owner calls `step`."""
+
+    def __init__(self, news: Callable[[Cue | Message, float], None], **arguments: Any) -> None:
+        """`news` gets what the peer hears, after it was taken; `arguments` are those of `AgentService`."""
+        self._news = news
+        self._pending = Gathered()  # what no tick has taken yet
+        super().__init__(hears_readings=False, **arguments)
+
+    def _hear(self, it: Cue | Message, now: float) -> list[Envelope]:
+        out = super()._hear(it, now)
+        self._news(it, now)
+        return out
+
+    def step(
+        self, gathered: Gathered | None, now: float, time: float | None = None
+    ) -> tuple[Pose | None, list[Envelope]]:
+        """Act on what the sensors told, at a team time (s) [default: now]: where the robot is, and what is to be sent.
+
+        Where a world gives the clock, it is one step for each of its ticks: what is told after it waits for the next one.
+        """
+        self._pending = self._pending.plus(gathered or Gathered())
+        followed = self.clock.followed
+        done = followed is not None and followed.run == self.run and followed.tick <= self.tick
+        if done or self.clock.pace is Pace.WAITING:
+            return self.pose(), []
+        stamp = self.clock.time(now) if time is None else time
+        if followed is None:  # milliseconds, so that the count also grows where the program is started again
+            run, tick = f"{self.robot} alone", max(self.tick + 1, int(1000 * now))
+        else:
+            run, tick = followed.run, followed.tick
+        if run != self.run:
+            self._begin(run)
+        self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
+        self._pending = Gathered()
+        out = self._turn(now)
+        return self.pose(), out
+
+    def pose(self) -> Pose | None:
+        """Where the robot is, as the team has it; None before anything is known."""
+        found: Moments | None = self.agent.pose()
+        return None if found is None else Pose(found.mean, found.covariance, self.peer.answers.time)
+
+
+def sensors_in(scenario: Scenario | None) -> Sensors:
+    """The sensors of a robot that gives its readings itself: what the [robot] tables of a scenario say, and else nothing is known."""
+    table = {} if scenario is None else dict(scenario.tables.get("robot", {}))
+    settings = RobotSection() if scenario is None else scenario.section("robot", RobotSection)
+    configured = sensors_of(settings)
+    seen = VisionSection() == settings.vision
+    return replace(
+        configured,
+        wheels=wheels_of(settings.odometry, settings.ranging.scale) if "odometry" in table else UNKNOWN_WHEELS,
+        camera=Camera() if seen else configured.camera,
+    )
+
+
+def driven(
+    news: Callable[[Cue | Message, float], None],
+    scenario: Scenario | None,
+    **arguments: Any,
+) -> Driven:
+    """A robot by a scenario, if there is one; `arguments` are the others of `AgentService`."""
+    settings = RobotSection(localizer="pose")
+    if scenario is not None:
+        settings = scenario.section("robot", RobotSection)
+        if "localizer" not in scenario.tables.get("robot", {}):
+            settings = settings.model_copy(update={"localizer": "pose"})
+    drift = 1.0 if scenario is None else scenario.board.drift
+    return Driven(news, settings=settings, sensors=sensors_in(scenario), drift=drift, **arguments)

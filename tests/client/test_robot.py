@@ -1,0 +1,137 @@
+"""`Robot` at a real board and router: readings in, poses out; and each wrong call is one sentence that names the argument."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from blackboard.client import Robot
+from blackboard.opinion.grid import Grid
+from tests.client.boards import serving
+from tests.processes import LONG, wait_until
+
+pytestmark = pytest.mark.team
+
+GRID = Grid((40, 32), 0.25, unit="m")
+NAN = math.nan
+
+
+def test_two_robots_on_a_field_know_themselves_and_what_they_see(endpoint: str) -> None:
+    with (
+        serving(endpoint, GRID, fusion="joint"),
+        Robot("r1", endpoint=endpoint) as one,
+        Robot("r2", endpoint=endpoint) as two,
+    ):
+        assert one.step() is None
+        one.fix((2.0, 3.0), 0.05, 0.0, 0.02)
+        two.fix((4.0, 3.0), 1.0, math.pi, 0.05)  # nearly lost
+
+        def found() -> bool:
+            one.odometry(0.0, 0.0, 0.1)
+            two.odometry(0.0, 0.0, 0.1)
+            one.see("robot/r2", 2.5, 0.0, 0.05, 0.02)
+            two.see("object/ball", position=(1.0, 0.0), covariance=np.eye(2) * 0.01)
+            one.step()
+            pose = two.step()
+            return pose is not None and abs(pose.mean[0] - 4.5) < 0.1 and math.sqrt(pose.covariance[0, 0]) < 0.15
+
+        wait_until(found, lambda: f"what r1 sees tells r2 where it is: {two.pose}")
+        ball = two.newest("object/ball", LONG)
+        wait_until(lambda: abs(two.agreed["object/ball"].belief.mean()[0] - 3.5) < 0.2, "the ball is in front of r2")
+        assert ball.belief.grid == GRID
+        assert "robot/r2: agreed by board-a" in str(two.why("robot/r2"))
+        assert two.refused == []
+
+
+def test_poses_of_an_odometry_frame_are_moves(endpoint: str) -> None:
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        robot.fix((2.0, 3.0), 0.05, math.pi / 2, 0.02)
+        robot.step()
+        robot.moved_to((100.0, 50.0, 0.0), 0.1)
+        robot.moved_to((100.5, 50.0, 0.0), 0.1)
+        robot.moved_to((0.0, 0.0, 1.0), 0)  # its frame jumped
+        robot.moved_to((math.cos(1.0) * 0.5, math.sin(1.0) * 0.5, 1.0), 0.1)
+        pose = robot.step()
+        assert pose is not None
+        assert pose.mean == pytest.approx((2.0, 4.0, math.pi / 2), abs=0.05)
+
+
+def test_ranges_alone_to_known_places_tell_where_it_is(endpoint: str) -> None:
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        robot.fix((5.0, 4.0), 0.5, 0.0, 0.02)
+        robot.step()
+        for name, at in (("n", (5.0, 8.0)), ("e", (10.0, 4.0)), ("w", (0.0, 4.0))):
+            robot.see(f"landmark/{name}", range=math.dist(at, (5.4, 3.8)), range_sigma=0.05, at=at)
+            robot.see("object/ball", bearing=0.5, bearing_sigma=0.1)
+            robot.odometry(0.0, 0.0, 0.1)
+            pose = robot.step()
+        assert pose is not None
+        assert pose.mean[:2] == pytest.approx((5.4, 3.8), abs=0.15)
+
+
+def test_asyncio_and_a_callback(endpoint: str) -> None:
+    async def main() -> tuple[str, set[str]]:
+        heard = set()
+        async with Robot("r1", endpoint=endpoint) as robot:
+            robot.on_agreed(lambda agreed: heard.add(agreed.subject))
+            robot.fix((2.0, 3.0), 0.05, 0.0, 0.02)
+            robot.step()
+            return (await asyncio.wait_for(robot.next("robot/r1"), LONG)).subject, heard
+
+    with serving(endpoint, GRID, fusion="joint"):
+        assert asyncio.run(main()) == ("robot/r1", {"robot/r1"})
+
+
+def test_a_sighting_near_a_wall_and_far_behind_it_is_no_exception(endpoint: str) -> None:
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        robot.fix((0.1, 0.1), 0.05, math.pi, 0.02)
+        for distance in (0.0, 0.2, 3.0, 1000.0):
+            robot.see("object/ball", distance, 0.0, 0.05, 0.02)
+            assert robot.step() is not None
+            robot.odometry(0.3, 0.0, 0.1)  # through the wall
+
+
+WRONG: list[tuple[Callable[[Robot], object], str]] = [
+    (lambda r: r.odometry(NAN, 0, 0.1), r"odometry\(distance=nan\): give a finite number"),
+    (lambda r: r.odometry(0, "left", 0.1), r"odometry\(turn='left'\): give a finite number"),  # type: ignore[arg-type]
+    (lambda r: r.odometry(0, 0, 0), r"odometry\(dt=0\): give a finite number of at least 1e-06"),
+    (lambda r: r.odometry(0, 0, 1, -1), r"odometry\(distance_sigma=-1\): give"),
+    (lambda r: r.moved_to((0, 0), 1), r"moved_to\(pose=\(0, 0\)\): give 3 finite numbers"),
+    (lambda r: r.compass(None), r"compass\(heading=None\): give a finite number"),  # type: ignore[arg-type]
+    (lambda r: r.compass(0, 0), r"compass\(sigma=0\): give"),
+    (lambda r: r.fix((1, NAN), 1), r"fix\(position=\(1, nan\)\): give 2 finite numbers"),
+    (lambda r: r.fix((1, 1), None), r"fix\(sigma=None\): give"),  # type: ignore[arg-type]
+    (lambda r: r.fix((1, 1), 1, 0.5), r"fix\(heading_sigma=None\): give the sigma of the heading"),
+    (lambda r: r.fix((1, 1), 1, None, 0.5), r"fix\(heading_sigma=0.5\): give heading too"),
+    (lambda r: r.see("ball", 1, 0), r"see\(subject='ball'\): give robot/NAME, object/NAME or landmark/NAME"),
+    (lambda r: r.see("robot/r1", 1, 0), r"see\(subject='robot/r1'\): is this robot itself"),
+    (lambda r: r.see("robot/r2", -1, 0), r"see\(range=-1\): give a finite number of at least 0"),
+    (lambda r: r.see("robot/r2"), r"see\(range=None\): give a range, a bearing, both, or a position"),
+    (lambda r: r.see("robot/r2", 1, bearing_sigma=1), r"see\(bearing_sigma=1.0\): give bearing too"),
+    (lambda r: r.see("robot/r2", 1, 0, 0), r"see\(range_sigma=0\): give"),
+    (lambda r: r.see("robot/r2", 1, 0, age=-1), r"see\(age=-1\): give"),
+    (lambda r: r.see("robot/r2", position=(1, 1)), r"see\(covariance=None\): give the covariance"),
+    (lambda r: r.see("robot/r2", 1, 0, covariance=np.eye(2)), r"see\(covariance=...\): belongs to a position"),
+    (lambda r: r.see("robot/r2", 1, 0, position=(1, 1)), r"see\(position=...\): give either"),
+    (lambda r: r.see("robot/r2", position=(1, 1), covariance=[[1, 2], [2, 1]]), r"see\(covariance=\[\[1, 2\], \[2, 1\]\]\): give a sym"),
+    (lambda r: r.see("landmark/door", 1, 0), r"see\(at=None\): give where the landmark stands"),
+    (lambda r: r.see("object/ball", 1, 0, at=(1, 1)), r"see\(at=\(1, 1\)\): belongs to a landmark"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "names"), WRONG, ids=[names for _, names in WRONG])
+def test_a_wrong_call_is_one_sentence_that_names_the_argument(call: Callable[[Robot], object], names: str) -> None:
+    with pytest.raises(ValueError, match=f"^{names}"):
+        call(Robot("r1", "demo"))
+
+
+def test_time_does_not_go_back(endpoint: str) -> None:
+    with serving(endpoint, GRID), Robot("r1", endpoint=endpoint) as robot:
+        now = robot.time
+        robot.step(time=now)
+        with pytest.raises(ValueError, match=r"^step\(time=.*\): is before the last step"):
+            robot.step(time=now - 1)

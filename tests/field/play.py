@@ -1,0 +1,165 @@
+"""A field played in virtual time: the product's robots and boards on a bus, beside the oracle. `python -m tests.field.play SEEDS`."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.board.service import board_of
+from blackboard.client.agreed import Agreed, TeamNews
+from blackboard.config import Scenario
+from blackboard.net.scheduler import Scheduler
+from blackboard.wire.messages import Fix, Odometry, Sighting
+from examples.field.world import HEIGHT, WIDTH, Said, Truth, World
+from robot_agent.driven import Driven, Gathered, driven
+from tests.field.central import Central
+
+CHI = {0.5: 1.386, 0.95: 5.991}
+SETTLED = 5.0  # seconds after which errors count
+
+
+@dataclass
+class Score:
+    """Errors (unit) of one subject's place, and whether the 95 % region held it."""
+
+    squared: list[float] = field(default_factory=list)
+    distances: list[float] = field(default_factory=list)
+
+    def add(self, mean: np.ndarray, covariance: np.ndarray, truth: np.ndarray) -> None:
+        apart = np.asarray(mean)[:2] - truth[:2]
+        self.squared.append(float(apart @ apart))
+        self.distances.append(float(apart @ np.linalg.solve(np.asarray(covariance)[:2, :2], apart)))
+
+    @property
+    def rmse(self) -> float:
+        return math.sqrt(np.mean(self.squared)) if self.squared else math.nan
+
+    def coverage(self, level: float = 0.95) -> float:
+        return float(np.mean(np.array(self.distances) <= CHI[level])) if self.distances else math.nan
+
+
+def scenario(truth: Truth, told: bool, **board: object) -> Scenario:
+    """`told`: the robots' odometry is in the scenario."""
+    robot = {"robot": {"odometry": {"along": 0.05, "across": 0.0, "turn": truth.turn}}} if told else {}
+    return Scenario(
+        {
+            "team": {"name": "t", "sub_teams": {"a": ["r1", "r2", "r3"]}},
+            "grid": {"shape": [round(WIDTH / 0.25), round(HEIGHT / 0.25)], "cell": 0.25, "unit": "m"},
+            "board": {"fusion": "joint", "objects_drift": truth.ball, **board},
+            **robot,
+        }
+    )
+
+
+def gathered(it: Said, truth: Truth, sigmas: bool) -> Gathered:
+    """What a robot is told; with `sigmas` how exact its odometry is, too."""
+    own = {}
+    if sigmas:
+        own = {
+            "distance_sigma": truth.along * math.sqrt(abs(it.distance)),
+            "turn_sigma": truth.turn * math.sqrt(it.dt),
+        }
+    fix = None
+    if it.start is not None:
+        fix = Fix(position=it.start[:2], sigma=truth.start, heading=it.start[2], heading_sigma=truth.start_heading)
+    elif it.gps is not None:
+        fix = Fix(position=it.gps, sigma=truth.gps)
+    return Gathered(
+        None if it.start is not None else Odometry(distance=it.distance, turn=it.turn, dt=it.dt, **own),
+        None,
+        fix,
+        tuple(
+            Sighting(
+                subject=s.subject,
+                range=s.range,
+                bearing=math.remainder(s.bearing, math.tau),
+                range_sigma=truth.range,
+                bearing_sigma=truth.bearing,
+            )
+            for s in it.seen
+        ),
+    )
+
+
+class Field(Scheduler):
+    """Boards and robots of a scenario, whose robots are driven by a world."""
+
+    def __init__(self, world: World, chosen: Scenario, sigmas: bool = True, phases: Mapping[str, float] | None = None):
+        super().__init__(now=1_700_000_000.0)
+        self.world, self.sigmas = world, sigmas
+        self.phases = dict(phases or {})  # robot -> seconds that it steps late
+        self.agreed: dict[str, Agreed] = {}
+        self.robots: dict[str, Driven] = {}
+        self.board = board_of(chosen, "a", "board-a")
+        self.join(self.board)
+        for robot in world.robots:
+            news = TeamNews(chosen.grid, lambda it: self.agreed.update({it.subject: it})).take
+            it = driven(
+                news, chosen, team="t", sub_teams=["a"], robot=robot, grid=chosen.grid,
+                joint=chosen.board.fusion == "joint",
+            )  # fmt: skip
+            self.robots[robot] = it
+            self.join(it)
+        self.work: list[float] = []
+
+    def play(self, seconds: float) -> dict[str, dict[str, Score]]:
+        """Scores by who believes (`team`, `central`, `alone`) and subject."""
+        world, truth = self.world, self.world.truth
+        central = Central(world.robots, truth)
+        alone = {robot: Central((robot,), truth) for robot in world.robots}
+        scores: dict[str, dict[str, Score]] = defaultdict(lambda: defaultdict(Score))
+        begin = self.now + 1.0
+        self.run_to(begin)
+        for said in world.steps(seconds):
+            at = begin + world.time
+            central.step(said)
+            settled = world.time >= SETTLED
+            for robot, it in said.items():
+                alone[robot].step({robot: Said(it.distance, it.turn, it.dt, it.start, it.gps)})
+                self.run_to(max(self.now, at + self.phases.get(robot, 0.0)))
+                began = time.thread_time()
+                pose, out = self.robots[robot].step(gathered(it, truth, self.sigmas), self.now, at)
+                self.work.append(time.thread_time() - began)
+                self.send(self.robots[robot], out)
+                if settled and pose is not None:
+                    scores["team"][robot].add(pose.mean, pose.covariance, world.poses[robot])
+                    scores["central"][robot].add(*central.of(f"robot/{robot}"), world.poses[robot])
+                    scores["alone"][robot].add(*alone[robot].of(f"robot/{robot}"), world.poses[robot])
+            ball = self.agreed.get("object/ball")
+            if settled and ball is not None:
+                mean, covariance = ball.belief.mean(), ball.belief.covariance() + np.eye(2) * 0.25**2 / 12
+                scores["team"]["ball"].add(mean, covariance, world.ball)
+                scores["central"]["ball"].add(*central.of("object/ball"), world.ball)
+        return scores
+
+
+def main(
+    seeds: list[int], told: bool, sigmas: bool, seconds: float = 90.0, truth: Truth | None = None, **board: object
+) -> None:
+    totals: dict[str, dict[str, Score]] = defaultdict(lambda: defaultdict(Score))
+    work = []
+    for seed in seeds:
+        world = World(seed, truth or Truth())
+        field_ = Field(world, scenario(world.truth, told, **board), sigmas, {"r2": 0.03, "r3": 0.06})
+        for who, found in field_.play(seconds).items():
+            for name, score in found.items():
+                totals[who][name].squared += score.squared
+                totals[who][name].distances += score.distances
+        work += field_.work
+    for name in totals["team"]:
+        team, central, alone = (totals[who].get(name) or Score() for who in ("team", "central", "alone"))
+        print(
+            f"{name:5} team {team.rmse:.3f} central {central.rmse:.3f} alone {alone.rmse:.3f} ratio {team.rmse / central.rmse:.3f} "
+            f"c50 {team.coverage(0.5):.3f} c95 {team.coverage():.3f} | central c95 {central.coverage():.3f}"
+        )
+    print(f"step: median {1000 * np.median(work):.1f} ms, 95 % {1000 * np.quantile(work, 0.95):.1f} ms")
+
+
+if __name__ == "__main__":
+    main(list(range(int(sys.argv[1]), int(sys.argv[2]))), "told" in sys.argv, "sigmas" in sys.argv)

@@ -1,0 +1,46 @@
+"""A team of `Robot`s on a field, against one Kalman filter that has all readings and the true models."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from examples.field.world import Truth, World
+from tests.field.play import Field, Score, scenario
+
+pytestmark = pytest.mark.team
+SEEDS = (101, 102)  # the longer runs of `python -m tests.field.play` are on others
+SECONDS = 40.0
+
+
+@pytest.fixture(scope="module")
+def scores() -> dict[str, dict[str, Score]]:
+    found: dict[str, dict[str, Score]] = {}
+    for seed in SEEDS:
+        truth = Truth()
+        play = Field(World(seed, truth), scenario(truth, told=False), sigmas=True, phases={"r2": 0.03, "r3": 0.06})
+        for who, by_name in play.play(SECONDS).items():
+            for name, score in by_name.items():
+                sums = found.setdefault(who, {}).setdefault(name, Score())
+                sums.squared += score.squared
+                sums.distances += score.distances
+        assert np.median(play.work) < 0.010  # seconds; 3.5 ms on a free processor
+    return found
+
+
+@pytest.mark.parametrize("robot", ["r1", "r2", "r3"])
+def test_each_robot_is_about_as_good_as_the_central_filter_and_never_worse_than_alone(
+    scores: dict[str, dict[str, Score]], robot: str
+) -> None:
+    team, central, alone = (scores[who][robot] for who in ("team", "central", "alone"))
+    assert team.rmse <= 1.25 * central.rmse
+    assert team.rmse <= 1.05 * alone.rmse
+    assert team.coverage() >= 0.85  # 80 s of errors that last: few samples
+
+
+def test_the_ball_is_about_where_the_central_filter_has_it(scores: dict[str, dict[str, Score]]) -> None:
+    assert scores["team"]["ball"].rmse <= 1.25 * scores["central"]["ball"].rmse
+
+
+def test_the_oracle_is_honest(scores: dict[str, dict[str, Score]]) -> None:
+    assert 0.85 <= np.mean([score.coverage() for score in scores["central"].values()]) <= 1.0

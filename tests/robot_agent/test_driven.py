@@ -1,0 +1,143 @@
+"""A robot whose program gives its readings by calls: what a step makes of them, alone, with a board, and in a world's ticks."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from blackboard.config import Scenario
+from blackboard.opinion.grid import Grid
+from blackboard.process.reactions import Cue
+from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
+from blackboard.wire.types import Message
+from robot_agent.driven import Driven, Gathered, driven, sensors_in
+from tests.robot_agent.services import NOW, clock, kinds, said, world
+
+GRID = Grid((20, 20), 0.5, unit="m")
+START = Gathered(fix=Fix(position=(5.0, 5.0), sigma=0.1, heading=0.0, heading_sigma=0.05))
+AHEAD = Gathered(Odometry(distance=0.1, turn=0.0, dt=0.1))
+
+
+def robot(joint: bool = True, heard: list[Cue | Message] | None = None, scenario: Scenario | None = None) -> Driven:
+    news = (lambda it, now: None) if heard is None else (lambda it, now: heard.append(it))
+    return driven(news, scenario, team="t", sub_teams=("a",), robot="r1", grid=GRID, joint=joint)
+
+
+def test_nobody_knows_where_it_is_before_it_was_told() -> None:
+    it = robot()
+    pose, _ = it.step(None, NOW)
+    assert pose is None
+    pose, _ = it.step(Gathered(compass=(0.5, 0.05)), NOW + 0.1)
+    assert pose is None  # a heading alone is no place
+
+
+@pytest.mark.parametrize("joint", [True, False])
+def test_a_step_moves_it_and_tells_the_board(joint: bool) -> None:
+    it = robot(joint)
+    it.step(START, NOW)
+    for number in range(1, 11):
+        pose, out = it.step(AHEAD, NOW + 0.1 * number)
+        it.check()
+    assert pose is not None
+    assert pose.time == NOW + 1.0
+    assert pose.mean == pytest.approx((6.0, 5.0, 0.0), abs=0.15)
+    assert pose.covariance.shape == (3, 3)
+    reports = [message for message in said(out) if isinstance(message, Report)]
+    assert [report.subject for report in reports] == ["robot/r1"]
+    assert (reports[0].evidence is not None) == joint
+    assert isinstance(said(out)[-1], Status)
+    assert "Readings" not in kinds(out)
+
+
+def test_it_hears_no_readings_of_others() -> None:
+    assert not [key for key in robot().listens if "reading" in key]
+
+
+def test_ticks_grow_where_the_program_is_started_again() -> None:
+    first = robot()
+    first.step(START, NOW)
+    again = robot()
+    again.step(START, NOW + 1.0)
+    assert again.tick > first.tick
+    again.step(AHEAD, NOW + 1.0)  # twice in a millisecond
+    assert again.tick > int(1000 * (NOW + 1.0))
+
+
+def test_what_several_calls_told_adds_up() -> None:
+    one = Gathered(Odometry(distance=0.1, turn=0.2, dt=0.1, distance_sigma=0.03, turn_sigma=0.0))
+    two = Gathered(Odometry(distance=0.2, turn=-0.1, dt=0.1, distance_sigma=0.04), compass=(1.0, None))
+    both = one.plus(two).plus(
+        Gathered(compass=(2.0, 0.1), sightings=(Sighting(subject="object/x", range=1, bearing=0),))
+    )
+    assert both.odometry is not None
+    assert both.odometry.distance == pytest.approx(0.3)
+    assert both.odometry.turn == pytest.approx(0.1)
+    assert both.odometry.distance_sigma == pytest.approx(0.05)
+    assert both.odometry.turn_sigma is None  # of one piece nobody said it
+    assert both.compass == (2.0, 0.1)
+    assert len(both.sightings) == 1
+    many = Gathered()
+    for _ in range(300):
+        many = many.plus(both)
+    assert len(many.sightings) == 256
+
+
+def test_sigmas_of_the_odometry_count_instead_of_the_model_s() -> None:
+    def spread(**sigmas: float) -> float:
+        it = robot()
+        it.step(START, NOW)
+        for number in range(1, 21):
+            told = Gathered(Odometry(distance=0.1, turn=0.0, dt=0.1, **sigmas))
+            pose, _ = it.step(told, NOW + 0.1 * number)
+        assert pose is not None
+        return float(pose.covariance[2, 2])
+
+    assert spread(distance_sigma=0.0, turn_sigma=0.0) < spread() < spread(distance_sigma=0.0, turn_sigma=0.2)
+
+
+def test_in_a_world_it_does_one_step_a_tick_and_loses_nothing() -> None:
+    it = robot()
+    it.receive(world(), NOW)
+    assert it.step(START, NOW)[0] is None  # no Clock yet
+    it.receive(clock(0), NOW)
+    it.step(None, NOW)
+    assert it.tick == 0
+    it.step(AHEAD, NOW)
+    it.step(AHEAD, NOW)
+    assert it.tick == 0
+    it.receive(clock(1), NOW)
+    pose, _ = it.step(AHEAD, NOW)
+    assert it.tick == 1
+    assert pose is not None
+    assert pose.mean[0] == pytest.approx(5.3, abs=0.05)
+
+
+def test_what_the_scenario_says_of_wheels_counts() -> None:
+    told = Scenario({"robot": {"odometry": {"along": 0.7}}})
+    assert sensors_in(told).wheels.along == 0.7
+    assert sensors_in(Scenario({"robot": {"vision": {"kind": "range-bearing"}}})).camera.bearing == pytest.approx(0.02)
+    assert sensors_in(None).wheels.nuisance.sigmas[0] > 0  # something may be off, and is found out
+
+
+def test_wheels_that_are_off_are_found_out() -> None:
+    it = robot()
+    it.step(START, NOW)
+    x = 1.0
+    for number in range(1, 41):
+        x += 0.1  # 5 % more than it is told
+        fix = Fix(position=(x, 5.0), sigma=0.02)
+        told = Gathered(
+            Odometry(distance=0.1 / 1.05, turn=0.0, dt=0.1, distance_sigma=0.001, turn_sigma=0.001), fix=fix
+        )
+        pose, _ = it.step(told, NOW + 0.1 * number)
+    assert pose is not None
+    assert math.dist(pose.mean[:2], (x, 5.0)) < 0.05
+
+
+def test_its_program_is_told_what_it_hears() -> None:
+    heard: list[Cue | Message] = []
+    it = robot(heard=heard)
+    it.receive(world(), NOW)
+    it.receive(clock(0), NOW)
+    assert Cue.BEGIN in heard
