@@ -20,6 +20,7 @@ from blackboard.board.joint.evidence import learned, names, reason, shrank, unpa
 from blackboard.config import BoardSection
 from blackboard.errors import Degenerate, Refused
 from blackboard.opinion.ageing import Ageing
+from blackboard.opinion.belief import Belief
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import PREDICTION
@@ -27,6 +28,7 @@ from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.limits import Limits
+from blackboard.opinion.gaussian.rings import Place
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
@@ -184,7 +186,9 @@ class JointDesk:
             verdicts += self._settle(number, elapsed / max(1, steps), batch)
         self._judge(time, verdicts)
         known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
-        return [self._consensus(subject, verdicts, time, make) for subject in known]
+        doubtful = self.team.doubtful().items()
+        found = [self._consensus(subject, verdicts, time, make) for subject in known]
+        return found + [self._in_doubt(subject, places, make) for subject, places in doubtful]
 
     def _settle(self, number: int, dt: float, batch: list[Evidence]) -> list[Verdict]:
         """One step of the joint, without the evidence that breaks it.
@@ -309,6 +313,21 @@ class JointDesk:
         """The limit of a sighting's squared distance, and of an object the random walk (unit / sqrt(s)) that its sightings show."""
         gate = {"gate": quantile(GATE, 2)}
         return gate if subject.startswith("robot/") else {**gate, "drift": self.team.drift_of(subject)}
+
+    def _in_doubt(self, subject: str, places: tuple[Place, ...], make: Make) -> Consensus:
+        """What is agreed about an object of which only ranges or bearings are known, which leave a few places."""
+        drawn = sum(place.weight * draw(self.grid, place.moments).p for place in places)
+        belief = Belief(self.grid, np.asarray(drawn))
+        return make(
+            subject=subject,
+            belief=pack(belief, self.settings.coding),
+            ancestors={name: self._until[name] for name in sorted(self._until) if f"robot/{name}" in self.team.joint},
+            used=[],
+            entropy=entropy(belief.p),
+            conflict=False,
+            rule="joint",
+            parameters={"places": float(len(places))},
+        )
 
     def _state(self, subject: str) -> PackedState | None:
         return pack_state(self.team.pose(subject)) if subject.startswith("robot/") else None

@@ -26,6 +26,7 @@ from blackboard.opinion.gaussian.innovations import Innovations, Source
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases, linearise
+from blackboard.opinion.gaussian.rings import SURE, Place, Ring, line_of
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, correct, drive
 from blackboard.opinion.gaussian.walks import LEAST, Walks
@@ -34,6 +35,7 @@ from blackboard.opinion.grid import Grid
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
 PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
 MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
+MAX_RINGS = 16  # objects of which only ranges or bearings are known
 FADED = 5.0  # time constants after which a lasting error that no sighting used is dropped: 0.7 % of it is left
 WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
 
@@ -77,6 +79,8 @@ class TeamJoint:
     innovations: Innovations = field(default_factory=Innovations)
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
+    rings: dict[str, Ring] = field(default_factory=dict)  # of objects of which only ranges or bearings alone are known
+    elapsed: float = 0.0  # seconds that were settled
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
     tick: int = -1
     _left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, as the tick began
@@ -97,6 +101,7 @@ class TeamJoint:
             innovations=self.innovations.copy(),
             walks=self.walks.copy(),
             limits=self.limits.copy(),
+            rings={subject: ring.copy() for subject, ring in self.rings.items()},
             _known=dict(self._known),
             _seen=dict(self._seen),
             _used={observer: dict(used) for observer, used in self._used.items()},
@@ -125,6 +130,7 @@ class TeamJoint:
             motion = evidence.travelled.since(known.travelled)
             self._known[robot] = replace(known, travelled=evidence.travelled, motion=motion, time=evidence.time)
         self._forget_objects()
+        self._close_rings()
         return self.tally.verdicts
 
     def _take(self, dt: float, news: Mapping[str, Evidence]) -> None:
@@ -210,6 +216,7 @@ class TeamJoint:
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self._forget_errors(dt)
+        self.elapsed += dt
         for name in self._seen:
             walk = np.eye(2) * self.drift_of(name) ** 2 * dt
             self.walks.pass_time(name, self.objects.drift_of(name), dt)
@@ -429,6 +436,10 @@ class TeamJoint:
             return
         if not relative.places and not (self.knows(observer) and self.knows(subject)):
             self.tally.silent += 1
+            room = subject in self.rings or len(self.rings) < MAX_RINGS
+            if not robot and subject not in self.joint and self.knows(observer) and room:
+                ring = self.rings.setdefault(subject, Ring(self.drift_of(subject)))
+                ring.add(line_of(self.joint.moments(observer), relative, motions.get(observer), self.elapsed))
             return
         if robot and subject not in heard:
             known = self._known[subject]
@@ -515,6 +526,17 @@ class TeamJoint:
             self.walks.forget(name)
             del self._seen[name]
 
+    def _close_rings(self) -> None:
+        """Let an object enter once its rings and rays leave one place; its error is then taken for independent of all others."""
+        for subject, ring in list(self.rings.items()):
+            places = ring.places() if ring.newest == self.elapsed else ()
+            if subject in self.joint or self.elapsed - ring.newest > self.objects.kept:
+                del self.rings[subject]
+            elif places and places[0].weight > SURE:
+                self.joint.add(subject, places[0].moments)
+                self._seen[subject] = 0.0
+                del self.rings[subject]
+
     def projected(self, relative: Relative, motion: Motion) -> Moments:
         """Where a sighting puts its subject, of which nothing else is known: mean, shape (2,), and covariance, shape (2, 2).
 
@@ -532,6 +554,11 @@ class TeamJoint:
         """
         names = [b for b in self.joint.blocks if isinstance(b, str)]
         return sorted(n for n in names if self.knows(n) and n not in self._left_out)
+
+    def doubtful(self) -> dict[str, tuple[Place, ...]]:
+        """Of the objects that are not in the joint, those that are in one of a few places, as two rings leave them."""
+        found = {subject: ring.places() for subject, ring in sorted(self.rings.items())}
+        return {subject: places for subject, places in found.items() if places}
 
     def knows(self, subject: str) -> bool:
         """Whether the joint holds a position of the subject that is not flat."""

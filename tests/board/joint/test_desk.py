@@ -111,6 +111,19 @@ def test_a_sighting_of_a_kind_that_is_not_known_is_left_out_and_counted() -> Non
     assert it.counters["unknown_kinds"] == 1
 
 
+def test_an_object_that_ranges_leave_in_two_places_is_agreed_to_be_in_one_of_them() -> None:
+    it = desk(objects_drift=0.1)
+    for tick in range(5):
+        for name, x in (("r1", 8.0), ("r2", 20.0)):
+            told = Seen(subject="object/ball", kind="range", values=(10.0,), covariance=(0.01,))
+            it.take(name, tick, 0.2 * tick, at(x, 15.0).model_copy(update={"seen": [told]}), own=True)
+        found = {consensus.subject: consensus for consensus in it.settle(0.2 * tick, MAKE)}
+    ball = unpack(found["object/ball"].belief)
+    assert ball.p[11:17, 20:26].sum() == pytest.approx(0.5, abs=0.1)
+    assert ball.p[11:17, 4:10].sum() == pytest.approx(0.5, abs=0.1)
+    assert found["object/ball"].parameters == {"places": 2.0}
+
+
 def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     it = desk()
     monkeypatch.setattr("blackboard.board.joint.desk.MAX_OBJECTS", 6)

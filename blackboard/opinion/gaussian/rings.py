@@ -1,0 +1,159 @@
+"""Where something is of which only ranges or bearings are known: a ring or a ray each, until they meet in one place.
+
+The sightings are kept, and solved together from many starts along the first one. Two places may fit, as mirror images do where
+observers stand on one line: then both are known, each with its weight, until a sighting tells them apart. The places found are
+Gaussians by the curvature at the optimum (Laplace's approximation).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in
+from blackboard.opinion.grid import Array
+
+MOST = 32  # sightings that are kept of one thing, the newest
+OLDEST = 20.0  # seconds: what was seen earlier is not kept
+STARTS = 24  # along the first ring, or ray
+STEPS = 12  # of Gauss and Newton
+FARTHEST = 50.0  # times the distance between observers: no ray is followed farther
+APART = 3.0  # sigmas between two places that are two
+COMPACT = 0.25  # of the least distance to an observer: the largest sigma of a place that is one, no piece of a ring
+SURE = 0.99  # the weight of a place that is taken for the only one
+UNLIKELY = 1e6  # a place that is so many times less likely than the likeliest is none
+NEAREST = 1e-6  # unit: nearer than this there is no line of sight
+LEAST = 1e-12  # of a variance
+FEWEST = 3  # sightings before a place is believed: two rings meet in two places
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A range (unit), or the direction (rad, world axes) of a bearing, from a place, shape (2,), known up to `own` (unit ** 2).
+
+    `variance` is of the range or the direction, with all its errors. `time` is in seconds, of any clock that goes on.
+    """
+
+    place: Array
+    value: float
+    variance: float
+    own: float
+    is_range: bool
+    time: float
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where it may be, with the share of what is believed."""
+
+    moments: Moments
+    weight: float
+
+
+@dataclass
+class Ring:
+    """Mutable: what was seen of one thing. `walk` is how it moves, unit / sqrt(s)."""
+
+    walk: float = 0.0
+    _lines: deque[Line] = field(default_factory=lambda: deque(maxlen=MOST))
+
+    def copy(self) -> Ring:
+        """The same, which may be changed without changing this one."""
+        return Ring(self.walk, self._lines.copy())
+
+    def add(self, line: Line) -> None:
+        """Keep a sighting, and forget those that are old."""
+        self._lines.append(line)
+        while self._lines[0].time < line.time - OLDEST:
+            self._lines.popleft()
+
+    @property
+    def newest(self) -> float:
+        """The time of the newest sighting."""
+        return self._lines[-1].time
+
+    def places(self) -> tuple[Place, ...]:
+        """Where it may be, the likeliest first; empty while it is somewhere along a ring or a ray, or numbers are absurd."""
+        if len(self._lines) < FEWEST:
+            return ()
+        try:
+            with np.errstate(all="raise", under="ignore"):
+                return self._places()
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return ()
+
+    def _places(self) -> tuple[Place, ...]:
+        costs, ends, information = self._solved(self._starts())
+        kept: list[int] = []
+        for k in np.argsort(costs, kind="stable").tolist():
+            apart = [ends[k] - ends[other] for other in kept]
+            if costs[k] > costs.min() + 2 * math.log(UNLIKELY):
+                break
+            if all(float(it @ information[other] @ it) > APART**2 for it, other in zip(apart, kept, strict=True)):
+                kept.append(k)
+        if np.linalg.det(information[kept]).min() <= 0:
+            return ()
+        shares = np.exp(-0.5 * (costs[kept] - costs.min())) / np.sqrt(np.linalg.det(information[kept]))
+        common = max(line.own for line in self._lines)  # their errors last: many sightings do not average them
+        found = []
+        for k, share in zip(kept, (shares / shares.sum()).tolist(), strict=True):
+            covariance = np.linalg.inv(information[k]) + common * np.eye(2)
+            nearest = min(float(np.hypot(*(ends[k] - line.place))) for line in self._lines)
+            if math.sqrt(float(np.linalg.eigvalsh(covariance)[-1])) > COMPACT * nearest:
+                return ()
+            found.append(Place(Moments(ends[k], covariance), share))
+        return tuple(sorted(found, key=lambda it: -it.weight))
+
+    def _starts(self) -> Array:
+        """Places along the first ring, or along the first ray, shape (n, 2)."""
+        first, places = self._lines[0], np.array([line.place for line in self._lines])
+        if first.is_range:
+            angles = np.arange(STARTS) * 2 * math.pi / STARTS
+            return np.asarray(
+                first.place + max(first.value, NEAREST) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            )
+        spread = max(NEAREST, float(np.ptp(places, axis=0).max()))
+        away = spread * np.geomspace(0.1, FARTHEST, STARTS)
+        return np.asarray(first.place + away[:, None] * [math.cos(first.value), math.sin(first.value)])
+
+    def _solved(self, starts: Array) -> tuple[Array, Array, Array]:
+        """By Gauss and Newton from each start: - 2 ln(likelihood), shape (n,), place, (n, 2), and information, (n, 2, 2)."""
+        lines = list(self._lines)
+        places, ranges = np.array([it.place for it in lines]), np.array([it.is_range for it in lines])
+        values, fresh = np.array([it.value for it in lines]), np.array([it.variance for it in lines])
+        own = np.array([it.own + self.walk**2 * (self.newest - it.time) for it in lines])
+        ends = starts
+        for step in range(STEPS + 1):
+            away = ends[:, None] - places
+            distance = np.maximum(np.hypot(away[..., 0], away[..., 1]), NEAREST)
+            turned = values - np.arctan2(away[..., 1], away[..., 0])
+            off = np.where(ranges, values - distance, ((turned + math.pi) % (2 * math.pi) - math.pi) * distance)
+            across = np.stack([-away[..., 1], away[..., 0]], axis=-1)
+            rows = np.where(ranges[:, None], away, across) / distance[..., None]
+            weights = 1.0 / (np.where(ranges, fresh, fresh * distance**2) + own)
+            information = np.einsum("sn,snk,snl->skl", weights, rows, rows)
+            if step < STEPS:
+                damped = information + 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+                by = np.linalg.solve(damped, np.einsum("sn,snk->sk", weights * off, rows)[..., None])[..., 0]
+                longest = np.median(distance, axis=1)
+                ends = ends + by * np.minimum(1.0, longest / np.maximum(np.hypot(*by.T), NEAREST))[:, None]
+        return np.einsum("sn,sn->s", weights, off**2) - np.log(weights).sum(axis=1), ends, information
+
+
+def line_of(observer: Moments, relative: Relative, motion: Motion | None, time: float) -> Line:
+    """A range or a bearing alone as a line, by the block of the robot that took it and its motion in the tick."""
+    back, turned = moved_in(observer.mean, motion, relative.age)
+    own = float(np.linalg.eigvalsh(observer.covariance[AXES, AXES])[-1])
+    if relative.kind == "range":
+        variance = relative.range_variance + sum(bias.sigma**2 for bias in relative.biases)
+        return Line(observer.mean[AXES] - back, relative.range, max(variance, LEAST), own, True, time)
+    angle = float(observer.mean[HEADING] - observer.mean[BEARING]) - turned + relative.bearing
+    variance = relative.bearing_variance + float(
+        observer.covariance[HEADING, HEADING] + observer.covariance[BEARING, BEARING]
+    )
+    return Line(observer.mean[AXES] - back, angle, max(variance, LEAST), own, False, time)
