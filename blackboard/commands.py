@@ -107,7 +107,8 @@ def serve(
     chosen, name = which.chosen(), board or f"board-{sub_team}"
     which.check_member(chosen, name, [sub_team])
     service = board_of(chosen, sub_team, name)
-    door.serve(Journaled(service, team=service.team, sub_team=sub_team, board=name), name, flags)
+    journaled = Journaled(service, team=service.team, sub_team=sub_team, board=name)
+    door.serve(journaled, name, flags, within=door.PROMPT)
     return 0
 
 

@@ -38,7 +38,7 @@ def robot_agent(
     chosen, name = which.chosen(), robot or socket.gethostname()
     sub_teams = sub_team or chosen.team.of(name)
     which.check_member(chosen, name, sub_teams)
-    door.serve(robot_of(chosen, name, sub_teams=sub_teams), name, flags)
+    door.serve(robot_of(chosen, name, sub_teams=sub_teams), name, flags, within=door.PROMPT)
     return 0
 
 

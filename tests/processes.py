@@ -149,3 +149,12 @@ def command(*words: str, keep: Sequence[str] = ()) -> Iterator[Program]:
             for pid in (running.pid, *children(running.pid)):
                 if is_running(pid):
                     os.kill(pid, signal.SIGKILL)
+
+
+def seconds_to_end(it: Program) -> float:
+    """How long a program takes to end at a SIGTERM."""
+    clock = UnixClock()
+    began = clock.now()
+    it.running.send_signal(signal.SIGTERM)
+    it.running.wait(LONG)
+    return clock.now() - began

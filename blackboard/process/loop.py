@@ -47,6 +47,8 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
         if arrived:  # a service that is never due, because it answers what comes, tells them in its statuses too
             service.record_link_counters(_counters(link, failures, namesakes))
         for envelope in arrived:
+            if stopped():  # what has arrived may take longer than whoever ends it waits
+                break
             if (warning := namesakes.hear(envelope, clock.now())) is not None:
                 log.warning(warning)
             with failures.survive(envelope.key):

@@ -1,7 +1,7 @@
 """What all doors share: Zenoh's usual flags, logging, signals and exit codes.
 
 Exit codes: 0 done, 1 the run or its check failed, 2 a user error (one clear line on standard error), 130 interrupted,
-141 nobody reads standard output any more (`| head -1`).
+141 nobody reads standard output any more (`| head -1`), 143 a board or a robot that did not end in order in time.
 """
 
 from __future__ import annotations
@@ -35,9 +35,17 @@ from blackboard.wire.names import NAME
 
 log = logging.getLogger(__name__)
 
-DONE, FAILED, USER_ERROR, INTERRUPTED, NO_READER = 0, 1, 2, 130, 141  # exit statuses; a command may return others
+DONE, FAILED, USER_ERROR, INTERRUPTED, NO_READER, STOPPED = (
+    0,
+    1,
+    2,
+    130,
+    141,
+    143,
+)  # exit statuses; a command may return others
 ERROR = "error: "  # before the one line on standard error of what ended a command
 PATIENCE = 30.0  # seconds to wait for a router
+PROMPT = 1.2  # seconds from a signal to the end of a board or a robot, which keep nothing, whatever they do
 PARENT = "BLACKBOARD_PARENT"  # set for a child: the process that it must not outlive
 
 
@@ -80,12 +88,22 @@ class ZenohFlags:
 
 
 class Stop:
-    """A flag that the first SIGINT or SIGTERM sets; the loop looks at it, so that the process ends in order."""
+    """A flag that the first SIGINT or SIGTERM sets; the loop looks at it, so that the process ends in order.
 
-    def __init__(self) -> None:
+    One that has not ended after `within` seconds (None: it may take its time) ends at once, with the status `STOPPED`.
+    """
+
+    def __init__(self, within: float | None = None) -> None:
         self._event = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: self._event.set())
+        if within is not None:
+            told, tell = os.pipe()
+            os.set_blocking(tell, False)
+            signal.set_wakeup_fd(
+                tell, warn_on_full_buffer=False
+            )  # written to even while no Python runs in the main thread
+            threading.Thread(target=_end, args=(told, within), daemon=True).start()
 
     def __call__(self) -> bool:
         return self._event.is_set()
@@ -94,12 +112,20 @@ class Stop:
         return self._event.wait(seconds)
 
 
-def serve(service: Service, name: str, flags: ZenohFlags, *, linger: float = 0.0) -> None:
+def _end(told: int, within: float) -> None:
+    """End this process so many seconds after a signal, which a pipe tells."""
+    os.read(told, 1)
+    threading.Event().wait(within)
+    os._exit(STOPPED)
+
+
+def serve(service: Service, name: str, flags: ZenohFlags, *, linger: float = 0.0, within: float | None = None) -> None:
     """Run a service over a Zenoh session of its own until it is done or a signal comes.
 
-    What is on its way then is still handed to the service, until nothing came for 0.1 s, for at most `linger` seconds.
+    What is on its way then is still handed to the service, until nothing came for 0.1 s, for at most `linger` seconds. With
+    `within` the process is gone so many seconds after a signal, whatever it does: for those who keep nothing.
     """
-    stop, clock = Stop(), UnixClock()
+    stop, clock = Stop(within), UnixClock()
     config = flags.link(who=_who(service.tokens, name))
     identity = config.identity()
     if identity is not None:

@@ -108,6 +108,13 @@ def test_it_waits_for_letters_alone_until_it_is_stopped() -> None:
     assert set(post.waits) == {LONGEST_WAIT}
 
 
+def test_what_has_arrived_is_left_where_it_is_stopped() -> None:
+    clock = ManualClock()
+    post, echo = Post(clock, [Envelope(str(number)) for number in range(1000)]), Echo(None, 1)
+    run(echo, post, clock, lambda: len(post.sent) >= 3)
+    assert len(post.sent) == 3
+
+
 def test_a_service_that_only_answers_has_counters_that_are_up_to_date() -> None:
     """Its statuses said that it had sent nothing since it was last woken."""
     clock = ManualClock()

@@ -92,7 +92,7 @@ CATALOGUE = {
         Lie("epochs-true", (Epochs(),)),
         Lie("epochs-off", (Off(ASIDE), Epochs())),
         Lie("epochs-bias", (Off(rate=(0.1, 0.0)), Epochs())),
-        Lie("epochs-certain", (Gains((0.0, 0.0), 1e9), Epochs())),
+        Lie("epochs-certain", (Sure(100.0), Epochs())),
         Lie("epochs-pulls", (Sees("mates", CREEP, 0.01, always=True), Epochs())),
         Lie("replays-5", (Replays(5.0),)),
         Lie("replays-first", (Replays(HOUR),)),
