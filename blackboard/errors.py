@@ -13,6 +13,7 @@ import difflib
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 
 class OpinionError(ValueError):
@@ -74,7 +75,9 @@ def extra(name: str, what: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError:
-        cure = f"{sys.executable} -m pip install 'cop-blackboard[{name}]' (in a clone: -e '.[{name}]')"
+        clone = Path(__file__).parent.parent
+        package = f"-e '{clone}[{name}]'" if (clone / "pyproject.toml").exists() else f"'cop-blackboard[{name}]'"
+        cure = f"{sys.executable} -m pip install {package}"
         raise UserError(f"{what} needs the extra `{name}`: {cure}") from None
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from blackboard.chaos.cases import chosen
+from blackboard.chaos.cases import CASES, chosen
 from blackboard.chaos.lies import catalogue
 from blackboard.chaos.lies import table as lying
 from blackboard.chaos.lies.trial import try_lie
@@ -37,6 +37,13 @@ LIES = (
     "named: after its beginning; cleared: after its end; innocent: the longest that an honest robot was named; slower: processor time."
 )
 
+PER_CASE = 22.0  # seconds beside the trouble itself: 15 s of team time, and starting and stopping the team
+
+ONLY = (
+    f"Names of cases, or lies, with commas between them [default: all; {len(CASES)} cases about 7 minutes, lies about 10 with one seed]. "
+    f"Cases: {', '.join(CASES)}."
+)
+
 app = door.new_app("blackboard-chaos")
 
 
@@ -44,7 +51,7 @@ app = door.new_app("blackboard-chaos")
 def chaos(
     scenario: str = "demo",
     *,
-    only: str | None = None,
+    only: Annotated[str | None, Parameter(help=ONLY)] = None,
     seed: int = 1,
     lies: Annotated[bool, Parameter(negative="", show_default=False)] = False,
     seeds: str | None = None,
@@ -67,8 +74,6 @@ def chaos(
     ----------
     scenario
         A scenario file (TOML), or the name of one that comes with the package.
-    only
-        Names of cases, or lies, with commas between them [default: all; cases about 6 minutes, lies about 10 with one seed].
     seed
         Of the world and of losses and jitter.
     lies
@@ -89,7 +94,8 @@ def chaos(
     async def run() -> list[dict[str, Any]]:
         rows = []
         for number, case in enumerate(cases):
-            sys.stderr.write(f"{number + 1} of {len(cases)}: {case.name}\n")
+            left = sum(PER_CASE + it.seconds for it in cases[number:]) / 60
+            sys.stderr.write(f"{number + 1} of {len(cases)}: {case.name}, about {left:.1f} minutes left\n")
             rows.append(await run_case(team, case, seed, np.random.default_rng([seed, number])))
         return rows
 

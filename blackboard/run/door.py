@@ -17,10 +17,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Any, Literal, NoReturn, TextIO, cast, get_args
 
-from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, Group, Parameter
+from cyclopts.exceptions import MissingArgumentError, UnknownCommandError, UnusedCliTokensError
 
 import blackboard
-from blackboard.errors import RunFailed, UserError
+from blackboard.errors import RunFailed, UserError, nearest
 from blackboard.net.link import Link, Stopped, start_zenoh_log
 from blackboard.net.settings import DEFAULT_ENDPOINT, SECURE_ENDPOINT, LinkConfig
 from blackboard.process.clock import UnixClock
@@ -49,7 +50,11 @@ PROMPT = 1.2  # seconds from a signal to the end of a board or a robot, which ke
 PARENT = "BLACKBOARD_PARENT"  # set for a child: the process that it must not outlive
 
 
-@Parameter(name="*")
+#: In the help after all that is the command's own.
+NETWORK = Group("Network (Zenoh's usual flags)", sort_key=1)
+
+
+@Parameter(name="*", group=NETWORK)
 @dataclass(frozen=True)
 class ZenohFlags:
     """Zenoh's usual flags."""
@@ -183,7 +188,7 @@ def version() -> str:
 
 def new_app(name: str, about: str = "") -> App:
     """A command line, for all whose commands it takes a fraction is no whole number."""
-    return App(name=name, help=about, version=version, config=_refuse_fractions)
+    return App(name=name, help=about, version=version, config=_refuse_fractions, help_format="plaintext")
 
 
 def _refuse_fractions(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:
@@ -219,7 +224,8 @@ def main(app: App) -> NoReturn:
         logs.set_up(os.environ.get("LOG_LEVEL", "INFO").upper(), as_json=os.environ.get("LOG_FORMAT") == "json")
         status = app(exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, UserError, RunFailed) as error:
-        print(ERROR + " ".join(str(error).split()), file=sys.stderr)  # noqa: T201
+        said = _mistake(error) if isinstance(error, CycloptsError) else str(error)
+        print(ERROR + " ".join(said.split()), file=sys.stderr)  # noqa: T201
         status = FAILED if isinstance(error, RunFailed) else USER_ERROR
     except KeyboardInterrupt:
         status = INTERRUPTED
@@ -236,6 +242,23 @@ def main(app: App) -> NoReturn:
     if status == NO_READER:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is flushed at the exit
     sys.exit(status if isinstance(status, int) else DONE)
+
+
+def _mistake(error: CycloptsError) -> str:
+    """What is wrong with a command line, with the names that its help uses, and all that may be given instead."""
+    command = " ".join(error.command_chain or ())
+    if isinstance(error, MissingArgumentError) and error.argument is not None and not error.keyword:
+        it = error.argument
+        if it.field_info.is_positional and not it.tokens:
+            known = [str(value) for value in get_args(it.hint) if isinstance(value, str)]
+            one_of = f", one of {', '.join(known)}" if known else ""
+            return f"{command or 'command'}: {it.name.lstrip('-').upper()} is missing{one_of}; --help says what it is"
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
+        return f"{command or 'command'}: {' '.join(error.unused_tokens)} is too much; --help says what is expected"
+    if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app is not None:
+        given, known = error.unused_tokens[0], [name for name in error.app if not name.startswith("-")]
+        return f'Unknown command "{given}"{nearest(given, known)}; there are {", ".join(known)}'
+    return str(error)
 
 
 def _has_reader() -> bool:

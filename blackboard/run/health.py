@@ -29,6 +29,7 @@ from blackboard.wire.raw import unpack_map
 
 ProcessKind = Literal["router", "world", "board", "robot"]
 DEFAULT_TEAM = "demo"  # as in `blackboard.config.TeamSection`
+MOST_NAMES = 20  # in one line
 AGES = 1e8  # seconds: three years; a stamp that is older than that is no Unix time
 
 
@@ -54,7 +55,7 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
         key = keys.REPORT.key(team=team, sub_team="*", source=name, subject=f"robot/{name}")
     said = _times(link, key)
     if not said:
-        return f"{kind} {name} does not answer on {key}"
+        return f"{kind} {name} does not answer on {key}{_there(link, kind, team)}"
     age = max(clock, default=now) - max(said)
     if abs(age) <= max_age:
         return None
@@ -62,6 +63,19 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
     if not clock and age > AGES:
         return f"{what} is stamped {max(said):.1f} s by the clock of a world that does not answer any more"
     return f"{what} is {age:.1f} s old"
+
+
+def _there(link: Querier, kind: ProcessKind, team: str) -> str:
+    """Who of this kind answers instead."""
+    said = link.get(keys.STATUS.key(team=team, sub_team="*", process="*"))
+    found = sorted({parts["process"] for it in said if (parts := _status_of(it, kind)) is not None})
+    more = f" and {len(found) - MOST_NAMES} more" if len(found) > MOST_NAMES else ""
+    return f"; there is {', '.join(found[:MOST_NAMES])}{more}" if found else f"; no {kind} of team {team} answers"
+
+
+def _status_of(envelope: Envelope, kind: ProcessKind) -> dict[str, str] | None:
+    """The parts of its key, where it is the status of a process of this kind."""
+    return keys.STATUS.match(envelope.key) if any(it.get("kind") == kind for it in _read([envelope])) else None
 
 
 def board_named(link: Querier, name: str, *, team: str) -> str:

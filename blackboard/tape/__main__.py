@@ -245,8 +245,17 @@ def info(file: Path, *, output: OutputFlags = OutputFlags()) -> int:
 
 
 @tape.command
-def recover(file: Path, out: Path) -> int:
-    """Save what is whole of a broken tape, as of one whose recorder was killed, into a new one."""
+def recover(file: Path, out: Path | None = None) -> int:
+    """Save what is whole of a broken tape, as of one whose recorder was killed, into a new one.
+
+    Parameters
+    ----------
+    file
+        The broken tape; it stays as it is.
+    out
+        The new tape [default: beside it, as run-whole.mcap for run.mcap].
+    """
+    out = out or file.with_name(f"{file.stem}-whole{file.suffix}")
     broken: list[int] = []
     count = copy(file, out, broken=broken)
     sys.stderr.write(f"{out}: {count} messages; {sum(broken)} bytes of {file} could not be read\n")

@@ -123,7 +123,13 @@ def status(
 
 
 @app.command
-def echo(key: str, *, count: int | None = None, flags: door.ZenohFlags = door.ZenohFlags()) -> int:
+def echo(
+    key: str,
+    *,
+    count: int | None = None,
+    short: Annotated[bool, Parameter(negative="", show_default=False)] = False,
+    flags: door.ZenohFlags = door.ZenohFlags(),
+) -> int:
     """Print every message on a key expression, one line each, until it is interrupted.
 
     Parameters
@@ -132,6 +138,8 @@ def echo(key: str, *, count: int | None = None, flags: door.ZenohFlags = door.Ze
         As cop/demo/a/agreed/object/ball, or with wildcards: cop/*/*/status/*.
     count
         How many messages [default: without end].
+    short
+        Of each message only its numbers, in one line that fits a screen.
     """
     expression, stop, shown = key_expression(key), door.Stop(), 0
     with Link(flags.link(), "echo", patience=PATIENCE, stopped=stop) as link:
@@ -139,7 +147,7 @@ def echo(key: str, *, count: int | None = None, flags: door.ZenohFlags = door.Ze
         link.subscribe(expression)
         while not stop():
             for envelope in link.receive(0.2):
-                print(line(envelope))
+                print(line(envelope, short=short))
                 shown += 1
                 if shown == count:
                     return door.DONE

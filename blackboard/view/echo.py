@@ -14,6 +14,19 @@ from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 
 MAX_KEYS = 4096
+SHORT = 40  # characters of a text
+UNSAID = {
+    "version",
+    "run",
+    "source",
+    "subject",
+    "robot",
+    "process",
+    "sub_team",
+    "board",
+    "level",
+    "kind",
+}  # the key says these
 #: In this order the newest values of a team make sense: what says which run it is goes first, what settles a tick last.
 ORDER = ("clock", "truth", "reading", "solo", "report", "consensus", "agreed", "forward", "status")
 
@@ -26,8 +39,11 @@ def key_expression(text: str) -> str:
     return text
 
 
-def line(envelope: Envelope) -> str:
-    """An envelope as one line: its key, and its message as JSON with the bytes of beliefs counted, or why it is refused."""
+def line(envelope: Envelope, *, short: bool = False) -> str:
+    """An envelope as one line: its key, and its message as JSON with the bytes of beliefs counted, or why it is refused.
+
+    `short`: of the message only its numbers and names, without what is in lists and maps.
+    """
     key = printable(envelope.key)
     if envelope.kind is not Kind.PUT:
         return f"{key} {envelope.kind.value}"
@@ -35,7 +51,21 @@ def line(envelope: Envelope) -> str:
         topic, _, message = open_envelope(envelope)
     except Refused as refusal:
         return f"{key} refused: {printable(str(refusal))}"
-    return f"{key} {topic.message} {json.dumps(_plain(message.model_dump(exclude_none=True)))}"
+    fields = message.model_dump(exclude_none=True)
+    if short:
+        told = [
+            f"{name} {_in_short(value)}" for name, value in fields.items() if name not in UNSAID and _is_said(value)
+        ]
+        return f"{key} {topic.message}: {', '.join([*told, f'{len(envelope.payload)} bytes'])}"
+    return f"{key} {topic.message} {json.dumps(_plain(fields))}"
+
+
+def _is_said(value: Any) -> bool:
+    return isinstance(value, int | float) or (isinstance(value, str) and value != "")
+
+
+def _in_short(value: str | float) -> str:
+    return printable(value[:SHORT]) if isinstance(value, str) else f"{value:.6g}"
 
 
 def _plain(value: Any) -> Any:

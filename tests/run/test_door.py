@@ -42,6 +42,10 @@ def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
     ("arguments", "says"),
     [
         ("serve", "--sub-team requires an argument"),
+        ("why", "why: SUBJECT is missing"),
+        ("why object/ball tape.mcap more", "why: more is too much"),
+        ("health", "health: KIND is missing, one of router, world, board, robot"),
+        ("tape mend", 'Unknown command "mend"; there are export, info, recover, cut, table'),
         ("serve --sub-team a/b", "--sub-team 'a/b'"),
         ("serve --sub-team a --mode both", 'Choose from: "client", "peer", "router"'),
         ("serve --sub-team a --cfg lease", "--cfg lease: write KEY:VALUE"),
@@ -64,6 +68,13 @@ def test_so_is_every_mistake_that_is_found_before_anything_is_started(
     assert ran.err.startswith("error: ")
     assert says in ran.err
     assert ran.err.count("\n") == 1
+
+
+def test_help_keeps_asterisks_and_has_the_network_s_flags_apart() -> None:
+    told = Ran("echo", "--help").out
+    assert "cop/*/*/status/*" in told
+    assert told.index("--short") < told.index("Network (Zenoh's usual flags)") < told.index("--connect")
+    assert "kill-router" in Ran("chaos", "--help").out
 
 
 def test_what_only_a_child_can_find_is_one_line_too(tmp_path: Path) -> None:

@@ -71,6 +71,12 @@ def test_the_beliefs_of_others_do_not_count() -> None:
     assert "does not answer" in (ask("robot", "r1", clock(20.0), belief("r2", 20.0)) or "")
 
 
+def test_who_does_not_answer_is_told_with_those_who_do() -> None:
+    told = ask("board", "x", clock(20.0), status("board-b", 20.0), status("board-a", 20.0))
+    assert (told or "").endswith("; there is board-a, board-b")
+    assert (ask("robot", "x", status("board-a", 20.0)) or "").endswith("; no robot of team t answers")
+
+
 def test_a_board_is_healthy_while_what_it_settled_is_fresh() -> None:
     assert ask("board", "a", clock(20.0), status("a", 20.0)) is None
     assert ask("board", "a", clock(30.0), status("a", 20.0)) == "what board a settled last is 10.0 s old"

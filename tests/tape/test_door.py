@@ -140,6 +140,8 @@ def test_info_recover_and_cut(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     broken, saved, part = (tmp_path / name for name in ("broken.mcap", "saved.mcap", "part.mcap"))
     broken.write_bytes(GOLDEN.read_bytes()[:-60_000])
     assert call("tape", "recover", broken, saved) == 0
+    assert call("tape", "recover", broken) == 0
+    assert broken.with_name(f"{broken.stem}-whole.mcap").read_bytes() == saved.read_bytes()
     assert call("tape", "cut", GOLDEN, part, "--key", "cop/*/world/**") == 0
     assert call("tape", "info", saved) == 0
     whole = list(read(GOLDEN))

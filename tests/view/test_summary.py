@@ -63,6 +63,14 @@ def test_a_line_is_decoded_or_says_why_not() -> None:
     assert line(Envelope("cop/t/world/clock", b"x")).startswith("cop/t/world/clock refused: not-msgpack")
 
 
+def test_a_short_line_has_the_numbers_and_fits_a_screen() -> None:
+    lines = [line(envelope, short=True) for envelope, _ in recorded() if envelope.kind is Kind.PUT]
+    report = next(it for it in lines if "/report/r1/robot/r1 Report: " in it)
+    assert "tick 0, " in report
+    assert report.endswith(" bytes")
+    assert max(len(it) - it.index(" ") for it in lines) < 160
+
+
 @pytest.mark.parametrize("wrong", ["", "a b", "a//b", "/a", "a/", "a*", "a/$*", "a#b"])
 def test_a_wrong_key_expression_is_a_person_s_mistake(wrong: str) -> None:
     with pytest.raises(UserError, match="no key expression"):
