@@ -1,4 +1,4 @@
-"""The settings and lines of Python in README.md and docs/operations.md: each is read as the programs read it."""
+"""The settings and lines of Python in docs/more.md and docs/operations.md: each is read as the programs read it."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def tables(first: str) -> list[dict[str, Any]]:
     return [tomllib.loads(one.text) for one in blocks(PAGE) if one.language == "toml" and one.first.startswith(first)]
 
 
-def test_the_pools_of_the_readme() -> None:
+def test_the_pools_alone() -> None:
     space: dict[str, Any] = {"opinions": np.random.default_rng(1).dirichlet(np.ones(108), 5).reshape(5, 12, 9)}
-    exec(block("README.md", "from blackboard import Grid").text, space)
+    exec(block("more.md", "from blackboard import Grid").text, space)
     fused = space["fused"]
     assert fused.shape == (12, 9)
     assert fused.sum() == pytest.approx(1.0)

@@ -32,6 +32,7 @@ WIRE = "tests/wire/test_docs.py::test_the_worked_example_is_true"
 DRAWING = NotRun("a drawing of the code, or an example of what is printed")
 SITE = NotRun("`make docs` runs it, with warnings as errors")
 HOSTS = NotRun("several hosts; tests/flow and tests/access run the same services")
+SYMPTOMS = NotRun("of a team in trouble; each command has tests of its own")
 MINUTES = NotRun("many minutes; a short form is tested")
 
 #: Page -> (how the first line of a block begins, who runs it), in the order of the page.
@@ -40,12 +41,6 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("make demo", f"{NEWCOMER}::test_make_demo_in_a_clone"),
         ("n      RMSE", f"{NEWCOMER}::test_make_demo_in_a_clone"),
         (".venv/bin/pip install -e '.[record,web,tui]'", f"{NEWCOMER}::test_what_it_believes_and_why"),
-        ("docker compose up --build", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
-        ("export WORLD=", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
-        (".venv/bin/blackboard demo --robots 10", f"{NEWCOMER}::test_what_more_there_is"),
-        ("RMSE     p95   95 %", DRAWING),
-        ("blackboard router -l", f"{NEWCOMER}::test_each_process_by_hand"),
-        ("from blackboard import Grid", f"{SETTINGS}::test_the_pools_of_the_readme"),
     ),
     "CONTRIBUTING.md": (
         (".venv/bin/python -m pytest", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
@@ -71,6 +66,13 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("state       event", "tests/process/test_team_clock_table.py::test_the_table_is_printed"),
         ("process  pace", "tests/process/test_rounds.py::test_the_tables_are_printed"),
         ("news      robot", "tests/process/test_peer.py::test_the_table_is_printed"),
+    ),
+    "more.md": (
+        (".venv/bin/blackboard demo --robots 10", f"{NEWCOMER}::test_what_more_there_is"),
+        ("docker compose up --build", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
+        ("export WORLD=", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
+        ("blackboard router -l", f"{NEWCOMER}::test_each_process_by_hand"),
+        ("from blackboard import Grid", f"{SETTINGS}::test_the_pools_alone"),
     ),
     "mutants.md": (("make mutants", MINUTES),),
     "operations.md": (
@@ -100,6 +102,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
     ),
     "real-robots.md": (
         ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
+        ("blackboard demo --pyfg", NotRun("a recording; tests/sim_world/test_pyfg.py replays a made one")),
     ),
     "research.md": (("blackboard demo", RESEARCH), ("blackboard sweep", RESEARCH)),
     "robots.md": (("blackboard router", ROBOTS), ("from blackboard.client", ROBOTS), ("try:", ROBOTS)),
@@ -120,11 +123,18 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard keys add", NotRun("several hosts; tests/access/test_sites.py runs two routers on one")),
         ("blackboard keys init", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
     ),
+    "symptoms.md": tuple((first, SYMPTOMS) for first in (
+        "blackboard health router", "blackboard status --scenario", "blackboard health board", "blackboard why robot/r3",
+        "blackboard replay", "blackboard replay", "blackboard why robot/r3", "blackboard tune", "blackboard demo", "blackboard echo",
+        "blackboard health robot", "blackboard status --watch", "blackboard tape recover", "blackboard health robot", "blackboard status",
+    )),
     "tutorial.md": (
         ("make demo", f"{NEWCOMER}::test_the_tutorial_from_its_first_to_its_last_line"),
         *[(".venv/bin/blackboard status", TAPE)],
         (".venv/bin/blackboard view", f"{NEWCOMER}::test_the_tutorial_from_its_first_to_its_last_line"),
-        *[(".venv/bin/blackboard why", TAPE)] * 2,
+        (".venv/bin/blackboard why", TAPE),
+        ("robot/r1 is believed to be at", f"{NEWCOMER}::test_the_tutorial_from_its_first_to_its_last_line"),
+        (".venv/bin/blackboard why", TAPE),
         (".venv/bin/blackboard replay", TAPE),
         ("[team]", OWN_TEAM),
         (".venv/bin/blackboard up", OWN_TEAM),

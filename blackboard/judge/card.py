@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from blackboard.judge.calibration import CONSISTENT, kind
+from blackboard.judge.calibration import BLOCK, CONSISTENT, FEWEST, SHORT, kind
 from blackboard.judge.intervals import Estimate
 from blackboard.judge.referee import Judgement
 from blackboard.judge.samples import LEVELS
@@ -93,7 +93,7 @@ def text(card: dict[str, Any]) -> str:
         f"rule {card['rule']}, fusion {card['fusion']}, seed {card['seed']}, consensuses {card['hash']}",
         f"({SAME_PROCESSOR})",
         f"{messages['received']} messages received, {messages['dropped']} dropped, {refused} refused",
-        card["verdict"],
+        card["verdict"] + _too_short(card),
         *(f"  {reason}" for reason in card["reasons"]),
         *(f"  likely cause: {cause}" for cause in card["causes"]),
     ]
@@ -101,8 +101,19 @@ def text(card: dict[str, Any]) -> str:
 
 
 def _word(card: dict[str, Any], group: str, level: str) -> str:
-    """What the regions of a row are called."""
-    return str(card["honesty"].get(group, {}).get(level, {}).get("word", ""))
+    """What the regions of a row are called; "consistent" with the interval of its 50 % regions, because it is a wide word."""
+    honesty = card["honesty"].get(group, {}).get(level, {})
+    word = str(honesty.get("word", ""))
+    at = honesty.get("coverage", {}).get("50")
+    return f"{word} ({at['low']:.2f} to {at['high']:.2f} in 50 %)" if word == CONSISTENT and at else word
+
+
+def _too_short(card: dict[str, Any]) -> str:
+    """Behind a PASS: that nothing can be said of its regions."""
+    words = {found.get("word") for levels in card["honesty"].values() for found in levels.values()}
+    if card["verdict"] == "PASS" and SHORT in words:
+        return f", but too short to judge its regions: less than {FEWEST * BLOCK:g} s"
+    return ""
 
 
 def _dishonest(card: dict[str, Any]) -> list[str]:

@@ -16,6 +16,7 @@ from blackboard.wire.messages import Consensus, PackedBelief, Report
 
 MAX_MOMENTS = 20_000
 MAX_BYTES = 64 << 20  # of the moments that are packed
+ROUNDED = 1e-6  # seconds by which a time may be off because it was rounded
 FRESH = 4  # moments that are kept as they are, because they are looked at most; older ones are packed
 
 Point = tuple[float, float]
@@ -83,6 +84,35 @@ class Moment:
     subjects: Mapping[str, About]
     sightings: tuple[tuple[str, str], ...] = ()
     speeds: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class When:
+    """Which moment is meant: that of a tick, or the newest that is not later than so many seconds of team time."""
+
+    tick: int | None = None
+    seconds: float | None = None
+
+    @staticmethod
+    def of(text: str) -> When:
+        """A tick as 200, or seconds as 20s. ValueError: it is neither."""
+        if text.endswith("s"):
+            seconds = float(text[:-1])
+            if not 0 <= seconds < math.inf:
+                raise ValueError(text)
+            return When(seconds=seconds)
+        return When(tick=int(text))
+
+    def __str__(self) -> str:
+        return f"tick {self.tick}" if self.tick is not None else f"second {self.seconds:g}"
+
+    def fits(self, moment: Moment) -> bool:
+        """Whether a moment is meant, or where seconds are meant, is not later than these."""
+        return moment.tick == self.tick if self.seconds is None else moment.time <= self.seconds + ROUNDED
+
+    def is_reached(self, newest: Moment) -> bool:
+        """Whether no later moment than the newest can fit."""
+        return newest.tick >= (self.tick or 0) if self.seconds is None else newest.time >= self.seconds - ROUNDED
 
 
 class Timeline:

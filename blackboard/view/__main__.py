@@ -21,7 +21,7 @@ from blackboard.run.flags import OutputFlags, WhichTeam
 from blackboard.run.terminal import beneath
 from blackboard.view.echo import Rates, key_expression, line
 from blackboard.view.feed import Feed
-from blackboard.view.source import PATIENCE, TeamSource
+from blackboard.view.source import PATIENCE, TeamSource, when
 from blackboard.view.summary import summary, text
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
@@ -38,7 +38,7 @@ def why(
     subject: str,
     source: TeamSource = TeamSource(),
     *,
-    at: int | None = None,
+    at: str | None = None,
     drift: float | None = None,
     seconds: Seconds = PATIENCE,
     output: OutputFlags = OutputFlags(),
@@ -51,14 +51,15 @@ def why(
     subject
         As robot/r1 or object/ball.
     at
-        The tick to explain: of a running team the newest, or one that is still to come [default: the newest].
+        The tick to explain, as 200, or team time, as 40s; of a running team one to come [default: the newest].
     drift
         The boards' [board] drift, by which old reports spread [default: the scenario's, or the tape's].
     seconds
         How long to wait for the tick of a running team.
     """
+    wanted = None if at is None else when(at)
     with source.open(flags, "why") as looked:
-        moment = looked.moment(at, seconds)
+        moment = looked.moment(wanted, seconds)
         found = explain(looked.fold, moment, subject, looked.drift if drift is None else drift)
     output.show(found, lambda it: "\n".join(sentences(it)))
     return door.DONE

@@ -16,7 +16,7 @@ from blackboard.process.clock import UnixClock
 from blackboard.run import door
 from blackboard.run.flags import WhichTeam
 from blackboard.state.fold import TeamFold
-from blackboard.state.moments import Moment
+from blackboard.state.moments import Moment, When
 from blackboard.view.feed import Feed
 from blackboard.view.taped import Taped
 
@@ -90,31 +90,45 @@ class Running:
             self.feed.take(self.feed.receive())
             each()
 
-    def moment(self, tick: int | None, seconds: float) -> Moment:
-        """The moment of a tick to come, or the newest of which everything was seen, so not the first one.
+    def moment(self, when: When | None, seconds: float) -> Moment:
+        """The moment that is meant and is still to come, or the newest of which everything was seen, so not the first one.
 
-        Of a team that stands still it is the one at which it stands. UserError: the tick is over. RunFailed: nothing
+        Of a team that stands still it is the one at which it stands. UserError: what is meant is over. RunFailed: nothing
         was settled within `seconds`.
         """
         first = self.fold.moments.newest
-        if tick is not None and first is not None and tick < first.tick:
-            raise UserError(f"--at {tick}: that tick is over, the newest is {first.tick}; ask for a later one")
+        if when is not None and first is not None and when.is_reached(first) and not when.fits(first):
+            raise UserError(
+                f"--at: {when} is over, the newest is {first.tick} ({first.time:.1f} s); ask for a later one"
+            )
 
         def enough() -> bool:
             newest = self.fold.moments.newest
             if newest is None or (first is not None and newest.tick <= first.tick + 1 and newest.run == first.run):
                 return False
-            return tick is None or newest.tick >= tick
+            return when is None or when.is_reached(newest)
 
         self.feed.follow(seconds, enough)
         moments = self.fold.moments
-        found = moments.newest if tick is None else moments.at(tick)
+        newest = moments.newest
+        found = newest
+        if when is not None:
+            fitting = [moment for moment in moments if when.fits(moment)]
+            found = fitting[-1] if fitting and newest is not None and when.is_reached(newest) else None
         if found is None:
-            what = "has settled nothing" if tick is None else f"did not settle tick {tick}"
+            what = "has settled nothing" if when is None else f"did not settle {when}"
             others = ", ".join(sorted(other for other in self.feed.fold.teams if other != self.team))
             there = f"; there is {others}" if others else ""
             raise RunFailed(f"team {self.team} {what} within {seconds:g} s{there}")
         return found
+
+
+def when(at: str) -> When:
+    """The moment that a person names. UserError: it is neither a tick nor seconds."""
+    try:
+        return When.of(at)
+    except ValueError:
+        raise UserError(f"--at {at}: give a tick as 200, or seconds of team time as 40s") from None
 
 
 def open_tape(file: Path, team: str | None) -> Taped:

@@ -11,7 +11,7 @@ from types import TracebackType
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
 from blackboard.state.fold import TeamFold
-from blackboard.state.moments import Moment
+from blackboard.state.moments import Moment, When
 from blackboard.tables import parse
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.envelope import Envelope
@@ -57,31 +57,33 @@ class Taped:
             self.feed.take(self.feed.receive())
             each()
 
-    def moment(self, tick: int | None, seconds: float = 0.0) -> Moment:
-        """The moment of a tick in the last run that has it, or the newest; reads to the end in any time. RunFailed: there is none."""
+    def moment(self, when: When | None, seconds: float = 0.0) -> Moment:
+        """The moment that is meant in the last run that has it, or the newest; reads to the end. RunFailed: there is none."""
         found: Moment | None = None
         seen: Moment | None = None
 
         def look() -> None:
             nonlocal found, seen
+            newest = self.fold.moments.newest
             if (
-                self.fold.moments.newest is not seen
-            ):  # old moments are packed: unpack one for each settled tick, not one for each look
-                seen = self.fold.moments.newest
-                found = (None if tick is None else self.fold.moments.at(tick)) or found
+                when is not None and newest is not None and newest is not seen
+            ):  # each moment once: the older ones are packed
+                last = seen.tick if seen is not None and seen.run == newest.run else -1
+                fitting = [moment for moment in self.fold.moments.since(last) if when.fits(moment)]
+                found, seen = (fitting[-1] if fitting else found), newest
 
         self.read_on(look)
         newest = self.fold.moments.newest
-        chosen = newest if tick is None else found
-        if chosen is None:
+        if newest is None:
             others = ", ".join(sorted(name for name in self.feed.fold.teams if name != self.team))
             there = f"; there is {others}" if others else ""
-            raise RunFailed(
-                f"{self.file}: team {self.team} has settled nothing{there}"
-                if newest is None
-                else f"{self.file}: tick {tick} was not settled; the last one is {newest.tick}"
-            )
-        return chosen
+            raise RunFailed(f"{self.file}: team {self.team} has settled nothing{there}")
+        if when is None:
+            return newest
+        if found is None or (when.seconds is not None and not when.is_reached(newest)):
+            last_one = f"the last one is {newest.tick} ({newest.time:.1f} s)"
+            raise RunFailed(f"{self.file}: {when} was not settled; {last_one}")
+        return found
 
 
 def _scenario(text: str) -> Scenario:

@@ -1,7 +1,11 @@
-"""What `blackboard.view.why.explain` found, in plain sentences with numbers. Pure."""
+"""What `blackboard.view.why.explain` found, in plain sentences: the answer, then who, then the numbers. Pure.
+
+What did not change anything is left out; the JSON has it.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,90 +13,140 @@ from blackboard.view.why import JOINT
 
 Table = dict[str, Any]
 
+LITTLE = 0.01  # nats, and sigmas by which the mean moves: a source without which less would change changed nothing
+NOTEWORTHY = 0.2  # by which a variance or a correlation is off before it is told
+
 
 def sentences(it: Table) -> list[str]:
-    """The sentences, in groups that an empty one parts: the subject, then each level."""
-    unit = it["unit"]
-    found = [f"{it['subject']} in tick {it['tick']} ({it['time']:.1f} s of team time)."]
-    if it["truth"] is None:
-        found.append("Nobody says what is true.")
-    for level in it["levels"]:
-        found += ["", *_belief(level, it, unit)]
-        if level["level"] == "agreed":
-            found += [f"{name} agreed last in tick {tick}." for name, tick in it["agreed_before"].items()]
-        found += _joint(level) if level["rule"] == JOINT else _pooled(level, unit)
-        found += [f"{out['source']} was left out: {out['reason']}." for out in level["left_out"]]
-        found += [_dissent(one) for one in level["dissent"]] + _camps(level["camps"])
-        found += _ages(level) + [_learned(one) for one in level["learned"] if one["samples"] > 0]
+    """The sentences, in groups that an empty one parts: the answer, who, the numbers, and then each sub-team's own belief."""
+    first, *others = it["levels"]
+    found = [_answer(first, it)]
+    if first["truth"] is not None:
+        found.append(_truth(first, it["unit"]))
+    found += ["", _agreement(it), *_who(first, it), "", *_numbers(first, it)]
+    for level in others:
+        if level["mean"] is None or not _is_same(level, first):
+            found += ["", f"Sub-team {level['sub_team']} by itself: {_place(level, it['unit'])}.", *_who(level, it)]
+            found += _numbers(level, it)
+        elif first["rule"] != JOINT:
+            found += ["", f"Sub-team {level['sub_team']} believes the same by itself.", *_who(level, it)]
     return found
 
 
-def _belief(level: Table, it: Table, unit: str) -> list[str]:
-    who = f"Sub-team {level['sub_team']}"
-    if level["level"] == "agreed":
-        same = "the same" if it["same"] else "not quite the same; this is what the first one has"
-        who = f"Agreed by {_and(it['agreed_by'])}" + (f" ({same})" if len(it["agreed_by"]) > 1 else "")
+def _answer(level: Table, it: Table) -> str:
+    """The question answered in one sentence: where, how surely, and by whom."""
     if level["mean"] is None:
-        return [f"{who}: a belief that cannot be read."]
-    old = "" if level["tick"] == it["tick"] else f" It is of tick {level['tick']}."
-    where = (
-        f"{who}: at {_place(level['mean'])} {unit}, sigma {level['sigma']:.2f}; the 95 % region has {level['area']:.3g} {unit}^2, "
-        f"the entropy is {level['entropy']:.2f} nats.{old}"
-    )
+        return f"What is believed about {it['subject']} cannot be read."
+    ignored = [out["source"] for out in level["left_out"]]
+    but = f"; {_and(ignored)} {'was' if len(ignored) == 1 else 'were'} ignored" if ignored else ""
+    return f"{it['subject']} is believed to be {_place(level, it['unit'])}, because {_because(level)}{but}."
+
+
+def _because(level: Table) -> str:
+    names = list(dict.fromkeys(source["source"] for source in level["sources"]))
+    if level["rule"] == JOINT:
+        if not names:
+            return "nobody said anything new of it in this tick: it is predicted from before"
+        return f"{_and(names)} said so in this tick, and the team before"
+    if len(names) == 1:
+        told = sorted(level["ancestors"])
+        return f"{_and(told) if told else names[0]} said so, and nobody else did"
+    weights = {name: _importance(level, name) for name in names}
+    main = max(names, key=lambda name: weights[name])
+    rest = [name for name in names if name != main and not _is_idle(level["without"].get(name))]
+    return f"{main} said so" + (f", and {_and(rest)} changed it less" if rest else ", and the others changed nothing")
+
+
+def _importance(level: Table, name: str) -> float:
+    """What would change without a source; where that is not known, its weight."""
+    change = level["without"].get(name)
+    if change:
+        return math.inf if change["nats"] is None else float(change["nats"])
+    return sum(float(source["weight"]) for source in level["sources"] if source["source"] == name)
+
+
+def _is_idle(change: Table | None) -> bool:
+    """Whether nothing would change without a source, as far as that is known."""
+    nats = change["nats"] if change else None
+    return isinstance(nats, float) and nats < LITTLE
+
+
+def _is_same(level: Table, first: Table) -> bool:
+    near = math.dist(level["mean"], first["mean"]) < LITTLE * max(first["sigma"], 1e-9)
+    return near and bool(abs(level["entropy"] - first["entropy"]) < LITTLE)
+
+
+def _place(level: Table, unit: str) -> str:
+    if level["mean"] is None:
+        return "a belief that cannot be read"
+    return f"at {_point(level['mean'])} {unit}, give or take {level['sigma']:.2f}"
+
+
+def _truth(level: Table, unit: str) -> str:
     truth = level["truth"]
-    if truth is None:
-        return [where]
-    inside = "inside" if truth["inside"] else "outside"
-    said = (
-        f"The truth is {truth['error']:.2f} {unit} away, at {_place(it['truth'])}: {inside} the 95 % region "
-        f"({100 * truth['denser']:.0f} % of the mass is denser there), log score {truth['log_score']:.2f} nats."
+    return (
+        f"The truth is {truth['error']:.2f} {unit} away, {'inside' if truth['inside'] else 'outside'} the 95 % region."
     )
-    return [where, said]
+
+
+def _agreement(it: Table) -> str:
+    level = it["levels"][0]
+    if level["level"] != "agreed":
+        return f"Sub-team {level['sub_team']} believes it; nothing is agreed on yet."
+    same = "" if it["same"] or len(it["agreed_by"]) < 2 else ", not quite the same; this is what the first one has"
+    before = "".join(f"; {name} agreed last in tick {tick}" for name, tick in it["agreed_before"].items())
+    return f"Agreed by {_and(it['agreed_by'])}{same}{before}."
+
+
+def _who(level: Table, it: Table) -> list[str]:
+    """Who is behind a belief, who was ignored, and what is known against whom."""
+    found = _joint(level) if level["rule"] == JOINT else _pooled(level, it["unit"])
+    found += [f"{_whose(out['source'])} was ignored: {out['reason']}." for out in level["left_out"]]
+    found += [_dissent(one) for one in level["dissent"]] + _camps(level["camps"])
+    return found + [told for one in level["learned"] if (told := _learned(one))]
+
+
+def _whose(source: str) -> str:
+    return "The prediction" if source == "prediction" else f"What {source} said"
 
 
 def _joint(level: Table) -> list[str]:
-    used = [source["source"] for source in level["sources"]]
-    found = ["It is a marginal of the joint Gaussian of the whole team, so no single opinion has a weight in it."]
-    if used:
-        each = ", ".join(f"{source['source']} {source['entropy']:.2f}" for source in level["sources"])
-        found.append(
-            f"This tick's evidence about it came from {_and(used)}. Entropy of what each says, in nats: {each}."
-        )
-    else:
-        found.append("No evidence about it came in this tick: it was predicted.")
-    if level["components"]:
-        found.append("Evidence contradicted the prediction. " + _coalitions(level["components"]))
+    found = []
+    if level["sources"]:
+        each = ", ".join(f"{source['source']} ({source['entropy']:.2f} nats by itself)" for source in level["sources"])
+        found.append(f"In this tick it was told of by {each}.")
+    if len(level["components"]) > 1:
+        found.append(_coalitions(level["components"]))
     return found
 
 
 def _pooled(level: Table, unit: str) -> list[str]:
-    table = ", ".join(f"{name} {_short(value)}" for name, value in sorted(level["parameters"].items()))
-    count = len({source["source"] for source in level["sources"]})
-    found = [
-        f"Pooled from {count} {_plural('source', count)} by the rule {level['rule']}"
-        + (f" ({table})." if table else ".")
-    ]
+    found, idle = [], []
     if level["outcome"] != "pooled":
         found.append(f"A veto left the rule no cell, so another rule was taken ({level['outcome']}).")
     if len(level["components"]) > 1:
         found.append(_coalitions(level["components"]))
     if level["conflict"]:
         found.append("There is a conflict: somebody is surer alone than all together, or contradicts them.")
-    found += [_said(source) for source in level["sources"]]
+    many = len({source["source"] for source in level["sources"]}) > 1
+    for source in level["sources"] if many or not level["without"] else ():
+        if source["weight"] >= LITTLE:
+            found.append(_said(source))
     for name, change in level["without"].items():
         if not change:
-            found.append(f"Without {name} there would be no belief at all.")
             continue
-        nats = "infinitely far" if change["nats"] is None else f"{change['nats']:.3f} nats"
-        found.append(
-            f"Without {name} the belief would be {nats} away (Kullback-Leibler) and its mean would move {change['shift']:.2f} {unit}."
-        )
+        if _is_idle(change):
+            idle.append(name)
+        else:
+            nats = "infinitely far" if change["nats"] is None else f"{change['nats']:.3f} nats"
+            found.append(f"Without {name} it would be {change['shift']:.2f} {unit} from there ({nats} away).")
+    if idle:
+        found.append(f"{_and(idle)} changed nothing.")
     if level["recomputed"] is None:
         found.append("What would be without a source cannot be said: not everything that was pooled was seen here.")
-    elif level["recomputed"] > 0.01:
-        found.append(
-            f"Computed again here it is {level['recomputed']:.3f} nats from what the board published, so take these as rough."
-        )
+    elif level["recomputed"] > LITTLE:
+        far = f"{level['recomputed']:.3f} nats"
+        found.append(f"Computed again here it is {far} from what the board published, so take these as rough.")
     return found
 
 
@@ -102,34 +156,59 @@ def _said(source: Table) -> str:
     if source["how"] == "independent":
         return f"{source['source']}, first-hand: weight {source['weight']:.2f}, {what}."
     others = [name for name in source["contains"] if name != source["source"]]
-    twice = f" It contains information of {_and(others)} that was counted already, so it" if others else " It"
-    part = f"was averaged in and not multiplied, with a share of {source['weight']:.2f}"
-    if source["weight"] < 0.005:
-        part = "added nothing"
-    return f"{source['source']}, informed: {what}.{twice} {part}."
+    twice = f" It holds what {_and(others)} said and was counted already, so it" if others else " It"
+    return f"{source['source']}, informed: {what}.{twice} was averaged in, not multiplied, with {100 * source['weight']:.0f} %."
 
 
 def _coalitions(shares: Sequence[float]) -> str:
+    """By how many sources each share of a belief stands: `shares` of one, two, ... all."""
     n = len(shares)
-    parts = [f"{q} of {n}: {100 * share:.0f} %" for q, share in enumerate(shares, 1) if share >= 0.005]
-    return f"Coalitions of so many hold so much of the choice: {', '.join(reversed(parts))}."
+    parts = list[str]()
+    for q, share in sorted(enumerate(shares, 1), reverse=True):
+        if share >= 0.005:
+            who = ("both sources" if n == 2 else f"all {n} sources") if q == n else f"{q} of {n}"
+            right = f"that {who} {'is' if q == 1 and n > 1 else 'are'} right"
+            parts.append(f"{100 * share:.0f} % {'of this belief assumes ' if not parts else ''}{right}")
+    return f"{', '.join(parts)}."
+
+
+def _numbers(level: Table, it: Table) -> list[str]:
+    """Tick, region, entropy, score, rule; whose information it is."""
+    old = "" if level["tick"] == it["tick"] else f", of tick {level['tick']}"
+    parts = [f"tick {it['tick']} ({it['time']:.1f} s of team time){old}"]
+    if level["area"] is not None:
+        parts.append(f"95 % region {level['area']:.3g} {it['unit']}^2")
+    parts.append(f"entropy {level['entropy']:.2f} nats")
+    if level["truth"] is not None:
+        parts.append(f"log score {level['truth']['log_score']:.2f} nats")
+    table = ", ".join(f"{name} {_short(value)}" for name, value in sorted(level["parameters"].items()))
+    rule = "a joint belief of the whole team, in which nobody has a weight" if level["rule"] == JOINT else level["rule"]
+    parts.append(f"rule {rule}" + (f" ({table})" if table else ""))
+    return [f"Numbers: {'; '.join(parts)}.", *_ages(level)]
 
 
 def _ages(level: Table) -> list[str]:
-    old = {name: age for name, age in level["ancestors"].items() if age > 0.05}
     if not level["ancestors"]:
         return []
     oldest = max(level["ancestors"], key=lambda name: level["ancestors"][name])
-    rest = f"; the oldest of it, of {oldest}, is {level['ancestors'][oldest]:.1f} s old" if old else ""
-    return [f"In all it rests on information of {_and(sorted(level['ancestors']))}{rest}."]
+    age = level["ancestors"][oldest]
+    rest = f"; the oldest of it, of {oldest}, is {age:.1f} s old" if age > 0.05 else ""
+    return [f"In all it rests on what {_and(sorted(level['ancestors']))} said{rest}."]
 
 
 def _learned(one: Table) -> str:
-    echo = f", and is an echo of {one['echo']}" if one["echo"] else ""
-    return (
-        f"Learned of {one['source']}: its errors have {one['variance']:.2f} times the variance that it claims, "
-        f"correlation {one['correlation']:.2f}{echo} (from {one['samples']:.0f} comparisons)."
-    )
+    """What was learned of a source, empty where that is next to nothing."""
+    times, samples = math.sqrt(max(0.0, one["variance"])), f" (from {one['samples']:.0f} comparisons)"
+    if one["samples"] <= 0:
+        return ""
+    if one["echo"]:
+        return f"{one['source']} is an echo of {one['echo']}{samples}."
+    told = []
+    if abs(one["variance"] - 1.0) > NOTEWORTHY:
+        told.append(f"are {times:.1f} times what it claims")
+    if one["correlation"] > NOTEWORTHY:
+        told.append(f"go with those of others by {100 * one['correlation']:.0f} %")
+    return f"The errors of {one['source']} {' and '.join(told)}{samples}." if told else ""
 
 
 def _dissent(one: Table) -> str:
@@ -150,11 +229,7 @@ def _and(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names) or "nobody"
 
 
-def _plural(word: str, count: int) -> str:
-    return word if count == 1 else f"{word}s"
-
-
-def _place(point: Sequence[float]) -> str:
+def _point(point: Sequence[float]) -> str:
     return f"({', '.join(f'{x:.2f}' for x in point)})"
 
 

@@ -106,7 +106,7 @@ def test_a_command_takes_the_shared_flags(command: str, app: App, flags: str) ->
 FRACTIONS = [
     (blackboard.__main__.app, "demo --seed 1.5", "--seed 1.5"),
     (blackboard.__main__.app, "demo --robots 3.6", "--robots 3.6"),
-    (blackboard.__main__.app, "why robot/r1 --at=60.7", "--at 60.7"),
+    (blackboard.__main__.app, "echo cop/** --count=60.7", "--count 60.7"),
     (blackboard.__main__.app, "figures --grids 50 --grids 99.5", "--grids 99.5"),
     (blackboard.__main__.app, "replay x.mcap --seed -1.5", "--seed -1.5"),
     (blackboard.__main__.app, "keys init --robots 2.5", "--robots 2.5"),

@@ -18,7 +18,7 @@ def test_the_tutorial_s_own_team_runs_is_explained_and_swept(tmp_path: Path) -> 
     (tmp_path / "my-team.toml").write_text(block("tutorial.md", "[team]").text)
     said = []
     for command in commands:
-        shorter = command.replace("--at 100", "--at 9").replace("1..4", "3..3")
+        shorter = command.replace("--at 20s", "--at 9").replace("1..4", "3..3")
         length = [] if " why " in command else ["--seconds", "2"]
         words = [sys.executable, "-m", "blackboard", *shlex.split(shorter)[1:], *length, "--json"]
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -21,7 +21,7 @@ def _on_a_recording(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_why_says_it_in_words_or_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("why", "robot/r1", "--team", "t") == 0
-    assert capsys.readouterr().out.startswith("robot/r1 in tick ")
+    assert capsys.readouterr().out.startswith("robot/r1 is believed to be at (")
     assert call("why", "robot/r1", "--team", "t", "--at", "3", "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["subject"], found["tick"]) == ("robot/r1", 3)

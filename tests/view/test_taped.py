@@ -10,6 +10,7 @@ import pytest
 
 from blackboard.errors import RunFailed, UserError
 from blackboard.state.fold import Fold
+from blackboard.state.moments import When
 from blackboard.tape.file import create, read
 from blackboard.tape.table import rows
 from blackboard.view.feed import Feed, TapeFeed, newest
@@ -46,7 +47,18 @@ def test_why_on_a_tape_is_of_any_tick(capsys: pytest.CaptureFixture[str]) -> Non
         assert (found["tick"], found["subject"], found["team"]) == (tick, "robot/r1", "demo")
         assert found["truth"] is not None
     assert call("why", "robot/r1", GOLDEN) == 0
-    assert capsys.readouterr().out.startswith("robot/r1 in tick 15 (3.0 s of team time).")
+    assert capsys.readouterr().out.startswith("robot/r1 is believed to be at (")
+
+
+@pytest.mark.parametrize(("at", "tick"), [("7", 7), ("1.4s", 7), ("1.5s", 7), ("0s", 0), ("3s", 15)])
+def test_a_moment_is_named_by_its_tick_or_by_team_time(at: str, tick: int) -> None:
+    assert open_tape(GOLDEN, None).moment(When.of(at)).tick == tick
+
+
+@pytest.mark.parametrize("wrong", ["x", "-1s", "s", "nans", "2.5"])
+def test_a_moment_that_is_neither_is_a_mistake(wrong: str) -> None:
+    with pytest.raises(UserError, match="give a tick as 200, or seconds"):
+        call("why", "robot/r1", GOLDEN, f"--at={wrong}")
 
 
 def test_a_moment_is_found_without_unpacking_all_at_each_look(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,7 +72,7 @@ def test_a_moment_is_found_without_unpacking_all_at_each_look(monkeypatch: pytes
 
     monkeypatch.setattr(pickle, "loads", count)
     taped = open_tape(GOLDEN, None)
-    assert taped.moment(3).tick == 3
+    assert taped.moment(When(tick=3)).tick == 3
     assert len(unpacked) <= len(taped.fold.moments)
 
 
@@ -75,6 +87,7 @@ def test_status_of_a_tape_is_how_it_ends(capsys: pytest.CaptureFixture[str]) -> 
     ("arguments", "says"),
     [
         (["why", "robot/r1", GOLDEN, "--at", "99"], "tick 99 was not settled; the last one is 15"),
+        (["why", "robot/r1", GOLDEN, "--at", "99s"], "second 99 was not settled; the last one is 15"),
         (["why", "robot/r9", GOLDEN], "no board has a belief about it in tick 15"),
         (["why", "robot/r1", GOLDEN, "--team", "other"], "team other has settled nothing; there is demo"),
         (["why", "robot/r1", GOLDEN, "-e", "tcp/127.0.0.1:1"], "without a network"),

@@ -80,7 +80,7 @@ def test_keys_pause_step_choose_and_explain() -> None:
         assert top.chosen != first
         await pilot.press("left_square_bracket", "w")
         assert top.chosen == first
-        assert said(top, "#why").startswith(f"{first} in tick 15")
+        assert said(top, "#why").startswith(f"{first} is believed to be at ")
         before = top.query_one("#map", HeatMap).picture
         await pilot.press("l")
         after = top.query_one("#map", HeatMap).picture

@@ -26,7 +26,7 @@ def test_a_command_of_the_tutorial_does_what_it_says(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "run.mcap").write_bytes(GOLDEN.read_bytes())
-    shorter = re.sub(r"--at \d+", "--at 9", command).replace("object/ball", "robot/r1")
+    shorter = re.sub(r"--at \d+s?", "--at 9", command).replace("object/ball", "robot/r1")
     status = call(*shlex.split(shorter))
     assert (
         status == 0 or command == "replay run.mcap"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -17,7 +18,7 @@ from blackboard.state.moments import Moment
 from blackboard.view.feed import TapeFeed
 from blackboard.view.summary import summary, text
 from blackboard.view.why import explain
-from blackboard.view.words import sentences
+from blackboard.view.words import LITTLE, sentences
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
@@ -96,8 +97,7 @@ def test_boards_are_compared_in_one_tick() -> None:
     assert (found["agreed_by"], found["agreed_before"], found["same"]) == (["b"], {"a": 3}, True)
     assert [found["levels"][0][name] for name in ("level", "sub_team", "tick")] == ["agreed", "b", 4]
     said = sentences(found)
-    assert any(line.startswith("Agreed by b: at") for line in said)
-    assert "a agreed last in tick 3." in said
+    assert "Agreed by b; a agreed last in tick 3." in said
     assert not any("not quite the same" in line for line in said)
 
 
@@ -153,26 +153,79 @@ def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
     assert level["rule"] == "joint"
     assert level["without"] == {}
     said = " ".join(sentences(explain(team, moment, "robot/r1")))
-    assert "marginal of the joint Gaussian" in said
+    assert "a joint belief of the whole team, in which nobody has a weight" in said
 
 
-def test_the_sentences_have_the_numbers() -> None:
+def test_the_first_sentence_answers_and_the_others_have_the_numbers() -> None:
     team = team_of()
     moment = team.moments.newest
     assert moment is not None
     for subject in moment.subjects:
         it = explain(team, moment, subject)
-        said = " ".join(sentences(it))
-        for level in it["levels"]:
-            assert f"the entropy is {level['entropy']:.2f} nats" in said
-            assert f"log score {level['truth']['log_score']:.2f}" in said
-            for name, change in level["without"].items():
-                if change and change["nats"] is not None:
-                    assert f"Without {name} the belief would be {change['nats']:.3f} nats away" in said
-        overlapping = [
-            source for level in it["levels"] for source in level["sources"] if source["how"] == "overlapping"
-        ]
-        assert ("counted already" in said) == any(set(one["contains"]) - {one["source"]} for one in overlapping)
+        first, *rest = sentences(it)
+        agreed = it["levels"][0]
+        assert first.startswith(f"{subject} is believed to be at (")
+        assert f"give or take {agreed['sigma']:.2f}, because " in first
+        assert any(source["source"] in first for source in agreed["sources"]) or set(agreed["ancestors"])
+        said = " ".join(rest)
+        assert f"entropy {agreed['entropy']:.2f} nats" in said
+        assert f"log score {agreed['truth']['log_score']:.2f} nats" in said
+        for name, change in agreed["without"].items():
+            if change and change["nats"] is not None:
+                told = f"Without {name} it would be {change['shift']:.2f}" in said
+                assert told == (change["nats"] >= LITTLE)
+
+
+def test_coalitions_are_told_by_what_they_assume() -> None:
+    level = {**explain_one(), "components": [0.03, 0.97]}
+    assert "97 % of this belief assumes that both sources are right, 3 % that 1 of 2 is right." in who(level)
+    level["components"] = [0.0, 0.25, 0.75]
+    assert "75 % of this belief assumes that all 3 sources are right, 25 % that 2 of 3 are right." in who(level)
+
+
+def test_what_changed_nothing_is_left_out() -> None:
+    level = explain_one()
+    level["without"] = {"r1": {"nats": 0.5, "shift": 1.0}, "r2": {"nats": 1e-6, "shift": 0.0}}
+    level["learned"] = [
+        LEARNED,
+        {**LEARNED, "source": "r2", "variance": 4.0},
+        {**LEARNED, "source": "r3", "echo": "r2"},
+    ]
+    said = who(level)
+    assert "r2 changed nothing." in said
+    assert not any("Without r2" in line or "errors of r1" in line for line in said)
+    assert "The errors of r2 are 2.0 times what it claims (from 60 comparisons)." in said
+    assert "r3 is an echo of r2 (from 60 comparisons)." in said
+
+
+LEARNED = {"source": "r1", "variance": 1.05, "correlation": 0.0, "samples": 60.0, "echo": None, "since": None}
+
+
+def explain_one() -> dict[str, Any]:
+    """The explanation of a sub-team's belief of two robots."""
+    team = team_of()
+    for moment in team.moments:
+        for subject in moment.subjects:
+            found: list[dict[str, Any]] = explain(team, moment, subject)["levels"]
+            for level in found:
+                if level["level"] == "consensus" and len(level["without"]) == 2:
+                    return level
+    raise AssertionError("no belief of two robots")
+
+
+def who(level: dict[str, Any]) -> list[str]:
+    """What is said of a belief alone."""
+    it = {
+        "subject": "x",
+        "tick": 1,
+        "time": 1.0,
+        "unit": "cell",
+        "truth": None,
+        "agreed_by": ["a"],
+        "agreed_before": {},
+        "same": True,
+    }
+    return sentences({**it, "levels": [{**level, "level": "agreed"}]})
 
 
 def test_an_unknown_subject_is_a_person_s_mistake() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from blackboard.errors import Refused
@@ -81,7 +82,9 @@ def reason(verdict: Verdict) -> str:
         return f"contradicted by {names(verdict.outvoted_by)}"
     most = quantile(GATE, verdict.freedom)
     if verdict.squared > most:
-        return f"its {verdict.kind} contradicts the joint: squared distance {verdict.squared:.1f}, at most {most:.1f}"
+        what = "sighting" if verdict.kind == "relative" else "own place"
+        far, limit = math.sqrt(verdict.squared), math.sqrt(most)
+        return f"its {what} is {far:.1f} sigmas from what the team believes (limit {limit:.1f})"
     return "most of the team contradicts it or what it saw"
 
 

@@ -492,7 +492,7 @@ async function askWhy(header) {
     $("whytitle").textContent = found.why ? `Why, in tick ${found.why.tick}` : "Why";
     fill($("why"), found.sentences.filter(Boolean), () => element("p"), (it, text) => {
       it.textContent = text;
-      it.className = /^(Agreed by|Sub-team)/.test(text) ? "lead" : "";
+      it.className = /^Sub-team/.test(text) || text === found.sentences[0] ? "lead" : "";
     });
   } catch { state.whyFor = ""; }
 }

@@ -1,0 +1,43 @@
+"""Pages that people read from the first line to the last: short pages of short sentences."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.snippets import BLOCK, pages
+
+#: By the file's name. The other pages are references, or not yet rewritten.
+PLAIN = ("README.md", "more.md", "symptoms.md", "tutorial.md")
+MOST_WORDS = 1500  # of a page
+MOST, MEAN = 25, 14  # words of a sentence
+
+
+def sentences(page: str) -> list[str]:
+    """The sentences of a page: without code, tables, headings and the addresses of links."""
+    text = BLOCK.sub("\n", pages()[page])
+    text = re.sub(r"^(#|\||:::|!\[).*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    text = re.sub(r"`[^`]*`", "code", text)
+    found = []
+    for paragraph in re.split(r"\n\s*\n|\n(?=- )", text):
+        found += [it for it in re.split(r"(?<=[.!?:])[\"*)]*\s+", " ".join(paragraph.split())) if re.search(r"\w", it)]
+    return found
+
+
+@pytest.mark.parametrize("page", PLAIN)
+def test_sentences_are_short(page: str) -> None:
+    long = [it for it in sentences(page) if len(it.split()) > MOST]
+    assert long == []
+    lengths = [len(it.split()) for it in sentences(page)]
+    assert sum(lengths) <= MEAN * len(lengths)
+
+
+@pytest.mark.parametrize("page", PLAIN)
+def test_a_page_is_read_in_minutes(page: str) -> None:
+    assert len(pages()[page].split()) <= MOST_WORDS
+
+
+def test_the_readme_fits_a_screen_or_two() -> None:
+    assert len(pages()["README.md"].splitlines()) <= 60
