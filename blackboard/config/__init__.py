@@ -142,7 +142,7 @@ class BoardSection(Section):
     objects_drifts: dict[Name, Drift] = Field(default_factory=dict)
     "[unit/sqrt(s)] The same of single objects, by name, in place of objects_drift: { can = 0.0 } stands still, until it is kicked."
     sharpest: Positive | None = None
-    "[unit] The least sigma of a place that a robot's sensors can have: who claims less in a joint counts as this; an eighth of a cell."
+    "[unit] The least sigma of a place that a robot's sensors can have: who claims less in a joint counts as that; a cell / 8."
     max_age: Positive = 10.0
     "[s] Age, in team time, beyond which a source that fell silent is left out."
     drift: Annotated[float, Field(ge=0)] = 1.0

@@ -48,7 +48,9 @@ log = logging.getLogger(__name__)
 
 MAX_ROBOTS = 64
 TICKS = 8  # of another board that are remembered as heard; a stale one may arrive after the newest
-MAX_OBJECTS = 64  # in the joint; sightings of others are left to the pooled opinions
+MAX_OBJECTS = (
+    64  # in the joint that one robot has seen, and as many that several have; others are left to the pooled opinions
+)
 FINEST = 8  # a place is told by one sensor no better than a cell over this, where `[board] sharpest` does not say
 STRIKES = 3  # times that a robot's evidence broke the joint until it is left out
 PENALTY = 60.0  # seconds of team time for which it is then left out; afterwards one more time is enough
@@ -76,7 +78,8 @@ class JointDesk:
             counters  # counted here, and kept where the joint begins anew: `joint_restarts`, `joint_dropped`
         )
         self._waiting: dict[str, deque[Evidence]] = {}
-        self._objects: set[str] = set()  # that the joint takes sightings of
+        #: Of the objects that the joint takes sightings of, the first first: who saw it, and when last (team time, s).
+        self._objects: dict[str, dict[str, float]] = {}
         self._newest: dict[str, tuple[PackedEvidence, int]] = {}  # robot -> the newest that was taken, and its tick
         self._states: dict[str, Moments | None] = {}  # robot -> its own belief in the newest
         self._until: dict[str, float] = {}  # robot -> team time until which its evidence is in the joint
@@ -130,11 +133,30 @@ class JointDesk:
             ]
 
     def _bounded(self, evidence: Evidence) -> Evidence:
-        """The evidence without sightings of more objects than the joint takes."""
-        seen = {it.subject for it in evidence.relatives if not it.subject.startswith("robot/")}
-        for subject in sorted(seen - self._objects)[: MAX_OBJECTS - len(self._objects)]:
-            self._objects.add(subject)
-        kept = tuple(it for it in evidence.relatives if it.subject not in seen or it.subject in self._objects)
+        """The evidence without sightings of more objects than the joint takes.
+
+        Each robot has its share of `MAX_OBJECTS` for those that nobody else has seen: of one that sees more the newest are left out.
+        Those that several have seen have as much room again. Who has not seen an object for as long as it is kept has not seen it.
+        """
+        robot, time = evidence.robot, evidence.time
+        oldest = time - self.team.objects.kept
+        self._objects = {
+            name: young
+            for name, seen in self._objects.items()
+            if (young := {observer: at for observer, at in seen.items() if at >= oldest})
+        }
+        share = max(1, MAX_OBJECTS // max(1, len(self._newest)))
+        alone = [name for name, seen in self._objects.items() if set(seen) == {robot}]
+        known = set(alone[:share]) | {name for name in self._objects if name not in alone}
+        room = share - min(share, len(alone))
+        sighted = sorted({it.subject for it in evidence.relatives if not it.subject.startswith("robot/")})
+        known |= set([name for name in sighted if name not in self._objects][:room])
+        for name in sighted:
+            if name in known:
+                self._objects.setdefault(name, {})[robot] = time
+        several = [name for name, seen in self._objects.items() if len(seen) > 1]
+        known -= set(several[MAX_OBJECTS:])
+        kept = tuple(it for it in evidence.relatives if it.subject.startswith("robot/") or it.subject in known)
         self.counters["joint_dropped"] += len(evidence.relatives) - len(kept)
         return replace(evidence, relatives=kept)
 

@@ -99,7 +99,7 @@ class Limits:
             relative,
             range_variance=max(least, relative.range_variance),
             bearing_variance=max(across, relative.bearing_variance),
-            profile=tuple((distance, max(least, variance)) for distance, variance in relative.profile),
+            profile=tuple((at, max(least, variance)) for at, variance in relative.profile),
             spread=spread,
         )
 

@@ -7,6 +7,7 @@ its evidence, and no evidence is counted twice.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -37,6 +38,7 @@ PATIENCE = 5  # increments of a robot that are left out in a row, before its blo
 MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
 FADED = 5.0  # time constants after which a lasting error that no sighting used is dropped: 0.7 % of it is left
+ALONE = 4  # objects that one robot alone has seen and that tell it how it moved: together less than its odometry does
 WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
 
 
@@ -145,12 +147,15 @@ class TeamJoint:
         for robot in sorted(set(motions) - entered):
             with self._blaming(robot):
                 self._multiply(news[robot])
+        aside = self._aside() if self.limits.sharpest else frozenset()
         for robot, evidence in news.items():
             with self._blaming(robot):
                 for relative in sorted(
                     evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind)
                 ):
-                    if relative.observer == robot:
+                    if relative.observer == robot and relative.subject in aside and robot in heard:
+                        self._set_aside(relative, motions)
+                    elif relative.observer == robot:
                         self._relate(relative, motions, heard)
 
     def _bounded(self, news: Mapping[str, Evidence], known: set[str]) -> dict[str, Evidence]:
@@ -164,6 +169,30 @@ class TeamJoint:
                 relatives = tuple(self.limits.sighting(relative, self._distance(relative)) for relative in it.relatives)
                 bounded[robot] = replace(it, increment=increment, relatives=relatives)
         return bounded
+
+    def _aside(self) -> frozenset[str]:
+        """The objects that one robot alone has seen, but for the first `ALONE` of each robot."""
+        observers, aside, number = self.trust.by_subject(), set[str](), Counter[str]()
+        for name in self._seen:
+            if len(of := observers.get(name, ())) == 1:
+                number.update(of)
+                if number[min(of)] > ALONE:
+                    aside.add(name)
+        return frozenset(aside)
+
+    def _set_aside(self, relative: Relative, motions: Mapping[str, Motion]) -> None:
+        """An object is where the newest sighting puts it, and that tells its observer nothing.
+
+        Many objects that go where their observer goes would tell it, and its mates, that it stands.
+        """
+        observer, subject = relative.observer, relative.subject
+        if observer in self._left_out or not relative.places:
+            return
+        place = self.projected(relative, motions.get(observer, Motion()))
+        self.joint.drop(subject)
+        self.joint.add(subject, place)
+        self._seen[subject] = 0.0
+        self._judge(Verdict(observer, subject, "relative", 0.0, 2, True))
 
     def _distance(self, relative: Relative) -> float:
         """How far away a subject is: as it was measured, or else as the joint has it; 0 where nobody knows."""

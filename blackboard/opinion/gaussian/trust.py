@@ -39,6 +39,14 @@ class Trust:
             observer for (observer, seen), (against, _) in self._pairs.items() if seen == subject and against <= 0.5
         ]
 
+    def by_subject(self) -> dict[str, set[str]]:
+        """`observers` of every subject."""
+        found: dict[str, set[str]] = {}
+        for (observer, subject), (against, _) in self._pairs.items():
+            if against <= 0.5:
+                found.setdefault(subject, set()).add(observer)
+        return found
+
     def left_out(self) -> frozenset[str]:
         """The robots that more partners contradict than confirm, at least `FEWEST`.
 

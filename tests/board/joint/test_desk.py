@@ -138,6 +138,32 @@ def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.Mo
     assert it.counters == {"joint_dropped": 10}
 
 
+def test_what_a_greedy_robot_invents_leaves_room_for_what_others_see_and_its_newest_go_first() -> None:
+    it = desk()
+    for tick in range(4):
+        time = 0.2 * tick
+        invented = [sighting(f"object/a{tick}-{i}", 2.0 + 0.1 * i) for i in range(64)]
+        it.take("liar", tick, time, at(10, 10).model_copy(update={"relatives": invented}), own=True)
+        it.take("r1", tick, time, at(20, 20, sees=sighting("object/ball", 5.0)), own=True)
+        if tick == 3:
+            it.take("r2", tick, time, at(20, 10, sees=sighting("object/can", 5.0)), own=True)
+        found = {c.subject for c in it.settle(time, MAKE)}
+    assert {"object/ball", "object/can"} <= found
+    it.take("liar", 4, 0.8, at(10, 10).model_copy(update={"relatives": invented}), own=True)
+    it.take("r1", 4, 0.8, at(20, 20), own=True)
+    last = [c for c in it.settle(0.8, MAKE) if c.subject.startswith("object/a")]
+    assert all(c.subject.startswith("object/a0-") for c in last)
+
+
+def test_an_object_that_nobody_has_seen_for_long_makes_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    it = desk()
+    monkeypatch.setattr("blackboard.board.joint.desk.MAX_OBJECTS", 1)
+    for tick, name in enumerate(["object/first", "object/second"]):
+        time = tick * (it.team.objects.kept + 1)
+        it.take("r1", tick, time, at(10, 10, sees=sighting(name, 5.0)), own=True)
+        assert name in means(it.settle(time, MAKE))
+
+
 def test_invented_objects_with_new_lasting_errors_in_every_tick_do_not_make_the_joint_grow() -> None:
     it = desk()
     sizes = []

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -112,6 +113,20 @@ def test_a_robot_that_begins_anew_each_tick_does_not_drag_its_mates_along(
     share = 1 - it.marginal(MATE).covariance[0, 0]
     assert share <= 1 - 1 / (1 + 5 / SHARPEST**2)
     assert abs(it.marginal(MATE).mean[0]) < 2.0
+
+
+def driven(objects: int) -> float:
+    """How far a robot gets that drives 20 cells with so many objects that stay where they are beside it."""
+    it, travelled = limited(), Motion()
+    for tick in range(100):
+        travelled = travelled.plus(Motion(0.2, 0.0, 0.2, 0.2, along=0.01, across=0.001))
+        seen = [Relative(LIAR, f"object/{i:02}", 3.0 + i, 0.1 * i, 0.01, 0.01) for i in range(objects)]
+        it.settle(tick, 0.2, [Evidence(LIAR, 0, tick, travelled, Nuisance(), began((0, 0), 1.0), None, tuple(seen))])
+    return float(it.marginal(LIAR).mean[0])
+
+
+def test_sixty_objects_that_nobody_else_sees_tell_their_observer_no_more_than_four() -> None:
+    assert driven(60) == pytest.approx(driven(4), abs=0.5)
 
 
 def test_an_increment_of_what_is_known_as_well_as_can_be_is_worth_nothing() -> None:
