@@ -40,7 +40,7 @@ LIES = (
 PER_CASE = 22.0  # seconds beside the trouble itself: 15 s of team time, and starting and stopping the team
 
 ONLY = (
-    f"Names of cases, or lies, with commas between them [default: all; {len(CASES)} cases about 7 minutes, lies about 10 with one seed]. "
+    f"Names of cases, or lies, with commas between them [default: all; {len(CASES)} cases take about 7 minutes, lies about 10]. "
     f"Cases: {', '.join(CASES)}."
 )
 

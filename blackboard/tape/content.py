@@ -46,12 +46,13 @@ class Tape:
         return list(dict.fromkeys(clock.run for _, _, clock in messages(self.envelopes, keys.CLOCK, Clock)))
 
 
-def load_tape(path: Path, scenario: str | None = None) -> Tape:
+def load_tape(path: str | Path, scenario: str | None = None) -> Tape:
     """A whole tape. `scenario` is a file, or the name of one, to be used instead of the recorded one.
 
     UserError: it is no tape or broken, or nobody says which scenario it is of.
     """
     about = About()
+    path = Path(path)
     envelopes = list(look_through(path, about))
     if scenario is None and about.scenario is None:
         raise UserError(f"{path}: was recorded without a scenario; give the team's with --scenario")

@@ -154,12 +154,12 @@ class TapeWriter:
         return self._writer.register_channel(key, "msgpack" if put else "json", self._schemas.get(schema, 0))
 
 
-def read(path: Path) -> Iterator[tuple[float, Envelope]]:
+def read(path: str | Path) -> Iterator[tuple[float, Envelope]]:
     """All envelopes of a tape with the Unix times of their arrival at the recorder, in order of arrival.
 
     UserError: no tape, or one that is broken; what is whole before that place came first.
     """
-    return look_through(path, About())
+    return look_through(Path(path), About())
 
 
 def look_through(path: Path, about: About, broken: list[int] | None = None) -> Iterator[tuple[float, Envelope]]:

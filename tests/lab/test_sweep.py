@@ -22,6 +22,7 @@ from blackboard.lab.sweep_report import report, rows, text
 from blackboard.lab.team import Team
 from blackboard.run.door import version
 from tests.commands import call
+from tests.files import ROOT
 
 TINY = Scenario({
     "team": {"name": "t", "sub_teams": {"a": ["r1"], "b": ["r2"]}},
@@ -261,7 +262,7 @@ def test_without_the_extra_it_is_one_line_that_can_be_pasted(monkeypatch: pytest
     monkeypatch.setitem(sys.modules, "blackboard.lab.sweep_drawing", None)
     monkeypatch.setitem(sys.modules, "blackboard.lab.run_drawing", None)
     monkeypatch.delattr("blackboard.lab.run_drawing", raising=False)
-    cure = f"{sys.executable} -m pip install 'cop-blackboard[plot]' (in a clone: -e '.[plot]')"
+    cure = f"{sys.executable} -m pip install -e '{ROOT}[plot]'"  # this is a clone
     for command in ("sweep", "demo"):
         with pytest.raises(UserError) as error:
             call(command, "--plot", tmp_path / "pictures")

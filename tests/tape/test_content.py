@@ -32,6 +32,7 @@ def test_a_scenario_comes_from_the_tape_or_from_who_asks(
     tmp_path: Path, run: tuple[dict[str, Any], Tape, Path]
 ) -> None:
     assert load_tape(run[2]).scenario.team == SMALL.team
+    assert load_tape(str(run[2])).scenario.team == SMALL.team
     assert load_tape(run[2], "demo").scenario.name == "demo"
     path = tmp_path / "x.mcap"
     path.write_bytes(written().replace(b'{"name": "x"}', b'{"nome": "x"}'))

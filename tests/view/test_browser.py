@@ -150,9 +150,8 @@ def test_a_link_leads_to_a_moment_and_its_reasons(look: Callable[[str], Browser]
         page.wait(f"page.state.done && page.state.shown.tick === {moment.tick} && page.state.shown.name")
         check_shown(page, moment)
         reasons = "document.getElementById('why')"  # those of the newest moment stand there until these have come
-        page.wait(
-            f"{reasons}.children.length > 2 && {reasons}.textContent.startsWith('robot/r2 in tick {moment.tick} ')"
-        )
+        page.wait(f"document.getElementById('whytitle').textContent === 'Why, in tick {moment.tick}'")
+        page.wait(f"{reasons}.children.length > 2 && {reasons}.textContent.startsWith('robot/r2 is believed to be at')")
 
 
 def test_a_killed_robot_is_shown_as_gone_within_two_seconds(look: Callable[[str], Browser]) -> None:
@@ -175,6 +174,29 @@ def test_a_killed_robot_is_shown_as_gone_within_two_seconds(look: Callable[[str]
         page.wait(alarm)
         page.get(f"{alarm}.lastChild.click()")
         page.wait(f"!{alarm}")
+
+
+def test_the_map_is_zoomed_moved_and_its_layers_hidden(look: Callable[[str], Browser]) -> None:
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(url)
+        page.wait("page.state.done && page.state.shown")
+        page.press("z")
+        page.press("z")
+        page.wait("page.state.zoom === 2.25 && page.state.centre")
+        page.get(
+            "document.getElementById('map').dispatchEvent(new WheelEvent('wheel', {deltaY: -500, clientX: 99, clientY: 199}))"
+        )
+        page.wait("page.state.zoom > 4")
+        page.press("a")
+        page.wait("page.state.zoom === 1 && page.state.centre === null")
+        drawn = "document.getElementById('map').toDataURL()"
+        page.get("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        whole = page.get(drawn)
+        button = "document.querySelector('.legend [data-layer=belief]')"
+        page.get(f"{button}.click()")
+        page.wait(f"{button}.getAttribute('aria-pressed') === 'false' && {drawn} !== {whole!r}")
+        page.get(f"{button}.click()")
+        page.wait(f"{drawn} === {whole!r}")
 
 
 def test_a_live_page_goes_back_and_returns_to_now(look: Callable[[str], Browser]) -> None:

@@ -152,7 +152,7 @@ export function steps(low, high, count) {
   return found;
 }
 
-/** Lines over time: `series` of {values, colour, width}, null where there is no value; `cursor` is an index, `rule` a value. */
+/** Lines over time: `series` of {values, colour, width, dash}, null where there is no value; `cursor` is an index, `rule` a value. */
 export function chart(canvas, times, series, { low = 0, high = null, cursor = null, rule = null, ink, soft, line }) {
   const { context, width, height } = prepare(canvas);
   const values = series.flatMap((it) => it.values.filter((value) => value !== null && Number.isFinite(value)));
@@ -178,7 +178,7 @@ export function chart(canvas, times, series, { low = 0, high = null, cursor = nu
     context.setLineDash([]);
   }
   for (const it of series) {
-    context.strokeStyle = it.colour; context.lineWidth = it.width; context.lineJoin = "round";
+    context.strokeStyle = it.colour; context.lineWidth = it.width; context.lineJoin = "round"; context.setLineDash(it.dash || []);
     context.beginPath();
     let down_ = false;
     it.values.forEach((value, index) => {
@@ -188,6 +188,7 @@ export function chart(canvas, times, series, { low = 0, high = null, cursor = nu
     });
     context.stroke();
   }
+  context.setLineDash([]);
   if (cursor !== null && times[cursor] !== undefined) {
     context.strokeStyle = ink; context.lineWidth = 1;
     context.beginPath(); context.moveTo(x(times[cursor]), up); context.lineTo(x(times[cursor]), down); context.stroke();

@@ -4,6 +4,7 @@ import { Cache, History, best, coverage, decode, lineOf } from "./frames.js";
 import { TABLE, chart, colour, contour, level, mark, outline, peak, picture, place, prepare, projection, steps } from "./draw.js";
 
 const $ = (id) => document.getElementById(id);
+const DASHES = [[[], "solid"], [[5, 3], "dashed"], [[1.5, 2.5], "dotted"]]; // of a line in a chart, and in its legend
 const OLD = 1; // seconds after which a belief on the map tells its age
 const TRAIL = 60; // seconds of team time
 const WINDOW = 180; // seconds of team time that the charts show
@@ -33,6 +34,9 @@ const state = {
   fetching: "",
   order: new Map(), // subject -> its place among the colours
   whyFor: "",
+  hidden: new Set(JSON.parse(saved("hidden") || "[]")), // layers of the map that are not drawn
+  zoom: 1, // of the map
+  centre: null, // of the map, in the grid's unit; null: that of the grid
   seen: new Set(JSON.parse(saved("seen") || "[]")), // alarms that were looked at
   important: saved("events") === "important", // of what happened only alarms and warnings are shown
 };
@@ -230,23 +234,27 @@ function drawMap(header, names, colours) {
   const { context, width, height } = prepare(canvas);
   if (!grid) return;
   const [x0, y0] = grid.origin, x1 = x0 + grid.shape[0] * grid.cell, y1 = y0 + grid.shape[1] * grid.cell;
-  const to = projection(x0, x1, y0, y1, width, height, 20);
+  const [cx, cy] = state.centre || [(x0 + x1) / 2, (y0 + y1) / 2], wide = (x1 - x0) / 2 / state.zoom, high = (y1 - y0) / 2 / state.zoom;
+  const to = projection(cx - wide, cx + wide, cy - high, cy + high, width, height, 20), on = (layer) => !state.hidden.has(layer);
+  map = { to, x0, x1, y0, y1, cx, cy };
   context.font = "10px system-ui, sans-serif"; context.fillStyle = colours.soft; context.strokeStyle = colours.line; context.lineWidth = 1;
   context.globalAlpha = 0.7;
-  for (const x of steps(x0, x1, 6)) {
+  const left = Math.max(x0, cx - wide), right = Math.min(x1, cx + wide), low = Math.max(y0, cy - high), top = Math.min(y1, cy + high);
+  for (const x of steps(left, right, 6)) {
     line(context, to.x(x), to.y(y0), to.x(x), to.y(y1));
-    context.textAlign = "center"; context.textBaseline = "top"; context.fillText(String(x), to.x(x), to.y(y0) + 4);
+    context.textAlign = "center"; context.textBaseline = "top"; context.fillText(String(x), to.x(x), Math.min(to.y(y0) + 4, height - 14));
   }
-  for (const y of steps(y0, y1, 6)) {
+  for (const y of steps(low, top, 6)) {
     line(context, to.x(x0), to.y(y), to.x(x1), to.y(y));
-    context.textAlign = "right"; context.textBaseline = "middle"; context.fillText(String(y), to.x(x0) - 4, to.y(y));
+    context.textAlign = "right"; context.textBaseline = "middle"; context.fillText(String(y), Math.max(to.x(x0) - 4, 18), to.y(y));
   }
+  context.textAlign = "left"; context.textBaseline = "top"; context.fillText(grid.unit, 4, 3);
   context.globalAlpha = 1;
   context.strokeRect(to.x(x0), to.y(y1), to.x(x1) - to.x(x0), to.y(y0) - to.y(y1));
-  drawTrails(context, to, header, names);
+  if (on("trail")) drawTrails(context, to, header, names);
   const means = Object.fromEntries(names.map((name) => [name, best(header.subjects[name])?.mean]));
   context.lineWidth = 1;
-  for (const [observer, seen] of header.sightings) {
+  for (const [observer, seen] of on("sighting") ? header.sightings : []) {
     const from = means[observer], end = means[seen];
     if (!from || !end) continue;
     const chosen = observer === state.subject || seen === state.subject;
@@ -260,15 +268,15 @@ function drawMap(header, names, colours) {
     if (!belief) continue;
     const tone = away.has(name) ? colours.soft : tint(name), [r, g, b] = rgb(tone), chosen = name === state.subject;
     const share = belief.area / (grid.cell ** 2 * grid.shape[0] * grid.shape[1]), ink = 235 * Math.min(1, Math.sqrt(FAINT / Math.max(share, 1e-9)));
-    place(context, to, grid, belief, picture(belief, (at) => [r, g, b, at ? ink * Math.exp((at - 255) * header.step * 0.6) : 0]), true);
+    if (on("belief")) place(context, to, grid, belief, picture(belief, (at) => [r, g, b, at ? ink * Math.exp((at - 255) * header.step * 0.6) : 0]), true);
     context.strokeStyle = tone; context.lineWidth = chosen ? 2.6 : 1.5; context.setLineDash(it.conflict ? [5, 3] : []);
-    outline(context, to, grid, belief);
+    if (on("region")) outline(context, to, grid, belief);
     context.setLineDash([]);
   }
   for (const name of names) {
     const it = header.subjects[name], belief = best(it);
-    if (it.truth) mark(context, to.x(it.truth[0]), to.y(it.truth[1]), 4, colours.ink, colours.arena);
-    if (!belief) continue;
+    if (it.truth && on("truth")) mark(context, to.x(it.truth[0]), to.y(it.truth[1]), 4, colours.ink, colours.arena);
+    if (!belief || !on("name")) continue;
     const off = Math.max(11, Math.min(60, 1.9 * belief.sigma * to.scale + 5));
     context.font = `${name === state.subject ? 700 : 600} 12px system-ui, sans-serif`;
     context.textAlign = "left"; context.textBaseline = "alphabetic"; context.lineJoin = "round";
@@ -278,6 +286,7 @@ function drawMap(header, names, colours) {
     context.fillStyle = away.has(name) ? colours.soft : tint(name); context.fillText(label, x, Math.max(y, 14));
   }
   canvas.onclick = (event) => {
+    if (dragged) return;
     const box = canvas.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
     const far = (name) => (means[name] ? Math.hypot(to.x(means[name][0]) - x, to.y(means[name][1]) - y) : Infinity);
     const nearest = names.reduce((a, b) => (far(b) < far(a) ? b : a), names[0]);
@@ -294,6 +303,26 @@ function absent(header) {
 
 /** What a process does: "alive", "gone 12 s", "never heard". */
 function since(it) { return it.state === "alive" ? it.state : it.age === null ? "never heard" : `${it.state} ${it.age.toFixed(0)} s`; }
+
+let map = null, dragged = false; // the projection of the map as it was drawn; whether the pointer has moved since it was pressed
+
+/** Zoom by a factor, so that a point of the screen stays where it is [default: the middle]. */
+function zoom(by, event) {
+  if (!map) return;
+  const before = state.zoom, box = $("map").getBoundingClientRect();
+  state.zoom = Math.max(1, Math.min(40, state.zoom * by));
+  const share = 1 - before / state.zoom; // of the way to the point
+  const x = event ? (event.clientX - box.left - map.to.x(0)) / map.to.scale : map.cx, y = event ? (map.to.y(0) - event.clientY + box.top) / map.to.scale : map.cy;
+  shift(map.cx + (x - map.cx) * share, map.cy + (y - map.cy) * share);
+}
+
+/** Put the middle of the map somewhere, within the grid. */
+function shift(x, y) {
+  state.centre = state.zoom === 1 ? null : [Math.max(map.x0, Math.min(map.x1, x)), Math.max(map.y0, Math.min(map.y1, y))];
+  redraw();
+}
+
+function whole() { state.zoom = 1; state.centre = null; redraw(); }
 
 function drawTrails(context, to, header, names) {
   const end = header.tick === null ? -1 : history_.index(header.tick);
@@ -411,7 +440,14 @@ function drawCharts(header, colours) {
   const moments = history_.moments.filter((it) => it.time >= newest.time - WINDOW);
   const times = moments.map((it) => it.time), found = [...new Set(moments.flatMap((it) => Object.keys(it.subjects[name]?.entropy || {})))].sort().reverse();
   const cursor = state.paused ? times.findIndex((time) => time >= header.time) : null;
-  const look = (who, index) => (who === "agreed" ? { colour: tint(name), width: 2.2 } : { colour: colours.soft, width: 1 + 0.3 * (index % 2) });
+  const look = (who, index) => (who === "agreed" ? { colour: tint(name), width: 2.2, dash: [] } : { colour: colours.soft, width: 1.2, dash: DASHES[index % 3][0] });
+  const unit = header.grid ? header.grid.unit : "";
+  fill($("lines"), found, () => element("span", {}, element("i"), element("span")), (it, who) => {
+    const index = found.indexOf(who);
+    it.firstChild.style.borderTop = who === "agreed" ? `3px solid ${tint(name)}` : `2px ${DASHES[index % 3][1]} ${colours.soft}`;
+    it.lastChild.textContent = who.replace("consensus/", "sub-team ");
+  });
+  $("errorunit").textContent = `error, ${unit}`;
   const options = { ...colours, cursor };
   const pick = (value) => (who, index) => ({ values: moments.map((it) => value(it.subjects[name], who) ?? null), ...look(who, index) });
   const charts = {
@@ -519,6 +555,28 @@ $("speed").onclick = () => faster(1);
 $("now").onclick = () => pause(false);
 $("scrub").oninput = (event) => pause(true, Number(event.target.value));
 $("scale").onclick = toggleScale;
+for (const it of document.querySelectorAll(".legend button")) {
+  const show = () => it.setAttribute("aria-pressed", String(!state.hidden.has(it.dataset.layer)));
+  it.onclick = () => {
+    if (!state.hidden.delete(it.dataset.layer)) state.hidden.add(it.dataset.layer);
+    save("hidden", JSON.stringify([...state.hidden])); show(); redraw();
+  };
+  show();
+}
+$("closer").onclick = () => zoom(1.5);
+$("farther").onclick = () => zoom(1 / 1.5);
+$("whole").onclick = whole;
+$("map").addEventListener("wheel", (event) => { event.preventDefault(); zoom(1.0015 ** -event.deltaY, event); }, { passive: false });
+$("map").onpointerdown = (event) => {
+  const { cx, cy } = map || {}, from = [event.clientX, event.clientY];
+  dragged = false;
+  $("map").onpointermove = (now) => {
+    if (!map || Math.hypot(now.clientX - from[0], now.clientY - from[1]) < 4) return;
+    dragged = true;
+    if (state.zoom > 1) shift(cx - (now.clientX - from[0]) / map.to.scale, cy + (now.clientY - from[1]) / map.to.scale);
+  };
+};
+for (const end of ["pointerup", "pointerleave"]) $("map").addEventListener(end, () => { $("map").onpointermove = null; });
 $("important").onclick = () => { state.important = !state.important; save("events", state.important ? "important" : "everything"); redraw(); };
 $("theme").onclick = toggleTheme;
 $("link").onclick = copyLink;
@@ -530,7 +588,7 @@ addEventListener("keydown", (event) => {
   const far = event.shiftKey ? 10 : 1;
   const act = {
     " ": toggle, "+": () => faster(1), "-": () => faster(-1), ArrowLeft: () => step(-far), ArrowRight: () => step(far), Home: () => pause(true, 0), End: () => pause(false, history_.moments.length - 1),
-    "[": () => next(-1), "]": () => next(1), l: toggleScale, t: toggleTheme, c: copyLink, "?": () => $("keys").showModal(),
+    "[": () => next(-1), "]": () => next(1), l: toggleScale, z: () => zoom(1.5), x: () => zoom(1 / 1.5), a: whole, t: toggleTheme, c: copyLink, "?": () => $("keys").showModal(),
   }[event.key];
   if (!act || (event.key === " " && event.target.tagName === "BUTTON")) return;
   event.preventDefault();
