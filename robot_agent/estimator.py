@@ -21,9 +21,9 @@ from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Readings, Sighting
 from blackboard.wire.types import capped
 from robot_agent.config import RobotSection
-from robot_agent.localizer import Localizer
+from robot_agent.localizer import Localizer, TakesParts
 from robot_agent.localizers import localizer_factory
-from robot_agent.sensing import Motion, motion, unseen
+from robot_agent.sensing import PARTS, Motion, motion, unseen
 
 #: Below this Bhattacharyya coefficient a sighting contradicts the tracked belief, and both hypotheses are kept.
 CONTRADICTION = 0.01
@@ -83,6 +83,9 @@ class Estimator:
         for sighting in readings.sightings:
             if sighting.landmark is not None:
                 localizer = localizer.update_with_sighting(sighting, moved, np.array(sighting.landmark), exact)
+        for part in readings.seen:
+            if part.kind in PARTS and part.landmark is not None and isinstance(localizer, TakesParts):
+                localizer = localizer.update_with_part(part, moved, np.array(part.landmark))
         after = replace(
             self,
             localizer=localizer,

@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.sensing import Motion
 
@@ -49,3 +50,11 @@ class Localizer(Protocol):
 
     def project(self, sighting: Sighting, motion: Motion | None) -> Belief:
         """The belief about the seen subject's position, given the sighting and the robot's own uncertain pose."""
+
+
+@runtime_checkable
+class TakesParts(Localizer, Protocol):
+    """A localizer that also takes ranges and bearings alone; of another one they are left out."""
+
+    def update_with_part(self, seen: Seen, motion: Motion | None, place: Array) -> TakesParts:
+        """Bayes with a range or a bearing alone of something that stands at `place`, shape (2,)."""

@@ -11,11 +11,12 @@ import numpy as np
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.pose_grid import PoseGrid
 from robot_agent.raster import log_ratio, sampled, shifted, with_outlier
-from robot_agent.sensing import Motion, bearing_variance, motion_since, range_variance, wrap
+from robot_agent.sensing import Motion, bearing_variance, motion_since, part_variance, range_variance, wrap
 
 PROJECTED = 1e-3  # share of the mass: a heading bin with less is left out of a projection
 COMPASS_SIGMA = 0.03  # radians
@@ -69,29 +70,23 @@ class PoseLocalizer:
     ) -> PoseLocalizer:
         """p(range, bearing | pose): Gaussian in both, the place's covariance taken along and across the line of sight."""
         vision, poses, cell = self.settings.vision, self.poses, self.poses.grid.cell
-        driven, turned = motion_since(sighting, motion)
-        active = poses.slices()
-        bx, by = poses.box(active)
-        gx, gy = poses.grid.mesh()
-        headings = poses.headings[active]
-        ox = poses.offsets[active, 0] - driven * np.cos(headings)  # where the slice was when the sighting was taken
-        oy = poses.offsets[active, 1] - driven * np.sin(headings)
-        dx = place[0] - (gx[None, bx] + ox[:, None, None])
-        dy = place[1] - (gy[None, :, by] + oy[:, None, None])
-        distance = np.maximum(np.hypot(dx, dy), cell / 2)
-        ux, uy = dx / distance, dy / distance
+        distance, off, (ux, uy) = self._seen_from(sighting, motion, place, sighting.bearing)
         (cxx, cxy), (_, cyy) = covariance + np.eye(2) * cell**2 / 12
         # u^T C u along the line of sight u, and n^T C n across it, n = (-uy, ux)
         radial = range_variance(sighting.range, vision) + ux * ux * cxx + 2 * ux * uy * cxy + uy * uy * cyy
         across = uy * uy * cxx - 2 * ux * uy * cxy + ux * ux * cyy
         angular = bearing_variance(vision) + poses.bin**2 / 12 + across / distance**2
-        off = wrap(np.arctan2(dy, dx) - (headings - turned)[:, None, None] - sighting.bearing)
         squared = (sighting.range - distance) ** 2 / radial + off**2 / angular
         likelihood = np.exp(-0.5 * squared) / np.sqrt(radial * angular)
-        floor = math.exp(-vision.misread) * likelihood.max()
-        out = poses.empty()
-        out[active, bx, by] = poses.p[active, bx, by] * (likelihood + floor)
-        return replace(self, poses=poses.normalised(out))
+        return self._weighed(likelihood)
+
+    def update_with_part(self, seen: Seen, motion: Motion | None, place: Array) -> PoseLocalizer:
+        blur, variance = self.poses.grid.cell**2 / 12, part_variance(seen, self.settings)
+        distance, off, _ = self._seen_from(seen, motion, place, seen.values[0])
+        if seen.kind == "range":
+            return self._weighed(np.exp(-0.5 * (seen.values[0] - distance) ** 2 / (variance + blur)))
+        spread = variance + self.poses.bin**2 / 12 + blur / distance**2
+        return self._weighed(np.exp(-0.5 * off**2 / spread) / np.sqrt(spread))
 
     def tempered(self, power: float) -> PoseLocalizer:
         active = self.poses.slices()
@@ -150,6 +145,34 @@ class PoseLocalizer:
         return with_outlier(np.maximum(p, 0.0), poses.grid, vision.outlier)
 
     # --- inside -------------------------------------------------------------------------------------------------------
+
+    def _seen_from(
+        self, sighting: Sighting | Seen, motion: Motion | None, place: Array, bearing: float
+    ) -> tuple[Array, Array, tuple[Array, Array]]:
+        """Of a place from each held pose when it was seen: the distance, by how much the bearing is off, the line of sight."""
+        poses = self.poses
+        driven, turned = motion_since(sighting, motion)
+        active = poses.slices()
+        bx, by = poses.box(active)
+        gx, gy = poses.grid.mesh()
+        headings = poses.headings[active]
+        ox = poses.offsets[active, 0] - driven * np.cos(headings)  # where the slice was when the sighting was taken
+        oy = poses.offsets[active, 1] - driven * np.sin(headings)
+        dx = place[0] - (gx[None, bx] + ox[:, None, None])
+        dy = place[1] - (gy[None, :, by] + oy[:, None, None])
+        distance = np.maximum(np.hypot(dx, dy), poses.grid.cell / 2)
+        off = wrap(np.arctan2(dy, dx) - (headings - turned)[:, None, None] - bearing)
+        return distance, off, (dx / distance, dy / distance)
+
+    def _weighed(self, likelihood: Array) -> PoseLocalizer:
+        """Bayes' rule with a likelihood of the held poses, which may be misread."""
+        poses = self.poses
+        active = poses.slices()
+        bx, by = poses.box(active)
+        floor = math.exp(-self.settings.vision.misread) * likelihood.max()
+        out = poses.empty()
+        out[active, bx, by] = poses.p[active, bx, by] * (likelihood + floor)
+        return replace(self, poses=poses.normalised(out))
 
     def _blurred(self) -> PoseLocalizer:
         """Blur once the pending noise exceeds a third of a cell or of a bin: less hardly moves mass between them."""

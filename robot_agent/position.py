@@ -16,6 +16,7 @@ import numpy as np
 from blackboard.opinion.belief import Belief, shift_along, uniform
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.evidence import LEAST_MET, Evidence, gaussian_evidence
@@ -35,8 +36,11 @@ from robot_agent.sensing import (
     Motion,
     displacement,
     displacement_covariance,
+    motion_since,
+    part_variance,
     place_likelihood,
     position_likelihood,
+    wrap,
 )
 from robot_agent.window import Window, around, bounds, embedded, whole
 
@@ -138,6 +142,23 @@ class PositionLocalizer:
         reach = SEEN_TO + float(NODES[0].max()) * math.sqrt(np.trace(covariance))
         near = around(self.grid, self._on_grid(*place), (reach, reach))
         return self._update(Evidence(seen_from, near, near, misread))
+
+    def update_with_part(self, seen: Seen, motion: Motion | None, place: Array) -> PositionLocalizer:
+        driven, turned = motion_since(seen, motion)
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        variance, blur = part_variance(seen, self.settings), self.grid.cell**2 / 12
+
+        def likelihood(window: Window) -> Array:
+            x, y = self._centres(window)
+            dx, dy = place[0] - x + driven * c, place[1] - y + driven * s
+            distance = np.maximum(np.hypot(dx, dy), self.grid.cell / 2)
+            if seen.kind == "range":
+                return np.asarray(np.exp(-0.5 * (seen.values[0] - distance) ** 2 / (variance + blur)))
+            off = wrap(np.arctan2(dy, dx) - (self.heading - turned) - seen.values[0])
+            return np.asarray(np.exp(-0.5 * off**2 / (variance + blur / distance**2)))
+
+        everywhere = whole(self.grid.shape)  # a ring, or a ray, has no box that is smaller by much
+        return self._update(Evidence(likelihood, everywhere, everywhere, math.exp(-self.settings.vision.misread)))
 
     def tempered(self, power: float) -> PositionLocalizer:
         # a power raises what is beside the window most, and by it a robot that was carried away finds itself again

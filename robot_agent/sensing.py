@@ -12,15 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from blackboard.opinion.grid import Array
-from blackboard.wire.evidence import unpack_seen
+from blackboard.wire.evidence import Seen, unpack_seen
 from blackboard.wire.messages import Odometry, Readings, Sighting
-from robot_agent.config import OdometrySection, VisionSection
+from robot_agent.config import OdometrySection, RobotSection, VisionSection
 
 # The distances of (VI-.1), in cells: the printed sigma is 0 at the best view, and nothing is seen outside SEEN_FROM..SEEN_TO.
 BEST_VIEW = 7.5
 SEEN_FROM, LINEAR_FROM, LINEAR_TO, SEEN_TO = 1.0, 3.0, 11.0, 13.0
 
 MAX_TRACKED = 64  # objects, and mates in one tick, of which a robot has a belief; each costs it a grid
+
+PARTS = ("range", "bearing")  # sightings that alone tell no place
 
 TURNING = 0.3  # rad/s: by which a robot that drives may have turned while nobody measured
 
@@ -172,6 +174,14 @@ def bearing_variance(vision: VisionSection) -> float:
     return vision.frames * vision.bearing**2
 
 
+def part_variance(seen: Seen, settings: RobotSection) -> float:
+    """Variance of a range (unit ** 2) or a bearing (radians ** 2) alone: as it says, else by the robot's model."""
+    if seen.kind == "range":
+        fresh = seen.covariance[0] if seen.covariance else float(range_variance(seen.values[0], settings.vision))
+        return fresh + settings.ranging.bias**2 + sum(sigma**2 for sigma, _ in seen.biases)
+    return seen.covariance[0] if seen.covariance else bearing_variance(settings.vision)
+
+
 def displacement(sighting: Sighting, motion: Motion | None, heading: float) -> tuple[float, float]:
     """The measured displacement from where the robot is now, with its `heading` (radians), to the subject, in world axes (unit)."""
     driven, turned = motion_since(sighting, motion)
@@ -190,7 +200,7 @@ def displacement_covariance(sighting: Sighting, heading: float, vision: VisionSe
     return np.asarray(turn @ spread @ turn.T)
 
 
-def motion_since(sighting: Sighting, motion: Motion | None) -> tuple[float, float]:
+def motion_since(sighting: Sighting | Seen, motion: Motion | None) -> tuple[float, float]:
     """Distance driven (unit) and angle turned (radians) since the sighting was taken, at the constant speed of `motion`."""
     if motion is None or not sighting.age:
         return 0.0, 0.0

@@ -28,6 +28,7 @@ from robot_agent.gaussian.agent import JointAgent
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.inputs import Gathered, Sequencer
 from robot_agent.sender import Sender, fastest
+from robot_agent.sensing import PARTS
 
 log = logging.getLogger(__name__)
 
@@ -195,6 +196,9 @@ class AgentService(Around):
         speed = fastest(list(self._speeds), steady=self._saves)
         if unknown := sum(not it.is_known for it in readings.seen):
             self.counters["unknown_kinds"] += unknown
+        if isinstance(self.agent, Agent):
+            parts = sum(it.kind in PARTS and it.landmark is None for it in readings.seen)
+            self.counters.update({"unused_parts": parts} if parts else {})
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         self._failed += 1

@@ -10,10 +10,11 @@ import pytest
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator
-from robot_agent.localizer import Localizer
+from robot_agent.localizer import Localizer, TakesParts
 from robot_agent.sensing import Motion
 
 GRID = Grid((40, 36), 0.1, (-2.0, -1.8), "m")
@@ -133,6 +134,52 @@ def test_the_sighting_of_a_tick_ago_counts_from_where_the_robot_was(settings: Ro
     assert it.project(seen, MOVED).mean() == pytest.approx(place, abs=0.08)
     half = sighting(there[0] / 2, there[1] / 2, 0.25, place, age=0.5)
     assert it.project(half, MOVED).mean() == pytest.approx(place, abs=0.08)
+
+
+ANCHORS = [(1.4, 0.6), (-1.5, 1.2), (-0.4, -1.6)]
+
+
+def taking_parts(it: Localizer) -> TakesParts:
+    assert isinstance(it, TakesParts)
+    return it
+
+
+def part(kind: str, there: tuple[float, float, float], place: tuple[float, float], age: float = 0.0) -> Seen:
+    """A range or a bearing alone that a robot there measures of a place."""
+    seen = sighting(*there, place)
+    value, sigma = (seen.range, 0.05) if kind == "range" else (seen.bearing, 0.03)
+    return Seen(subject="landmark/1", kind=kind, values=(value,), covariance=(sigma**2,), landmark=place, age=age)
+
+
+@every
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_ranges_or_bearings_alone_of_three_known_points_tell_the_place(settings: RobotSection, kind: str) -> None:
+    """Nothing but the heading is known before."""
+    it = taking_parts(at(settings, 0.0, 0.0, 0.4, sigma=50.0))
+    for place in ANCHORS:
+        it = it.update_with_part(part(kind, (0.35, -0.25, 0.4), place), None, np.array(place))
+    assert it.marginal().mean() == pytest.approx((0.35, -0.25), abs=0.1)
+    assert math.sqrt(np.trace(it.marginal().covariance())) < 0.2
+
+
+@every
+def test_one_range_alone_leaves_a_ring(settings: RobotSection) -> None:
+    it = taking_parts(Estimator.begin(settings, GRID, "r1").localizer)
+    it = it.update_with_part(part("range", (0.0, 0.0, 0.0), (1.0, 0.0)), None, np.array([1.0, 0.0]))
+    p = it.marginal().p
+    x, y = GRID.mesh()
+    off = np.abs(np.hypot(x - 1.0, y) - 1.0)
+    assert p[off < 0.2].sum() > 0.95
+    assert p[off < 0.05].min() > 0.2 * p.max()
+
+
+@every
+def test_a_range_of_a_tick_ago_counts_from_where_the_robot_was(settings: RobotSection) -> None:
+    there = (0.3 * math.cos(0.5), 0.3 * math.sin(0.5))
+    it = taking_parts(at(settings, *there, 0.5, 0.3))
+    for place in ANCHORS:
+        it = it.update_with_part(part("range", (0.0, 0.0, 0.0), place, age=1.0), MOVED, np.array(place))
+    assert it.marginal().mean() == pytest.approx(there, abs=0.07)
 
 
 @every
