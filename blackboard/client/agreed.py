@@ -7,9 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
 from blackboard.wire.arrays import unpack
+from blackboard.wire.evidence import pose_of
 from blackboard.wire.messages import Consensus, Refusal
 from blackboard.wire.types import Message
 
@@ -27,6 +29,11 @@ class Agreed:
     tick: int
     time: float
     story: Consensus
+
+    @property
+    def pose(self) -> Moments | None:
+        """Mean (x, y, heading), shape (3,), and covariance, shape (3, 3), of a robot in a joint; None of anything else."""
+        return pose_of(self.story.state)
 
 
 class Newest:

@@ -21,11 +21,13 @@ from blackboard.errors import OpinionError, Refused, UserError
 from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.agreement import kullback_leibler
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.provenance import Opinion
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import About, Moment, scored
 from blackboard.state.received import REGION, Received, read
+from blackboard.wire.evidence import pose_of
 from blackboard.wire.messages import Consensus, Report, Used
 from blackboard.wire.opinions import reported, settled
 
@@ -72,7 +74,7 @@ def _feedback(team: TeamFold, board: str) -> str:
 def _level(told: Received[Consensus], about: About, moment: Moment, feedback: str, drift: float) -> Table:
     """One consensus: its belief, its sources, and what it would be without each."""
     it = told.message
-    drawn = told.drawn
+    drawn, pose = told.drawn, pose_of(it.state)
     score = None if about.truth is None else scored(it.belief, about.truth)
     found: Table = {
         "level": it.level,
@@ -86,6 +88,8 @@ def _level(told: Received[Consensus], about: About, moment: Moment, feedback: st
         "mean": None if drawn is None else list(drawn.mean),
         "sigma": None if drawn is None else drawn.sigma,
         "area": None if drawn is None else drawn.area,
+        "heading": None if pose is None else float(pose.mean[HEADING]),
+        "heading_sigma": None if pose is None else float(pose.covariance[HEADING, HEADING]) ** 0.5,
         "conflict": it.conflict,
         "components": list(it.components),
         "ancestors": {name: it.time - until for name, until in it.ancestors.items()},  # seconds old

@@ -7,6 +7,7 @@ bias, slip, range scale). A symmetric matrix of n rows is sent as its upper tria
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import astuple
 from typing import Annotated, Self
 
@@ -17,7 +18,7 @@ from blackboard.errors import Refused
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import NUMBERS, Bias, Relative, measured, triangle
-from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import POSE, STATES, Motion, Nuisance
 from blackboard.opinion.grid import Array
 from blackboard.wire.types import (
     LARGEST,
@@ -261,6 +262,16 @@ def pack_state(state: Moments) -> PackedState:
 def unpack_state(packed: PackedState) -> Moments:
     """Mean, shape (9,), and covariance, shape (9, 9). Refused: "mass", a covariance that is none."""
     return Moments(np.array(packed.mean), _symmetric(packed.covariance, "state.covariance"))
+
+
+def pose_of(packed: PackedState | None) -> Moments | None:
+    """Mean (x, y, heading), shape (3,), and covariance, shape (3, 3), of a robot's block; None without a sound one."""
+    if packed is None:
+        return None
+    with suppress(Refused):
+        state = unpack_state(packed)
+        return Moments(state.mean[POSE], state.covariance[POSE, POSE])
+    return None
 
 
 def unpack_increment(packed: PackedIncrement) -> Increment:

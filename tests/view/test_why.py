@@ -12,6 +12,7 @@ from blackboard.board.fusion import fuse_opinions
 from blackboard.config import BoardSection
 from blackboard.errors import UserError
 from blackboard.opinion.agreement import kullback_leibler
+from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.provenance import Opinion
 from blackboard.state.fold import Fold, TeamFold
 from blackboard.state.moments import Moment
@@ -154,6 +155,12 @@ def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
     assert level["without"] == {}
     said = " ".join(sentences(explain(team, moment, "robot/r1")))
     assert "a joint belief of the whole team, in which nobody has a weight" in said
+    told = moment.subjects["robot/r1"].best
+    assert told is not None
+    assert told.message.state is not None
+    assert level["heading"] == told.message.state.mean[HEADING]
+    assert 0 < level["heading_sigma"] < 1
+    assert explain(team, moment, "object/ball")["levels"][0]["heading"] is None
 
 
 def test_the_first_sentence_answers_and_the_others_have_the_numbers() -> None:

@@ -19,6 +19,8 @@ from blackboard.wire.evidence import (
     PackedState,
     Seen,
     pack_evidence,
+    pack_state,
+    pose_of,
     unpack_increment,
     unpack_motion,
     unpack_nuisance,
@@ -129,3 +131,12 @@ def test_a_sighting_of_an_unknown_kind_is_read_and_left_out() -> None:
     known = Seen(subject="robot/r3", kind="range", values=(1.0,), covariance=(0.1,))
     (found,) = unpack_relatives(EVIDENCE.model_copy(update={"seen": [told, known], "relatives": []}), "robot/r1")
     assert (found.subject, found.kind) == ("robot/r3", "range")
+
+
+def test_a_pose_is_read_from_a_state_that_is_sound() -> None:
+    pose = pose_of(pack_state(STATE))
+    assert pose is not None
+    assert np.array_equal(pose.mean, [0.0, 1.0, 2.0])
+    assert np.array_equal(pose.covariance, np.diag([1.0, 2.0, 3.0]))
+    assert pose_of(None) is None
+    assert pose_of(PackedState(mean=(0.0,) * 9, covariance=tuple((-np.eye(9))[np.triu_indices(9)]))) is None
