@@ -17,10 +17,12 @@ from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
-from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
+from blackboard.opinion.gaussian.rings import LEAST, SURE, Line, Ring
 from blackboard.opinion.gaussian.vehicle import (
     AXES,
+    BEARING,
     HEADING,
     POSE,
     STATES,
@@ -45,6 +47,7 @@ NEAR, ABSURD = (
     30.0,
     1e4,
 )  # squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there
+SEARCHING = 0.05  # unit / sqrt(s): by which odometry errs while ranges and bearings alone are gathered
 STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
 
 
@@ -87,6 +90,8 @@ class FirstHand:
     _misses: list[tuple[int, int]] = field(
         default_factory=list
     )  # sightings and those beyond the gate, of the last ticks
+    _ring: Ring | None = None  # what ranges and bearings alone say of a place that is not known
+    _ring_at: Array = field(default_factory=lambda: np.zeros(2))  # the mean of the place that is not known, then
     along: AlongNoise = field(init=False)
 
     def __post_init__(self) -> None:
@@ -189,7 +194,7 @@ class FirstHand:
         self.epoch = max(self.epoch + 1, round(1000 * time))
         self.joint, self.travelled, self._last = Joint(), Motion(), None
         self._groups, self._misses = {}, []
-        self._before = self._unsent = None
+        self._before = self._unsent = self._ring = None
         self.along.give_up()
 
     def enter(self, pose: Moments) -> None:
@@ -253,6 +258,26 @@ class FirstHand:
         if (pose := starting_pose(readings, self.sensors.compass)) is not None:
             self.enter(pose)
 
+    def _search(self, relative: Relative, place: Array) -> None:
+        """Ranges and bearings alone of known points: the place that they leave, once it is one, is taken as a fix."""
+        belief = self.joint.moments(self.robot)
+        if self._ring is None:
+            self._ring, self._ring_at = Ring(SEARCHING), belief.mean[AXES]
+        self._ring.move(belief.mean[AXES] - self._ring_at)
+        self._ring_at = belief.mean[AXES]
+        angle = float(belief.mean[HEADING] - belief.mean[BEARING]) + relative.bearing + math.pi
+        heading = float(belief.covariance[HEADING, HEADING] + belief.covariance[BEARING, BEARING])
+        is_range = relative.kind == "range"
+        lasting = sum(bias.sigma**2 for bias in relative.biases)
+        variance = relative.range_variance + lasting if is_range else relative.bearing_variance + heading
+        time = 0.0 if self._last is None else self._last.time
+        self._ring.add(Line(place, relative.range if is_range else angle, variance, LEAST, is_range, time))
+        found = self._ring.places()
+        if found and found[0].weight > SURE:
+            moments, rows = found[0].moments, np.eye(STATES)[AXES]
+            correct(self.joint, Factor(moments.mean - belief.mean[AXES], {self.robot: rows}, moments.covariance))
+            self._ring = None
+
     def _is_flat(self) -> bool:
         covariance = self.joint.moments(self.robot).covariance
         return bool(np.trace(covariance[AXES, AXES]) > KNOWN)
@@ -262,7 +287,8 @@ class FirstHand:
         missed = 0
         for relative, place in seen:
             if not relative.places and self._is_flat():
-                continue  # a ring, of which a Gaussian knows nothing
+                self._search(relative, place)
+                continue
             factor = linearise(self.joint, relative, {self.robot: motion}, place, at)
             if self.joint.innovation(factor).squared > quantile(GATE, len(factor.residual)):  # a misread barcode
                 missed += 1

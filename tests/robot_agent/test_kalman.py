@@ -124,6 +124,34 @@ def test_ranges_to_known_points_correct_the_place_and_a_wrong_one_does_not() -> 
     assert wrong.belief is None or wrong.belief.mean[AXES] == pytest.approx((0.2, -0.1), abs=0.01)
 
 
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_with_a_compass_and_anchors_it_finds_itself_by_ranges_or_bearings_alone(kind: str) -> None:
+    """It drives along x; two anchors leave two mirror images of a robot that measures ranges, and the third one."""
+
+    def told(tick: int, names: list[str]) -> Readings:
+        x, y = 0.1 * tick - 0.5, 0.3
+        seen = []
+        for name in names:
+            dx, dy = LANDMARKS[name][0] - x, LANDMARKS[name][1] - y
+            value, sigma = (np.hypot(dx, dy), 0.02) if kind == "range" else (np.arctan2(dy, dx), 0.01)
+            it = Seen(subject=name, kind=kind, values=(value,), covariance=(sigma**2,), landmark=LANDMARKS[name])
+            seen.append(it)
+        moved = Odometry(distance=0.1, turn=0.0, dt=1.0) if tick else None
+        return readings(tick, compass=0.0, odometry=moved, seen=seen)
+
+    robot = FirstHand(ROBOT, simulated(0.01, 0.01, 0.02, ((1.0, 0.01),)))
+    robot.step(told(0, ["landmark/6"]))
+    assert robot.belief is not None
+    assert np.trace(robot.belief.covariance[AXES, AXES]) > 1e5
+    for tick in range(1, 6):
+        last = robot.step(told(tick, sorted(LANDMARKS)))
+    assert last.belief is not None
+    assert last.belief.mean[AXES] == pytest.approx((0.0, 0.3), abs=0.1)
+    assert np.trace(last.belief.covariance[AXES, AXES]) < 0.05
+    off = last.belief.mean[AXES] - [0.0, 0.3]
+    assert off @ np.linalg.solve(last.belief.covariance[AXES, AXES], off) < 13.8
+
+
 def test_other_kinds_of_sightings_are_told_as_they_are_or_by_the_robot_s_model() -> None:
     robot, place = started(), {"values": (1.0, 0.5), "covariance": (0.01, 0.0, 0.01)}
     own = [Seen(subject="robot/r2", kind="range", values=(2.0,)), Seen(subject="object/ball", kind="position", **place)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -71,6 +71,10 @@ class Ring:
         self._lines.append(line)
         while self._lines[0].time < line.time - OLDEST:
             self._lines.popleft()
+
+    def move(self, by: Array) -> None:
+        """The thing moved by so much, shape (2,), as it knows itself: what was seen before is seen from as far on."""
+        self._lines = deque((replace(it, place=it.place + by) for it in self._lines), maxlen=MOST)
 
     @property
     def newest(self) -> float:
