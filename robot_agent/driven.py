@@ -6,9 +6,11 @@ step, and a step makes one tick of that.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from blackboard.config import Scenario
@@ -22,8 +24,12 @@ from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from blackboard.wire.types import MAX_OPINIONS, Message
 from robot_agent.config import RobotSection, VisionSection
+from robot_agent.gaussian.agent import JointAgent
+from robot_agent.gaussian.own import Given, Independence
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of, wheels_of
 from robot_agent.service import AgentService
+
+log = logging.getLogger(__name__)
 
 #: Wheels of which nobody said anything: errors of some percent of way and turn that last, as of calibrated wheeled robots (Borenstein
 #: and Feng, IEEE Trans. Robotics and Automation 12(6), 1996), and fresh ones that grow with both. Floors differ more than wheels.
@@ -49,6 +55,7 @@ class Gathered:
     fix: Fix | None = None
     sightings: tuple[Sighting, ...] = ()  # ranges with bearings
     seen: tuple[Seen, ...] = ()  # of other kinds
+    posterior: Moments | None = None  # of a filter of the robot's own
 
     def plus(self, later: Gathered) -> Gathered:
         """Both: ways and turns add up, of compass and fix the newest counts."""
@@ -65,6 +72,7 @@ class Gathered:
             later.fix or self.fix,
             (*self.sightings, *later.sightings)[-MAX_OPINIONS:],
             (*self.seen, *later.seen)[-MAX_OPINIONS:],
+            self.posterior if later.posterior is None and later.odometry is None else later.posterior,
         )
 
     def readings(self, run: str, robot: str, tick: int, time: float) -> Readings:
@@ -96,11 +104,12 @@ class Pose:
 class Driven(AgentService):
     """An `AgentService` whose owner calls `step`."""
 
-    def __init__(self, news: Callable[[Cue | Message, float], None], **arguments: Any) -> None:
-        """`news` gets what the peer hears, after it was taken; `arguments` are those of `AgentService`."""
-        self._news = news
+    def __init__(self, news: Callable[[Cue | Message, float], None], *, sensors: Sensors, **arguments: Any) -> None:
+        """`news` gets what the peer hears, after it was taken; `arguments` are the others of `AgentService`."""
+        self._news, self._sensors = news, sensors
         self._pending = Gathered()  # what no tick has taken yet
-        super().__init__(hears_readings=False, **arguments)
+        self._warned = False  # that beliefs come from the team
+        super().__init__(sensors=sensors, hears_readings=False, **arguments)
 
     def _hear(self, it: Cue | Message, now: float) -> list[Envelope]:
         out = super()._hear(it, now)
@@ -126,10 +135,36 @@ class Driven(AgentService):
             run, tick = followed.run, followed.tick
         if run != self.run:
             self._begin(run)
+        if self._pending.posterior is not None:
+            self._own().give(self._pending.posterior)
         self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
         self._pending = Gathered()
         out = self._turn(now)
+        if (found := self.independence) is not None and found.fed_back and not self._warned:
+            self._warned = True
+            log.warning(
+                "%s: its beliefs say what the team believed; they count no more while they do: feed nothing back",
+                self.robot,
+            )
         return self.pose(), out
+
+    def _own(self) -> Given:
+        """What stands for the robot's own filter, from its first posterior on. What lasts of its errors is that filter's matter."""
+        its = self.agent.filter if isinstance(self.agent, JointAgent) else None
+        if not isinstance(its, Given):
+            wheels = replace(self._sensors.wheels, nuisance=Nuisance())
+            sensors = replace(self._sensors, wheels=wheels)
+            self._new_agent = partial(JointAgent, self.robot, self.settings, self.grid, sensors=sensors, own=True)
+            self.agent = self._new_agent()
+            its = self.agent.filter
+            assert isinstance(its, Given)
+        return its
+
+    @property
+    def independence(self) -> Independence | None:
+        """Of a robot with a filter of its own: how independent what that gained is of what the team believed."""
+        its = self.agent.filter if isinstance(self.agent, JointAgent) else None
+        return its.independence if isinstance(its, Given) else None
 
     def pose(self) -> Pose | None:
         """Where the robot is, as the team has it; None before anything is known."""

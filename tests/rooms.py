@@ -137,7 +137,7 @@ ROOMS = (
     ),
     Room(
         "robot_agent",
-        "sensing, localizers, estimator, gaussian/ (its filter for a joint), agent, budget (what is said on a poor link), "
+        "sensing, localizers, estimator, gaussian/ (its filter for a joint; or its own), agent, budget (what is said on a poor link), "
         "sightings (their worth), coarse and short (fewer bytes), faults (all pure), service, driven (by a program's calls), team (the service of a robot), config",
         "shared plugins@localizers pydantic@config",
     ),
@@ -221,6 +221,7 @@ ROOMS = (
 
 #: What a room may not import, and one module does, to run a whole team in one process: module -> module.
 EXCEPTIONS = {
+    ("blackboard.client.robot", "robot_agent.gaussian.own"),
     ("blackboard.client.robot", "robot_agent.driven"),  # a program's own robot, loaded when it joins
     ("blackboard.commands", "robot_agent.config"),  # every section is validated before anything starts
     ("blackboard.lab.ideal", "robot_agent.gaussian.ideal"),

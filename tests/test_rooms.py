@@ -23,7 +23,7 @@ def test_nothing_breaks_the_list() -> None:
 
 
 def test_exceptions_are_few_and_only_between_a_team_and_its_parts() -> None:
-    assert len(rooms.EXCEPTIONS) <= 11
+    assert len(rooms.EXCEPTIONS) <= 12
     assert {(one.split(".")[0], other.split(".")[0]) for one, other in rooms.EXCEPTIONS} == {
         ("blackboard", "robot_agent"),
         ("blackboard", "sim_world"),

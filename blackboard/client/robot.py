@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import threading
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy.typing as npt
 
 from blackboard.client.agreed import TeamNews
 from blackboard.client.membership import Membership
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Sighting
@@ -21,6 +21,7 @@ from blackboard.wire.types import LARGEST
 
 if TYPE_CHECKING:
     from robot_agent.driven import Driven, Gathered, Pose
+    from robot_agent.gaussian.own import Independence
 
 SMALLEST = 1e-9  # the smallest eigenvalue of a covariance, of its scale
 LEAST = 1e-6  # the smallest sigma, unit or radians: a message holds no smaller one
@@ -38,6 +39,7 @@ class Robot(Membership):
         super().__init__(*arguments, **named)
         self._lock = threading.Lock()
         self._told: Gathered | None = None  # since the last step
+        self._own: bool | None = None  # whether it has a filter of its own; None: nobody has said yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
         self._stepped = -math.inf  # team time of the newest step that had a time, seconds
 
@@ -81,7 +83,7 @@ class Robot(Membership):
         )
 
     def moved_to(
-        self, pose: Sequence[float], dt: float, distance_sigma: float | None = None, turn_sigma: float | None = None
+        self, pose: npt.ArrayLike, dt: float, distance_sigma: float | None = None, turn_sigma: float | None = None
     ) -> None:
         """The robot's newest pose (x, y, heading) in any frame that stays, as of visual odometry, `dt` seconds after the last.
 
@@ -106,7 +108,7 @@ class Robot(Membership):
 
     def fix(
         self,
-        position: Sequence[float],
+        position: npt.ArrayLike,
         sigma: float,
         heading: float | None = None,
         heading_sigma: float | None = None,
@@ -131,10 +133,10 @@ class Robot(Membership):
         bearing: float | None = None,
         range_sigma: float | None = None,
         bearing_sigma: float | None = None,
-        position: Sequence[float] | None = None,
+        position: npt.ArrayLike | None = None,
         covariance: npt.ArrayLike | None = None,
         *,
-        at: Sequence[float] | None = None,
+        at: npt.ArrayLike | None = None,
         age: float = 0.0,
     ) -> None:
         """The robot sees `robot/r2`, `object/ball`, ...: at a range, a bearing (0: ahead, counter-clockwise), both, or a position.
@@ -165,7 +167,7 @@ class Robot(Membership):
             values = known.numbers("position", position, (size,))
             matrix = known.covariance("covariance", covariance, size)
             kind, upper = ("position", "pose")[size - 2], tuple(matrix[np.triu_indices(size)].tolist())
-            self._tell(seen=(Seen(kind=kind, values=values, covariance=upper, **common),))
+            self._tell(own=None, seen=(Seen(kind=kind, values=values, covariance=upper, **common),))
             return
         if covariance is not None:
             raise ValueError("see(covariance=...): belongs to a position; give range_sigma and bearing_sigma")
@@ -176,14 +178,58 @@ class Robot(Membership):
         angle = None if bearing is None else known.angle("bearing", bearing)
         if far is not None and angle is not None:
             both = Sighting(range=far, bearing=angle, range_sigma=sigmas[0], bearing_sigma=sigmas[1], **common)
-            self._tell(sightings=(both,))
+            self._tell(own=None, sightings=(both,))
             return
         for name, value, sigma in (("range", far, sigmas[0]), ("bearing", angle, sigmas[1])):
             if value is not None:
                 one = Seen(kind=name, values=(value,), covariance=() if sigma is None else (sigma**2,), **common)
-                self._tell(seen=(one,))
+                self._tell(own=None, seen=(one,))
             elif sigma is not None:
                 raise ValueError(f"see({name}_sigma={sigma!r}): give {name} too")
+
+    # --- a filter of one's own ----------------------------------------------------------------------------------------
+
+    def belief(self, mean: npt.ArrayLike, covariance: npt.ArrayLike, odometry: npt.ArrayLike) -> None:
+        """The posterior (x, y, heading) of the robot's own filter, with covariance (3, 3), and the odometry since the one before.
+
+        `odometry` is (distance, turn, dt), or (distance, turn, dt, distance_sigma, turn_sigma) where you know what noise your filter
+        gives it. What the posterior gained over its prediction goes to the team, once. Nothing that came from the team may be in it:
+        neither `pose` nor `agreed`. Sightings of mates and objects go to `see` as before, fixes and landmarks into your filter.
+        """
+        known = _Call("belief")
+        place = known.numbers("mean", mean, (3,))
+        self._posterior(known, np.array(place), known.covariance("covariance", covariance, 3), odometry)
+
+    def particles(
+        self, particles: npt.ArrayLike, odometry: npt.ArrayLike, weights: npt.ArrayLike | None = None
+    ) -> None:
+        """The same for a particle filter: (x, y, heading) of each, shape (N, 3); weights [default: equal] in any scale.
+
+        While they have several hypotheses, the odometry alone counts.
+        """
+        from robot_agent.gaussian.own import of_particles
+
+        known = _Call("particles")
+        points = known.array("particles", particles, 3)
+        share = None if weights is None else known.weights("weights", weights, len(points))
+        found = of_particles(points, share)
+        mean, covariance = (None, None) if found is None else (found.mean, found.covariance)
+        self._posterior(known, mean, covariance, odometry)
+
+    @property
+    def independence(self) -> Independence | None:
+        """Of a robot that gives beliefs: how independent of the team's belief they are; `fed_back` where they come from it."""
+        return self._desk.call(lambda now: (self._driven.independence, []))
+
+    def _posterior(self, known: _Call, mean: Any, covariance: Any, odometry: npt.ArrayLike) -> None:
+        size = 5 if np.shape(odometry) == (5,) else 3
+        distance, turn, dt, *sigmas = known.numbers("odometry", odometry, (size,))
+        if dt < LEAST or any(sigma < 0 for sigma in sigmas):
+            raise known.wrong("odometry", odometry, "dt is above 0, and no sigma is below")
+        names = ("distance_sigma", "turn_sigma")
+        moved = Odometry(distance=distance, turn=turn, dt=dt, **dict(zip(names, sigmas, strict=False)))
+        posterior = None if mean is None else Moments(mean, covariance)
+        self._tell(odometry=moved, posterior=posterior, own=True)
 
     # --- the place in the team ----------------------------------------------------------------------------------------
 
@@ -208,9 +254,15 @@ class Robot(Membership):
         """Where the robot was at its last step, as the team has it now."""
         return self._desk.call(lambda now: (self._driven.pose(), []))
 
-    def _tell(self, **told: Any) -> None:
+    def _tell(self, *, own: bool | None = False, **told: Any) -> None:
+        """`own`: of a robot with a filter of its own, or without one; None: of both."""
         from robot_agent.driven import Gathered
 
+        if own is not None and self._own not in (own, None):
+            raise ValueError(
+                f"{self.robot}: gives either the readings of odometry, compass and fixes, or beliefs of a filter of its own"
+            )
+        self._own = self._own if own is None else own
         with self._lock:
             self._told = (self._told or Gathered()).plus(Gathered(**told))
 
@@ -225,7 +277,7 @@ class _Call:
         found = self._float(value)
         if not (math.isfinite(found) and least <= found <= LARGEST):
             bound = "" if least < 0 else f" of at least {least:g}"
-            raise self._wrong(name, value, f"give a finite number{bound}")
+            raise self.wrong(name, value, f"give a finite number{bound}")
         return found
 
     def angle(self, name: str, value: Any) -> float:
@@ -240,7 +292,7 @@ class _Call:
         except (TypeError, ValueError):
             found = np.array(np.nan)
         if found.shape != shape or not np.isfinite(found).all() or np.abs(found).max() > LARGEST:
-            raise self._wrong(name, value, f"give {' x '.join(str(n) for n in shape)} finite numbers")
+            raise self.wrong(name, value, f"give {' x '.join(str(n) for n in shape)} finite numbers")
         return tuple(found.tolist())
 
     def covariance(self, name: str, value: Any, size: int) -> Any:
@@ -248,7 +300,19 @@ class _Call:
         scale = np.sqrt(np.maximum(np.diag(found), LEAST**2))
         symmetric = np.abs(found - found.T).max() <= 1e-6 * np.abs(found).max()
         if not symmetric or np.linalg.eigvalsh(found / np.outer(scale, scale))[0] < SMALLEST:
-            raise self._wrong(name, value, "give a symmetric matrix with positive eigenvalues")
+            raise self.wrong(name, value, "give a symmetric matrix with positive eigenvalues")
+        return found
+
+    def array(self, name: str, value: Any, columns: int) -> Any:
+        shape = np.shape(value)
+        if len(shape) != 2 or shape[1] != columns or not shape[0]:
+            raise self.wrong(name, shape, f"give an array of shape (N, {columns})")
+        return np.array(self.numbers(name, value, shape))
+
+    def weights(self, name: str, value: Any, count: int) -> Any:
+        found = np.array(self.numbers(name, value, (count,)))
+        if (found < 0).any() or not found.sum() > 0:
+            raise self.wrong(name, value, "give numbers of at least 0, not all 0")
         return found
 
     def _float(self, value: Any) -> float:
@@ -257,5 +321,5 @@ class _Call:
         except (TypeError, ValueError, OverflowError):
             return math.nan
 
-    def _wrong(self, name: str, value: Any, cure: str) -> ValueError:
+    def wrong(self, name: str, value: Any, cure: str) -> ValueError:
         return ValueError(f"{self._method}({name}={value!r}): {cure}")

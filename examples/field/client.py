@@ -11,6 +11,7 @@ import argparse
 import math
 import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def tell(robot: Robot, said: Said, world: World) -> None:
         robot.see(seen.subject, seen.range, seen.bearing, truth.range, truth.bearing)
 
 
-def main(args: argparse.Namespace) -> None:
+def main(args: argparse.Namespace, tell: Callable[[Robot, Said, World], None] = tell) -> None:
     world, off = World(args.seed), dict[str, list[float]]()
     with ExitStack() as stack:
         robots = {n: stack.enter_context(Robot(n, HERE / "field.toml", endpoint=args.connect)) for n in world.robots}
@@ -53,9 +54,13 @@ def main(args: argparse.Namespace) -> None:
             )
 
 
+def parser(about: str | None) -> argparse.ArgumentParser:
+    found = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    found.add_argument("-e", "--connect", default="tcp/127.0.0.1:7447")
+    found.add_argument("--seconds", type=float, default=30.0)
+    found.add_argument("--seed", type=int, default=1)
+    return found
+
+
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-e", "--connect", default="tcp/127.0.0.1:7447")
-    parser.add_argument("--seconds", type=float, default=30.0)
-    parser.add_argument("--seed", type=int, default=1)
-    main(parser.parse_args())
+    main(parser(__doc__).parse_args())

@@ -31,6 +31,7 @@ from robot_agent.budget import Choice
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand, Told
 from robot_agent.gaussian.hand_over import pose_of
+from robot_agent.gaussian.own import Given
 from robot_agent.gaussian.sensors import Sensors, sensors_of
 from robot_agent.raster import with_outlier
 from robot_agent.sensing import trackable
@@ -55,11 +56,13 @@ class JointAgent:
         grid: Grid,
         feedback: Feedback = "guarded",
         sensors: Sensors | None = None,
+        own: bool = False,
     ) -> None:
-        """`sensors` are those of the settings where they are not given."""
+        """`sensors` are those of the settings where they are not given; `own`: the robot has a filter of its own."""
         self.robot, self.subject = robot, f"robot/{robot}"
         self.settings, self.grid, self.feedback = settings, grid, feedback
-        self.filter = FirstHand(self.subject, sensors or sensors_of(settings))
+        made = Given if own else FirstHand
+        self.filter: FirstHand = made(self.subject, sensors or sensors_of(settings))
         self.own = TeamJoint(Objects(drift=settings.objects.drift))  # of this robot alone, with the objects that it saw
         self.searching: Agent | None = None  # its grids, while there is no Gaussian belief
         self.team: Moments | None = None  # where the team's joint has this robot, moved on to the newest tick
@@ -81,9 +84,19 @@ class JointAgent:
         readings = trackable(readings, [block for block in self.own.joint.blocks if isinstance(block, str)])
         told = self.filter.step(readings, self._linear(place))
         self._steps.append(Step(readings.time, told.motion, told.increment))
+        shown = self.team
         self._follow(None if self.feedback == "off" else place)
+        if isinstance(self.filter, Given) and self.filter.gain is not None and shown is not None:
+            moved = self._moved_on(shown, Step(readings.time, told.motion, None))
+            assert moved is not None
+            self.filter.independence.judge(self.subject, self.filter.gain, shown, moved)
         nuisance = self.filter.sensors.wheels.nuisance
         evidence = pack_evidence(told.epoch, told.travelled, nuisance, told.belief, told.unsent, told.relatives)
+        if told.belief is None and isinstance(
+            self.filter, Given
+        ):  # it has none to begin with, and looks for its place itself
+            self._time = readings.time
+            return [], Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         if told.belief is None:
             reports, solo = self._search(readings, agreed)
         else:

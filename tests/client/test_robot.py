@@ -118,6 +118,12 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.see("robot/r2", 1, 0, covariance=np.eye(2)), r"see\(covariance=...\): belongs to a position"),
     (lambda r: r.see("robot/r2", 1, 0, position=(1, 1)), r"see\(position=...\): give either"),
     (lambda r: r.see("robot/r2", position=(1, 1), covariance=[[1, 2], [2, 1]]), r"see\(covariance=\[\[1, 2\], \[2, 1\]\]\): give a sym"),
+    (lambda r: r.belief((1, 2), np.eye(3), (0, 0, 1)), r"belief\(mean=\(1, 2\)\): give 3 finite numbers"),
+    (lambda r: r.belief((1, 2, 3), -np.eye(3), (0, 0, 1)), r"belief\(covariance="),
+    (lambda r: r.belief((1, 2, 3), np.eye(3), (0, 0)), r"belief\(odometry=\(0, 0\)\): give 3 finite numbers"),
+    (lambda r: r.belief((1, 2, 3), np.eye(3), (0, 0, 0)), r"belief\(odometry=\(0, 0, 0\)\): dt is above 0"),
+    (lambda r: r.particles([(1, 2)], (0, 0, 1)), r"particles\(particles=\(1, 2\)\): give an array of shape \(N, 3\)"),
+    (lambda r: r.particles([(1, 2, 3)], (0, 0, 1), [-1]), r"particles\(weights=\[-1\]\): give numbers of at least 0"),
     (lambda r: r.see("landmark/door", 1, 0), r"see\(at=None\): give where the landmark stands"),
     (lambda r: r.see("object/ball", 1, 0, at=(1, 1)), r"see\(at=\(1, 1\)\): belongs to a landmark"),
 ]  # fmt: skip
@@ -127,6 +133,30 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
 def test_a_wrong_call_is_one_sentence_that_names_the_argument(call: Callable[[Robot], object], names: str) -> None:
     with pytest.raises(ValueError, match=f"^{names}"):
         call(Robot("r1", "demo"))
+
+
+def test_a_filter_of_its_own_and_particles(endpoint: str) -> None:
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        robot.belief((2.0, 3.0, 0.0), np.diag([0.04, 0.04, 0.01]), (0.0, 0.0, 0.1))
+        pose = robot.step()
+        assert pose is not None
+        assert pose.mean == pytest.approx((2.0, 3.0, 0.0))
+        robot.belief((2.1, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]), (0.1, 0.0, 0.1, 0.01, 0.01))
+        robot.see("object/ball", 1.0, 0.0, 0.05, 0.02)
+        robot.step()
+        cloud = np.random.default_rng(1).multivariate_normal((2.2, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]), 500)
+        robot.particles(cloud, (0.1, 0.0, 0.1))
+        pose = robot.step()
+        assert pose is not None
+        assert pose.mean[0] == pytest.approx(2.2, abs=0.1)
+        assert robot.newest("object/ball", LONG).belief.grid == GRID
+        found = robot.independence
+        assert found is not None
+        assert not found.fed_back
+        with pytest.raises(
+            ValueError, match=r"^r1: gives either the readings of odometry, compass and fixes, or beliefs"
+        ):
+            robot.fix((1, 1), 0.1)
 
 
 def test_time_does_not_go_back(endpoint: str) -> None:

@@ -15,10 +15,11 @@ from blackboard.board.service import board_of
 from blackboard.client.agreed import Agreed, TeamNews
 from blackboard.config import Scenario
 from blackboard.net.scheduler import Scheduler
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.wire.messages import Fix, Odometry, Sighting
+from examples.field.central import Central
 from examples.field.world import HEIGHT, WIDTH, Said, Truth, World
 from robot_agent.driven import Driven, Gathered, driven
-from tests.field.central import Central
 
 CHI = {0.5: 1.386, 0.95: 5.991}
 SETTLED = 5.0  # seconds after which errors count
@@ -87,12 +88,32 @@ def gathered(it: Said, truth: Truth, sigmas: bool) -> Gathered:
     )
 
 
-class Field(Scheduler):
-    """Boards and robots of a scenario, whose robots are driven by a world."""
+def posterior(it: Said, truth: Truth, sigmas: bool, own: Central, robot: str) -> Gathered:
+    """The same of a robot with a filter of its own, which took what the sensors said but the sightings."""
+    told = gathered(it, truth, sigmas)
+    mean, covariance = own.of(f"robot/{robot}")
+    still = Odometry(distance=0.0, turn=0.0, dt=it.dt)
+    return Gathered(told.odometry or still, None, None, told.sightings, posterior=Moments(mean, covariance))
 
-    def __init__(self, world: World, chosen: Scenario, sigmas: bool = True, phases: Mapping[str, float] | None = None):
+
+class Field(Scheduler):
+    """Boards and robots of a scenario, whose robots are driven by a world.
+
+    `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        chosen: Scenario,
+        sigmas: bool = True,
+        phases: Mapping[str, float] | None = None,
+        *,
+        own: bool = False,
+        fed_back: bool = False,
+    ) -> None:
         super().__init__(now=1_700_000_000.0)
-        self.world, self.sigmas = world, sigmas
+        self.world, self.sigmas, self.own, self.fed_back = world, sigmas, own, fed_back
         self.phases = dict(phases or {})  # robot -> seconds that it steps late
         self.agreed: dict[str, Agreed] = {}
         self.robots: dict[str, Driven] = {}
@@ -123,8 +144,13 @@ class Field(Scheduler):
             for robot, it in said.items():
                 alone[robot].step({robot: Said(it.distance, it.turn, it.dt, it.start, it.gps)})
                 self.run_to(max(self.now, at + self.phases.get(robot, 0.0)))
+                told = gathered(it, truth, self.sigmas)
+                if self.own:
+                    if self.fed_back and (before := self.robots[robot].pose()) is not None:
+                        alone[robot].take(before.mean, before.covariance)
+                    told = posterior(it, truth, self.sigmas, alone[robot], robot)
                 began = time.thread_time()
-                pose, out = self.robots[robot].step(gathered(it, truth, self.sigmas), self.now, at)
+                pose, out = self.robots[robot].step(told, self.now, at)
                 self.work.append(time.thread_time() - began)
                 self.send(self.robots[robot], out)
                 if settled and pose is not None:
@@ -140,18 +166,21 @@ class Field(Scheduler):
 
 
 def main(
-    seeds: list[int], told: bool, sigmas: bool, seconds: float = 90.0, truth: Truth | None = None, **board: object
+    seeds: list[int], told: bool, sigmas: bool, own: bool, fed_back: bool, seconds: float = 90.0, **board: object
 ) -> None:
     totals: dict[str, dict[str, Score]] = defaultdict(lambda: defaultdict(Score))
-    work = []
+    work, phases = [], {"r2": 0.03, "r3": 0.06}
     for seed in seeds:
-        world = World(seed, truth or Truth())
-        field_ = Field(world, scenario(world.truth, told, **board), sigmas, {"r2": 0.03, "r3": 0.06})
+        world = World(seed)
+        field_ = Field(world, scenario(world.truth, told, **board), sigmas, phases, own=own, fed_back=fed_back)
         for who, found in field_.play(seconds).items():
             for name, score in found.items():
                 totals[who][name].squared += score.squared
                 totals[who][name].distances += score.distances
         work += field_.work
+        for robot, it in field_.robots.items():
+            if it.independence is not None:
+                print(seed, robot, it.independence.gains, it.independence.ratio, it.independence.fed_back, flush=True)
     for name in totals["team"]:
         team, central, alone = (totals[who].get(name) or Score() for who in ("team", "central", "alone"))
         print(
@@ -162,4 +191,7 @@ def main(
 
 
 if __name__ == "__main__":
-    main(list(range(int(sys.argv[1]), int(sys.argv[2]))), "told" in sys.argv, "sigmas" in sys.argv)
+    main(
+        list(range(int(sys.argv[1]), int(sys.argv[2]))),
+        *(word in sys.argv for word in ("told", "sigmas", "own", "back")),
+    )

@@ -13,12 +13,18 @@ SEEDS = (101, 102)  # the longer runs of `python -m tests.field.play` are on oth
 SECONDS = 40.0
 
 
+def played(seed: int, *, own: bool = False) -> Field:
+    """A field whose robots do not step at the same time, and know nothing of their wheels."""
+    truth, phases = Truth(), {"r2": 0.03, "r3": 0.06}
+    chosen = scenario(truth, told=False)
+    return Field(World(seed, truth), chosen, sigmas=False, phases=phases, own=own)
+
+
 @pytest.fixture(scope="module")
 def scores() -> dict[str, dict[str, Score]]:
     found: dict[str, dict[str, Score]] = {}
     for seed in SEEDS:
-        truth = Truth()
-        play = Field(World(seed, truth), scenario(truth, told=False), sigmas=True, phases={"r2": 0.03, "r3": 0.06})
+        play = played(seed)
         for who, by_name in play.play(SECONDS).items():
             for name, score in by_name.items():
                 sums = found.setdefault(who, {}).setdefault(name, Score())
@@ -44,3 +50,11 @@ def test_the_ball_is_about_where_the_central_filter_has_it(scores: dict[str, dic
 
 def test_the_oracle_is_honest(scores: dict[str, dict[str, Score]]) -> None:
     assert 0.85 <= np.mean([score.coverage() for score in scores["central"].values()]) <= 1.0
+
+
+def test_robots_with_filters_of_their_own_are_nearly_as_good_and_are_not_accused() -> None:
+    play = played(103, own=True)
+    scores = play.play(30.0)
+    for robot in play.robots:
+        assert scores["team"][robot].rmse <= 1.5 * scores["central"][robot].rmse
+    assert not any(it.independence is None or it.independence.fed_back for it in play.robots.values())

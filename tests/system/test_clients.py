@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 from contextlib import ExitStack
 
+import pytest
+
+from blackboard.client import Robot
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.run.launch import free_port
@@ -43,15 +46,60 @@ def test_a_client_a_wire_robot_and_robot_agent_share_one_board() -> None:
         assert "refused" not in board.err + client.err
 
 
-def test_the_robots_of_the_field_find_themselves() -> None:
+@pytest.mark.parametrize("example", ["client", "own_filter"])
+def test_the_robots_of_the_field_find_themselves(example: str) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     scenario = str(ROOT / "examples" / "field" / "field.toml")
     with ExitStack() as running:
         running.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
         board = program("-m", "blackboard", "serve", "--scenario", scenario, "--sub-team", "a", "-e", endpoint)
         running.enter_context(board).says("ready")
-        client = running.enter_context(program("-m", "examples.field.client", "-e", endpoint, "--seconds", "10"))
+        client = running.enter_context(program("-m", f"examples.field.{example}", "-e", endpoint, "--seconds", "10"))
         assert client.ends() == 0, client.err
     off = [float(it) for it in re.findall(r"^r\d: RMSE ([\d.]+) m; ball at \[", client.out, re.MULTILINE)]
     assert len(off) == 3, client.out
     assert max(off) < 0.5
+
+
+def test_a_robot_goes_on_when_the_board_and_the_router_are_started_again_and_one_comes_late() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    scenario = str(ROOT / "examples" / "field" / "field.toml")
+    router = ("-m", "blackboard", "router", "-l", endpoint)
+    board = ("-m", "blackboard", "serve", "--scenario", scenario, "--sub-team", "a", "-e", endpoint)
+    with ExitStack() as running:
+        first = running.enter_context(program(*router))
+        serving = running.enter_context(program(*board))
+        serving.says("ready")
+        robots = [running.enter_context(Robot("r1", scenario, endpoint=endpoint))]
+        robots[0].fix((2.0, 3.0), 0.05, 0.0, 0.02)
+
+        def goes_on(since: float) -> bool:
+            for robot in robots:  # the program: the same all the time
+                robot.odometry(0.0, 0.0, 0.05)
+                if robot is not robots[0]:
+                    robots[0].see(f"robot/{robot.robot}", 1.0, 0.0, 0.05, 0.02)
+                pose = robot.step()
+                assert pose is not None
+            known = robots[0].agreed
+            return all(f"robot/{it.robot}" in known and known[f"robot/{it.robot}"].time > since for it in robots)
+
+        def agreed_again() -> None:
+            since = robots[0].time
+            wait_until(lambda: goes_on(since), lambda: f"the team agrees again: {robots[0].agreed}")
+
+        agreed_again()
+        serving.running.kill()
+        serving.ends()
+        running.enter_context(program(*board)).says("ready")
+        agreed_again()
+        robots.append(running.enter_context(Robot("r2", scenario, endpoint=endpoint)))  # late
+        robots[1].fix((3.0, 3.0), 0.5, 0.0, 0.1)
+        agreed_again()
+        first.running.kill()
+        first.ends()
+        goes_on(0.0)  # alone, meanwhile
+        running.enter_context(program(*router))
+        agreed_again()
+        pose = robots[0].pose
+        assert pose is not None
+        assert abs(pose.mean[0] - 2.0) < 0.1

@@ -1,4 +1,7 @@
-"""The oracle: one extended Kalman filter which has the readings of all robots, and the true models. Nothing here is of the product."""
+"""An extended Kalman filter of the readings of some robots, with the true models. Nothing here is of the product.
+
+Of all robots it is the best that any team can do; of one robot it is a filter of its own.
+"""
 
 from __future__ import annotations
 
@@ -42,6 +45,12 @@ class Central:
                 self._correct(np.array(it.gps) - self.mean[self._at(robot)][:2], rows, np.eye(2) * self.truth.gps**2)
             for one in it.seen:
                 self._see(robot, one.subject, one.range, one.bearing)
+
+    def take(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+        """Take a pose of the first robot for a measurement, as who feeds back what the team believes."""
+        rows, off = np.eye(3, len(self.mean)), np.asarray(mean) - self.mean[:3]
+        off[2] = math.remainder(off[2], math.tau)
+        self._correct(off, rows, np.asarray(covariance))
 
     def _at(self, robot: str) -> slice:
         first = 3 * self.robots.index(robot)

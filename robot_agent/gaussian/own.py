@@ -1,0 +1,192 @@
+"""A robot that has a filter of its own: what its posteriors gained over their predictions is evidence. Pure.
+
+The posterior before and the odometry make a prediction; the posterior over that is the likelihood of what the robot's own filter took
+in between. So what the team gets of it is counted once, however the filter works. What came from the team must not be in it: it
+would be counted again with each posterior. `Independence` notices that, because then what was gained says what the team believed.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blackboard.opinion.chi_squared import GATE, MEDIAN, quantile
+from blackboard.opinion.gaussian.increment import Increment, gained, likelihood
+from blackboard.opinion.gaussian.joint import Block, Joint, Moments, squared_distance
+from blackboard.opinion.gaussian.vehicle import HEADING, POSE, Motion, Nuisance, drive, entering, wrap
+from blackboard.opinion.grid import Array
+from blackboard.wire.messages import Readings
+from robot_agent.gaussian.filter import FirstHand, Told
+
+WINDOW = 60  # gains that are remembered
+FEWEST = 20  # gains before anything is said of them
+ALIKE = 0.05  # of the median squared distance to be expected: nearer to the team's belief is no measurement, but that belief
+WEIGHTY = 0.05  # share of the team's variance that a gain removes, at least; of smaller ones the distance says nothing
+ROUNDING = 1e-9  # of the largest entry of a covariance
+JUMP = 2.0  # times the 99.9 % quantile: a posterior so far from its prediction begins anew
+FLATTEST = 1.8  # kurtosis along an axis of a uniform distribution: particles below have several hypotheses
+
+
+@dataclass
+class Independence:
+    """Mutable: how far what was gained is from what the team believed, over what is to be expected of independent evidence.
+
+    `ratio` is the median of the squared distances over that of chi-squared: about 1 if the covariances are true, below if they are
+    too large, above if they are too small. None until enough was gained.
+    """
+
+    gains: int = 0
+    _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
+
+    @property
+    def ratio(self) -> float | None:
+        return statistics.median(self._ratios) if len(self._ratios) >= FEWEST else None
+
+    @property
+    def fed_back(self) -> bool:
+        """Whether what the team believed comes back as evidence; none is taken then."""
+        return self.ratio is not None and self.ratio < ALIKE
+
+    def judge(self, robot: Block, gain: Increment, shown: Moments, moved: Moments) -> None:
+        """Take a gain against what the robot was shown last of the team's belief, and the same moved on to now; blocks of 9 states.
+
+        The nearer one counts, because nobody knows whether who takes it for a measurement moves it on.
+        """
+        joint = Joint()
+        joint.add(robot, moved)
+        factor = likelihood(joint, robot, gain)
+        if factor is None:
+            return
+        found = joint.innovation(factor)
+        removed = 1.0 - float(np.trace(np.linalg.solve(found.covariance, factor.noise))) / found.freedom
+        if removed < WEIGHTY:
+            return
+        apart = moved.mean - shown.mean
+        apart[HEADING] = wrap(float(apart[HEADING]))
+        before = found.residual + factor.jacobians[robot] @ apart
+        squared = min(found.squared, squared_distance(before, found.covariance))
+        self.gains += 1
+        self._ratios.append(squared / quantile(MEDIAN, found.freedom))
+
+
+@dataclass
+class Given(FirstHand):
+    """Mutable; `give` a posterior before the `step` of its tick. Fixes, compass and landmarks of readings are the own filter's."""
+
+    posterior: Moments | None = None  # (x, y, heading), shape (3,) and (3, 3)
+    independence: Independence = field(default_factory=Independence)
+    _rates: tuple[float, float, float] | None = (
+        None  # of the noise: along and across the way, of the heading, per second
+    )
+    gain: Increment | None = None  # of the newest posterior, whether it is told or not
+    _idle: bool = False  # whether the newest posterior took nothing in
+
+    def give(self, posterior: Moments | None) -> None:
+        """Take a posterior for the next step; None: it has none now, as while there are several hypotheses."""
+        self.posterior = posterior
+
+    def step(self, readings: Readings, at: Moments | None = None) -> Told:
+        if self.epoch < 0:
+            self.restart(readings.time)
+        given, self.posterior = self.posterior, None
+        motion = self._motion(readings, given)
+        prediction = self.belief
+        if given is not None and prediction is not None and _has_jumped(prediction, given):
+            self.restart(readings.time)
+            motion, prediction, self._last = Motion(), None, readings
+        self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
+        if given is not None:
+            self.joint = Joint()
+            self.joint.add(self.robot, entering(given, Nuisance()))
+        self.gain = self._gained(prediction)
+        told_of = not self.independence.fed_back
+        increment, unsent = (self.gain, self._gained(self._before)) if told_of else (None, None)
+        self._unsent = None
+        seen = [s for s in sorted(readings.sightings, key=lambda s: -s.age) if s.landmark is None]
+        relatives = {s.subject: self.sensors.camera.relative(self.robot, s, self._turned, motion.dt) for s in seen}
+        further = tuple(
+            self.sensors.relative(self.robot, it) for it in readings.seen if it.is_known and it.landmark is None
+        )
+        told = tuple(relatives[name] for name in sorted(relatives)) + further
+        return Told(self.epoch, self.travelled, self.belief, increment, told, motion, unsent)
+
+    def enter(self, pose: Moments) -> None:
+        """A pose from a grid is of no use: the own filter knows better."""
+
+    def _gained(self, before: Moments | None) -> Increment | None:
+        after = self.belief
+        if before is None or after is None or self._idle:
+            return None
+        return gained(before, after)
+
+    def _motion(self, readings: Readings, given: Moments | None) -> Motion:
+        """Predict with the odometry. Its noise is the own filter's, as far as the caller or earlier posteriors have told it.
+
+        A posterior that is nowhere sharper than the one before, moved on without noise, took nothing in: what it lost is the noise.
+        """
+        told, before, self._last = readings.odometry, self._last, readings
+        self._idle = False
+        if told is None:
+            return Motion()
+        motion = self.sensors.wheels.motion(told, None if before is None else before.odometry)
+        self._turned = abs(told.turn)
+        if self._rates is not None and told.distance_sigma is None and told.turn_sigma is None:
+            along, across, heading = (rate * told.dt for rate in self._rates)
+            motion = replace(motion, along=along, across=across, heading=heading)
+        if self.known and given is not None:
+            lost = self._lost(replace(motion, along=0.0, across=0.0, heading=0.0), given)
+            self._idle = bool(np.linalg.eigvalsh(lost)[0] > -ROUNDING * np.abs(given.covariance).max())
+            if self._idle:
+                along, across, heading = (max(0.0, float(it)) for it in np.diag(lost))
+                motion = replace(motion, along=along, across=across, heading=heading)
+                if told.distance or told.turn:
+                    self._rates = along / told.dt, across / told.dt, heading / told.dt
+        self.travelled = self.travelled.plus(motion)
+        for joint in (self.joint if self.known else None, self._unsent):
+            if joint is not None:
+                drive(joint, self.robot, motion, self.sensors.wheels.nuisance)
+        return motion
+
+    def _lost(self, motion: Motion, given: Moments) -> Array:
+        """By how much a posterior's covariance exceeds that of its prediction, shape (3, 3), its axes along and across the way."""
+        ahead = self.joint.copy()
+        drive(ahead, self.robot, motion, self.sensors.wheels.nuisance)
+        prediction = ahead.moments(self.robot)
+        way = float(prediction.mean[HEADING]) - motion.turn / 2
+        c, s = np.cos(way), np.sin(way)
+        frame = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(frame @ (given.covariance - prediction.covariance[POSE, POSE]) @ frame.T)
+
+
+def _has_jumped(prediction: Moments, given: Moments) -> bool:
+    """Whether a posterior is so far from its prediction that no evidence led there: its filter has begun anew."""
+    apart = given.mean - prediction.mean[POSE]
+    apart[HEADING] = wrap(float(apart[HEADING]))
+    squared = float(apart @ np.linalg.solve(prediction.covariance[POSE, POSE] + 1e-12 * np.eye(3), apart))
+    return squared > JUMP * quantile(GATE, 3)
+
+
+def of_particles(particles: Array, weights: Sequence[float] | Array | None = None) -> Moments | None:
+    """Mean and covariance of particles (x, y, heading), shape (N, 3); None where they have several hypotheses.
+
+    Along no axis may they be spread more evenly than a uniform distribution, as two clusters are.
+    """
+    share = np.full(len(particles), 1.0 / len(particles)) if weights is None else np.asarray(weights) / np.sum(weights)
+    middle = float(np.angle(share @ np.exp(1j * particles[:, 2])))
+    turned = (particles[:, 2] - middle + np.pi) % (2 * np.pi) - np.pi
+    points = np.column_stack([particles[:, :2], turned])
+    mean = share @ points
+    away = points - mean
+    covariance = (away * share[:, None]).T @ away
+    sizes, axes = np.linalg.eigh(covariance)
+    along = away @ axes
+    wide = sizes > 1e-12 * max(float(sizes.max()), 1e-12)
+    kurtosis = (share @ along**4)[wide] / sizes[wide] ** 2
+    if (kurtosis < FLATTEST).any():
+        return None
+    mean[2] = wrap(float(mean[2] + middle))
+    return Moments(mean, covariance + 1e-12 * np.eye(3))

@@ -1,0 +1,154 @@
+"""A robot with a filter of its own: what its posteriors gained is told once, and what came from the team is noticed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from blackboard.opinion.gaussian.increment import likelihood
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.vehicle import POSE, correct, drive
+from blackboard.wire.messages import Odometry, Readings
+from robot_agent.config import OdometrySection
+from robot_agent.gaussian.filter import Told
+from robot_agent.gaussian.own import FEWEST, Given, Independence, of_particles
+from robot_agent.gaussian.sensors import Sensors, wheels_of
+
+ROBOT = "robot/r1"
+SENSORS = Sensors(wheels_of(OdometrySection()))
+
+
+class Own:
+    """A linear filter along x that drives ahead, with noise of its own in each step, and sees its place now and then."""
+
+    def __init__(self, noise: float = 1e-4) -> None:
+        self.mean, self.covariance = np.array([1.0, 2.0, 0.0]), np.diag([0.04, 0.04, 0.01])
+        self.noise = np.diag([noise, noise, noise])
+        self.given, self.tick = Given(ROBOT, SENSORS), 0
+
+    def drive(self, distance: float = 0.1) -> None:
+        by = np.eye(3)
+        by[1, 2] = distance
+        self.mean = self.mean + [distance, 0, 0]
+        self.covariance = by @ self.covariance @ by.T + self.noise
+
+    def measure(self, z: np.ndarray, noise: np.ndarray) -> None:
+        gain = self.covariance @ np.linalg.inv(self.covariance + noise)
+        self.mean = self.mean + gain @ (z - self.mean)
+        self.covariance = (np.eye(3) - gain) @ self.covariance
+
+    def tell(self, distance: float = 0.1) -> Told:
+        self.tick += 1
+        self.given.give(Moments(self.mean.copy(), self.covariance.copy()))
+        told = Odometry(distance=distance, turn=0.0, dt=0.1)
+        return self.given.step(Readings(run="x", robot="r1", tick=self.tick, time=0.1 * self.tick, odometry=told))
+
+
+def test_what_took_nothing_in_gains_nothing_and_its_noise_is_learned() -> None:
+    own = Own(noise=3e-3)
+    assert own.tell().increment is None  # the first
+    for _ in range(10):
+        own.drive()
+        told = own.tell()
+        assert told.increment is None
+        assert told.motion.heading == pytest.approx(3e-3)
+
+
+def test_a_joint_of_its_increments_is_its_posterior() -> None:
+    """So each gain is counted once, and none is lost."""
+    own, board = Own(), Joint()
+    told = own.tell()
+    assert told.belief is not None
+    board.add(ROBOT, told.belief)
+    for number in range(30):
+        own.drive()
+        if number % 4 == 3:
+            own.measure(own.mean + [0.1, -0.1, 0.02], np.diag([0.05, 0.02, 0.01]))
+        told = own.tell()
+        drive(board, ROBOT, told.motion, SENSORS.wheels.nuisance)
+        if told.increment is not None:
+            factor = likelihood(board, ROBOT, told.increment)
+            assert factor is not None
+            correct(board, factor)
+        else:
+            assert number % 4 != 3
+    found = board.moments(ROBOT)
+    assert found.mean[POSE] == pytest.approx(own.mean, abs=0.01)
+    assert np.diag(found.covariance)[POSE] == pytest.approx(np.diag(own.covariance), rel=0.05)
+
+
+def test_a_posterior_that_jumps_begins_anew() -> None:
+    own = Own()
+    epoch = own.tell().epoch
+    own.mean = own.mean + [5.0, 0, 0]
+    told = own.tell()
+    assert told.epoch > epoch
+    assert told.increment is None
+    assert told.belief is not None
+    assert told.belief.mean[0] == pytest.approx(6.0)
+
+
+def test_without_a_posterior_the_odometry_counts() -> None:
+    own = Own()
+    own.tell()
+    own.given.give(None)
+    told = own.given.step(
+        Readings(run="x", robot="r1", tick=9, time=0.9, odometry=Odometry(distance=0.5, turn=0.0, dt=0.1))
+    )
+    assert told.belief is not None
+    assert told.belief.mean[0] == pytest.approx(1.5)
+    assert told.increment is None
+
+
+def judged(fed_back: bool, seed: int = 1) -> Independence:
+    random, found, own = np.random.default_rng(seed), Independence(), Own()
+    own.tell()
+    truth = own.mean.copy()
+    for _ in range(2 * FEWEST):
+        shown = own.given.belief
+        assert shown is not None
+        noise = shown.covariance[POSE, POSE].copy() if fed_back else np.diag([0.02, 0.02, 0.005])
+        own.drive()
+        truth = truth + [0.1, 0, 0]
+        z = shown.mean[POSE] if fed_back else truth + random.multivariate_normal(np.zeros(3), noise)
+        own.measure(z, noise)
+        told = own.tell()
+        ahead = Joint()
+        ahead.add(ROBOT, shown)
+        drive(ahead, ROBOT, told.motion, SENSORS.wheels.nuisance)
+        if own.given.gain is not None:
+            found.judge(ROBOT, own.given.gain, shown, ahead.moments(ROBOT))
+    return found
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_independent_measurements_are_not_taken_for_the_team_s(seed: int) -> None:
+    found = judged(fed_back=False, seed=seed)
+    assert found.gains >= FEWEST
+    assert found.ratio is not None
+    assert 0.2 < found.ratio < 5.0
+    assert not found.fed_back
+
+
+def test_what_came_from_the_team_is_noticed() -> None:
+    found = judged(fed_back=True)
+    assert found.ratio == pytest.approx(0.0, abs=0.01)
+    assert found.fed_back
+
+
+def test_particles_are_one_hypothesis_or_none() -> None:
+    random = np.random.default_rng(1)
+    one = random.multivariate_normal([3.0, 4.0, math.pi], np.diag([0.1, 0.2, 0.05]), 4000)
+    one[:, 2] = (one[:, 2] + math.pi) % (2 * math.pi) - math.pi  # on both sides of the seam
+    found = of_particles(one)
+    assert found is not None
+    assert found.mean[:2] == pytest.approx((3, 4), abs=0.05)
+    assert abs(math.remainder(found.mean[2] - math.pi, math.tau)) < 0.05
+    assert np.diag(found.covariance) == pytest.approx((0.1, 0.2, 0.05), rel=0.15)
+    assert of_particles(np.vstack([one, one + [3.0, 0, 0]])) is None
+    assert of_particles(one[:1]) is not None
+    half = of_particles(np.vstack([one, one + [3.0, 0, 0]]), np.r_[np.ones(4000), np.zeros(4000)])
+    assert half is not None
+    assert half.mean[0] == pytest.approx(3.0, abs=0.05)
