@@ -12,13 +12,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from blackboard.board.dissent import Dissent
+from blackboard.board.dissent import Dissent, distance
 from blackboard.board.learning import Advice, Learned, Learner
 from blackboard.config import BoardSection
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief, uniform
-from blackboard.opinion.bell import width
+from blackboard.opinion.bell import escort_moments, spread, width
 from blackboard.opinion.chernoff import chernoff
+from blackboard.opinion.chi_squared import DOUBT, quantile
 from blackboard.opinion.cooperative import CAUTIOUS, Coalition
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import fuse, fuse_belief, linear_pool
@@ -182,7 +183,9 @@ def _fused(given: _Weighed, grid: Grid, counts: Callable[[str], bool]) -> Fusion
     firsthand = uniform(grid)
     if counted:
         firsthand = Belief(grid, pooled.p if all(here) else fuse_belief(given.rule, given.stack[np.array(here)], grid))
-    fused, more, contradicted = _pool_overlapping(pooled.p, given.overlapping)
+    overlapping, outvoted = _outvoted(given.independent, given.overlapping)
+    fused, more, contradicted = _pool_overlapping(pooled.p, overlapping)
+    more += [Contribution(opinion, 0.0, "overlapping") for opinion in outvoted]
     kept = 1.0 - sum(share.weight for share in more)  # the share of `pooled` in `fused`
     weights = pooled.weights * given.factors * kept
     shares = [Contribution(o, float(w), "independent") for o, w in zip(given.independent, weights, strict=True)]
@@ -195,7 +198,7 @@ def _fused(given: _Weighed, grid: Grid, counts: Callable[[str], bool]) -> Fusion
         is_firsthand=all(here) and not more,
         shares=[replace(s, power=given.powers.get((s.opinion.source, s.how), 1.0)) for s in shares + more],
         components=[float(c) for c in pooled.components],
-        conflict=contradicted or conflict(given.stack, pooled.claim()),
+        conflict=contradicted or bool(outvoted) or conflict(given.stack, pooled.claim()),
         rule=given.rule,
         outcome=pooled.outcome,
         learned=given.learned,
@@ -249,6 +252,38 @@ def _advised(rule: Coalition, independence: float) -> Coalition:
 @lru_cache(256)
 def _kept_rule(rule: Coalition, independence: float) -> Coalition:
     return replace(rule, independence=independence)
+
+
+def _outvoted(
+    independent: Sequence[Opinion], overlapping: Sequence[Opinion]
+) -> tuple[Sequence[Opinion], Sequence[Opinion]]:
+    """The overlapping opinions that may be pooled, and those that the first-hand ones of other sources contradict.
+
+    Whose information an opinion contains is a claim: without this gate a sharp one that claims everybody's would be taken whole.
+    It passes where more sources confirm it, by any opinion, than contradict it.
+    """
+    parts: tuple[list[Opinion], list[Opinion]] = [], []
+    for opinion in overlapping:
+        others = [it for it in (*independent, *overlapping) if it.source != opinion.source]
+        confirming = {it.source for it in others if not _contradict(opinion, it)}
+        contradicting = {it.source for it in independent if it in others} - confirming
+        parts[len(contradicting) >= max(1, len(confirming))].append(opinion)
+    return parts
+
+
+def _contradict(one: Opinion, other: Opinion) -> bool:
+    """Whether two opinions can hardly both be honest: farther apart than 99 % of honest bells of their widths."""
+    if (mine := _moments(one)) is None or (its := _moments(other)) is None:
+        return bhattacharyya_coefficient(one.belief.p, other.belief.p) < CONTRADICTION
+    return distance(mine, its) > quantile(DOUBT, one.belief.grid.ndim)
+
+
+def _moments(opinion: Opinion) -> tuple[Array, Array] | None:
+    """The moments of a bell, or of a belief of a few cells, whose shape cannot be seen; None of others."""
+    if opinion.bell is not None:
+        return opinion.bell
+    moments = escort_moments(opinion.belief)
+    return moments if spread(moments[1]) <= opinion.belief.grid.cell**2 else None
 
 
 def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array, list[Contribution], bool]:
