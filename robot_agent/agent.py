@@ -45,7 +45,7 @@ class TeamBelief:
     time: float
     belief: Belief
     ancestors: Mapping[str, float]
-    state: Moments | None = None  # of a robot in the team's joint, shape (9,) and (9, 9)
+    state: Moments | None = None  # of a robot in the team's joint, shape (12,) and (12, 12)
 
     @classmethod
     def unpacked(cls, consensus: Consensus, grid: Grid) -> TeamBelief:

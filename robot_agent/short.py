@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from blackboard.opinion.gaussian.relation import triangle
-from blackboard.opinion.gaussian.vehicle import HEADING, STATES
+from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Array
-from blackboard.wire.evidence import UPPER, PackedEvidence, PackedIncrement, PackedRelative, PackedState, Seen
+from blackboard.wire.evidence import PackedEvidence, PackedIncrement, PackedRelative, PackedState, Seen
 
 ROUNDED = (
     2.0**16
 )  # a larger sum stays as it is: so the sums of an epoch never shrink, and a distance is right to 1/256 of a unit
-WIDER = 2e-6  # share by which variances grow, so that a rounded covariance stays one: 9 float32 are off by 6e-8 each
+WIDER = 2e-6  # share by which variances grow, so that a rounded covariance stays one: 12 float32 are off by 6e-8 each
 RELATIVE = ("range", "bearing", "range_variance", "bearing_variance", "age")
 BITS = 24  # of a float32
 FAINT = 1e-12  # of the largest eigenvalue of a scaled matrix: a smaller one is rounding
@@ -80,16 +80,20 @@ def _seen(packed: Seen) -> Seen:
     )
 
 
+def _upper(matrix: Array) -> tuple[float, ...]:
+    return tuple(matrix[np.triu_indices(len(matrix))].tolist())
+
+
 def _state(packed: PackedState) -> PackedState:
     covariance = triangle(packed.covariance)
-    covariance[np.diag_indices(STATES)] *= 1 + WIDER
-    return PackedState(mean=_singles(packed.mean), covariance=_singles(tuple(map(float, covariance[UPPER]))))
+    covariance[np.diag_indices(len(covariance))] *= 1 + WIDER
+    return PackedState(mean=_singles(packed.mean), covariance=_singles(_upper(covariance)))
 
 
 def _increment(packed: PackedIncrement, covariance: Array | None) -> PackedIncrement:
     """The likelihood as rows, each a measurement with noise 1, whose products are float32 to the bit once they are rounded.
 
-    The reference may be anywhere, so it is where its numbers are short. `covariance`, shape (9, 9), is what is left of the states'
+    The reference may be anywhere, so it is where its numbers are short. `covariance`, shape (12, 12), is what is left of the states'
     errors: of a state that gained less than `NOTHING` of its own nothing is said, and where rounding changes more of what is known
     than `CHANGED`, in any direction, the increment stays as it is.
     """
@@ -117,7 +121,7 @@ def _increment(packed: PackedIncrement, covariance: Array | None) -> PackedIncre
     measured = measured + rows @ (np.array(packed.reference) - reference)
     return PackedIncrement(
         reference=tuple(map(float, reference)),
-        information=tuple(map(float, (rows.T @ rows)[UPPER])),
+        information=_upper(rows.T @ rows),
         vector=_singles(tuple(map(float, rows.T @ measured))),
     )
 

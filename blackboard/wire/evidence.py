@@ -1,7 +1,8 @@
 """Evidence for a joint board on the wire: what a robot gained in a tick, as a Gaussian, beside the belief that it reports.
 
-The shapes are those of `blackboard.opinion.gaussian`: a state has 9 entries (x, y, heading, forward and turn scale, drift, bearing
-bias, slip, range scale). A symmetric matrix of n rows is sent as its upper triangle, row by row, n (n + 1) / 2 numbers.
+The shapes are those of `blackboard.opinion.gaussian`: a state has 12 entries (x, y, heading, forward and turn scale, drift, bearing
+bias, slip, range scale, curved way and turn, lag). A robot without the last three sends 9, and so do older members. A symmetric matrix
+of n rows is sent as its upper triangle, row by row, n (n + 1) / 2 numbers.
 """
 
 from __future__ import annotations
@@ -36,8 +37,7 @@ from blackboard.wire.types import (
     Tick,
 )
 
-TRIANGLE = STATES * (STATES + 1) // 2
-UPPER = np.triu_indices(STATES)  # where the numbers of a triangle stand, row by row
+FORMER = 9  # states of a robot whose scales do not depend on the kind of motion
 MAX_RELATIVES = 64
 MAX_PROFILE = 64
 MAX_VALUES = 8
@@ -45,12 +45,20 @@ TIED = 1e-9  # the least eigenvalue of a sighting's covariance, of its scale
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
 
 
-State = Annotated[tuple[Finite, ...], Field(min_length=STATES, max_length=STATES), Listed]
-Triangle = Annotated[tuple[Finite, ...], Field(min_length=TRIANGLE, max_length=TRIANGLE), Listed]
+State = Annotated[tuple[Finite, ...], Field(min_length=FORMER, max_length=STATES), Listed]
+Triangle = Annotated[
+    tuple[Finite, ...], Field(min_length=FORMER * (FORMER + 1) // 2, max_length=STATES * (STATES + 1) // 2), Listed
+]
 
 
 #: The sigma of a bias that lasts, and for how many seconds.
 LastingBias = Annotated[tuple[NonNegative, Annotated[float, Field(gt=0, le=LARGEST)]], Listed]
+
+
+def _check_sizes(upper: Sequence[float], *rows: Sequence[float]) -> None:
+    """ValueError: a row has not as many numbers as the matrix has rows."""
+    if any(len(upper) != len(row) * (len(row) + 1) // 2 or len(row) not in (FORMER, STATES) for row in rows):
+        raise ValueError(f"a state has {FORMER} or {STATES} numbers, and its matrix is a triangle of as many rows")
 
 
 class PackedState(Part):
@@ -59,6 +67,11 @@ class PackedState(Part):
     mean: State
     covariance: Triangle
 
+    @model_validator(mode="after")
+    def _is_sound(self) -> Self:
+        _check_sizes(self.covariance, self.mean)
+        return self
+
 
 class PackedIncrement(Part):
     """The likelihood exp(v . d - d . I d / 2) of d = state - reference: what was gained in one tick."""
@@ -66,6 +79,11 @@ class PackedIncrement(Part):
     reference: State
     information: Triangle
     vector: State
+
+    @model_validator(mode="after")
+    def _is_sound(self) -> Self:
+        _check_sizes(self.information, self.reference, self.vector)
+        return self
 
 
 class PackedMotion(Part):
@@ -78,6 +96,10 @@ class PackedMotion(Part):
     along: NonNegative  # unit ** 2
     across: NonNegative  # unit ** 2
     heading: NonNegative  # radians ** 2
+    curved: Finite = 0.0  # unit: of the distance, what was driven on a curve
+    driven: Finite = 0.0  # radians: of the turn, what was not on the spot
+    faster: Finite = 0.0  # unit / s: by how much the speed grew
+    quicker: Finite = 0.0  # radians / s: by how much the rate of the turn grew
 
 
 class PackedNuisance(Part):
@@ -85,8 +107,8 @@ class PackedNuisance(Part):
 
     forward: Finite
     turn: Finite
-    sigmas: Annotated[tuple[NonNegative, ...], Field(min_length=6, max_length=6), Listed]
-    walks: Annotated[tuple[NonNegative, ...], Field(min_length=3, max_length=3), Listed]
+    sigmas: Annotated[tuple[NonNegative, ...], Field(min_length=6, max_length=9), Listed]
+    walks: Annotated[tuple[NonNegative, ...], Field(min_length=3, max_length=6), Listed]
     memory: Annotated[tuple[NonNegative, ...], Field(min_length=3, max_length=3), Listed]
 
 
@@ -200,6 +222,7 @@ def pack_evidence(
     told = [it for it in sound if it.kind == "range-bearing"]
     if not all(it.profile for it in told):  # one profile is of all sightings of a message
         told = [it.without_profile() for it in told]
+    states = STATES if any(nuisance.sigmas[6:]) else FORMER
     sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(travelled))), strict=True))
     return PackedEvidence(
         epoch=epoch,
@@ -207,17 +230,17 @@ def pack_evidence(
         nuisance=PackedNuisance(
             forward=nuisance.forward,
             turn=nuisance.turn,
-            sigmas=nuisance.sigmas,
-            walks=nuisance.walks,
+            sigmas=nuisance.sigmas if states == STATES else nuisance.sigmas[:6],
+            walks=nuisance.walks if states == STATES else nuisance.walks[:3],
             memory=tuple(0.0 if np.isinf(seconds) else seconds for seconds in nuisance.memory),
         ),
-        state=None if state is None else pack_state(state),
+        state=None if state is None else pack_state(state, states),
         increment=None
         if increment is None
         else PackedIncrement(
-            reference=_row(increment.reference),
-            information=_upper(increment.information),
-            vector=_row(increment.vector),
+            reference=_row(increment.reference[:states]),
+            information=_upper(increment.information[:states, :states]),
+            vector=_row(increment.vector[:states]),
         ),
         relatives=[
             PackedRelative(
@@ -251,17 +274,19 @@ def _seen(it: Relative) -> Seen:
     )
 
 
-def pack_state(state: Moments) -> PackedState:
-    """Mean, shape (9,), and covariance, shape (9, 9), of a robot's block."""
-    return PackedState(mean=_row(state.mean), covariance=_upper(state.covariance))
+def pack_state(state: Moments, states: int | None = None) -> PackedState:
+    """Mean, shape (12,), and covariance, shape (12, 12), of a robot's block; by default without those that are all 0."""
+    if states is None:
+        states = STATES if state.mean[FORMER:].any() or state.covariance[FORMER:].any() else FORMER
+    return PackedState(mean=_row(state.mean[:states]), covariance=_upper(state.covariance[:states, :states]))
 
 
 # --- the wire to ours ------------------------------------------------------------------------------------------------------
 
 
 def unpack_state(packed: PackedState) -> Moments:
-    """Mean, shape (9,), and covariance, shape (9, 9). Refused: "mass", a covariance that is none."""
-    return Moments(np.array(packed.mean), _symmetric(packed.covariance, "state.covariance"))
+    """Mean, shape (12,), and covariance, shape (12, 12). Refused: "mass", a covariance that is none."""
+    return Moments(_whole(packed.mean), _symmetric(packed.covariance, "state.covariance"))
 
 
 def pose_of(packed: PackedState | None) -> Moments | None:
@@ -277,16 +302,17 @@ def pose_of(packed: PackedState | None) -> Moments | None:
 def unpack_increment(packed: PackedIncrement) -> Increment:
     """Refused: "mass", an information matrix with a negative eigenvalue."""
     information = _symmetric(packed.information, "increment.information")
-    return Increment(np.array(packed.reference), information, np.array(packed.vector))
+    return Increment(_whole(packed.reference), information, _whole(packed.vector))
 
 
 def unpack_motion(packed: PackedMotion) -> Motion:
-    return Motion(packed.distance, packed.turn, packed.time, packed.moving, packed.along, packed.across, packed.heading)
+    return Motion(*(value for _, value in packed))
 
 
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
     memory = tuple(seconds or np.inf for seconds in packed.memory)
-    return Nuisance(packed.forward, packed.turn, packed.sigmas, packed.walks, memory)
+    sigmas, walks = (*packed.sigmas, 0.0, 0.0, 0.0)[: STATES - 3], (*packed.walks, 0.0, 0.0, 0.0)[:6]
+    return Nuisance(packed.forward, packed.turn, sigmas, walks, memory)
 
 
 def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:
@@ -322,7 +348,12 @@ def _row(values: Array) -> tuple[float, ...]:
 
 
 def _upper(matrix: Array) -> tuple[float, ...]:
-    return _row(matrix[UPPER])
+    return _row(matrix[np.triu_indices(len(matrix))])
+
+
+def _whole(row: Sequence[float]) -> Array:
+    """The numbers of all states: those that were not sent are exactly 0."""
+    return np.pad(np.array(row), (0, STATES - len(row)))
 
 
 def _symmetric(upper: Sequence[float], field: str) -> Array:
@@ -336,4 +367,4 @@ def _symmetric(upper: Sequence[float], field: str) -> Array:
         values, axes = np.linalg.eigh(scaled)
         scaled = (axes * np.maximum(values, 0.0)) @ axes.T
         matrix = 0.5 * (scaled + scaled.T) * np.outer(scale, scale)
-    return matrix
+    return np.pad(matrix, (0, STATES - len(matrix)))

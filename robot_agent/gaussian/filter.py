@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from blackboard.opinion.gaussian.vehicle import (
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings
 from robot_agent.gaussian.absolute import starting_pose, take_absolute
-from robot_agent.gaussian.along import AlongNoise
+from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.sensing import unseen
 
@@ -92,10 +92,11 @@ class FirstHand:
     )  # sightings and those beyond the gate, of the last ticks
     _ring: Ring | None = None  # what ranges and bearings alone say of a place that is not known
     _ring_at: Array = field(default_factory=lambda: np.zeros(2))  # the mean of the place that is not known, then
-    along: AlongNoise = field(init=False)
+    wheels: WheelNoise = field(init=False)
+    camera: CameraNoise = field(default_factory=CameraNoise)
 
     def __post_init__(self) -> None:
-        self.along = AlongNoise(self.robot, self.sensors.wheels.nuisance)
+        self.wheels = WheelNoise(self.robot, self.sensors.wheels.nuisance)
 
     @property
     def known(self) -> bool:
@@ -104,7 +105,7 @@ class FirstHand:
 
     @property
     def belief(self) -> Moments | None:
-        """The whole block, shape (9,) and (9, 9)."""
+        """The whole block, shape (12,) and (12, 12)."""
         return self.joint.moments(self.robot) if self.known else None
 
     def step(self, readings: Readings, at: Moments | None = None) -> Told:
@@ -117,10 +118,10 @@ class FirstHand:
         if self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None:
             self.restart(readings.time)
         if (belief := self.belief) is None:
-            self.along.give_up()
+            self.wheels.give_up()
         else:
             by_team = at is not None and self._is_plausible(at)
-            self.along.judge(at if at is not None and by_team else belief, by_team=by_team)
+            self.wheels.judge(at if at is not None and by_team else belief, by_team=by_team)
         motion = self._move(readings)
         prediction = self.belief
         self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
@@ -140,8 +141,15 @@ class FirstHand:
         }
         alike = Counter(groups.values())
         relatives = {
-            name: camera.relative(
-                self.robot, sighting, self._turned, motion.dt, groups.get(name, ""), alike[groups.get(name, "")] or 1
+            name: self.camera.scaled(
+                camera.relative(
+                    self.robot,
+                    sighting,
+                    self._turned,
+                    motion.dt,
+                    groups.get(name, ""),
+                    alike[groups.get(name, "")] or 1,
+                )
             )
             for name, sighting in sorted(newest.items())
         }
@@ -152,7 +160,7 @@ class FirstHand:
             seen_landmarks += [
                 (self.sensors.relative(self.robot, it), np.array(it.landmark)) for it in further if it.landmark
             ]
-            self._sight(seen_landmarks, motion, linear)
+            self._sight(seen_landmarks, motion, linear, readings.time)
         increment = None
         if prediction is not None and self.belief is not None:
             increment = gained(prediction, self.belief)
@@ -164,6 +172,7 @@ class FirstHand:
         seen += tuple(self.sensors.relative(self.robot, it) for it in further if not it.landmark)
         if self.lost():
             increment = unsent = self._before = None
+            self.camera = CameraNoise()  # it was judged from a wrong place
             if team is not None and apart <= ABSURD:
                 self._reopen(team)
             else:
@@ -195,7 +204,7 @@ class FirstHand:
         self.joint, self.travelled, self._last = Joint(), Motion(), None
         self._groups, self._misses = {}, []
         self._before = self._unsent = self._ring = None
-        self.along.give_up()
+        self.wheels.give_up()
 
     def enter(self, pose: Moments) -> None:
         """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid. ValueError: there is a belief already."""
@@ -208,7 +217,7 @@ class FirstHand:
         """
         pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
         self.joint, self._misses = Joint(), []
-        self.along.give_up()
+        self.wheels.give_up()
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
 
     # --- inside ---------------------------------------------------------------------------------------------------------
@@ -221,10 +230,10 @@ class FirstHand:
             return Motion()
         earlier = None if before is None else before.odometry
         motion = self.sensors.wheels.motion(told, earlier)
-        self.along.move(motion)
-        motion = replace(motion, along=motion.along * self.along.variance)
+        motion = self.wheels.scaled(motion)
+        self.wheels.move(motion)
         if lapse.way or lapse.turn:
-            self.along.give_up()
+            self.wheels.give_up()
             motion = motion.plus(Motion(along=lapse.way**2, across=lapse.way**2, heading=lapse.turn**2))
         self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
         self.travelled = self.travelled.plus(motion)
@@ -282,7 +291,7 @@ class FirstHand:
         covariance = self.joint.moments(self.robot).covariance
         return bool(np.trace(covariance[AXES, AXES]) > KNOWN)
 
-    def _sight(self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None) -> None:
+    def _sight(self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None, time: float) -> None:
         """Landmarks; what is beyond the gate is not taken, and counted."""
         missed = 0
         for relative, place in seen:
@@ -290,7 +299,9 @@ class FirstHand:
                 self._search(relative, place)
                 continue
             factor = linearise(self.joint, relative, {self.robot: motion}, place, at)
-            if self.joint.innovation(factor).squared > quantile(GATE, len(factor.residual)):  # a misread barcode
+            found = self.joint.innovation(factor)
+            self.camera.judge(relative, factor, found, time)
+            if found.squared > quantile(GATE, len(factor.residual)):  # a misread barcode
                 missed += 1
             else:
                 correct(self.joint, factor)

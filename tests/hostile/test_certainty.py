@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from blackboard.config import Scenario, load
-from blackboard.opinion.gaussian.vehicle import STATES
-from blackboard.wire.evidence import UPPER, PackedEvidence, PackedIncrement, PackedState
+from blackboard.wire.evidence import PackedEvidence, PackedIncrement, PackedState
 from blackboard.wire.messages import Report
 from tests.hostile.attack import Attack, report_key
 
@@ -29,7 +28,7 @@ def calm() -> dict[str, Any]:
 
 
 def packed(matrix: np.ndarray) -> tuple[float, ...]:
-    return tuple(float(it) for it in matrix[UPPER])
+    return tuple(float(it) for it in matrix[np.triu_indices(len(matrix))])
 
 
 def off(evidence: PackedEvidence, cells: float) -> tuple[float, ...]:
@@ -41,15 +40,16 @@ def off(evidence: PackedEvidence, cells: float) -> tuple[float, ...]:
 def certain(evidence: PackedEvidence, time: float) -> PackedEvidence:
     """Its place to a millionth of a cell, three cells off, in every tick."""
     there = off(evidence, 3.0)
-    information = np.zeros((STATES, STATES))
+    information = np.zeros((len(there),) * 2)
     information[:2, :2] = np.eye(2) * 1e12
-    told = PackedIncrement(reference=there, information=packed(information), vector=(0.0,) * STATES)
+    told = PackedIncrement(reference=there, information=packed(information), vector=(0.0,) * len(there))
     return evidence.model_copy(update={"increment": told})
 
 
 def anew(evidence: PackedEvidence, time: float) -> PackedEvidence:
     """Its place, one cell off, as the belief of an epoch that begins in this tick."""
-    state = PackedState(mean=off(evidence, 1.0), covariance=packed(np.eye(STATES) * 1e-9))
+    there = off(evidence, 1.0)
+    state = PackedState(mean=there, covariance=packed(np.eye(len(there)) * 1e-9))
     return evidence.model_copy(update={"state": state, "increment": None, "epoch": int(1000 * time) + 1})
 
 

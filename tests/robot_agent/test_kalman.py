@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES
 from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
@@ -244,12 +244,12 @@ def test_a_robot_that_may_have_turned_anywhere_begins_anew() -> None:
 
 def placed(at: Array) -> Moments:
     """What a team says of this robot's block."""
-    return Moments(at, 0.01 * np.eye(9))
+    return Moments(at, 0.01 * np.eye(STATES))
 
 
 def test_a_robot_that_its_team_can_place_goes_on_in_the_same_epoch() -> None:
     robot = started()
-    at = np.zeros(9)
+    at = np.zeros(STATES)
     at[[3, 4]] = 0.9, 0.95
     for tick in range(1, 5):
         robot.step(standing(tick, (0.0, 0.0, 0.0)), placed(at))
@@ -303,7 +303,7 @@ def test_the_simulated_sensors_have_fresh_errors_only() -> None:
 def test_a_lie_about_where_it_is_does_not_make_a_robot_lose_itself() -> None:
     """The place to linearise at comes from a board; one that is absurd is not used."""
     robot = started()
-    at = np.zeros(9)
+    at = np.zeros(STATES)
     at[:5] = 1e9, -1e9, 1.0, 0.9, 0.95
     for tick in range(1, 4 + LOST):
         told = robot.step(standing(tick, (0.0, 0.0, 0.0)), placed(at))

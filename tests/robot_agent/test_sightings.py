@@ -9,13 +9,13 @@ import pytest
 
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
-from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import PackedEvidence, pack_evidence
 from robot_agent.sightings import MOST, Sightings
 
 GRID = Grid((100, 100), 0.1)
-PLACE = Moments(np.zeros(9), np.diag([0.04, 0.04, 0.01, *(0.0,) * 6]))
+PLACE = Moments(np.zeros(STATES), np.diag([0.04, 0.04, 0.01, *(0.0,) * (STATES - 3)]))
 ENTROPY = math.log(2 * math.pi * math.e * 0.04 / GRID.cell**2)  # of a place with variances 0.04
 
 

@@ -27,7 +27,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "a61d45768470fc7654a8f0aa20ed1cd9d14ad47edaf6065bc066e0d4b0305d77"
+HASH = "0b25470b6c09148cf6d995c23011ed01b2b835b6a16c5939b7c03a5f27da00ac"
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:

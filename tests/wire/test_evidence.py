@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from blackboard.errors import Refused
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
-from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.evidence import (
     Forward,
@@ -57,7 +60,8 @@ def test_beside_a_sighting_without_a_profile_the_others_have_the_variances_at_th
 def test_a_matrix_is_its_upper_triangle() -> None:
     matrix = np.add.outer(np.arange(9.0), np.arange(9.0)) + 50 * np.eye(9)
     state = unpack_state(PackedState(mean=tuple(STATE.mean), covariance=tuple(matrix[np.triu_indices(9)])))
-    assert np.array_equal(state.covariance, matrix)
+    assert np.array_equal(state.covariance[:9, :9], matrix)
+    assert not state.covariance[9:].any(), "a robot whose scales do not depend on the kind of motion"
 
 
 def test_a_covariance_that_is_none_by_rounding_is_read_as_the_nearest_one() -> None:
@@ -65,7 +69,7 @@ def test_a_covariance_that_is_none_by_rounding_is_read_as_the_nearest_one() -> N
     matrix = 1e6 * (np.eye(9) - (1.0 + 5e-10) * np.outer(axis, axis))  # -5e-4 along the axis
     state = unpack_state(PackedState(mean=(0.0,) * 9, covariance=tuple(matrix[np.triu_indices(9)])))
     assert np.linalg.eigvalsh(state.covariance).min() >= -1e-9
-    assert np.allclose(state.covariance, matrix, atol=1e-3)
+    assert np.allclose(state.covariance[:9, :9], matrix, atol=1e-3)
     assert np.array_equal(state.covariance, state.covariance.T)
 
 
@@ -140,3 +144,29 @@ def test_a_pose_is_read_from_a_state_that_is_sound() -> None:
     assert np.array_equal(pose.covariance, np.diag([1.0, 2.0, 3.0]))
     assert pose_of(None) is None
     assert pose_of(PackedState(mean=(0.0,) * 9, covariance=tuple((-np.eye(9))[np.triu_indices(9)]))) is None
+
+
+def test_scales_by_kind_of_motion_travel_and_a_robot_without_them_sends_none() -> None:
+    wide = Nuisance(sigmas=(0.1,) * 9, walks=(0.01,) * 6)
+    block = Moments(np.arange(1.0, STATES + 1), np.diag(np.arange(1.0, STATES + 1)))
+    motion = Motion(1.0, 0.2, 1.0, 1.0, 0.1, 0.1, 0.1, 0.5, 0.2, -0.3, 0.4)
+    packed = pack_evidence(0, motion, wide, block, Increment(block.mean, block.covariance, block.mean), [])
+    assert packed.state is not None
+    assert packed.increment is not None
+    assert unpack_motion(packed.travelled) == motion
+    assert (unpack_nuisance(packed.nuisance).sigmas, unpack_nuisance(packed.nuisance).walks) == (
+        wide.sigmas,
+        wide.walks,
+    )
+    assert np.array_equal(unpack_state(packed.state).covariance, block.covariance)
+    assert np.array_equal(unpack_increment(packed.increment).vector, block.mean)
+    former = pack_evidence(0, motion, Nuisance(), block, None, [])
+    assert former.state is not None
+    assert (len(former.state.mean), len(former.state.covariance), len(former.nuisance.sigmas)) == (9, 45, 6)
+    assert unpack_nuisance(former.nuisance) == Nuisance()
+
+
+@pytest.mark.parametrize("sizes", [(9, 78), (12, 45), (10, 55), (11, 66)])
+def test_rows_and_matrices_of_different_sizes_are_refused(sizes: tuple[int, int]) -> None:
+    with pytest.raises(ValidationError, match="a state has 9 or 12 numbers"):
+        PackedState(mean=(0.0,) * sizes[0], covariance=(0.0,) * sizes[1])

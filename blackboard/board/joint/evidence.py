@@ -22,6 +22,7 @@ from blackboard.wire.messages import Learned
 
 MOST = 1e7  # of places and their variances: ten times what stands for a place of which nothing is known
 MOST_ERROR = 1e3  # of angles (rad), of scales, and of their errors and walks
+WAYS = ("distance", "along", "across", "curved", "driven", "faster", "quicker")  # that no robot has more than `MOST` of
 GROWING = ("time", "moving", "along", "across", "heading")  # sums of an epoch that never shrink
 
 
@@ -48,7 +49,7 @@ def unpack(robot: str, tick: int, time: float, packed: PackedEvidence) -> Eviden
 
 def check(packed: PackedEvidence) -> None:
     """Refused: "fields", numbers so large that they would spoil, by rounding, what others say in the same joint."""
-    places, errors = [abs(packed.travelled.distance), packed.travelled.along, packed.travelled.across], [0.0]
+    places, errors = [abs(getattr(packed.travelled, name)) for name in WAYS], [0.0]
     if packed.state is not None:
         places += [abs(value) for value in (*packed.state.mean, *packed.state.covariance)]
     for it in packed.relatives:

@@ -22,7 +22,6 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.evidence import (
     MAX_RELATIVES,
-    UPPER,
     PackedEvidence,
     PackedIncrement,
     PackedMotion,
@@ -375,8 +374,11 @@ def _about(subject: str, belief: Belief, reports: Reports, scene: Scene) -> Repo
 
 
 def _increment(reference: Sequence[float], information: Array, vector: Array) -> PackedIncrement:
-    upper = tuple(float(x) for x in np.clip(information[UPPER], -LARGEST, LARGEST))
-    return PackedIncrement(reference=tuple(reference), information=upper, vector=tuple(float(x) for x in vector))
+    states = len(reference)
+    upper = tuple(float(x) for x in np.clip(information[np.triu_indices(states)], -LARGEST, LARGEST))
+    return PackedIncrement(
+        reference=tuple(reference), information=upper, vector=tuple(float(x) for x in vector[:states])
+    )
 
 
 def _where(pose: Array, seen: PackedRelative) -> Array:

@@ -23,7 +23,7 @@ FAINT = 1e-6  # a gain below this share of the prior information is rounding
 class Increment:
     """A likelihood exp(v^T d - d^T I d / 2) of d = state - reference; the heading's difference is wrapped.
 
-    `reference` and `vector` v have shape (9,), `information` I has shape (9, 9) and no negative eigenvalue.
+    `reference` and `vector` v have shape (12,), `information` I has shape (12, 12) and no negative eigenvalue.
     """
 
     reference: Array

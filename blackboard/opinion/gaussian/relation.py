@@ -81,6 +81,11 @@ class Relative:
         """Whether it says alone where its subject is."""
         return self.kind not in ("range", "bearing")
 
+    @property
+    def stretched(self) -> float:
+        """The range (unit) that the observer's range scale stretches: none of a sighting that says itself how exact it is."""
+        return self.range if self.kind == "range" or self.biases else 0.0
+
     def numbers(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """What a sighting of a further kind measured, and the upper triangle of its covariance: as `measured` takes them."""
         if self.kind == "range":
@@ -167,7 +172,7 @@ def linearise(
     The residual has one number for a range or a bearing alone, three for a pose of a robot, else two.
 
     `motions` are those of the tick: they say where both stood when the sighting was taken. `place`, shape (2,), is the
-    subject's where it is known; else a subject that the joint does not have is a point of which nothing is known. `at`, shape (9,),
+    subject's where it is known; else a subject that the joint does not have is a point of which nothing is known. `at`, shape (12,),
     is where to linearise instead of the observer's mean: it is no evidence. KeyError: the observer is not in the joint.
     """
     named: dict[Block, Moments] = {} if place is not None else {sighting.subject: NOTHING}
@@ -204,9 +209,9 @@ def linearise(
         by_observer[2, [HEADING, BEARING]], by_range = (-1.0, 1.0), np.append(by_range, 0.0)
     else:
         noise = noise[AXES, AXES]
-    residual = residual - by_range * (observer[RANGE] * sighting.range)
+    residual = residual - by_range * (observer[RANGE] * sighting.stretched)
     by_observer[:, AXES] = -by_place
-    by_observer[:, RANGE] = by_range * sighting.range
+    by_observer[:, RANGE] = by_range * sighting.stretched
     jacobians: dict[Block, Array] = {sighting.observer: by_observer}
     if subject is not None:
         jacobians[sighting.subject] = np.zeros((len(residual), subject.stop - subject.start))

@@ -606,7 +606,7 @@ class TeamJoint:
         return self.walks.drift(subject, self.objects.drift_of(subject))
 
     def pose(self, robot: str) -> Moments:
-        """The whole block of a robot, shape (9,) and (9, 9): where its first-hand filter may linearise."""
+        """The whole block of a robot, shape (12,) and (12, 12): where its first-hand filter may linearise."""
         return self.joint.moments(robot)
 
     def drawn(self, subject: str, grid: Grid) -> Belief:

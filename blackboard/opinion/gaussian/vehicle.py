@@ -2,7 +2,9 @@
 
 States: x, y (unit); heading (rad); forward and turn scale (true = scale * told); heading drift (rad/s) while it moves;
 bearing bias of its camera (rad); slip, an error of the forward scale that lasts seconds; range scale, an error of all its
-ranges as a share of them. Scales and drift are random walks; bias, slip and range scale forget (`Nuisance.memory`).
+ranges as a share of them. Then what differs by kind of motion: by how much the scale of the way differs on a curve from
+that straight ahead, and the scale of a turn that is driven from that of a turn on the spot; and lag (s), by how much later
+than told the robot moves. Scales, drift and lag are random walks; bias, slip and range scale forget (`Nuisance.memory`).
 """
 
 from __future__ import annotations
@@ -15,8 +17,9 @@ import numpy as np
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.grid import Array
 
-X, Y, HEADING, FORWARD, TURN, DRIFT, BEARING, SLIP, RANGE = range(9)
-STATES = 9
+X, Y, HEADING, FORWARD, TURN, DRIFT, BEARING, SLIP, RANGE, CURVED_WAY, CURVED_TURN, LAG = range(12)
+STATES = 12
+WANDERING = [FORWARD, TURN, DRIFT, CURVED_WAY, CURVED_TURN, LAG]  # random walks
 AXES = slice(0, 2)  # the position
 POSE = slice(0, 3)
 FLAT = 1e6  # unit ** 2: the variance of a coordinate of which nothing is known
@@ -28,13 +31,15 @@ class Nuisance:
 
     forward: float = 1.0
     turn: float = 1.0
-    sigmas: tuple[float, ...] = (0.0,) * 6  # at the start: forward and turn scale, drift, bearing, slip, range scale
-    walks: tuple[float, ...] = (0.0,) * 3  # of forward and turn scale and drift, per square root of a second of motion
+    sigmas: tuple[float, ...] = (0.0,) * 9  # at the start, of the states from the forward scale on
+    #: Of forward and turn scale, drift, curved way and turn, lag: per square root of a second of motion.
+    walks: tuple[float, ...] = (0.0,) * 6
     memory: tuple[float, ...] = (math.inf,) * 3  # seconds: of the bearing bias, the slip and the range scale
 
     def prior(self) -> Moments:
-        """Mean and covariance of the states from the forward scale on, shape (6,) and (6, 6)."""
-        mean = np.array([self.forward, self.turn, 0.0, 0.0, 0.0, 0.0])
+        """Mean and covariance of the states from the forward scale on, shape (12,) and (12, 12)."""
+        mean = np.zeros(STATES - FORWARD)
+        mean[:2] = self.forward, self.turn
         return Moments(mean, np.diag(np.square(self.sigmas)))
 
 
@@ -49,6 +54,10 @@ class Motion:
     along: float = 0.0  # unit ** 2
     across: float = 0.0  # unit ** 2
     heading: float = 0.0  # radians ** 2
+    curved: float = 0.0  # unit: of the distance, what was driven on a curve
+    driven: float = 0.0  # radians: of the turn, what was not on the spot
+    faster: float = 0.0  # unit / s: by how much the speed grew
+    quicker: float = 0.0  # radians / s: by how much the rate of the turn grew
 
     def plus(self, later: Motion) -> Motion:
         """Both spans as one; the shape of the way between is lost."""
@@ -67,43 +76,67 @@ def entering(pose: Moments, nuisance: Nuisance) -> Moments:
     return Moments(np.concatenate([pose.mean, prior.mean]), covariance)
 
 
+def meant(state: Array, motion: Motion) -> tuple[float, float, Array]:
+    """How far a robot (its state, shape (12,)) has come and turned by its odometry; and the derivatives of both, shape (2, 12)."""
+    by = np.zeros((2, STATES))
+    by[0, [FORWARD, SLIP, CURVED_WAY, LAG]] = motion.distance, motion.distance, motion.curved, -motion.faster
+    by[1, [TURN, DRIFT, CURVED_TURN, LAG]] = motion.turn, motion.moving, motion.driven, -motion.quicker
+    way, turn = (by @ state).tolist()
+    return way, turn, by
+
+
 def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance) -> None:
-    """Move a robot's block by its odometry, through its scales, drift and slip, along the chord of the turn."""
+    """Move a robot's block by its odometry, through its scales, drift, slip and lag, along the chord of the turn."""
     state = joint.mean[joint.blocks[robot]]
     keep = np.ones(STATES)
-    keep[BEARING:] = [math.exp(-motion.dt / seconds) for seconds in nuisance.memory]
-    distance = (state[FORWARD] + state[SLIP]) * motion.distance
-    turn = state[TURN] * motion.turn + state[DRIFT] * motion.moving
+    keep[BEARING:CURVED_WAY] = [math.exp(-motion.dt / seconds) for seconds in nuisance.memory]
+    distance, turn, by = meant(state, motion)
     c, s = math.cos(state[HEADING] + turn / 2), math.sin(state[HEADING] + turn / 2)
     mean = state * keep
     mean[POSE] = state[X] + distance * c, state[Y] + distance * s, wrap(state[HEADING] + turn)
     transition = np.diag(keep)
     by_heading = np.array([-distance * s, distance * c])
     transition[AXES, HEADING] = by_heading
-    for source, by_turn in ((TURN, motion.turn), (DRIFT, motion.moving)):
-        transition[AXES, source] = by_heading * (by_turn / 2)
-        transition[HEADING, source] = by_turn
-    transition[AXES, FORWARD] = transition[AXES, SLIP] = motion.distance * c, motion.distance * s
+    transition[AXES] += np.outer([c, s], by[0]) + np.outer(by_heading / 2, by[1])
+    transition[HEADING] += by[1]
     noise = np.zeros(STATES)
     noise[HEADING] = motion.heading
-    noise[FORWARD:BEARING] = np.square(nuisance.walks) * motion.moving
-    noise[BEARING:] = np.square(nuisance.sigmas[3:]) * (1 - keep[BEARING:] ** 2)
+    noise[WANDERING] = np.square(nuisance.walks) * motion.moving
+    forgets = slice(BEARING, CURVED_WAY)
+    noise[forgets] = np.square(nuisance.sigmas[BEARING - FORWARD : CURVED_WAY - FORWARD]) * (1 - keep[forgets] ** 2)
     added = np.diag(noise)
     frame = np.array([[c, -s], [s, c]])
     added[AXES, AXES] = (frame * [motion.along, motion.across]) @ frame.T
+    added[AXES, AXES] += np.outer([c, s], [c, s]) * _bent(joint, robot, distance, np.array([c, s]))
     joint.move(robot, mean, transition, added)
 
 
+def _bent(joint: Joint, robot: Block, distance: float, way: Array) -> float:
+    """Variance (unit ** 2) that a distance adds along a way, shape (2,), because its heading is known badly.
+
+    A heading that errs by e leaves 1 - cos e of the distance undone, which no linear filter knows: in the mean square, for a
+    variance V, 3/2 - 2 exp(-V / 2) + exp(-2 V) / 2. Such errors follow each other for as long as the heading stays unknown, so
+    their sigmas add up, and not their variances.
+    """
+    at = joint.blocks[robot].start
+    place = joint.covariance[at : at + 2, at : at + 2]
+    if np.trace(place) >= FLAT:
+        return 0.0
+    variance = float(joint.covariance[at + HEADING, at + HEADING])
+    undone = 0.5 * math.expm1(-2 * variance) - 2 * math.expm1(-variance / 2)
+    shorter = abs(distance) * math.sqrt(max(0.0, undone))
+    return shorter * (shorter + 2 * math.sqrt(max(0.0, float(way @ place @ way))))
+
+
 def moved_in(state: Array, motion: Motion | None, age: float) -> tuple[Array, float]:
-    """How far a robot (its state, shape (9,)) has come, shape (2,), and turned in the last `age` seconds of a motion.
+    """How far a robot (its state, shape (12,)) has come, shape (2,), and turned in the last `age` seconds of a motion.
 
     Where `age` is negative, it is what the robot will do if it goes on like that, with the other sign.
     """
     if motion is None or not age or motion.dt <= 0:
         return np.zeros(2), 0.0
     share = age / motion.dt
-    turn = float(state[TURN]) * motion.turn * share
-    way = float(state[FORWARD] + state[SLIP]) * motion.distance * share
+    way, turn = (share * it for it in meant(state, motion)[:2])
     middle = float(state[HEADING]) - turn / 2
     return np.array([way * math.cos(middle), way * math.sin(middle)]), turn
 

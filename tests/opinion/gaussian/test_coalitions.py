@@ -93,7 +93,7 @@ def test_what_a_piece_says_of_a_place_does_not_depend_on_what_was_believed_of_it
 
 def test_what_an_increment_says_of_the_heading_alone_is_no_opinion_on_a_place() -> None:
     heading = increment_at(0, 0)
-    heading = replace(heading, information=np.diag([0, 0, 100.0, 0, 0, 0, 0, 0, 0]))
+    heading = replace(heading, information=np.diag([0, 0, 100.0, *[0.0] * (STATES - 3)]))
     assert about(team().joint, "robot/r1", heading, {}) is None
 
 

@@ -19,6 +19,7 @@ from blackboard.opinion.gaussian.vehicle import (
     FLAT,
     FORWARD,
     HEADING,
+    LAG,
     RANGE,
     STATES,
     Motion,
@@ -32,8 +33,8 @@ from blackboard.opinion.gaussian.vehicle import (
 )
 from blackboard.opinion.grid import Array, Grid
 
-SIGMAS = (0.05, 0.03, 0.003, 0.01, 0.2, 0.02)
-NUISANCE = Nuisance(0.9, 0.95, SIGMAS, (0.003, 0.001, 0.0002), (60.0, 2.0, 300.0))
+SIGMAS = (0.05, 0.03, 0.003, 0.01, 0.2, 0.02, 0.1, 0.2, 0.2)
+NUISANCE = Nuisance(0.9, 0.95, SIGMAS, (0.003, 0.001, 0.0002, 0.001, 0.001, 0.001), (60.0, 2.0, 300.0))
 SEEDS = st.integers(0, 10_000)
 
 
@@ -172,7 +173,7 @@ def test_a_lasting_error_forgets_and_stays_of_the_same_size() -> None:
 @given(SEEDS)
 def test_a_drive_carries_the_covariance_by_its_numeric_derivative(seed: int) -> None:
     chance, joint = np.random.default_rng(seed), team(seed, robots=1)
-    motion = Motion(chance.uniform(0, 0.2), chance.uniform(-1, 1), 1.0, 1.0)
+    motion = Motion(chance.uniform(0, 0.2), chance.uniform(-1, 1), 1.0, 1.0, 0.0, 0.0, 0.0, *chance.normal(0, 0.1, 4))
     nuisance = Nuisance(memory=(60.0, 2.0, 300.0))  # without noise
     mean, covariance = joint.mean.copy(), joint.covariance.copy()
 
@@ -189,7 +190,34 @@ def test_a_drive_carries_the_covariance_by_its_numeric_derivative(seed: int) -> 
         columns.append(change / 2e-6)
     derivative = np.stack(columns, axis=1)
     drive(joint, "robot/r0", motion, nuisance)
-    assert np.allclose(joint.covariance, derivative @ covariance @ derivative.T, atol=1e-7)
+    added = joint.covariance - derivative @ covariance @ derivative.T
+    assert np.linalg.eigvalsh(added[AXES, AXES]).min() > -1e-7, "because its heading is known badly"
+    added[AXES, AXES] = 0.0
+    assert np.allclose(added, 0.0, atol=1e-7)
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.5, 1.0, 2.0])
+def test_a_heading_that_is_known_badly_is_no_reason_to_be_sure_of_the_way(sigma: float) -> None:
+    """Twenty steps straight on: the squared errors of robots with every heading are no larger than the covariance says."""
+    chance, joint = np.random.default_rng(1), Joint()
+    joint.add("r", entering(Moments(np.zeros(3), np.diag([1e-4, 1e-4, sigma**2])), Nuisance()))
+    for _ in range(20):
+        drive(joint, "r", Motion(0.1, 0.0, 1.0, 1.0), Nuisance())
+    headings = sigma * chance.normal(size=20_000)
+    apart = 2.0 * np.stack([np.cos(headings), np.sin(headings)]) - joint.mean[AXES][:, None]
+    assert (np.mean(apart**2, axis=1) < 1.05 * np.diag(joint.covariance)[AXES]).all()
+
+
+def test_a_robot_that_lags_is_where_its_odometry_was() -> None:
+    """Of a motion that begins, a lag of 0.3 s leaves 0.7 of the first second; of one that ends it makes up for that."""
+    joint = Joint()
+    state = entering(Moments(np.zeros(3), np.zeros((3, 3))), Nuisance())
+    state.mean[LAG] = 0.3
+    joint.add("r", state)
+    drive(joint, "r", Motion(1.0, dt=1.0, moving=1.0, faster=1.0), Nuisance())
+    assert joint.mean[X] == pytest.approx(0.7)
+    drive(joint, "r", Motion(0.0, dt=1.0, faster=-1.0), Nuisance())
+    assert joint.mean[X] == pytest.approx(1.0)
 
 
 def test_sums_of_motions_give_back_their_parts() -> None:

@@ -151,8 +151,8 @@ def test_a_pose_of_what_is_no_robot_is_a_position() -> None:
 
 
 def entering(robot: str, tick: int, relatives: tuple[Relative, ...] = ()) -> Evidence:
-    mean = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    belief = Moments(mean, np.diag([0.01] * 2 + [1e-4] * 7))
+    mean = np.array([0.0, 0.0, 0.0, 1.0, 1.0, *[0.0] * (STATES - 5)])
+    belief = Moments(mean, np.diag([0.01] * 2 + [1e-4] * (STATES - 2)))
     return Evidence(robot, 0, tick, Motion(), Nuisance(), belief, relatives=relatives)
 
 

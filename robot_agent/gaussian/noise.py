@@ -1,0 +1,162 @@
+"""How large the noise of wheels and camera is, estimated on line, larger or smaller than the model says. Pure.
+
+Each kind of noise has a factor s of its sigma. Its logarithm has a mean and a sigma over a grid, by the likelihood of what was seen
+and a log-normal prior; one sigma of it, which may be luck, is not used. Errors that follow each other are alike and look smaller than
+they are. So few of them are judged: one sighting of each landmark in `ALIKE` seconds, and of the wheels one span of at least `SPAN`
+seconds of motion: by how much did what was seen meanwhile move the pose that odometry alone had led to? Where all models hold, that
+correction has the covariance P - P', where P is that of the pose by odometry alone and P' that of the belief afterwards.
+
+The camera's is judged by landmarks only. The wheels' is never taken for less than its model, because what is alike over minutes looks
+small over a span, and what the whole team shares looks small to all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments
+from blackboard.opinion.gaussian.relation import QUARTER, Bias, Relative
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, RANGE, Motion, Nuisance, drive, wrap
+from blackboard.opinion.grid import Array
+
+ALIKE = 8.0  # seconds in which the errors of the sightings of one landmark are alike
+#: As how many times its sigma a reading counts whose error lasts seconds. The mean of n readings a second apart, with
+#: correlations of .76, .66, .57, .. (measured of a camera's ranges), errs 1.75 (n = 4) to 2.26 (n = 8) times as much as of
+#: independent ones.
+COUNTED = 2.0
+SPAN = 16.0  # seconds of motion, at least
+LONGEST = 64.0  # seconds of motion after which a span is begun anew: too little was seen
+INFORMED = 0.25  # of the variance by odometry alone: P' must be smaller for a span to be judged
+FARTHEST = 9.0  # variances (by the present s): a larger squared correction, as by a misread barcode, counts as this
+MEMORY = 40.0  # samples after which what was seen has faded to 1 / e
+LOGS = np.arange(-3.0, 3.01, 0.25)  # binary logarithms of s
+PRIOR = -0.5 * LOGS**2  # the logarithm of the log-normal prior of s: one sigma is a factor of 2
+
+
+@dataclass
+class NoiseFactor:
+    """Mutable: the factor of one kind of noise; `variance` is s^2, at least `least`."""
+
+    least: float = 0.0
+    mean: float = 0.0  # of the binary logarithm of s
+    sigma: float = 1.0
+    _seen: Array = field(default_factory=lambda: np.zeros(len(LOGS)))  # the log-likelihood of each factor, faded
+
+    @property
+    def variance(self) -> float:
+        """Relative to the model's."""
+        return max(self.least, float(4.0 ** (np.sign(self.mean) * max(0.0, abs(self.mean) - self.sigma))))
+
+    def weigh(self, squared: float, rest: float, added: float) -> None:
+        """Take a squared error whose variance is `rest + s^2 added`."""
+        squared = min(squared, FARTHEST * (rest + self.variance * added))
+        variances = rest + 4.0**LOGS * added
+        self._seen = self._seen * np.exp(-1 / MEMORY) - 0.5 * (squared / variances + np.log(variances))
+        logs = PRIOR + self._seen
+        weights = np.exp(logs - logs.max())
+        weights /= weights.sum()
+        self.mean = float(weights @ LOGS)
+        self.sigma = float(np.sqrt(weights @ (LOGS - self.mean) ** 2))
+
+
+@dataclass
+class WheelNoise:
+    """Mutable. Each tick `judge` the belief after the tick before, then `move`."""
+
+    robot: str
+    nuisance: Nuisance
+    along: NoiseFactor = field(default_factory=lambda: NoiseFactor(least=1.0))
+    heading: NoiseFactor = field(default_factory=lambda: NoiseFactor(least=1.0))
+    _led: Joint | None = None  # the robot's block since the span began, by odometry alone
+    _bare: Joint | None = None  # the same without the error along the way
+    _still: Joint | None = None  # the same without the error of the heading
+    _moving: float = 0.0  # seconds of motion in the span
+    _by_team: bool = False  # whether the span began with the team's belief
+
+    def give_up(self) -> None:
+        """Judge nothing of this span, because the belief was given up or a motion was not measured."""
+        self._led = self._bare = self._still = None
+
+    def scaled(self, motion: Motion) -> Motion:
+        """A motion whose noise is that of the model, with that which was found."""
+        return replace(motion, along=motion.along * self.along.variance, heading=motion.heading * self.heading.variance)
+
+    def judge(self, belief: Moments, *, by_team: bool) -> None:
+        """Take a belief of the whole block, shape (12,) and (12, 12): of the robot alone, or of its team.
+
+        A span that is long enough, and at whose end enough was seen, is weighed. One that began with the team's belief is judged
+        by the team's only, because a robot alone knows less.
+        """
+        if self._led is None or self._bare is None or self._still is None or self._moving > LONGEST:
+            self._begin(belief, by_team)
+        elif self._moving >= SPAN and by_team >= self._by_team:
+            led, bare, still = (it.moments(self.robot) for it in (self._led, self._bare, self._still))
+            way = np.zeros(len(led.mean))
+            way[AXES] = np.linalg.eigh((led.covariance - bare.covariance)[AXES, AXES])[1][:, -1]
+            head = np.zeros(len(led.mean))
+            head[HEADING] = 1.0
+            judged = False
+            apart = belief.mean - led.mean
+            apart[HEADING] = wrap(float(apart[HEADING]))
+            for factor, axis, without in ((self.along, way, bare), (self.heading, head, still)):
+                by_odometry, rest, after = (float(axis @ it.covariance @ axis) for it in (led, without, belief))
+                added = (by_odometry - rest) / factor.variance
+                if added > 0 and after < INFORMED * by_odometry:
+                    squared = float(axis @ apart) ** 2
+                    factor.weigh(squared, max(0.0, rest - after), added)
+                    judged = True
+            if judged:
+                self._begin(belief, by_team)
+
+    def move(self, motion: Motion) -> None:
+        """Lead the span on by a motion with the noise that was found."""
+        if self._led is not None and self._bare is not None and self._still is not None:
+            drive(self._led, self.robot, motion, self.nuisance)
+            drive(self._bare, self.robot, replace(motion, along=0.0), self.nuisance)
+            drive(self._still, self.robot, replace(motion, heading=0.0), self.nuisance)
+            self._moving += motion.moving
+
+    def _begin(self, belief: Moments, by_team: bool) -> None:
+        self._led, self._bare, self._still, self._moving, self._by_team = Joint(), Joint(), Joint(), 0.0, by_team
+        for it in (self._led, self._bare, self._still):
+            it.add(self.robot, belief)
+
+
+@dataclass
+class CameraNoise:
+    """Mutable. `judge` each sighting of a landmark before it is taken; `scaled` gives one the noise that was found."""
+
+    range: NoiseFactor = field(default_factory=NoiseFactor)
+    bearing: NoiseFactor = field(default_factory=NoiseFactor)
+    #: Group -> team time (s) of its last sighting that was judged.
+    _judged: dict[str, float] = field(default_factory=dict)
+
+    def scaled(self, relative: Relative) -> Relative:
+        """A sighting whose noise is that of the model, with that which was found."""
+        if not relative.stretched:  # the sensor says itself how exact it is, or a profile does
+            return relative
+        sigma = self.range.variance**0.5
+        return replace(
+            relative,
+            range_variance=relative.range_variance * self.range.variance,
+            bearing_variance=relative.bearing_variance * self.bearing.variance,
+            biases=tuple(Bias(bias.sigma * sigma, bias.seconds) for bias in relative.biases),
+        )
+
+    def judge(self, relative: Relative, measured: Factor, found: Innovation, time: float) -> None:
+        """Take a sighting of a landmark, as a factor, and what it says beyond what was expected, at a team time (s)."""
+        group = relative.group or relative.subject
+        if (
+            relative.kind != "range-bearing"
+            or relative.stretched <= 0
+            or time - self._judged.get(group, -np.inf) < ALIKE
+        ):
+            return
+        self._judged[group] = time
+        u = measured.jacobians[relative.observer][:, RANGE] / relative.stretched
+        for factor, axis in ((self.range, u), (self.bearing, QUARTER @ u)):
+            total, fresh = float(axis @ found.covariance @ axis), float(axis @ measured.noise @ axis)
+            once = fresh / COUNTED**2
+            factor.weigh(float(axis @ found.residual) ** 2, max(0.0, total - fresh), once / factor.variance)

@@ -1,0 +1,228 @@
+"""The noise of wheels and camera, estimated on line: larger or smaller than the model says, and no lie breaks it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.vehicle import (
+    BEARING,
+    CURVED_TURN,
+    FORWARD,
+    LAG,
+    RANGE,
+    STATES,
+    TURN,
+    Motion,
+    Nuisance,
+)
+from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from robot_agent.gaussian.filter import FirstHand
+from robot_agent.gaussian.noise import LONGEST, SPAN, WheelNoise
+from robot_agent.gaussian.sensors import Sensors
+
+ALONG = 0.03  # unit / sqrt(s), as the physics say
+TICK = Motion(distance=0.2, dt=1.0, moving=1.0, along=ALONG**2, across=0.004**2, heading=1e-4)
+SURE = 0.01  # unit: sigma of the position that is seen
+
+
+def block(x: float, y: float = 0.0, heading: float = 0.0, sigma: float = SURE) -> Moments:
+    mean = np.zeros(STATES)
+    mean[:3], mean[[FORWARD, TURN]] = (x, y, heading), 1.0
+    covariance = np.zeros((STATES, STATES))
+    covariance[0, 0] = covariance[1, 1] = sigma**2
+    return Moments(mean, covariance)
+
+
+def driven(true: float, seconds: int, seed: int, by_team: bool = False, heading: float = 0.0) -> WheelNoise:
+    """A robot that is seen in each tick while it drives, with an error along the way of `true` times what the physics say."""
+    rng, noise, way = np.random.default_rng(seed), WheelNoise("robot/r1", Nuisance()), 0.0
+    for _ in range(seconds):
+        seen = way + SURE * rng.normal()
+        noise.judge(block(seen * math.cos(heading), seen * math.sin(heading), heading), by_team=by_team)
+        noise.move(noise.scaled(TICK))
+        way += TICK.distance + true * ALONG * rng.normal()
+    return noise
+
+
+def along(noise: WheelNoise) -> float:
+    return math.sqrt(noise.along.variance)
+
+
+@pytest.mark.parametrize("true", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_the_error_along_the_way_is_found_after_ten_minutes(true: float, heading: float) -> None:
+    """To one sigma of what 37 spans tell, which stays unused, and a fifth."""
+    found = [along(driven(true, 600, seed, heading=heading)) for seed in range(8)]
+    assert np.mean(found) == pytest.approx(true, rel=0.35)
+    assert (np.mean(found) - true) * (true - 1) <= 0.2 * true, "what may be luck is not used"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_wheels_that_are_as_the_physics_say_are_not_taken_for_others_by_luck(seed: int) -> None:
+    assert 0.8 < along(driven(1.0, 120, seed)) < 1.25
+
+
+@pytest.mark.parametrize("by_team", [False, True])
+def test_wheels_that_are_better_than_the_physics_say_count_as_those(by_team: bool) -> None:
+    assert driven(0.2, 600, 1, by_team=by_team).along.variance == 1.0
+
+
+def test_it_begins_with_the_physics_and_one_span_moves_it_little() -> None:
+    assert driven(4.0, int(SPAN), 1).along.variance == 1.0
+    assert all(driven(1.0, int(SPAN) + 2, seed).along.variance < 2.0**2 for seed in range(20))
+
+
+def test_a_belief_that_knows_no_more_than_odometry_judges_nothing() -> None:
+    noise = WheelNoise("robot/r1", Nuisance())
+    noise.judge(block(0.0), by_team=False)
+    for tick in range(1, 3 * int(LONGEST)):
+        noise.move(TICK)
+        noise.judge(block(TICK.distance * tick + 5.0, sigma=0.03 * math.sqrt(tick)), by_team=False)
+    assert noise.along.variance == 1.0
+
+
+def test_a_span_of_the_team_is_not_judged_by_the_robot_alone() -> None:
+    noise = WheelNoise("robot/r1", Nuisance())
+    for _ in range(8):
+        before = noise.along
+        noise.judge(block(0.0), by_team=True)
+        for tick in range(1, int(LONGEST)):
+            noise.move(TICK)
+            noise.judge(block(TICK.distance * tick + 1.0), by_team=False)
+        assert noise.along == before
+        noise.judge(block(TICK.distance * (LONGEST - 1) + 1.0), by_team=True)
+        noise.give_up()
+    assert noise.along.variance > 1.0
+
+
+def test_what_was_given_up_is_not_judged() -> None:
+    noise = WheelNoise("robot/r1", Nuisance())
+    for _ in range(10):
+        noise.judge(block(0.0), by_team=False)
+        for _ in range(int(SPAN)):
+            noise.move(TICK)
+        noise.give_up()
+    assert noise.along.variance == 1.0
+
+
+def test_one_misread_correction_is_not_taken_for_the_wheels() -> None:
+    noise = driven(1.0, 300, 2)
+    noise.judge(block(1e3), by_team=False)
+    for tick in range(int(SPAN) + 1):
+        noise.move(TICK)
+        noise.judge(block(2e3 + tick), by_team=False)
+    assert noise.along.variance < 2.0**2
+
+
+NUMBERS = st.floats(-1e4, 1e4)
+
+
+@given(st.lists(st.tuples(NUMBERS, NUMBERS, st.floats(0, 1e4), st.booleans()), max_size=40))
+def test_it_stays_between_the_physics_and_eight_times_them_whatever_a_team_says(
+    told: list[tuple[float, float, float, bool]],
+) -> None:
+    noise = WheelNoise("robot/r1", Nuisance(sigmas=(0.05,) * 9))
+    for x, heading, sigma, by_team in told:
+        noise.judge(block(x, -x, heading, sigma), by_team=by_team)
+        for _ in range(int(SPAN)):
+            noise.move(TICK)
+        for factor in (noise.along, noise.heading):
+            assert 1.0 <= factor.variance <= 8.0**2
+
+
+# --- a whole robot ----------------------------------------------------------------------------------------------------
+
+LANDMARKS = [(-2.0, -2.0), (8.0, -2.0), (8.0, 8.0), (-2.0, 8.0), (3.0, 11.0), (3.0, -5.0)]
+
+
+@dataclass
+class Truth:
+    """What a simulated robot's wheels and camera really are, against what it is told."""
+
+    way: float = 1.0
+    spin: float = 1.0
+    curve: float = 1.0  # of the turn while it drives
+    lag: float = 0.0
+    range: float = 1.0
+    bearing: float = 0.0
+    noise: float = 1.0  # times the nominal noise of the camera
+
+
+def simulated(it: Truth, seconds: int, seed: int = 1) -> tuple[FirstHand, float, float]:
+    """Its filter after a drive of straight ways, curves and spins, the RMSE (unit) of the second half, and the share within 95 %."""
+    rng, own = np.random.default_rng(seed), FirstHand("robot/r1", Sensors())
+    x, y, heading, squares, held, before = 0.0, 0.0, 0.0, list[float](), list[bool](), (0.0, 0.0)
+    drives = [(0.3, 0.0)] * 8 + [(0.3, 0.5)] * 4 + [(0.3, 0.0)] * 4 + [(0.0, 0.6)] * 3 + [(0.3, -0.4)] * 3
+    for tick in range(seconds + 1):
+        told = drives[tick % len(drives)]
+        if tick:
+            now = [(1 - it.lag) * a + it.lag * b for a, b in zip(told, before, strict=True)]
+            turn = now[1] * (it.curve if now[0] > 0.1 else it.spin) + 0.01 * rng.normal()
+            way = now[0] * it.way + 0.01 * rng.normal()
+            x += way * math.cos(heading + turn / 2)
+            y += way * math.sin(heading + turn / 2)
+            heading += turn
+        sightings = []
+        for number, place in enumerate(LANDMARKS):
+            away = math.dist(place, (x, y))
+            if tick % 4 == number % 4 and tick:
+                seen = away * it.range * (1 + it.noise * 0.035 * rng.normal())
+                angle = math.atan2(place[1] - y, place[0] - x) - heading + it.bearing + it.noise * 0.01 * rng.normal()
+                sightings.append(
+                    Sighting(subject=f"landmark/{number}", range=max(0.0, seen), bearing=angle, landmark=place)
+                )
+        own.step(
+            Readings(
+                run="a",
+                robot="r1",
+                tick=tick,
+                time=float(tick),
+                odometry=Odometry(distance=told[0], turn=told[1], dt=1.0) if tick else None,
+                fix=None if tick else Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03),
+                sightings=sightings,
+            )
+        )
+        before = told
+        assert own.belief is not None
+        apart = np.array([x, y]) - own.belief.mean[:2]
+        if tick > seconds / 2:
+            squares.append(float(apart @ apart))
+            held.append(float(apart @ np.linalg.solve(own.belief.covariance[:2, :2], apart)) < 5.99)
+    return own, math.sqrt(np.mean(squares)), float(np.mean(held))
+
+
+WRONG = [
+    (Truth(), FORWARD, 1.0),
+    (Truth(way=0.7), FORWARD, 0.7),
+    (Truth(way=1.3), FORWARD, 1.3),
+    (Truth(curve=0.6), CURVED_TURN, -0.4),
+    (Truth(spin=0.8, curve=0.8), TURN, 0.8),
+    (Truth(lag=0.3), LAG, 0.3),
+    (Truth(range=1.15), RANGE, 0.15 / 1.15),
+    (Truth(bearing=0.05), BEARING, 0.05),
+]
+
+
+@pytest.mark.parametrize(("it", "state", "found"), WRONG)
+def test_a_robot_finds_what_its_wheels_and_its_camera_are_like(it: Truth, state: int, found: float) -> None:
+    own, rmse, held = simulated(it, 240)
+    assert rmse < 0.08, "unit; .038 where the model is right"
+    assert held > 0.95
+    assert own.belief is not None
+    assert own.belief.mean[state] == pytest.approx(found, abs=0.05)
+    assert abs(own.belief.mean[state] - found) < 3 * math.sqrt(own.belief.covariance[state, state])
+
+
+@pytest.mark.parametrize(("noise", "low", "high"), [(1 / 3, 0.2, 0.5), (3.0, 1.5, 3.6)])
+def test_a_robot_finds_how_noisy_its_camera_is(noise: float, low: float, high: float) -> None:
+    """The model's range noise is about twice that of `simulated`, because the errors of a real camera last seconds."""
+    own, _, held = simulated(Truth(noise=noise), 300)
+    assert low < math.sqrt(own.camera.range.variance) < high
+    assert held > 0.9
