@@ -145,6 +145,10 @@ class Agent:
         covariance[2, 2] = variance
         return Moments(np.array([*place.mean(), heading]), covariance)
 
+    def found(self) -> dict[str, float]:
+        """What it has found out of its sensors: nothing, because grids leave no room for that."""
+        return {}
+
     def on_sent(self, choice: Choice) -> None:
         """What of the newest reports was sent: what the team agrees on rests on that, or on what was sent before it."""
         sent = {report.subject: report for report in choice.reports}

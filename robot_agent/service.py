@@ -212,4 +212,4 @@ class AgentService(Around):
         if self._failed >= FAILURES:
             self.agent, self._failed = self._new_agent(), 0
         self.counters["ticks"] += 1
-        return self.peer.say(Answers(readings.tick, readings.time, reports, solo, kept, speed), now)
+        return self.peer.say(Answers(readings.tick, readings.time, reports, solo, kept, speed, self.agent.found()), now)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from blackboard.errors import Refused
 from blackboard.process.listener import ClockNews, Listener
@@ -40,6 +40,7 @@ class Answers:
     solo: Solo | None = None
     kept: Sequence[str] = ()  # subjects on which the boards keep what was reported before
     speed: float | None = None
+    found: Mapping[str, float] = field(default_factory=dict)  # what it has found out of its sensors, by name
 
 
 class Peer(Around):
@@ -139,7 +140,7 @@ class Peer(Around):
             time=said.time,
             phase="idle" if said.tick < 0 or self.clock.pace is Pace.WAITING else "reported",
             subjects=[report.subject for report in said.reports],
-            settings={**self._settings, "pace": self.clock.pace.value},
+            settings={**self._settings, **said.found, "pace": self.clock.pace.value},
             kept=list(said.kept),
             speed=said.speed,
         )

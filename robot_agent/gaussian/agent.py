@@ -113,6 +113,10 @@ class JointAgent:
         found = Moments(state.mean[POSE].copy(), state.covariance[POSE, POSE].copy())
         return found if np.trace(found.covariance[AXES, AXES]) < KNOWN else None
 
+    def found(self) -> dict[str, float]:
+        """What it has found out of its sensors, by name."""
+        return self.filter.found()
+
     def on_sent(self, choice: Choice) -> None:
         """What of the newest reports was sent: evidence that was not is gathered into that of the next tick."""
         own = [report.evidence for report in choice.reports if report.subject == self.subject]

@@ -23,9 +23,16 @@ from blackboard.opinion.gaussian.rings import LEAST, SURE, Line, Ring
 from blackboard.opinion.gaussian.vehicle import (
     AXES,
     BEARING,
+    CURVED_TURN,
+    CURVED_WAY,
+    DRIFT,
+    FORWARD,
     HEADING,
+    LAG,
     POSE,
+    RANGE,
     STATES,
+    TURN,
     Motion,
     Nuisance,
     correct,
@@ -49,6 +56,25 @@ NEAR, ABSURD = (
 )  # squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there
 SEARCHING = 0.05  # unit / sqrt(s): by which odometry errs while ranges and bearings alone are gathered
 STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
+
+
+def _of(*states: int, times: float = 1.0) -> Array:
+    row = np.zeros(STATES)
+    row[list(states)] = times
+    return row
+
+
+#: What is told of the lasting errors, by name: a number, and the row that is multiplied with the states and added to it.
+FOUND: dict[str, tuple[float, Array]] = {
+    "way scale": (0.0, _of(FORWARD)),
+    "curve way scale": (0.0, _of(FORWARD, CURVED_WAY)),
+    "spin scale": (0.0, _of(TURN)),
+    "curve turn scale": (0.0, _of(TURN, CURVED_TURN)),
+    "drift": (0.0, _of(DRIFT)),
+    "lag": (0.0, _of(LAG)),
+    "bearing bias": (0.0, _of(BEARING)),
+    "range scale": (1.0, _of(RANGE, times=-1.0)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +205,27 @@ class FirstHand:
                 self.restart(readings.time)
                 self._start(readings)
         return Told(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
+
+    def found(self) -> dict[str, float]:
+        """What it has found out of its wheels and its camera, and how sure it is, by name; nothing where none of it is unknown.
+
+        Scales are true over told; sigmas follow their value. Noise is the factor of the model's sigma.
+        """
+        nuisance, belief = self.sensors.wheels.nuisance, self.belief
+        if belief is None or not any(nuisance.sigmas):
+            return {}
+        told = {}
+        for name, (base, row) in FOUND.items():
+            told[name] = base + float(row @ belief.mean)
+            told[f"{name} sigma"] = math.sqrt(max(0.0, float(row @ belief.covariance @ row)))
+        noise = {
+            "along": self.wheels.along,
+            "heading": self.wheels.heading,
+            "range": self.camera.range,
+            "bearing": self.camera.bearing,
+        }
+        told |= {f"{name} noise": math.sqrt(it.variance) for name, it in noise.items()}
+        return {name: round(value, 4) for name, value in told.items()}
 
     def silent(self) -> None:
         """The evidence of the newest tick was not sent: what is gained in the next one is gained over what was known before it."""

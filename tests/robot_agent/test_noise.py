@@ -12,11 +12,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import (
-    BEARING,
-    CURVED_TURN,
     FORWARD,
-    LAG,
-    RANGE,
     STATES,
     TURN,
     Motion,
@@ -25,7 +21,7 @@ from blackboard.opinion.gaussian.vehicle import (
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.noise import LONGEST, SPAN, WheelNoise
-from robot_agent.gaussian.sensors import Sensors
+from robot_agent.gaussian.sensors import Sensors, Wheels
 
 ALONG = 0.03  # unit / sqrt(s), as the physics say
 TICK = Motion(distance=0.2, dt=1.0, moving=1.0, along=ALONG**2, across=0.004**2, heading=1e-4)
@@ -199,25 +195,25 @@ def simulated(it: Truth, seconds: int, seed: int = 1) -> tuple[FirstHand, float,
 
 
 WRONG = [
-    (Truth(), FORWARD, 1.0),
-    (Truth(way=0.7), FORWARD, 0.7),
-    (Truth(way=1.3), FORWARD, 1.3),
-    (Truth(curve=0.6), CURVED_TURN, -0.4),
-    (Truth(spin=0.8, curve=0.8), TURN, 0.8),
-    (Truth(lag=0.3), LAG, 0.3),
-    (Truth(range=1.15), RANGE, 0.15 / 1.15),
-    (Truth(bearing=0.05), BEARING, 0.05),
+    ("way scale", Truth(), 1.0),
+    ("way scale", Truth(way=0.7), 0.7),
+    ("way scale", Truth(way=1.3), 1.3),
+    ("curve turn scale", Truth(curve=0.6), 0.6),
+    ("spin scale", Truth(spin=0.8, curve=0.8), 0.8),
+    ("lag", Truth(lag=0.3), 0.3),
+    ("range scale", Truth(range=1.15), 1 / 1.15),
+    ("bearing bias", Truth(bearing=0.05), 0.05),
 ]
 
 
-@pytest.mark.parametrize(("it", "state", "found"), WRONG)
-def test_a_robot_finds_what_its_wheels_and_its_camera_are_like(it: Truth, state: int, found: float) -> None:
+@pytest.mark.parametrize(("name", "it", "value"), WRONG)
+def test_a_robot_finds_what_its_wheels_and_its_camera_are_like(name: str, it: Truth, value: float) -> None:
     own, rmse, held = simulated(it, 240)
     assert rmse < 0.08, "unit; .038 where the model is right"
     assert held > 0.95
-    assert own.belief is not None
-    assert own.belief.mean[state] == pytest.approx(found, abs=0.05)
-    assert abs(own.belief.mean[state] - found) < 3 * math.sqrt(own.belief.covariance[state, state])
+    found = own.found()
+    assert found[name] == pytest.approx(value, abs=0.05)
+    assert abs(found[name] - value) < 3 * found[f"{name} sigma"] + 1e-3
 
 
 @pytest.mark.parametrize(("noise", "low", "high"), [(1 / 3, 0.2, 0.5), (3.0, 1.5, 3.6)])
@@ -226,3 +222,11 @@ def test_a_robot_finds_how_noisy_its_camera_is(noise: float, low: float, high: f
     own, _, held = simulated(Truth(noise=noise), 300)
     assert low < math.sqrt(own.camera.range.variance) < high
     assert held > 0.9
+
+
+def test_a_robot_whose_model_leaves_nothing_open_tells_nothing() -> None:
+    own = FirstHand("robot/r1", Sensors(wheels=Wheels(Nuisance())))
+    assert own.found() == {}
+    fix = Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)
+    own.step(Readings(run="a", robot="r1", tick=0, time=0.0, fix=fix))
+    assert own.found() == {}
