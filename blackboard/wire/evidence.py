@@ -311,8 +311,7 @@ def unpack_motion(packed: PackedMotion) -> Motion:
 
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
     memory = tuple(seconds or np.inf for seconds in packed.memory)
-    sigmas, walks = (*packed.sigmas, 0.0, 0.0, 0.0)[: STATES - 3], (*packed.walks, 0.0, 0.0, 0.0)[:6]
-    return Nuisance(packed.forward, packed.turn, sigmas, walks, memory)
+    return Nuisance(packed.forward, packed.turn, packed.sigmas, packed.walks, memory)
 
 
 def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:

@@ -36,6 +36,11 @@ class Nuisance:
     walks: tuple[float, ...] = (0.0,) * 6
     memory: tuple[float, ...] = (math.inf,) * 3  # seconds: of the bearing bias, the slip and the range scale
 
+    def __post_init__(self) -> None:
+        """The last sigmas and walks may be left out: they are 0."""
+        object.__setattr__(self, "sigmas", (*self.sigmas, *(0.0,) * (STATES - FORWARD - len(self.sigmas))))
+        object.__setattr__(self, "walks", (*self.walks, *(0.0,) * (len(WANDERING) - len(self.walks))))
+
     def prior(self) -> Moments:
         """Mean and covariance of the states from the forward scale on, shape (12,) and (12, 12)."""
         mean = np.zeros(STATES - FORWARD)
