@@ -19,7 +19,7 @@ MINUTES      ?= 10
 # Markers of the tests that `make test` leaves to other targets.
 APART := long or hostile or compose or rust or ros
 
-.PHONY: help demo test check lint format types rooms unit team system long compose-test rust-test mutants fuzz nights soak bench figures docs bridges screenshots wheels venv clean
+.PHONY: help demo test check lint format types rooms unit team system long compose-test rust-test mutants fuzz adversary nights soak bench figures docs bridges screenshots wheels venv clean
 .NOTPARALLEL:
 
 help: ## this list
@@ -73,6 +73,10 @@ mutants: $(VENV)/.mutants ## change the pure rooms at random places and see whet
 fuzz: $(VENV)/.dev ## every attack, and changed messages of every type, on a team in one process, in an hour: COUNT=2000000 SEED=1
 	$(PYTEST) tests/hostile -m hostile
 	$(BIN)/python -m tests.hostile.fuzz --count $(COUNT) --seed $(SEED)
+
+adversary: COUNT = 200
+adversary: $(VENV)/.dev ## search for the worst lie that one member can tell, on short teams in one process: COUNT=200 SEED=1
+	@$(BIN)/python -m tests.hostile.adversary --count $(COUNT) --seed $(SEED)
 
 nights: COUNT = 1000
 nights: $(VENV)/.dev ## whole teams in virtual time under faults that a seed draws, judged by oracles: COUNT=1000 SEED=1
