@@ -96,6 +96,9 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard chaos --lies", NotRun("ten minutes; tests/hostile/test_lies.py tries lies on small teams")),
         ("make soak", NotRun("ten minutes; tests/chaos/test_verdict.py")),
     ),
+    "nights.md": (
+        ("make nights", NotRun("minutes; tests/nights lives through fifty, and plants a bug")),
+    ),
     "paper.md": (
         ("blackboard figures", NotRun("minutes; tests/long/test_lab.py and tests/system/test_lab.py run short forms of all four")),
         ("sum over q", DRAWING),

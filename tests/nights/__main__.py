@@ -34,6 +34,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("build/nights"), help="where failures are written")
     parser.add_argument("--no-shrink", action="store_true", help="say only which nights fail")
+    parser.add_argument("--first-failure", action="store_true", help="end with the first night that fails")
     args = parser.parse_args()
     began, done, failed, sums, seconds = time.monotonic(), 0, 0, Counter[str](), 0.0
     shown = began
@@ -45,6 +46,8 @@ def main() -> int:
             print(f"night {outcome.night.name} of {gift.commit()}: {outcome.broken}", flush=True)
             if not args.no_shrink:
                 print(gift.wrapped(outcome.night, args.out), flush=True)
+            if args.first_failure:
+                return 1
         if time.monotonic() - shown > EVERY:
             shown = time.monotonic()
             left = (shown - began) / done * (args.count - done)

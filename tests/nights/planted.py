@@ -1,0 +1,160 @@
+"""Bugs that are planted in a copy of the sources, to see whether nights notice: `python -m tests.nights.planted --count 300`.
+
+Each is a mistake that a person could make, as one text of a file and what stands there instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.files import ROOT
+
+COPIED = ("blackboard", "robot_agent", "sim_world", "tests")
+
+
+@dataclass(frozen=True)
+class Bug:
+    """What is wrong, in which file, and the text before and after."""
+
+    what: str
+    file: str
+    before: str
+    after: str
+
+    def plant(self, root: Path) -> None:
+        """Put it into a copy of the project. ValueError: its text is not there."""
+        path = root / self.file
+        text = path.read_text(encoding="utf-8")
+        if self.before not in text:
+            raise ValueError(f"{self.file} does not have: {self.before}")
+        path.write_text(text.replace(self.before, self.after), encoding="utf-8")
+
+
+ROSTER, LEAD, SERVICE = "blackboard/process/roster.py", "blackboard/board/lead.py", "blackboard/board/service.py"
+DESK, ROLL_CALL = "blackboard/board/joint/desk.py", "blackboard/process/roll_call.py"
+
+BUGS = {
+    "goodbye": Bug(
+        "a token that vanished counts for ever",
+        ROSTER,
+        "self._until[token] = now + self._grace",
+        "self._until[token] = math.inf",
+    ),
+    "away": Bug(
+        "while the router is away everybody's token expires",
+        ROSTER,
+        "return math.inf if self.away else min(self._until.values(), default=math.inf)",
+        "return min(self._until.values(), default=math.inf)",
+    ),
+    "early": Bug(
+        "a board drops what comes before its sender's token",
+        SERVICE,
+        "out += self._retry(now) if envelope.kind is Kind.ALIVE else []",
+        "out += []",
+    ),
+    "skipped": Bug(
+        "a tick that was not settled is not counted",
+        SERVICE,
+        'self.counters["skipped"] += self.rounds.phase != "settled"',
+        'self.counters["skipped"] += 0',
+    ),
+    "anew": Bug(
+        "a board keeps what it knew when another run begins",
+        SERVICE,
+        "        if news is not News.TICK:\n            self._begin()\n",
+        "        if news is not News.TICK:\n",
+    ),
+    "outranked": Bug(
+        "a leader does not yield to a better claim",
+        LEAD,
+        "if leaders and (-self.term, since, self.board) > min(leaders):",
+        "if leaders and not self.leads and (-self.term, since, self.board) > min(leaders):",
+    ),
+    "stuck": Bug(
+        "a leader that hangs is never given up",
+        LEAD,
+        "return max([self._kept[0][0], *waited]) + self.silent",
+        "return math.inf",
+    ),
+    "listed": Bug(
+        "a source counts as heard before all that it lists is here",
+        ROLL_CALL,
+        "return listed is not None and listed[0] == tick and self.arrived(source, tick, listed[1])",
+        "return listed is not None and listed[0] == tick",
+    ),
+    "newer": Bug(
+        "a source that is a tick further is waited for as if it lacked this one",
+        ROLL_CALL,
+        "return all(known.get(subject, -1) >= tick for subject in subjects)",
+        "return all(known.get(subject, -1) == tick for subject in subjects)",
+    ),
+    "ancestors": Bug(
+        "a joint does not name one of the robots that it rests on",
+        DESK,
+        "ancestors={name: self._until[name] for name in sorted(self._until) if",
+        "ancestors={name: self._until[name] for name in sorted(self._until)[:-1] if",
+    ),
+    "twice": Bug(
+        "evidence that comes a second time counts a second time",
+        DESK,
+        "(packed.epoch, tick) <= (before[0].epoch, before[1])",
+        "(packed.epoch, tick) < (before[0].epoch, before[1])",
+    ),
+    "epoch": Bug(
+        "a robot that is started again numbers its epochs from 0",
+        "robot_agent/gaussian/filter.py",
+        "self.epoch = max(self.epoch + 1, round(1000 * time))",
+        "self.epoch = self.epoch + 1",
+    ),
+}
+
+FOUND = re.compile(r"night \d+/(\d+) of [^:]*: (.*)")
+
+
+def notice(bug: Bug, count: int, seed: int) -> str | None:
+    """Live through nights with a bug: the first that fails, and what it breaks; None: none of them does."""
+    with tempfile.TemporaryDirectory(prefix="planted-") as folder:
+        root = Path(folder)
+        for name in COPIED:
+            shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
+        bug.plant(root)
+        nights = [sys.executable, "-m", "tests.nights", "--no-shrink", "--first-failure"]
+        ran = subprocess.run(
+            [*nights, "--count", str(count), "--seed", str(seed), "--workers", "1"],
+            cwd=root,
+            env={**os.environ, "PYTHONPATH": folder},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    if found := FOUND.search(ran.stdout):
+        return f"after {int(found[1]) + 1} nights: {found[2]}"
+    return None if ran.returncode == 0 else f"the coverage: {ran.stdout.strip().splitlines()[0]}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.nights.planted", description=__doc__)
+    parser.add_argument("--count", type=int, default=300, help="nights for each bug")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default=",".join(BUGS), help="names, with commas between them")
+    args = parser.parse_args()
+    noticed = 0
+    names = args.only.split(",")
+    for name in names:
+        found = notice(BUGS[name], args.count, args.seed)
+        noticed += found is not None
+        print(f"{name:<10} {BUGS[name].what}: {found or f'not noticed in {args.count} nights'}", flush=True)
+    print(f"{noticed} of {len(names)} are noticed within {args.count} nights of seed {args.seed}")
+    return 0 if noticed == len(names) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
