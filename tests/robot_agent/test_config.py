@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -15,9 +15,11 @@ from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.agent import Agent
 from robot_agent.config import RobotSection
+from robot_agent.gaussian.sensors import sensors_of
 from tests.robot_agent.robots import agreed
 
 GRID = Grid((40, 36), 0.5)
@@ -54,6 +56,15 @@ OTHERS = {"patience", "coding"}
 #: Read by `robot_agent.budget`: what is said of the beliefs; each is tried in test_budget.py.
 SAID = {"send.budget", "send.burst", "send.longest"}
 
+#: Read by a robot of a joint: each with another value than here.
+JOINT = {
+    "odometry.distance_lasting": 0.1,
+    "odometry.turn_lasting": 0.1,
+    "ranging.bias": 0.2,
+    "ranging.seconds": 5.0,
+    "ranging.scale": 0.05,
+}
+
 
 def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
     for name, field in model.model_fields.items():
@@ -64,9 +75,9 @@ def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
             yield prefix + name
 
 
-def settings(setup: tuple[str, str], key: str | None = None, value: Any = None) -> RobotSection:
+def settings(setup: tuple[str, str], changed: Mapping[str, Any] | None = None) -> RobotSection:
     tables: dict[str, Any] = {"localizer": setup[0], "vision": {"kind": setup[1]}}
-    if key is not None:
+    for key, value in (changed or {}).items():
         *path, name = key.split(".")
         table = tables
         for part in path:
@@ -108,13 +119,13 @@ def usual(setup: tuple[str, str]) -> list[np.ndarray]:
 
 
 def test_every_key_is_here() -> None:
-    assert set(keys(RobotSection)) == {*KEYS, *OTHERS, *SAID}
+    assert set(keys(RobotSection)) == {*KEYS, *OTHERS, *SAID, *JOINT}
 
 
 @pytest.mark.parametrize("key", KEYS)
 def test_another_value_is_another_belief(key: str) -> None:
     setup, value = KEYS[key]
-    before, after = usual(setup), story(settings(setup, key, value))
+    before, after = usual(setup), story(settings(setup, {key: value}))
     assert len(before) != len(after) or max(np.abs(a - b).max() for a, b in zip(before, after, strict=True)) > 1e-4
 
 
@@ -126,3 +137,13 @@ def test_the_same_values_are_the_same_beliefs() -> None:
 def test_a_key_that_nobody_reads_is_an_error() -> None:
     with pytest.raises(UserError, match=r"robot\.odometry\.lag: no such key; known are across, along"):
         Scenario({"robot": {"odometry": {"lag": 0.2}}}).section("robot", RobotSection)
+
+
+@pytest.mark.parametrize("key", JOINT)
+def test_another_value_is_another_model_of_a_robot_in_a_joint(key: str) -> None:
+    def model(changed: Mapping[str, float]) -> tuple[object, object]:
+        sensors = sensors_of(settings(PRINTED, {"ranging.bias": 0.1, **changed}))
+        seen = Seen(kind="range", subject="robot/r2", values=(3.0,))
+        return sensors.wheels, sensors.relative("robot/r1", seen)
+
+    assert model({key: JOINT[key]}) != model({})
