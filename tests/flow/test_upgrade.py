@@ -45,6 +45,10 @@ def agreed(envelopes: list[Envelope]) -> Agreed:
     return {(it.sub_team, it.tick, it.subject): it for it in found}
 
 
+#: Units by which beliefs may be elsewhere than in that version: since then a heading that is known badly widens the way.
+CHANGED = 0.1
+
+
 def test_robots_of_the_version_before_are_understood_by_boards_of_today(before: Tape) -> None:
     fields = [msgpack.unpackb(e.payload) for _, e in before.envelopes if keys.STATUS.match(e.key) and e.payload]
     assert fields
@@ -54,7 +58,7 @@ def test_robots_of_the_version_before_are_understood_by_boards_of_today(before: 
     then, now = agreed([e for _, e in before.envelopes]), agreed([e for _, e in played.sent])
     assert then.keys() == now.keys()
     for where, told in then.items():
-        assert unpack(now[where].belief).mean() == pytest.approx(unpack(told.belief).mean(), abs=0.01)
+        assert unpack(now[where].belief).mean() == pytest.approx(unpack(told.belief).mean(), abs=CHANGED)
 
 
 def test_boards_of_the_version_before_are_understood_by_robots_of_today(before: Tape) -> None:
@@ -75,12 +79,12 @@ def test_boards_of_the_version_before_are_understood_by_robots_of_today(before: 
     newest = {e.key: decode(Report, e.payload) for e in reports}
     for key, then in recorded.items():
         assert newest[key].tick == then.tick
-        assert unpack(newest[key].belief).mean() == pytest.approx(unpack(then.belief).mean(), abs=0.01)
+        assert unpack(newest[key].belief).mean() == pytest.approx(unpack(then.belief).mean(), abs=CHANGED)
         told, informed = newest[key].informed, then.informed
         assert (told is None) == (informed is None)
         if told is not None and informed is not None:
             assert told.ancestors == informed.ancestors
-            assert unpack(told.belief).mean() == pytest.approx(unpack(informed.belief).mean(), abs=0.01)
+            assert unpack(told.belief).mean() == pytest.approx(unpack(informed.belief).mean(), abs=CHANGED)
     assert any(report.informed is not None for report in newest.values())
 
 
