@@ -9,7 +9,7 @@ import pytest
 from tests.snippets import BLOCK, pages
 
 #: By the file's name. The other pages are references, or not yet rewritten.
-PLAIN = ("CONTRIBUTING.md", "README.md", "more.md", "robots.md", "symptoms.md", "tutorial.md")
+PLAIN = ("CONTRIBUTING.md", "README.md", "more.md", "symptoms.md", "tutorial.md")
 MOST_WORDS = 1500  # of a page
 MOST, MEAN = 25, 14  # words of a sentence
 
