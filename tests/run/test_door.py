@@ -62,7 +62,9 @@ def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
 def test_so_is_every_mistake_that_is_found_before_anything_is_started(
     monkeypatch: pytest.MonkeyPatch, arguments: str, says: str
 ) -> None:
-    monkeypatch.setattr("blackboard.run.door.Stop", lambda: lambda: False)  # it sets signal handlers of this process
+    monkeypatch.setattr(
+        "blackboard.run.door.Stop", lambda within: lambda: False
+    )  # it sets signal handlers of this process
     ran = Ran(*arguments.split())
     assert (ran.status, ran.out) == (2, "")
     assert ran.err.startswith("error: ")
@@ -83,7 +85,7 @@ def test_what_only_a_child_can_find_is_one_line_too(tmp_path: Path) -> None:
     with program("-m", "blackboard", "up", str(file)) as door:
         assert door.ends() == 2
         said = [line for line in door.err.splitlines() if "waiting for a router" not in line]  # on a slow machine
-        known = "coding, headings, localizer, objects, odometry, patience, send, vision"
+        known = "coding, headings, localizer, objects, odometry, patience, ranging, send, vision"
         assert said == [f"error: {file}: robot.legs: no such key; known are {known}"]
 
 
