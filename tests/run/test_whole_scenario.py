@@ -24,7 +24,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return 0, {}
 
     monkeypatch.setattr(launch, "run_scenario", run_scenario)
-    monkeypatch.setattr(door, "serve", lambda service, name, flags: found.append(name))
+    monkeypatch.setattr(door, "serve", lambda service, name, flags, **_: found.append(name))
     return found
 
 

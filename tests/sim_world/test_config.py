@@ -33,9 +33,10 @@ SIMULATED: dict[str, Any] = {
 }
 RECORDED: dict[str, Any] = {"start": 1001.0, "protocol": "G_wake", "odometry_lag": 0.0, "sighting_latency": 0.1}
 
-#: What is tested elsewhere: which source (test_sources), the referee's limits (test_referee), seconds of waiting (test_world_service).
+#: What is tested elsewhere: which source (test_sources), where a robot of a factor graph starts (test_pyfg), the referee's limits (test_referee), seconds of waiting (test_world_service).
 ELSEWHERE = {
     *("kind", "dir", "gather", "patience", "give_up", "grace", "comeback", "linger"),
+    *("start_sigma", "start_heading"),
     *(f"check.{name}" for name in CheckSection.model_fields),
 }
 
