@@ -7,7 +7,6 @@ A failure is one line with its seed, the commit and what broke first; then the n
 from __future__ import annotations
 
 import argparse
-import logging
 import os
 import sys
 import time
@@ -20,8 +19,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # each process has one
     os.environ.setdefault(name, "1")
 
 from tests.nights import gift  # noqa: E402
-from tests.nights.night import draw_night  # noqa: E402
-from tests.nights.run import Outcome, lived, uncalibrated  # noqa: E402
+from tests.nights.run import Outcome, quietly, uncalibrated  # noqa: E402
 
 EVERY = 10.0  # seconds between two lines of progress
 
@@ -68,19 +66,10 @@ def _outcomes(seed: int, numbers: range, workers: int) -> Iterator[Outcome]:
     """Nights as they end."""
     jobs = [(seed, number) for number in numbers]
     if workers == 1:
-        yield from map(_night, jobs)
+        yield from map(quietly, jobs)
         return
-    with get_context("spawn").Pool(workers, initializer=_quiet, maxtasksperchild=200) as pool:
-        yield from pool.imap_unordered(_night, jobs)
-
-
-def _quiet() -> None:
-    logging.disable(logging.CRITICAL)
-
-
-def _night(job: tuple[int, int]) -> Outcome:
-    _quiet()
-    return lived(draw_night(*job))
+    with get_context("spawn").Pool(workers, maxtasksperchild=200) as pool:
+        yield from pool.imap_unordered(quietly, jobs)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 from blackboard.process import intake
 from tests.nights.events import Event, opened
-from tests.nights.night import Night
+from tests.nights.night import Night, draw_night
 from tests.nights.oracles import ORACLES, Broken, Oracle
 from tests.nights.stage import Stage
 
@@ -63,6 +64,12 @@ def lived(night: Night, oracles: Sequence[type[Oracle]] = ORACLES) -> Outcome:
         Stage(night, watch.tell).play()
     sums = sum((oracle.sums() for oracle in watch.oracles), Counter[str]())
     return Outcome(night, watch.verdict(), sums, time.process_time() - began)
+
+
+def quietly(night: tuple[int, int]) -> Outcome:
+    """Live through the night of a seed and a number without its logs; other processes can be given this function."""
+    logging.disable(logging.CRITICAL)
+    return lived(draw_night(*night))
 
 
 def live(night: Night, oracles: Sequence[type[Oracle]] = ORACLES) -> Broken | None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
 
+from tests.files import ROOT
 from tests.nights import faults, night
 from tests.nights.faults import Fault, OnWay
 from tests.nights.night import LAST, draw_night
@@ -57,3 +60,11 @@ def test_teams_are_drawn_of_every_size_and_kind() -> None:
     assert any(sum(map(len, team.sub_teams.values())) > len(team.robots) for team in teams)  # a robot in two
     for team in teams:
         assert team.scenario(1).team.robots
+
+
+@pytest.mark.system
+def test_the_command_lives_through_nights_on_two_cores() -> None:
+    command = [sys.executable, "-m", "tests.nights", "--count", "2", "--seed", "7", "--workers", "2"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=240)
+    assert done.returncode == 0, done.stdout + done.stderr[-2000:]
+    assert done.stdout.startswith("2 nights of seed 7: 0 failed")
