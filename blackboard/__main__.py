@@ -24,6 +24,9 @@ COMMANDS = {
         "sweep": "Run a scenario with every combination of settings and seeds, and compare them.",
     },
     "blackboard.lab.score": {"score": "Score a recorded team: its robots, protocols, fusions."},
+    "blackboard.lab.calibrate": {
+        "calibrate": "Find what a team's wheels and cameras are like, from a tape or a recording, without the truth."
+    },
     "blackboard.tape.__main__": {
         "record": "Record every message of a running team onto a tape.",
         "replay": "Replay a tape into boards, or into a live network, and ask what other boards would have made of it.\n\n"

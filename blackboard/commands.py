@@ -90,6 +90,7 @@ def serve(
     which: MemberFlags = MemberFlags(),
     sub_team: str,
     board: Annotated[str | None, Parameter(name="--id")] = None,
+    guests: Literal["watch", "vote"] | None = None,
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
     """Run the board of one sub-team until it is stopped; the scenario has the grid and the board's settings.
@@ -100,11 +101,13 @@ def serve(
         The sub-team whose reports it fuses.
     board
         Name of the board [default: board-SUB_TEAM].
+    guests
+        Whether robots that the scenario does not name are heard [default: the scenario's].
     """
     from blackboard.board.service import board_of
     from blackboard.tape.journal import Journaled
 
-    chosen, name = which.chosen(), board or f"board-{sub_team}"
+    chosen, name = which.chosen().changed("team", guests=guests), board or f"board-{sub_team}"
     which.check_member(chosen, name, [sub_team])
     service = board_of(chosen, sub_team, name)
     journaled = Journaled(service, team=service.team, sub_team=sub_team, board=name)
@@ -180,9 +183,10 @@ def _check(scenario: Scenario) -> None:
     """
     from blackboard.config.world import check_world
     from blackboard.faults import faults_of
-    from robot_agent.config import RobotSection
+    from robot_agent.config import RobotSection, check_robots
 
     _ = scenario.grid, scenario.time
+    check_robots(scenario)
     robot = scenario.section("robot", RobotSection)
     if robot.send.budget is not None and robot.send.longest >= scenario.board.max_age:
         raise UserError(

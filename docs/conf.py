@@ -15,7 +15,7 @@ html_title = f"{project} {release}"
 html_show_sphinx = False
 html_show_copyright = False
 
-myst_heading_anchors = 4  # what links as operations.md#record-and-replay point to, as on GitHub
+myst_heading_anchors = 4  # what links as rules.md#a-joint-belief point to, as on GitHub
 myst_enable_extensions = ["colon_fence"]
 
 autodoc_member_order = "bysource"

@@ -7,11 +7,14 @@ in [world], so that a robot with a wrong model can be tested. How far team-mates
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from blackboard.config import Positive, Section
+from blackboard.config import Positive, Scenario, Section
+from blackboard.errors import UserError
+from blackboard.wire.mistakes import nearest
 from robot_agent.localizers import known_localizers
 
 Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -40,6 +43,12 @@ class VisionSection(Section):
     '[share] "range-bearing": sigma of the range as a share of it.'
     bearing: Positive = 0.015
     '[rad] "range-bearing": sigma of the bearing.'
+    range_scale: Positive = 1.0
+    '[factor] "range-bearing": true range over the measured one, without its bias; in a joint.'
+    range_bias: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    '[unit] "range-bearing": what a range reads too much; in a joint.'
+    bearing_bias: Annotated[float, Field(ge=-4, le=4)] = 0.0
+    '[rad] "range-bearing": what a bearing reads too much; in a joint.'
     frames: Annotated[float, Field(ge=1)] = 5.0
     "[factor] Frames that follow each other share their error: both variances are multiplied by this."
     misread: Positive = 7.0
@@ -66,12 +75,24 @@ class OdometrySection(Section):
     "[unit/sqrt(s)] Sigma of the motion across the way, in motion."
     turn: Sigma = 0.02
     "[rad/sqrt(s)] Sigma of the turn, in motion."
+    turning: Sigma = 0.0
+    "[sqrt(rad)] Sigma of the turn per square root of what is turned, in a joint, beside that of the time."
+    compass: Annotated[float, Field(gt=0, le=3.1416)] = 0.03
+    "[rad] Sigma of a compass, in a joint, where a reading does not say it."
     standing: Annotated[float, Field(ge=0, le=1)] = 0.3
     "[share] Share of these sigmas that a robot that stands has."
     distance_lasting: Share = 0.0
     "[share] Sigma of the error of the distance's scale, which lasts; a robot in a joint estimates it."
     turn_lasting: Share = 0.0
     "[share] The same of the turn's scale."
+    curve_distance_scale: Positive | None = None
+    "[factor] True distance over the measured one on a curve, in a joint; none: as straight ahead."
+    curve_turn_scale: Positive | None = None
+    "[factor] True turn over the measured one while it drives, in a joint; none: as on the spot."
+    lag: Annotated[float, Field(ge=-5, le=5)] = 0.0
+    "[s] How much later than the odometry says it moves, in a joint."
+    measured: bool = False
+    "Whether these numbers are this robot's own (`blackboard calibrate`), so that in a joint it begins with them; else it begins wide."
 
 
 class RangingSection(Section):
@@ -97,7 +118,7 @@ class ObjectsSection(Section):
 
 
 class SendSection(Section):
-    """How much a robot says on a poor link (docs/operations.md, "A poor link")."""
+    """How much a robot says on a poor link (docs/network.md, "A poor link")."""
 
     budget: Annotated[float, Field(gt=0)] | None = None
     "[B/s] Bytes a second of team time for reports, keys included, over all its sub-teams; none: everything in every tick."
@@ -108,10 +129,10 @@ class SendSection(Section):
 
 
 class RobotSection(Section):
-    """What the robots believe about themselves and their sensors."""
+    """What the robots believe about themselves and their sensors; the tables of [robots.NAME] are for one robot, in their place."""
 
     localizer: str = "position"
-    'How it finds its place: "position", "pose", or one of a plug-in (docs/operations.md).'
+    'How it finds its place: "position", "pose", or one of a plug-in (docs/rules.md).'
     headings: Annotated[int, Field(ge=8, le=720)] = 90
     'Heading bins of the localizer "pose".'
     patience: Positive = 2.0
@@ -135,3 +156,39 @@ class RobotSection(Section):
         if name not in known_localizers():
             raise ValueError(f"no localizer of this name; known are {', '.join(known_localizers())}")
         return name
+
+
+def settings_of(scenario: Scenario, robot: str) -> RobotSection:
+    """What a robot of a scenario believes: [robot], and over it [robots.NAME]. UserError: a mistake in either."""
+    own = scenario.tables.get("robots", {}).get(robot)
+    if own is None:
+        return scenario.section("robot", RobotSection)
+    one = Scenario({}, scenario.where)
+    one.tables[f"robots.{robot}"] = _over(scenario.tables.get("robot", {}), own)
+    return one.section(f"robots.{robot}", RobotSection)
+
+
+def check_robots(scenario: Scenario) -> None:
+    """UserError: a mistake in [robot] or in [robots], which is about robots of the team."""
+    known = scenario.team.robots
+    tables = scenario.tables.get("robots", {})
+    if not isinstance(tables, dict):
+        raise UserError(f"{scenario.where}: robots: give tables, as [robots.r1.odometry]")
+    for name, table in tables.items():
+        if name not in known:
+            cure = f"{nearest(name, known)}; use one of {', '.join(known)}"
+            raise UserError(f"{scenario.where}: robots.{name}: no robot of the team has this name{cure}")
+        if not isinstance(table, dict):
+            raise UserError(f"{scenario.where}: robots.{name}: give tables, as [robots.{name}.odometry]")
+        settings_of(scenario, name)
+    scenario.section("robot", RobotSection)
+
+
+def _over(table: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """A table with values of another in place of its own, table by table."""
+    both = {key: _over(table[key], value) for key, value in own.items() if _are_tables(table.get(key), value)}
+    return {**table, **own, **both}
+
+
+def _are_tables(*values: object) -> bool:
+    return all(isinstance(value, dict) for value in values)

@@ -25,13 +25,16 @@ from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from blackboard.wire.types import MAX_OPINIONS, Message
 from robot_agent.config import RobotSection, VisionSection
 from robot_agent.gaussian.agent import JointAgent
-from robot_agent.gaussian.own import Given, Independence
+from robot_agent.gaussian.own import Given, Independence, of_particles
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of, wheels_of
 from robot_agent.service import AgentService
 
+#: All that a program's own robot needs.
+__all__ = ["Driven", "Gathered", "Independence", "Pose", "driven", "of_particles"]
+
 log = logging.getLogger(__name__)
 
-#: Wheels of which nobody said anything: errors of some percent of way and turn that last, as of calibrated wheeled robots (Borenstein
+#: Wheels that were not described: errors of some percent of way and turn that last, as of calibrated wheeled robots (Borenstein
 #: and Feng, IEEE Trans. Robotics and Automation 12(6), 1996), and fresh ones that grow with both. Floors differ more than wheels.
 UNKNOWN_WHEELS = Wheels(
     Nuisance(sigmas=(0.05, 0.05, 0.003, 0.0, 0.0, 0.0), walks=(0.003, 0.003, 0.0001)),
@@ -39,6 +42,7 @@ UNKNOWN_WHEELS = Wheels(
     across=0.01,
     heading=0.02,
     turning=0.05,
+    given=False,
     starting=0.0,
 )
 

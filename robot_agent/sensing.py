@@ -24,7 +24,7 @@ MAX_TRACKED = 64  # objects, and mates in one tick, of which a robot has a belie
 
 PARTS = ("range", "bearing")  # sightings that alone tell no place
 
-TURNING = 0.3  # rad/s: by which a robot that drives may have turned while nobody measured
+TURNING = 0.3  # rad/s: by which a robot that drives may have turned while nothing was measured
 
 _nodes, _weights = np.polynomial.hermite_e.hermegauss(7)
 #: Gauss-Hermite quadrature: E f(X) of a standard normal X is about the sum of weight * f(node).

@@ -1,6 +1,6 @@
 """The robot process: which readings it acts on and when, around an Agent and a Peer.
 
-The table `blackboard.process.rounds.ROBOT` says when a phase of a tick is over (docs/design.md, "A tick in lockstep").
+The table `blackboard.process.rounds.ROBOT` says when a phase of a tick is over (docs/ticks.md, "A tick in lockstep").
 """
 
 from __future__ import annotations

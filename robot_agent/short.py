@@ -18,9 +18,8 @@ from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import PackedEvidence, PackedIncrement, PackedRelative, PackedState, Seen
 
-ROUNDED = (
-    2.0**16
-)  # a larger sum stays as it is: so the sums of an epoch never shrink, and a distance is right to 1/256 of a unit
+#: A larger sum stays as it is: so the sums of an epoch never shrink, and a distance is right to 1/256 of a unit.
+ROUNDED = 2.0**16
 WIDER = 2e-6  # share by which variances grow, so that a rounded covariance stays one: 12 float32 are off by 6e-8 each
 RELATIVE = ("range", "bearing", "range_variance", "bearing_variance", "age")
 BITS = 24  # of a float32

@@ -7,7 +7,7 @@ from typing import Any
 
 from blackboard.config import Scenario
 from blackboard.faults import faults_of, is_of_sensors
-from robot_agent.config import RobotSection
+from robot_agent.config import settings_of
 from robot_agent.estimator import Estimator
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
@@ -16,12 +16,12 @@ from robot_agent.service import AgentService
 
 def estimator_of(scenario: Scenario, robot: str) -> Estimator:
     """The beliefs on grids of a robot that has no reading yet. UserError: a mistake in the scenario."""
-    return Estimator.begin(scenario.section("robot", RobotSection), scenario.grid, robot)
+    return Estimator.begin(settings_of(scenario, robot), scenario.grid, robot)
 
 
 def first_hand_of(scenario: Scenario, robot: str) -> FirstHand:
     """The Gaussian filter of a robot that has no reading yet. UserError: a mistake in the scenario."""
-    return FirstHand(f"robot/{robot}", sensors_of(scenario.section("robot", RobotSection)))
+    return FirstHand(f"robot/{robot}", sensors_of(settings_of(scenario, robot)))
 
 
 def robot_of(scenario: Scenario, robot: str, *, sub_teams: Sequence[str] | None = None) -> AgentService:
@@ -31,7 +31,7 @@ def robot_of(scenario: Scenario, robot: str, *, sub_teams: Sequence[str] | None 
         "sub_teams": scenario.team.of(robot) if sub_teams is None else sub_teams,
         "robot": robot,
         "grid": scenario.grid,
-        "settings": scenario.section("robot", RobotSection),
+        "settings": settings_of(scenario, robot),
         "feedback": scenario.board.feedback,
         "joint": scenario.board.fusion == "joint",
         "drift": scenario.board.drift,

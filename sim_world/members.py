@@ -46,11 +46,13 @@ class Members:
         if status.kind == "board" and (sub_team, name) not in self._heard and name in boards.get(sub_team, []):
             self._heard = {(s, b) for s, b in self._heard if b in boards.get(s, [])} | {(sub_team, name)}
         elif status.kind == "robot" and name.startswith(VIA) and name not in self.sensors.robots:
-            return  # it speaks for another team, so nobody gives it readings, waits for it or judges it
+            return  # it speaks for another team, so the world gives it no readings, and neither waits for it nor judges it
+        elif status.kind == "robot" and self.team.guests == "none" and self.team.is_guest(name):
+            self._warn_of_stranger(name, "the scenario does not name it, and [team] guests is none")
         elif status.kind == "robot" and name in self.roster.robots.get(sub_team, []):
             known = name in self.sensors.robots
             if not self.sensors.admit(name):
-                self._warn_of_stranger(name)
+                self._warn_of_stranger(name, "there are no sensor data for it")
             elif not known:
                 self._newcomers.add(name)
 
@@ -115,11 +117,11 @@ class Members:
         self.given_up |= missing
         return len(missing)
 
-    def _warn_of_stranger(self, robot: str) -> None:
+    def _warn_of_stranger(self, robot: str, why: str) -> None:
         if robot in self.strangers or len(self.strangers) >= MAX_STRANGERS:
             return
         self.strangers.add(robot)
-        log.warning("%s cannot take part: there are no sensor data for it", robot)
+        log.warning("%s cannot take part: %s", robot, why)
 
     def _boards(self, sub_team: str) -> list[str]:
         """The boards of a sub-team that take part."""

@@ -62,7 +62,8 @@ class GraphReplay:
         now = self.start + tick * self.dt
         poses = {robot: interpolated(self.graph.tracks[robot].truth, now) for robot in self.robots}
         places = {f"robot/{robot}": pose[:2] for robot, pose in poses.items() if pose is not None}
-        truth = Truth(run=run, tick=tick, time=tick * self.dt, positions=places)
+        headings = {f"robot/{robot}": pose[2] for robot, pose in poses.items() if pose is not None}
+        truth = Truth(run=run, tick=tick, time=tick * self.dt, positions=places, headings=headings)
         return truth, [self._sense(robot, truth, now) for robot in self.robots]
 
     def _sense(self, robot: str, truth: Truth, now: float) -> Readings:

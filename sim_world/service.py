@@ -1,6 +1,6 @@
 """The world process: it sends the readings and the Clock of each tick, waits for the answers, and gives the tick to the referee.
 
-docs/design.md, "A tick in lockstep", is the protocol, and `blackboard.process.rounds.WORLD` the table of its phases.
+docs/ticks.md, "A tick in lockstep", is the protocol, and `blackboard.process.rounds.WORLD` the table of its phases.
 """
 
 from __future__ import annotations
@@ -53,9 +53,8 @@ class WorldService:
         self.settings = settings = scenario.section("world", WorldSection)
         self.pace = Pace.LOCKSTEP if self.time.mode == "lockstep" else Pace.REALTIME
         self.sensors, self.referee = sensors, referee
-        self.ticks = (
-            None if math.isinf(self.time.seconds) else self.time.ticks
-        )  # after tick 0; None: until it is stopped
+        # after tick 0; None: until it is stopped
+        self.ticks = None if math.isinf(self.time.seconds) else self.time.ticks
         self.intake = Intake()
         self.counters, self.refused = self.intake.counters, self.intake.refused
         self.roster = Roster(*self.tokens, grace=settings.grace, comeback=settings.comeback)

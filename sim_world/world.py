@@ -60,9 +60,12 @@ class World:
             )
         self.bodies: dict[str, Body] = {}
         self.objects: dict[str, Place] = {}
+        self.velocities: dict[str, Place] = {}  # of the objects that roll
         self._noises: dict[str, np.random.Generator] = {}
         for name, thing in sorted(settings.objects.items()):
             self.objects[name] = self._start(name, thing)
+            if thing.rolls:
+                self.velocities[name] = _along(streams(f"way/{name}").uniform(-math.pi, math.pi), thing.rolls)
         for robot in robots:
             self.admit(robot)
 
@@ -86,10 +89,16 @@ class World:
     def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
         moved = {name: self._move(body) for name, body in sorted(self.bodies.items())} if tick else {}
         if tick:
-            self.objects = {name: self._walk(name, place) for name, place in self.objects.items()}
+            self.objects = {name: self._walk(name, self._roll(name, place)) for name, place in self.objects.items()}
         places = {f"robot/{name}": body.place for name, body in sorted(self.bodies.items())}
         places |= {f"object/{name}": place for name, place in self.objects.items()}
-        truth = Truth(run=run, tick=tick, time=tick * self.dt, positions=places)
+        headings = {f"robot/{name}": body.heading for name, body in sorted(self.bodies.items())}
+        ways = {name: way / self.dt for name, (way, _) in moved.items()}
+        velocities = {f"robot/{name}": _along(self.bodies[name].heading, speed) for name, speed in ways.items()}
+        velocities |= {f"object/{name}": velocity for name, velocity in self.velocities.items()}
+        truth = Truth(
+            run=run, tick=tick, time=tick * self.dt, positions=places, headings=headings, velocities=velocities
+        )
         return truth, [self._sense(robot, truth, moved.get(robot)) for robot in self.robots]
 
     # --- motion -------------------------------------------------------------------------------------------------------
@@ -106,6 +115,18 @@ class World:
         if math.dist(body.place, body.waypoint) < 2 * self.radius:  # a nearer waypoint might be circled for ever
             body.waypoint = self._random_place(body.rng)
         return distance, turn
+
+    def _roll(self, name: str, place: Place) -> Place:
+        """One step of an object that rolls and is thrown back by the walls."""
+        if name not in self.velocities:
+            return place
+        way = [speed * self.dt for speed in self.velocities[name]]
+        ends = list(zip(self.lower, self.upper, strict=True))
+        x, y = (reflect(c + step, *end) for c, step, end in zip(place, way, ends, strict=True))
+        back = [not lo + WALL <= c + step <= hi - WALL for c, step, (lo, hi) in zip(place, way, ends, strict=True)]
+        vx, vy = (-speed if turned else speed for speed, turned in zip(self.velocities[name], back, strict=True))
+        self.velocities[name] = vx, vy
+        return x, y
 
     def _walk(self, name: str, place: Place) -> Place:
         """One step of an object's random walk."""
@@ -162,6 +183,10 @@ class World:
         if self.grid.index(thing.start) is None:
             raise UserError(f"world.objects.{name}.start: {thing.start} is outside the grid; give a place inside")
         return thing.start
+
+
+def _along(heading: float, length: float) -> Place:
+    return length * math.cos(heading), length * math.sin(heading)
 
 
 def reflect(x: float, lower: float, upper: float) -> float:

@@ -2,7 +2,7 @@
 
 Cosmic Ray finds the places, makes the changes and runs the tests; here is only what it has no option for: a random sample of
 all places that a seed repeats, the tests that concern a file, and copies of the project to work in, so that the working tree
-is never touched. The survivors that were looked at stand in docs/mutants.md, each with the reason why it is harmless.
+is never touched. The survivors that were looked at stand in docs/notes/mutants.md, each with the reason why it is harmless.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from cosmic_ray.work_item import MutationSpec, TestOutcome
 
 from tests.files import ROOT
 
-KNOWN = ROOT / "docs" / "mutants.md"
+KNOWN = ROOT / "docs" / "notes" / "mutants.md"
 COPIED = ("blackboard", "robot_agent", "sim_world", "tests", "docs", "examples", "benchmarks")
 
 #: The files that are changed (patterns), and the tests that concern them, those that notice most first.
@@ -114,7 +114,7 @@ class Verdict:
     how: str
 
     def __str__(self) -> str:
-        """As a line of docs/mutants.md begins."""
+        """As a line of docs/notes/mutants.md begins."""
         return f"- `{self.path}`: `{self.before}` → `{self.after}`"
 
 
@@ -263,16 +263,16 @@ def report(verdicts: list[Verdict], least: float) -> int:
     share = sum(verdict.noticed for verdict in verdicts) / max(1, len(verdicts))
     print(f"\nnoticed {100 * share:.1f} % of {len(verdicts)}; asked {100 * least:g} %")
     for title, found in (
-        ("survived, not in docs/mutants.md", [line for line in survivors if line not in known]),
-        ("survived, explained in docs/mutants.md", [line for line in survivors if line in known]),
-        ("in docs/mutants.md, of lines that have changed since", outdated(known)),
+        ("survived, not in docs/notes/mutants.md", [line for line in survivors if line not in known]),
+        ("survived, explained in docs/notes/mutants.md", [line for line in survivors if line in known]),
+        ("in docs/notes/mutants.md, of lines that have changed since", outdated(known)),
     ):
         print(f"\n{title}: {len(found)}", *found, sep="\n")
     return int(share < least)
 
 
 def outdated(known: str) -> list[str]:
-    """The entries of docs/mutants.md whose file or line is no more."""
+    """The entries of docs/notes/mutants.md whose file or line is no more."""
     return [
         entry
         for entry, path, before in re.findall(r"^(- `([^`]+\.py)`: `([^`]+)` → `[^`]+`)", known, re.MULTILINE)

@@ -58,7 +58,7 @@ ROOMS = (
     Room(
         "opinion",
         "grids, beliefs, made of what people have (given), their regions, pooling rules with their story, POOLS, laws, scores, "
-        "provenance, ageing; gaussian/: joint Gaussians of robots, their lasting errors and objects, who is believed in them",
+        "provenance, ageing, believed: records and votes; gaussian/: joint Gaussians of robots, their lasting errors and objects",
         "errors",
         "plugins@rules",
     ),
@@ -125,7 +125,7 @@ ROOMS = (
         "client",
         "a team for other people's programs: member (a peer; pure), agreed, desk, why, membership, team, robot; ask: which team is "
         "there; share: what one team agrees on, told to another (pure)",
-        "shared board@member net@membership process.clock@membership process.loop@membership",
+        "shared net@membership process.clock@membership process.loop@membership",
     ),
     Room(
         "run",
@@ -189,19 +189,24 @@ ROOMS = (
         "client bridges.ros",
     ),
     Room(
+        "calibrate",
+        "what a team's sensors are like, by its own readings: a smoother over all robots (chain, model, fit), landmarks (pure)",
+        "errors opinion wire process",
+    ),
+    Room(
         "lab",
         "rules compared, parameters chosen, figures, the bound, score, sweep; team: all services of a scenario in one process",
         "shared config.world@ideal,team_cases judge board@streams,team net.bus@team run@parallel,sweep,sweep_plan process.clock@parallel",
     ),
     Room(
-        "lab.drawing lab.bench_drawing lab.run_drawing lab.sweep_drawing",
+        "lab.drawing lab.bench_drawing lab.run_drawing lab.sweep_drawing lab.calibrate_drawing",
         "pictures of all of these",
-        "shared judge lab matplotlib",
+        "shared judge calibrate lab matplotlib",
     ),
     Room(
-        "lab.__main__ lab.score",
-        "`blackboard lab | tune | figures | sweep | score`",
-        "shared config.world@score judge lab run cyclopts",
+        "lab.__main__ lab.score lab.calibrate",
+        "`blackboard lab | tune | figures | sweep | score | calibrate`",
+        "shared config.world@score judge calibrate@calibrate tape@calibrate lab run cyclopts",
         "lab.drawing",
     ),
     Room(
@@ -221,18 +226,16 @@ ROOMS = (
 
 #: What a room may not import, and one module does, to run a whole team in one process: module -> module.
 EXCEPTIONS = {
-    ("blackboard.client.robot", "robot_agent.gaussian.own"),
     ("blackboard.client.robot", "robot_agent.driven"),  # a program's own robot, loaded when it joins
     ("blackboard.commands", "robot_agent.config"),  # every section is validated before anything starts
     ("blackboard.lab.ideal", "robot_agent.gaussian.ideal"),
     ("blackboard.lab.ideal", "sim_world.sensors"),
-    ("blackboard.lab.ideal", "sim_world.sources"),
     ("blackboard.lab.team", "robot_agent.team"),
     ("blackboard.lab.team", "sim_world.service"),
+    ("blackboard.lab.team", "sim_world.sources"),
     ("blackboard.lab.team_cases", "robot_agent.team"),
     ("blackboard.lab.team_cases", "sim_world.sources"),
     ("blackboard.lab.team_joint", "robot_agent.team"),
-    ("blackboard.lab.team_joint", "sim_world.sources"),
 }
 
 

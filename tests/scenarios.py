@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+from pydantic import BaseModel
+
 from blackboard.config import Scenario
 
 #: Three robots in two sub-teams; ticks 0 to 4.
@@ -35,3 +39,13 @@ LEARNS = (
     .changed("time", seconds=10.0)
     .changed("board", independence="learn", max_age=1.0)
 )
+
+
+def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    """Every key of a section and of the tables in it, as `--set` takes them."""
+    for name, field in model.model_fields.items():
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            yield from keys_of(inner, f"{prefix}{name}.")
+        else:
+            yield prefix + name

@@ -54,9 +54,11 @@ class Block:
 
 @cache
 def pages() -> dict[str, str]:
-    """The text of every page that is written by hand, by the file's name."""
-    files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-    return {file.name: file.read_text(encoding="utf-8") for file in files if file.name != "commands.md"}
+    """The text of every page that is written by hand, by the file's name; a note is `notes/NAME.md`."""
+    site = ROOT / "docs"
+    found = {file.name: file for file in (ROOT / "README.md", ROOT / "CONTRIBUTING.md")}
+    found |= {str(file.relative_to(site)): file for file in sorted(site.glob("**/*.md")) if file.name != "commands.md"}
+    return {name: file.read_text(encoding="utf-8") for name, file in found.items()}
 
 
 @cache

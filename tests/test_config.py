@@ -28,7 +28,7 @@ def board(**table: Any) -> BoardSection:
         (
             {"patiance": 3},
             "board.patiance: rule 'coalition' has no such key; it has gamma, gate, independence, k, reference_cell; "
-            "a board has coding, drift, feedback, fusion, future, max_age, objects_drift, objects_drifts, patience, period, rule, sharpest, skew, subjects; did you mean patience?",
+            "a board has coding, drift, feedback, fusion, future, max_age, objects_drift, objects_drifts, objects_motion, objects_motions, patience, period, rule, sharpest, skew, subjects; did you mean patience?",
         ),
         ({"inner": "linear"}, "board.inner: rule 'coalition' has no such key"),
         ({"rule": "best"}, "board.rule: 'best' is none of calibrated, channel-filter"),

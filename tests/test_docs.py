@@ -17,7 +17,7 @@ from tests.files import ROOT
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
-    *sorted(p for p in (ROOT / "docs").glob("*.md") if p.name != "commands.md"),
+    *sorted(p for p in (ROOT / "docs").glob("**/*.md") if p.name != "commands.md"),
 ]
 APPS: dict[str, App] = {
     "blackboard": blackboard.__main__.app,
@@ -55,7 +55,8 @@ def test_every_page_has_its_place_in_the_site() -> None:
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     trees = re.findall(r"^:::\{toctree\}\n(?::[^\n]*\n)*\n(.*?)^:::$", index, re.MULTILINE | re.DOTALL)
     listed = [name for tree in trees for name in tree.split()]
-    pages = {path.stem for path in (ROOT / "docs").glob("*.md")} - {"index", "commands"}
+    site = ROOT / "docs"
+    pages = {str(path.relative_to(site).with_suffix("")) for path in site.glob("**/*.md")} - {"index", "commands"}
     assert sorted(set(listed) - {"commands"}) == sorted(pages)
     assert len(listed) == len(set(listed))
 

@@ -1,4 +1,4 @@
-"""The settings and lines of Python in docs/more.md and docs/operations.md: each is read as the programs read it."""
+"""The settings and lines of Python in more.md, rules.md, network.md and faults.md: each is read as the programs read it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,10 @@ from robot_agent import localizers
 from robot_agent.config import RobotSection
 from tests.snippets import block, blocks
 
-PAGE = "operations.md"
 
-
-def tables(first: str) -> list[dict[str, Any]]:
-    """The TOML blocks of the page that begin so."""
-    return [tomllib.loads(one.text) for one in blocks(PAGE) if one.language == "toml" and one.first.startswith(first)]
+def tables(page: str, first: str) -> list[dict[str, Any]]:
+    """The TOML blocks of a page that begin so."""
+    return [tomllib.loads(one.text) for one in blocks(page) if one.language == "toml" and one.first.startswith(first)]
 
 
 def test_the_pools_alone() -> None:
@@ -32,30 +30,33 @@ def test_the_pools_alone() -> None:
 
 
 def test_a_board_as_the_page_sets_it() -> None:
-    for found in tables("[board]"):
+    for found in tables("rules.md", "[board]"):
         board = Scenario(found).board
         assert board.fusion == found["board"].get("fusion", "opinions")
-    rules, joint = (Scenario(found).board for found in tables("[board]"))
+    rules, joint = (Scenario(found).board for found in tables("rules.md", "[board]"))
     assert (rules.rule, joint.objects_drift) == ("coalition", 0.5)
 
 
 def test_a_poor_link_as_the_page_sets_it() -> None:
-    (found,) = tables("[robot.send]")
+    (found,) = tables("network.md", "[robot.send]")
     send = Scenario(found).section("robot", RobotSection).send
     assert {name: getattr(send, name) for name in found["robot"]["send"]} == found["robot"]["send"]
 
 
 def test_a_fault_as_the_page_writes_it() -> None:
-    (found,) = tables("[[fault]]")
+    (found,) = tables("faults.md", "[[fault]]")
     (fault,) = faults_of(Scenario({"team": {"sub_teams": {"a": ["r1", "r3"]}}, **found}))
     assert fault.kind == found["fault"][0]["kind"] == "lie"
 
 
 def test_entry_points_are_of_the_groups_that_are_looked_up() -> None:
-    groups = [name for found in tables("[project") for name in found["project"]["entry-points"]]
+    groups = [name for found in tables("rules.md", "[project") for name in found["project"]["entry-points"]]
     assert groups == [plugins.POOLS, plugins.LOCALIZERS]
 
 
 def test_a_localizer_as_the_page_registers_it() -> None:
-    exec(block(PAGE, '@localizer("mine")').text, {"localizer": localizers.localizer, "MyLocalizer": lambda *both: both})
+    exec(
+        block("rules.md", '@localizer("mine")').text,
+        {"localizer": localizers.localizer, "MyLocalizer": lambda *both: both},
+    )
     assert localizers.localizer_factory("mine")("settings", "grid") == ("settings", "grid")

@@ -33,13 +33,14 @@ DRAWING = NotRun("a drawing of the code, or an example of what is printed")
 SITE = NotRun("`make docs` runs it, with warnings as errors")
 HOSTS = NotRun("several hosts; tests/flow and tests/access run the same services")
 SYMPTOMS = NotRun("of a team in trouble; each command has tests of its own")
+MINUTES_OF_LAB = NotRun("minutes; tests/long/test_lab.py and tests/system/test_lab.py run short forms of all four")
 MINUTES = NotRun("many minutes; a short form is tested")
 
 #: Page -> (how the first line of a block begins, who runs it), in the order of the page.
 CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
     "README.md": (
         ("make demo", f"{NEWCOMER}::test_make_demo_in_a_clone"),
-        ("n      RMSE", f"{NEWCOMER}::test_make_demo_in_a_clone"),
+        ("n     RMSE", f"{NEWCOMER}::test_make_demo_in_a_clone"),
         (".venv/bin/pip install -e '.[record,web,tui]'", f"{NEWCOMER}::test_what_it_believes_and_why"),
     ),
     "CONTRIBUTING.md": (
@@ -50,22 +51,37 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         (".venv/bin/python -m pytest", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
         ("# blackboard/wire/messages.py", f"{MAINTAINER}::test_the_new_rule_and_localizer_and_message_are_there"),
         ("# blackboard/wire/keys.py", f"{MAINTAINER}::test_the_new_rule_and_localizer_and_message_are_there"),
-        ("### Battery", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
-        (".venv/bin/python -m pytest", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
+        ("python -m blackboard.run.messages", f"{MAINTAINER}::test_what_the_page_adds_passes_the_tests_that_it_names"),
         ("blackboard scenario > ", f"{MAINTAINER}::test_the_golden_tape_is_made_and_its_hash_told_as_the_page_says"),
     ),
     "api.md": ((".. automodule::", SITE), (".. autoclass::", SITE), *[(".. automodule::", SITE)] * 4),
+    "calibrate.md": (
+        ("blackboard calibrate", NotRun("a recording; tests/calibrate/test_door.py runs it on another part of it")),
+        ("r1 ", NotRun("what the command prints; tests/calibrate/test_door.py")),
+    ),
     "client.md": (
         ("blackboard router", CLIENT),
         *[("", CLIENT)] * 13,
         ("[grid]", "tests/system/test_client_page.py::test_its_scenario_is_one"),
     ),
-    "design.md": (
-        *[("", DRAWING)] * 4,
-        ("role     fact", "tests/board/test_lead_table.py::test_the_table_is_printed"),
-        ("state       event", "tests/process/test_team_clock_table.py::test_the_table_is_printed"),
-        ("process  pace", "tests/process/test_rounds.py::test_the_tables_are_printed"),
-        ("news      robot", "tests/process/test_peer.py::test_the_table_is_printed"),
+    "design.md": tuple(("", DRAWING) for _ in range(4)),
+    "faults.md": (
+        ("[[fault]]", f"{SETTINGS}::test_a_fault_as_the_page_writes_it"),
+        ("blackboard up liar", NotRun("two minutes; tests/flow/test_faults.py runs small teams with and without faults")),
+        ("blackboard chaos --lies", NotRun("ten minutes; tests/hostile/test_lies.py tries lies on small teams")),
+    ),
+    "fleets.md": (
+        ("site-a$  blackboard router", HOSTS),
+        ("blackboard keys add", NotRun("several hosts; tests/access/test_sites.py runs two routers on one")),
+        ("blackboard serve --team all", "tests/system/test_share.py::test_an_object_that_one_team_sees_is_known_in_the_others"),
+    ),
+    "hosts.md": (
+        ("base$    blackboard router", HOSTS),
+        ("r1$      python examples/feed_robot.py", "tests/system/test_real_robot.py::test_readings_reach_the_team_with_no_world_running"),
+    ),
+    "looking.md": (
+        ("blackboard status", NotRun("of a team that runs, most without an end; tests/view/test_door.py runs them on a bus")),
+        ("blackboard health", NotRun("of a team that runs; tests/run/test_health_door.py and tests/access/test_door.py")),
     ),
     "more.md": (
         (".venv/bin/blackboard demo --robots 10", f"{NEWCOMER}::test_what_more_there_is"),
@@ -74,40 +90,29 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard router -l", f"{NEWCOMER}::test_each_process_by_hand"),
         ("from blackboard import Grid", f"{SETTINGS}::test_the_pools_alone"),
     ),
-    "mutants.md": (("make mutants", MINUTES),),
-    "operations.md": (
-        ("base$    blackboard router", HOSTS),
-        ("r1$      python examples/feed_robot.py", "tests/system/test_real_robot.py::test_readings_reach_the_team_with_no_world_running"),
-        ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
-        ("import numpy", PLUGINS),
-        ("[project.entry-points", f"{SETTINGS}::test_entry_points_are_of_the_groups_that_are_looked_up"),
-        ("@localizer", f"{SETTINGS}::test_a_localizer_as_the_page_registers_it"),
-        ("[project.entry-points", f"{SETTINGS}::test_entry_points_are_of_the_groups_that_are_looked_up"),
-        ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
+    "network.md": (
         ("[robot.send]", f"{SETTINGS}::test_a_poor_link_as_the_page_sets_it"),
-        ("pip install", NotRun("tests/tape/test_door.py and tests/system/test_tape.py run the same commands on small tapes")),
-        ("[[fault]]", f"{SETTINGS}::test_a_fault_as_the_page_writes_it"),
-        ("blackboard up liar", NotRun("two minutes; tests/flow/test_faults.py runs small teams with and without faults")),
-        ("blackboard health", NotRun("of a team that runs; tests/run/test_health_door.py and tests/access/test_door.py")),
-        ("blackboard status", NotRun("of a team that runs, most without an end; tests/view/test_door.py runs them on a bus")),
-        ("site-a$  blackboard router", HOSTS),
-        ("blackboard serve --team all", "tests/system/test_share.py::test_an_object_that_one_team_sees_is_known_in_the_others"),
         ("blackboard chaos", NotRun("seven minutes; tests/long/test_chaos.py runs two cases")),
-        ("blackboard chaos --lies", NotRun("ten minutes; tests/hostile/test_lies.py tries lies on small teams")),
         ("make soak", NotRun("ten minutes; tests/chaos/test_verdict.py")),
     ),
     "nights.md": (
         ("make nights", NotRun("minutes; tests/nights lives through fifty, and plants a bug")),
     ),
-    "paper.md": (
-        ("blackboard figures", NotRun("minutes; tests/long/test_lab.py and tests/system/test_lab.py run short forms of all four")),
-        ("sum over q", DRAWING),
-    ),
+    "notes/mutants.md": (("make mutants", MINUTES),),
+    "notes/paper.md": (("blackboard figures", MINUTES_OF_LAB),),
+    "paper.md": (("blackboard figures", MINUTES_OF_LAB), ("sum over q", DRAWING)),
     "real-robots.md": (
         ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
         ("blackboard demo --pyfg", NotRun("a recording; tests/sim_world/test_pyfg.py replays a made one")),
     ),
-    "research.md": (("blackboard demo", RESEARCH), ("blackboard sweep", RESEARCH)),
+    "notes/real-robots.md": (
+        ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
+        ("blackboard demo --pyfg", NotRun("a recording; tests/sim_world/test_pyfg.py replays a made one")),
+    ),
+    "recording.md": (
+        ("pip install", NotRun("tests/tape/test_door.py and tests/system/test_tape.py run the same commands on small tapes")),
+    ),
+    "research.md": (("blackboard demo", RESEARCH), ("import pandas", RESEARCH), ("blackboard sweep", RESEARCH)),
     "robots.md": (("blackboard router", ROBOTS), *[("", ROBOTS)] * 4),
     "ros2.md": (
         (".venv/bin/pip install", NotRun("an installation; tests/other/test_ros.py needs what it installs")),
@@ -116,6 +121,14 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard serve", NotRun("a node of ROS 2; tests/bridges/ros/test_service.py has odometry and fixes come in")),
         ("blackboard ros", NotRun("a node of ROS 2; tests/bridges/ros/test_service.py has poses come in")),
     ),
+    "rules.md": (
+        ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
+        ("import numpy", PLUGINS),
+        ("[project.entry-points", f"{SETTINGS}::test_entry_points_are_of_the_groups_that_are_looked_up"),
+        ("@localizer", f"{SETTINGS}::test_a_localizer_as_the_page_registers_it"),
+        ("[project.entry-points", f"{SETTINGS}::test_entry_points_are_of_the_groups_that_are_looked_up"),
+        ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
+    ),
     "scorecard.md": (
         ("blackboard demo", NotRun("tests/long/test_research_page.py and tests/tape/test_door.py run the same, shorter")),
     ),
@@ -123,7 +136,6 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("pip install", NotRun("an installation; tests/access/test_team.py runs the two commands on the demo")),
         ("base$    blackboard router", NotRun("several hosts; tests/access/test_door.py runs them on one")),
         ("keys/authority/", DRAWING),
-        ("blackboard keys add", NotRun("several hosts; tests/access/test_sites.py runs two routers on one")),
         ("blackboard keys init", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
     ),
     "symptoms.md": tuple((first, SYMPTOMS) for first in (
@@ -142,6 +154,12 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("[team]", OWN_TEAM),
         (".venv/bin/blackboard up", OWN_TEAM),
         (".venv/bin/blackboard tape", TAPE),
+    ),
+    "ticks.md": (
+        ("role     fact", "tests/board/test_lead_table.py::test_the_table_is_printed"),
+        ("state       event", "tests/process/test_team_clock_table.py::test_the_table_is_printed"),
+        ("process  pace", "tests/process/test_rounds.py::test_the_tables_are_printed"),
+        ("news      robot", "tests/process/test_peer.py::test_the_table_is_printed"),
     ),
     "wire.md": (*[("", WIRE)] * 4, ("78 5e", "tests/wire/test_docs.py::test_the_worked_example_of_fine_levels_is_true")),
 }  # fmt: skip

@@ -17,14 +17,8 @@ LISTED = 9  # lines that follow such a list's head: one for each kind of message
 MAX_SESSIONS = 4096  # sessions whose certificate's name is remembered; the oldest is forgotten first
 MAX_WARNINGS = 100  # different warnings of Zenoh that are passed on
 LISTS = (b"ACL (ingress): caching permissions for `", b"ACL (egress): caching permissions for `")
-TELLING = (
-    b" unauthorized ",
-    b": caching ",
-    b" INFO ",
-    b" WARN ",
-    b" DEBUG ",
-    b" ERROR ",
-)  # a line without them has no denial
+#: A line without them has no denial.
+TELLING = (b" unauthorized ", b": caching ", b" INFO ", b" WARN ", b" DEBUG ", b" ERROR ")
 PACKET = mmap.PAGESIZE  # bytes; a longer write comes in several pieces
 
 _LINE = re.compile(rb"^\S+\s+(\w+)\s+(?:\S+ )?ThreadId\((\d+)\) (\S+): (.*)$")

@@ -64,7 +64,7 @@ def _handshake(host: str, port: int, identity: Identity, last: bool) -> str | No
                 secure.recv(1)  # with TLS 1.3 a router refuses a certificate only after the client's side is done
     except ssl.SSLError as error:
         return _meaning(error, host)
-    except OSError:  # nobody listens, or says nothing: only time will tell
+    except OSError:  # no process listens, or it does not answer: wait and try again
         return NO_TLS if last and connected and not shaken else None
     return None
 

@@ -14,7 +14,7 @@ from blackboard.access.members import ROLES, Member
 from blackboard.wire import keys
 from blackboard.wire.keys import Topic
 
-ALL = "cop/**"  # for those who read every topic; other teams have other authorities, so nobody else is on this router
+ALL = "cop/**"  # for those who read every topic; other teams have other authorities, so no other team is on this router
 DOORS = "door/**"
 TELLS = ["put", "delete", "reply"]
 ASKS = ["declare_subscriber", "query"]
@@ -59,7 +59,7 @@ def _own(topic: Topic, member: Member, subject: str) -> list[str]:
     name = member.name if member.kind in ("robot", "board") else "*"  # a world writes the readings of every robot
     parts = dict.fromkeys(("robot", "source", "board", "process"), name) | {"team": member.team, "subject": subject}
     if member.kind == "board":
-        parts["robot"] = "*"  # it tells every robot what it refused
+        parts["robot"] = "*"  # it publishes to every robot what it refused
     return [topic.key(**parts, sub_team=sub_team) for sub_team in member.sub_teams or ("*",)]
 
 

@@ -16,6 +16,7 @@ from blackboard.board import learning
 from blackboard.board.dissent import Dissent
 from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
+from blackboard.board.guests import WAITS, Guests
 from blackboard.board.joint.desk import JointDesk
 from blackboard.board.learning import Learner
 from blackboard.board.memory import packed_memory, remembered
@@ -47,14 +48,19 @@ class Board:
         settings: BoardSection,
         survive: Survive = lambda subject: nullcontext(),
         counters: Counter[str] | None = None,
+        guests: Guests | None = None,
     ) -> None:
-        """`survive` is entered for each subject that is fused; by default an exception is the caller's. `counters`: of a joint."""
+        """`survive` is entered for each subject that is fused; by default an exception is the caller's. `counters`: of a joint.
+
+        `guests`: by default nobody is one.
+        """
         self.sub_team = sub_team
         self.name = board
         self.grid = grid
         self.settings = settings
         self.ageing = Ageing(settings.drift, grid)
         self._survive = survive
+        self._guests = Guests() if guests is None else guests
         self._entries: Entries[str] = Entries(grid.size)  # of robots: their newest reports
         self._consensuses = Entries(grid.size, (sub_team, board))  # of boards, by sub-team and name
         self._learners = {"consensus": Learner(), "agreed": Learner()}  # of robots, and of sub-teams
@@ -73,7 +79,7 @@ class Board:
     def hear_evidence(self, report: Report, skew: float) -> None:
         """Take what a report holds for the joint, by a clock that may be `skew` seconds ahead. Refused: as in `JointDesk.take`."""
         evidence = report.evidence if report.subject == f"robot/{report.source}" else None
-        if self.joint is not None and evidence is not None:
+        if self.joint is not None and evidence is not None and not self._guests.waits(report.source):
             self.joint.take(report.source, report.tick, report.time, evidence, own=True, skew=skew)
 
     def withdraw(self, source: str, tick: int, subjects: Collection[str]) -> None:
@@ -89,12 +95,18 @@ class Board:
         for subject in self._entries:
             with self._survive(subject):
                 entries, silent = self._entries.usable(subject, now, self.settings.max_age)
+                if subject.startswith("robot/"):
+                    self._guests.look(subject.removeprefix("robot/"), entries)
+                aside = self._guests.aside(entries, now)
+                entries = {source: entry for source, entry in entries.items() if source not in aside}
                 opinions = [o for source in sorted(entries) for o in self._aged(entries[source], subject, now)]
                 if opinions:
                     fusion = self._fuse("consensus", opinions, subject, now, counts)
-                    found.append(self._consensus("consensus", subject, tick, now, fusion, _left_out(silent)))
+                    left_out = [*_left_out(silent), *(LeftOut(source=one, reason=WAITS) for one in sorted(aside))]
+                    found.append(self._consensus("consensus", subject, tick, now, fusion, left_out))
                     self.hear_consensus(found[-1], now)
         self.withdraw_consensuses(self.sub_team, tick, [consensus.subject for consensus in found])
+        self._guests.forget(self._entries.sources())
         return found
 
     def forward(self, time: float) -> list[Forwarded]:
@@ -137,7 +149,9 @@ class Board:
                     opinions = opinions[-1:]
                 if opinions:
                     fusion = self._fuse("agreed", opinions, subject, now)
-                    found[subject] = self._consensus("agreed", subject, tick, now, fusion, left_out)
+                    lost = None if self.joint is None else self.joint.lost(subject)
+                    consensus = self._consensus("agreed", subject, tick, now, fusion, left_out)
+                    found[subject] = consensus.model_copy(update={"lost": lost})
         kept = sorted(found, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
         return [found[subject] for subject in sorted(kept)]
 

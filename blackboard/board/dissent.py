@@ -19,23 +19,27 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.believed import (
+    ACCUSED,
+    LEAST_WEIGHT,
+    MAX_SUBJECTS,
+    REDEEMED,
+    SPACING,
+    Verdicts,
+    camps_of,
+    is_due,
+    silent_longest,
+)
 from blackboard.opinion.bell import bell
 from blackboard.opinion.chi_squared import DOUBT, quantile
 from blackboard.opinion.gaussian.evidence import Verdict
 from blackboard.opinion.gaussian.joint import squared_distance
-from blackboard.opinion.gaussian.trust import Trust, camps_of
+from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.grid import Array
 from blackboard.opinion.provenance import Opinion
 from blackboard.wire import messages as wire
 
 log = logging.getLogger(__name__)
-
-SPACING = 1.0  # seconds of team time between two judgements of a source: what follows sooner is hardly new
-ACCUSED = 0.9  # of the share of seconds against a source, each second that speaks against it; the newest counts a tenth
-REDEEMED = 0.97  # the same, each second that speaks for it: half of a full share is gone after 23 s
-FIRM = 5  # seconds before somebody may be named
-LEAST_WEIGHT = 0.01  # of an opinion: its sigmas are then ten times as wide
-MAX_SOURCES = 64  # beyond that it is forgotten who was silent the longest
 
 Pool = Callable[[Sequence[Opinion]], Belief]
 Moments = tuple[Array, Array]  # mean (ndim,) and covariance (ndim, ndim)
@@ -45,9 +49,7 @@ Moments = tuple[Array, Array]  # mean (ndim,) and covariance (ndim, ndim)
 class Standing:
     """What the seconds say of a source."""
 
-    share: float = 0.0  # of them that speak against it, the newest counting most
-    seconds: int = 0
-    sigmas: float = 0.0  # mean distance from the others, weighted alike
+    verdicts: Verdicts = field(default_factory=Verdicts)  # one of each second, with the distance from the others
     taken: float = 1.0  # share of its newest evidence that a joint took; 1 where there is none
     seen: float = (
         0.0  # how far, in sigmas, sightings that a joint did not take had this robot from where it is; weighted alike
@@ -57,7 +59,7 @@ class Standing:
 
     @property
     def weight(self) -> float:
-        return 1.0 if self.since is None else max(LEAST_WEIGHT, min(1.0, 2.0 * (1.0 - self.share)))
+        return 1.0 if self.since is None else max(LEAST_WEIGHT, min(1.0, 2.0 * (1.0 - self.verdicts.share)))
 
 
 @dataclass
@@ -65,7 +67,7 @@ class Dissent:
     """Mutable; the standing of the sources of one level of a board."""
 
     level: str  # "consensus" or "agreed"
-    joint: bool = False  # how much a source counts is decided by a joint, and only told here
+    joint: bool = False  # how much a source counts is decided by a joint, and only reported here
     camps: dict[str, list[frozenset[str]]] = field(default_factory=dict)  # subject -> its opposed camps
     standings: dict[str, Standing] = field(default_factory=dict)
     heard: dict[str, float] = field(default_factory=dict)  # source -> team time of its newest verdict
@@ -79,14 +81,14 @@ class Dissent:
     def hear(self, subject: str, time: float, opinions: Sequence[Opinion], pool: Pool) -> None:
         """Judge independent opinions on a subject at a team time (s); `pool` is the board's rule, for the others of each source."""
         self._close_second(time)
-        if abs(time - self.judged_at.get(subject, -math.inf)) < SPACING * (1 - 1e-6):
+        if not is_due(time, self.judged_at.get(subject, -math.inf)):
             return
         fresh = [opinion for opinion in opinions if opinion.age < SPACING]
         if len(fresh) < 3:
             self.camps.pop(subject, None)
             return
         bells = {o.source: o.bell for o in fresh if o.bell is not None}
-        if len(self.judged_at) > 256:
+        if len(self.judged_at) > MAX_SUBJECTS:
             self.judged_at = {name: at for name, at in self.judged_at.items() if time - at < SPACING}
         self.judged_at[subject] = time
         pairs = {(one, other): distance(bells[one], bells[other]) for one in bells for other in bells if one < other}
@@ -120,14 +122,14 @@ class Dissent:
 
     def _close_second(self, time: float) -> None:
         """Count the verdicts of a second once it is over."""
-        if 0 <= time - self.second < SPACING * (1 - 1e-6):
+        if time >= self.second and not is_due(time, self.second):
             return
         for source, verdicts in sorted(self.pending.items()):
             against = 2 * sum(contradicts for contradicts, _ in verdicts) > len(verdicts)
             sigmas = float(np.mean([sigma for contradicts, sigma in verdicts if contradicts == against]))
             self._count(source, time, against, sigmas)
         self.pending, self.second = {}, time
-        for gone in sorted(self.heard, key=lambda name: (-self.heard[name], name))[MAX_SOURCES:]:
+        for gone in silent_longest(self.heard):
             del self.heard[gone]
             self.standings.pop(gone, None)
 
@@ -193,7 +195,7 @@ class Dissent:
                 level=self.level,  # type: ignore[arg-type]
                 source=source,
                 since=it.since,
-                sigmas=max(it.sigmas, it.seen if source in self._left_out else 0.0),
+                sigmas=max(it.verdicts.sigmas, it.seen if source in self._left_out else 0.0),
                 weight=self.weight(source),
             )
             for source, it in sorted(self.standings.items())
@@ -206,13 +208,10 @@ class Dissent:
 
     def _count(self, source: str, time: float, against: bool, sigmas: float) -> None:
         it = self.standings.setdefault(source, Standing())
-        keep = min(ACCUSED if against else REDEEMED, it.seconds / (it.seconds + 1))  # the plain mean at first
-        it.share = keep * it.share + (1 - keep) * against
-        it.sigmas = keep * it.sigmas + (1 - keep) * sigmas
-        it.seconds += 1
-        if it.seconds >= FIRM and it.share > 0.5:
+        it.verdicts = it.verdicts.plus(against, ACCUSED if against else REDEEMED, sigmas)
+        if it.verdicts.firm and it.verdicts.against:
             self._name(source, time)
-        elif it.share <= 0.5 and source not in self._left_out:
+        elif not it.verdicts.against and source not in self._left_out:
             it.since = None
 
     def _name(self, source: str, time: float) -> None:
@@ -221,7 +220,7 @@ class Dissent:
         self.heard.setdefault(source, time)
         if not it.logged:
             it.logged = True
-            sigmas = max(it.sigmas, it.seen)
+            sigmas = max(it.verdicts.sigmas, it.seen)
             far = f", by {sigmas:.1f} sigmas" if sigmas > 0 else ""
             what = "%s disagrees with what the others believe (%s)%s: it counts less from now on"
             log.warning(what, source, self.level, far)

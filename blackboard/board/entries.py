@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from blackboard.errors import Refused
+from blackboard.opinion.believed import MAX_SOURCES, MAX_SUBJECTS
 from blackboard.opinion.provenance import Opinion
 
-MAX_SUBJECTS = 256  # a board's memory is bounded, whatever is sent to it
-MAX_SOURCES = 64  # on one subject
 MAX_HELD = 256 << 20  # bytes of all beliefs in one of a board's two tables; each entry has up to two
 
 Source = TypeVar("Source", str, tuple[str, str])  # a robot; or a sub-team and one of its boards

@@ -60,7 +60,7 @@ class Fusion:
     belief: Belief
     ancestors: dict[str, float]
     firsthand: Belief
-    firsthand_ancestors: dict[str, float]  # empty: nobody counts here, and the part is flat
+    firsthand_ancestors: dict[str, float]  # empty: no source counts here, and the part is flat
     is_firsthand: bool  # whether the fused belief is that part itself
     shares: list[Contribution]
     components: list[float]

@@ -22,16 +22,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from blackboard.opinion.believed import MAX_SUBJECTS, PAIR_WINDOW, SPACING, Pair, is_due, silent_longest
 from blackboard.opinion.bell import spread
 from blackboard.opinion.chi_squared import MEDIAN, quantile
 from blackboard.opinion.cooperative import CAUTIOUS
 from blackboard.opinion.grid import Array
 from blackboard.opinion.provenance import Opinion
 
-MAX_SOURCES = 64  # of which a learner keeps samples; beyond that it forgets who was silent the longest
-MAX_SUBJECTS = 256  # whose newest sample is kept, for the spacing and to see how much is new in the next one
-WINDOW = 50  # samples of a pair, over all subjects
-SPACING = 1.0  # seconds of team time between two samples of a subject: what follows sooner is hardly new
 PRIOR_COUNT = 6.0  # effective samples that the default is worth
 RIDGE = 0.15  # added to the correlations' diagonal: weights (1 + RIDGE) (R + RIDGE I)^-1 1
 LEAST_COUNT = 4.0  # effective samples of a pair below which it is not looked at
@@ -42,8 +39,6 @@ LEAST_POWER = 1e-6  # so that what an opinion rules out stays ruled out
 MOST_USUAL = 6.0  # the largest m that is held to be usual: all claim sigmas that are 2.4 times too small
 ECHO = 0.95  # correlation from which a source is named an echo: one that claims thrice its sigma looks like .89
 ECHO_COUNT = 10.0  # effective samples that this takes
-
-Pair = tuple[str, str]  # sorted
 
 
 @dataclass(frozen=True)
@@ -137,7 +132,7 @@ class Learner:
         Nothing is taken within SPACING of the subject's sample before, nor from an opinion that is as old as that.
         """
         before, means_before = self.last.get(subject, (-math.inf, {}))
-        if abs(time - before) < SPACING * (1 - 1e-6):
+        if not is_due(time, before):
             return
         fresh = sorted((o for o in opinions if o.age < SPACING), key=lambda o: (o.source, len(o.ancestors)))
         first = {o.source: o for o in reversed(fresh)}  # of each source the one with the fewest ancestors
@@ -162,7 +157,7 @@ class Learner:
                 if p.ancestors.keys().isdisjoint(q.ancestors):
                     step = means_before[one] - means_before[other] if {one, other} <= means_before.keys() else None
                     sample = _compare(mean_p - mean_q, cov_p + cov_q, (spreads[one], spreads[other]), step)
-                    window = self.samples.setdefault((one, other), deque(maxlen=WINDOW))
+                    window = self.samples.setdefault((one, other), deque(maxlen=PAIR_WINDOW))
                     window.append(sample)
                     self._pairings[one, other] = _pairing(window)
         self._estimate = self._learned = None
@@ -218,7 +213,7 @@ class Learner:
     def _make_room(self, sources: Sequence[str], time: float) -> None:
         """Note who was heard, and forget who was silent the longest beyond MAX_SOURCES."""
         self.heard |= dict.fromkeys(sources, time)
-        for gone in sorted(self.heard, key=lambda name: (-self.heard[name], name))[MAX_SOURCES:]:
+        for gone in silent_longest(self.heard):
             del self.heard[gone]
             self.since.pop(gone, None)
             for pair in [pair for pair in self.samples if gone in pair]:

@@ -12,8 +12,9 @@ from itertools import combinations
 import numpy as np
 
 from blackboard.board.dissent import Dissent, Standing
-from blackboard.board.learning import MAX_SOURCES, MAX_SUBJECTS, WINDOW, Learner, Sample
+from blackboard.board.learning import Learner, Sample
 from blackboard.errors import Refused
+from blackboard.opinion.believed import MAX_SOURCES, MAX_SUBJECTS, PAIR_WINDOW, Verdicts
 from blackboard.opinion.grid import Array
 from blackboard.wire.memory import PackedLearner, PackedMemory, PackedNewest, PackedStanding
 from blackboard.wire.types import LARGEST
@@ -67,9 +68,9 @@ def _packed_standing(dissent: Dissent, source: str) -> PackedStanding:
     return PackedStanding(
         source=source,
         heard=dissent.heard[source],
-        share=it.share,
-        seconds=it.seconds,
-        sigmas=it.sigmas,
+        share=it.verdicts.share,
+        seconds=it.verdicts.number,
+        sigmas=it.verdicts.sigmas,
         since=it.since,
         pending=np.array(pending, dtype=FLOAT).tobytes(),
     )
@@ -126,7 +127,10 @@ def _learner(packed: PackedLearner, until: float, axes: int) -> Learner:
 
 def _samples(packed: PackedLearner, pairs: int) -> list[deque[Sample]]:
     counts = list(packed.counts)
-    _check(len(counts) == pairs and all(count <= WINDOW for count in counts), f"no count up to {WINDOW} for each pair")
+    _check(
+        len(counts) == pairs and all(count <= PAIR_WINDOW for count in counts),
+        f"no count up to {PAIR_WINDOW} for each pair",
+    )
     _check(len(packed.samples) == SAMPLE.itemsize * sum(counts), "another number of samples than is counted")
     found = np.frombuffer(packed.samples, SAMPLE)
     a, alike, turned = (found[name].astype(float) for name in ("a", "alike", "turned"))
@@ -134,7 +138,7 @@ def _samples(packed: PackedLearner, pairs: int) -> list[deque[Sample]]:
     _check(bool(((alike >= 0) & (alike <= 1)).all()), "a likeness is not between 0 and 1")
     _check(bool((np.isnan(turned) | (np.abs(turned) <= 1)).all()), "no cosine")
     rest = iter(zip(a.tolist(), alike.tolist(), turned.tolist(), strict=True))
-    return [deque((Sample(*next(rest)) for _ in range(count)), maxlen=WINDOW) for count in counts]
+    return [deque((Sample(*next(rest)) for _ in range(count)), maxlen=PAIR_WINDOW) for count in counts]
 
 
 def _dissent(packed: PackedMemory, level: str, until: float) -> Dissent:
@@ -149,9 +153,8 @@ def _dissent(packed: PackedMemory, level: str, until: float) -> Dissent:
     dissent.second = dissent.second if packed.second is None else packed.second
     for source, it in standings.items():
         dissent.heard[source] = it.heard
-        dissent.standings[source] = Standing(
-            share=it.share, seconds=it.seconds, sigmas=it.sigmas, since=it.since, logged=it.since is not None
-        )
+        verdicts = Verdicts(it.share, it.seconds, it.sigmas)
+        dissent.standings[source] = Standing(verdicts, since=it.since, logged=it.since is not None)
         pending = _floats(it.pending)
         if len(pending):
             dissent.pending[source] = [(bool(np.signbit(x)), abs(float(x))) for x in pending]

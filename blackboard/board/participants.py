@@ -6,6 +6,7 @@ refused, and tried again when more is known.
 
 from __future__ import annotations
 
+from blackboard.board.guests import Guests
 from blackboard.errors import Refused
 from blackboard.process.intake import TooEarly
 from blackboard.process.roster import Roster
@@ -19,8 +20,8 @@ MAX_ROBOTS = 1024  # whose sub-teams are remembered
 class Participants:
     """In lockstep the world's Clock names the robots, and those that have gone are not waited for; else who speaks under a token."""
 
-    def __init__(self, roster: Roster, clock: TeamClock, team: str, sub_team: str) -> None:
-        self.roster, self.clock = roster, clock
+    def __init__(self, roster: Roster, clock: TeamClock, team: str, sub_team: str, guests: Guests) -> None:
+        self.roster, self.clock, self.guests = roster, clock, guests
         self.team, self.sub_team = team, sub_team
         self._members: dict[str, tuple[str, ...]] = {}  # robot -> its sub-teams, as they were known last
         self._heard: set[str] = set()  # robots of this sub-team that have said something
@@ -37,7 +38,11 @@ class Participants:
         return board in self.roster.boards.get(sub_team, [])
 
     def check_robot(self, robot: str) -> None:
-        """Refused: a robot without a token in the sub-team that the world does not name. TooEarly: its token may be on its way."""
+        """Refused: a guest that may only listen, or a robot without a token in the sub-team that the world does not name.
+
+        TooEarly: its token may be on its way.
+        """
+        self.guests.check(robot)
         if self.has_robot(robot, self.sub_team):
             return
         raise self.doubted(Refused("unregistered", f"{robot} holds no liveliness token in sub-team {self.sub_team}"))
@@ -62,7 +67,7 @@ class Participants:
     def hear_robot(self, robot: str) -> None:
         """A robot of this sub-team says something: where no world names the robots, it is waited for, but not another team."""
         here = self.roster.robots.get(self.sub_team, [])
-        if robot in here and robot not in self._heard and not robot.startswith(VIA):
+        if self.guests.may_report(robot) and robot in here and robot not in self._heard and not robot.startswith(VIA):
             self._heard = {*self._heard.intersection(here), robot}
 
     def hear_role(self, sub_team: str, board: str, *, follows: bool) -> None:
@@ -97,7 +102,7 @@ class Participants:
         if named is None:
             return [robot for robot in self.roster.robots.get(self.sub_team, []) if robot in self._heard]
         place = {"team": self.team, "sub_team": self.sub_team}
-        here = named.get(self.sub_team, [])
+        here = filter(self.guests.may_report, named.get(self.sub_team, []))
         return [robot for robot in here if not self.roster.has_gone(keys.MEMBER.key(**place, robot=robot))]
 
     def boards(self) -> list[tuple[str, str]] | None:

@@ -1,7 +1,7 @@
 """The board process: envelopes to messages around a Board, and what it publishes at the end of each phase of a tick.
 
 It only routes: `Reception` judges what arrives,
-the table `blackboard.process.rounds.BOARD` says when a phase is over (docs/design.md, "A tick in lockstep"), the `Board` settles, and
+the table `blackboard.process.rounds.BOARD` says when a phase is over (docs/ticks.md, "A tick in lockstep"), the `Board` settles, and
 the `Publisher` sends it.
 """
 
@@ -13,12 +13,13 @@ from dataclasses import asdict
 
 from blackboard.board.board import Board
 from blackboard.board.clocks import Clocks
+from blackboard.board.guests import Guests
 from blackboard.board.handover import Handover
 from blackboard.board.lead import BoardRole, Lead, Publication
 from blackboard.board.participants import Participants
 from blackboard.board.publisher import Publisher
 from blackboard.board.reception import Reception
-from blackboard.config import BoardSection, Scenario
+from blackboard.config import BoardSection, Scenario, TeamSection
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake
 from blackboard.process.roster import Roster
@@ -45,13 +46,24 @@ def board_of(scenario: Scenario, sub_team: str, board: str | None = None) -> Boa
         board=board or f"board-{sub_team}",
         grid=scenario.grid,
         settings=scenario.board,
+        members=scenario.team,
     )
 
 
 class BoardService:
     """The board process of one sub-team (`blackboard.process.service.Service`)."""
 
-    def __init__(self, *, team: str, sub_team: str, board: str, grid: Grid, settings: BoardSection) -> None:
+    def __init__(
+        self,
+        *,
+        team: str,
+        sub_team: str,
+        board: str,
+        grid: Grid,
+        settings: BoardSection,
+        members: TeamSection | None = None,
+    ) -> None:
+        """`members`: the robots that a scenario names, and what others may do; by default everybody may report."""
         self.team, self.sub_team, self.name = team, sub_team, board
         self.grid, self.settings = grid, settings
         self.intake = Intake()
@@ -60,7 +72,8 @@ class BoardService:
         self.rounds = Rounds(BOARD, {"patience": settings.patience, "half a period": settings.period / 2}, "settled")
         self.lead = Lead(self.roster, sub_team, board, silent=2 * settings.patience + SILENT)
         self.clocks = Clocks(f"{sub_team}/{board}", settings.skew, self.clock)
-        self.participants = Participants(self.roster, self.clock, team, sub_team)
+        self.guests = Guests(members)
+        self.participants = Participants(self.roster, self.clock, team, sub_team, self.guests)
         self.reception = Reception(board, self.participants, self.clocks, self.lead, self.intake)
         self.publisher = Publisher(team, grid, settings, self.lead, self.clocks, self.intake)
         self._pace = self.clock.pace  # the pace at which early messages were retried last
@@ -70,7 +83,10 @@ class BoardService:
     def _begin(self) -> None:
         """Forget all messages: a new run begins, or stamps have another time base from now on."""
         survive = self.intake.failures.survive
-        self.board = Board(self.sub_team, self.name, self.grid, self.settings, survive, self.counters)
+        self.guests.forget(())
+        self.board = Board(
+            self.sub_team, self.name, self.grid, self.settings, survive, self.counters, guests=self.guests
+        )
         self.handover = Handover(self.board)
         self.reception.begin(self.board, self.handover)
         self.publisher.begin()

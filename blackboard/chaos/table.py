@@ -19,6 +19,7 @@ from blackboard.chaos.trouble import Trouble
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed
 from blackboard.judge.samples import Sample, held_by, read_series, rms_error
+from blackboard.process.columns import cell, markdown_table
 
 WARM_UP = 6.0  # seconds of team time before the trouble
 AFTER = 5.0  # seconds of team time after it that are judged with it
@@ -119,15 +120,11 @@ COLUMNS = ("case", "trouble", "again settled", "settled", "solo", "robots", "obj
 
 def text(found: dict[str, Any]) -> str:
     """The table as Markdown, and what it was made with."""
-    lines = [f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
+    lines: list[Sequence[str]] = [COLUMNS]
     for row in found["rows"]:
         again = "never" if row["recovery"] is None else f"{row['recovery']:.1f} s"
-        errors = [_number(row[name], "{:.2f}") for name in ("solo", "robots", "objects")]
-        shares = [_number(row[name], "{:.0%}").replace("%", " %") for name in ("coverage", "missing")]
+        errors = [cell(row[name], "{:.2f}") for name in ("solo", "robots", "objects")]
+        shares = [cell(row[name], "{:.0%}").replace("%", " %") for name in ("coverage", "missing")]
         share = f"{row['settled']:.0%}".replace("%", " %")
-        lines.append("| " + " | ".join((row["case"], row["what"], again, share, *errors, *shares)) + " |")
-    return "\n".join([*lines, "", found["network"]])
-
-
-def _number(value: float | None, form: str) -> str:
-    return "-" if value is None else form.format(value)
+        lines.append((row["case"], row["what"], again, share, *errors, *shares))
+    return "\n".join([*markdown_table(lines), "", found["network"]])

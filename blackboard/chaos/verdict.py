@@ -9,6 +9,7 @@ from statistics import median
 
 from blackboard.chaos.gauges import Gauge
 from blackboard.chaos.sight import Look
+from blackboard.process.columns import columns
 
 LIFE = 120.0  # seconds that a process must have lived to be judged by its memory
 WARM = 60.0  # seconds at the beginning of a life that are left out: caches fill, and the allocator finds its size
@@ -143,5 +144,4 @@ def _kind(name: str) -> str:
 
 def text(lines: Sequence[Line]) -> str:
     """The lines as a table."""
-    rows = [f"{'yes' if line.holds else 'NO':<4}{line.what:<75}{line.found}" for line in lines]
-    return "\n".join(rows)
+    return "\n".join(columns([("yes" if line.holds else "NO", line.what, line.found) for line in lines]))

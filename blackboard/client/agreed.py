@@ -11,7 +11,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import pose_of
+from blackboard.wire.evidence import pose_of, velocity_of
 from blackboard.wire.messages import Consensus, Refusal
 from blackboard.wire.types import Message
 
@@ -34,6 +34,19 @@ class Agreed:
     def pose(self) -> Moments | None:
         """Mean (x, y, heading), shape (3,), and covariance, shape (3, 3), of a robot in a joint; None of anything else."""
         return pose_of(self.story.state)
+
+    @property
+    def lost(self) -> float | None:
+        """The probability that a robot in a joint is not where this says, 0 to 1; None of anything else."""
+        return self.story.lost
+
+    @property
+    def velocity(self) -> Moments | None:
+        """Velocity along x and y (unit / s), and of a robot its rate of turn (rad / s): shape (3,), of an object that rolls (2,).
+
+        With the covariance. None where nobody knows, and of an object that walks at random.
+        """
+        return velocity_of(self.story.velocity)
 
 
 class Newest:

@@ -7,11 +7,11 @@ this robot, too.
 
 from __future__ import annotations
 
-from blackboard.board.entries import MAX_SUBJECTS
 from blackboard.client.agreed import TeamNews
 from blackboard.config import BoardSection
 from blackboard.errors import OpinionError, Refused
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.believed import MAX_SUBJECTS
 from blackboard.opinion.grid import Grid
 from blackboard.process.peer import Answers, Peer
 from blackboard.process.reactions import Cue
@@ -85,9 +85,8 @@ class Member(Around):
         """Believe nothing any more about a subject; what a board had of it is left out at once."""
         if self._reports.pop(subject, None) is None:
             return []
-        return self.peer.say(
-            self._answers(self._next_tick(now), now), now, []
-        )  # boards drop what is older than this tick
+        # boards drop what is older than this tick
+        return self.peer.say(self._answers(self._next_tick(now), now), now, [])
 
     def _next_tick(self, now: float) -> int:
         """The world's tick; where no world gives one, milliseconds of Unix time, which also grow when the program starts again."""

@@ -20,8 +20,7 @@ from blackboard.wire.names import NAME, SUBJECT_KINDS
 from blackboard.wire.types import LARGEST
 
 if TYPE_CHECKING:
-    from robot_agent.driven import Driven, Gathered, Pose
-    from robot_agent.gaussian.own import Independence
+    from robot_agent.driven import Driven, Gathered, Independence, Pose
 
 SMALLEST = 1e-9  # the smallest eigenvalue of a covariance, of its scale
 LEAST = 1e-6  # the smallest sigma, unit or radians: a message holds no smaller one
@@ -39,7 +38,7 @@ class Robot(Membership):
         super().__init__(*arguments, **named)
         self._lock = threading.Lock()
         self._told: Gathered | None = None  # since the last step
-        self._own: bool | None = None  # whether it has a filter of its own; None: nobody has said yet
+        self._own: bool | None = None  # whether it has a filter of its own; None: not known yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
         self._stepped = -math.inf  # team time of the newest step that had a time, seconds
 
@@ -207,7 +206,7 @@ class Robot(Membership):
 
         While they have several hypotheses, the odometry alone counts.
         """
-        from robot_agent.gaussian.own import of_particles
+        from robot_agent.driven import of_particles
 
         known = _Call("particles")
         points = known.array("particles", particles, 3)

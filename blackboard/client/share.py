@@ -72,9 +72,9 @@ class Share(Around):
         self.subjects, self.every, self.max_age = tuple(subjects), every, settings.max_age
         #: subject -> the newest agreed belief that is not reported yet, and its arrival in Unix seconds
         self._newest: dict[str, tuple[Agreed, float]] = {}
-        self._runs = "", ""  # of the teams that are heard and told
+        self._runs = "", ""  # of the team that is heard, and of the one that is reported to
         self._due: dict[str, float] = {}  # subject -> Unix seconds from which on it may be reported again
-        #: subject -> the ancestors of what the team that is told agreed on last
+        #: subject -> the ancestors of what the team that is reported to agreed on last
         self._known: dict[str, Mapping[str, float]] = {}
         self._logged: set[str] = set()  # reasons
 
@@ -133,7 +133,7 @@ class Share(Around):
         if not any(wanted in (agreed.subject, f"{kind}/*") for wanted in self.subjects):
             return
         if kind == "robot" and (name.startswith(VIA) or _at_home(subject, f"robot/{self._team}")[1]):
-            return  # the place of a share, which has none, or of a robot of the team that would be told
+            return  # the place of a share, which has none, or of a robot of the team that is reported to
         if not re.fullmatch(NAME, subject.partition("/")[2]):
             return  # the robot's name with its team's before it is longer than a name may be
         if subject in self._due or len(self._due) < MAX_SUBJECTS:

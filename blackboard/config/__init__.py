@@ -24,7 +24,7 @@ from blackboard.tables import read_tables
 from blackboard.wire.mistakes import KEY, first_mistake, nearest
 from blackboard.wire.names import MAX_FRAME, NAME, SUBJECT_KINDS
 
-SECTIONS = ("name", "team", "grid", "time", "board", "robot", "world", "fault")
+SECTIONS = ("name", "team", "grid", "time", "board", "robot", "robots", "world", "fault")
 Name = Annotated[str, Field(pattern=f"^{NAME}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 #: Of a random walk. With 1e6 the covariance of a joint is no longer positive definite in floating point, and the joint begins anew.
@@ -48,6 +48,8 @@ class TeamSection(Section):
     "Sub-teams with the names of their robots; a robot may be in several."
     boards: Annotated[int, Field(ge=1, le=9)] = 1
     "Boards of each sub-team: one leads, the others take over when it dies."
+    guests: Literal["none", "watch", "vote"] = "watch"
+    "Robots that sub_teams does not name: shut out, or only listen, or are heard; until a named one has seen them they share one vote."
 
     @field_validator("sub_teams")
     @classmethod
@@ -66,6 +68,10 @@ class TeamSection(Section):
     def robots(self) -> tuple[str, ...]:
         """All robots, each once, in the order of the file."""
         return tuple(dict.fromkeys(robot for robots in self.sub_teams.values() for robot in robots))
+
+    def is_guest(self, robot: str) -> bool:
+        """Whether a file that names robots does not name this one."""
+        return "sub_teams" in self.model_fields_set and robot not in self.robots
 
     def of(self, robot: str) -> list[str]:
         """The sub-teams of a robot; one that the file does not name is spread over them by its name."""
@@ -141,6 +147,10 @@ class BoardSection(Section):
     "[unit/sqrt(s)] How objects in the joint move before their own sightings show it: a random walk."
     objects_drifts: dict[Name, Drift] = Field(default_factory=dict)
     "[unit/sqrt(s)] The same of single objects, by name, in place of objects_drift: { can = 0.0 } stands still, until it is kicked."
+    objects_motion: Literal["learn", "walk", "roll"] = "learn"
+    "How objects in the joint move on: at random (walk), at a velocity that changes (roll), or as their sightings show (learn)."
+    objects_motions: dict[Name, Literal["learn", "walk", "roll"]] = Field(default_factory=dict)
+    "The same of single objects, by name, in place of objects_motion: { ball = 'roll' }."
     sharpest: Positive | None = None
     "[unit] The least sigma of a place that a robot's sensors can have: who claims less in a joint counts as that; a cell / 8."
     max_age: Positive = 10.0

@@ -49,11 +49,8 @@ class Track:
 
     truth: Array = field(default_factory=lambda: np.zeros((0, 4)))  # time, x, y, heading
     odometry: Array = field(default_factory=lambda: np.zeros((0, 4)))  # time, x, y, heading of its dead reckoning
-    sigmas: tuple[float, float, float] = (
-        0.0,
-        0.0,
-        0.0,
-    )  # of the odometry: along, across, turn, per square root of a second
+    #: Of the odometry: along, across, turn, per square root of a second.
+    sigmas: tuple[float, float, float] = (0.0, 0.0, 0.0)
     seen: list[Seen] = field(default_factory=list)  # in time order
 
 

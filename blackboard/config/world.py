@@ -56,12 +56,14 @@ class OdometrySection(Section):
 
 
 class ObjectSection(Section):
-    """An object does a random walk, reflected at the walls: the motion that a robot's model can match exactly."""
+    """An object does a random walk, or rolls, or both, and the walls reflect it."""
 
     start: tuple[Coordinate, Coordinate] | None = None
     "[unit] Where it is at the beginning; drawn from the seed where it is not given."
     drift: Sigma = 0.0
     "[unit/sqrt(s)] How it moves in each coordinate; 0 is an object that stands."
+    rolls: Sigma = 0.0
+    "[unit/s] How fast it rolls, in a direction drawn from the seed; the walls throw it back."
 
 
 class CheckSection(Section):
@@ -190,6 +192,7 @@ def _unknown_objects(scenario: Scenario, world: WorldSection) -> list[str]:
     """
     patterns = (pattern.split("/") for pattern in scenario.board.subjects)
     named = [(f"board.objects_drifts.{name}", name) for name in scenario.board.objects_drifts]
+    named += [(f"board.objects_motions.{name}", name) for name in scenario.board.objects_motions]
     named += [(f"board.subjects.object/{name}", name) for kind, name in patterns if kind == "object" and name != "*"]
     known = sorted(world.objects)
     has = f"it has {', '.join(known)}" if known else "it has none"

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
-GONE = 5.0  # seconds without a sample until the end: whoever comes back is settled again within that time
+GONE = 5.0  # seconds without a sample until the end: who comes back is settled again within that time
 
 
 @dataclass
@@ -18,10 +18,10 @@ class Attendance:
     """Mutable; told of every sample, in order of time."""
 
     judged: Counter[str] = field(default_factory=Counter)  # subject -> samples
-    lacking: Counter[str] = field(default_factory=Counter)  # subject -> samples that were owed
-    missing: dict[str, Counter[str]] = field(default_factory=dict)  # subject -> level -> samples, owed or not
+    lacking: Counter[str] = field(default_factory=Counter)  # subject -> samples that were due
+    missing: dict[str, Counter[str]] = field(default_factory=dict)  # subject -> level -> samples, due or not
     _since: dict[str, float] = field(default_factory=dict)  # robot -> team time since which every sample was lacking
-    _last: dict[str, float] = field(default_factory=dict)  # robot -> team time at which it owed a sample last
+    _last: dict[str, float] = field(default_factory=dict)  # robot -> team time at which a sample of it was due last
     _until: float = 0.0  # team time of the newest sample
 
     def take(self, subject: str, time: float, missing: Collection[str]) -> None:

@@ -23,7 +23,7 @@ BLOCK = 10.0  # seconds: twice the time between two fixes of a robot in the demo
 FEWEST = 3  # blocks
 MOST = 360  # blocks, an hour of them; where there would be more, two neighbours become one, which is as independent
 
-#: What regions are called: they hold the truth as often as they claim as far as can be told, too often, too rarely, ...
+#: What regions are called: they hold the truth as often as they claim within their interval, too often, too rarely, ...
 CONSISTENT, CAUTIOUS, CONFIDENT, MIXED, SHORT = "consistent", "over-cautious", "over-confident", "mixed", "too short"
 
 

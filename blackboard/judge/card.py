@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from blackboard.judge.calibration import BLOCK, CONSISTENT, FEWEST, SHORT, kind
+from blackboard.judge.forecasts import OUTSIDE
 from blackboard.judge.intervals import Estimate
 from blackboard.judge.referee import Judgement
 from blackboard.judge.samples import LEVELS
 from blackboard.opinion.scores import LEVELS as SHARES
+from blackboard.process.columns import columns
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ def scorecard(result: RunResult) -> dict[str, Any]:
         "missing": found.missing,
         "counters": dict(sorted(result.counters.items())),
         "honesty": found.honesty,
+        "motion": found.motion,
+        "lost": found.lost,
         "causes": found.causes,
     }
 
@@ -74,19 +78,23 @@ SAME_PROCESSOR = "the same scenario and seed give the same hash on the same kind
 
 def text(card: dict[str, Any]) -> str:
     """The scorecard as text: a table of levels, whether the beliefs are honest, then the verdict, its reasons and their causes."""
-    lines = [f"{'':<18}{'n':>7}" + "".join(f"{name:>10}" for name, _, _ in COLUMNS)]
-    lines.append(f"{'unit':<25}" + "".join(f"{unit or card['unit']:>10}" for _, unit, _ in COLUMNS))
-    lines.append(f"{'better is':<25}" + "".join(f"{better:>10}" for _, _, better in COLUMNS))
+    rows: list[tuple[str, ...]] = [
+        ("", "n", *(name for name, _, _ in COLUMNS), ""),
+        ("unit", "", *(unit or card["unit"] for _, unit, _ in COLUMNS), ""),
+        ("better is", "", *(better for _, _, better in COLUMNS), ""),
+    ]
     for group in card["scores"]:
         for level in LEVELS:
             s = card["scores"][group][level]
             if s["n"]:
                 numbers = (s["rmse"], s["p95"], s["entropy"], s["log_score"], *s["coverage"].values())
-                shown = "".join(f"{x:>10.3f}" for x in numbers)
-                lines.append(f"{group + ' ' + level:<18}{s['n']:>7}{shown}  {_word(card, group, level)}".rstrip())
+                shown = (f"{x:.3f}" for x in numbers)
+                rows.append((f"{group} {level}", str(s["n"]), *shown, _word(card, group, level)))
     messages = card["messages"]
     refused = sum(messages["refused"].values())
-    lines += [
+    lines = [
+        *columns(rows, numbers=range(1, 2 + len(COLUMNS))),
+        *_moving(card),
         *_dishonest(card),
         "",
         f"{card['ticks']} ticks, {card['simulated_s']:g} s of team time in {card['wall_s']:.1f} s",
@@ -106,6 +114,23 @@ def _word(card: dict[str, Any], group: str, level: str) -> str:
     word = str(honesty.get("word", ""))
     at = honesty.get("coverage", {}).get("50")
     return f"{word} ({at['low']:.2f} to {at['high']:.2f} in 50 %)" if word == CONSISTENT and at else word
+
+
+def _moving(card: dict[str, Any]) -> list[str]:
+    """A line for each kind of heading and velocity that was judged."""
+    units = {"headings": "rad", "velocities": f"{card['unit']}/s"}
+    lines = [
+        f"{what} of {group}: RMSE {it['rmse']:.3f} {units[what]}, in 95 % {it['coverage']['95']:.3f} (n {it['n']})"
+        for what, groups in card["motion"].items()
+        for group, it in groups.items()
+    ]
+    # An honest belief misses its own region by chance, and those who are missed so cannot be foretold.
+    if (lost := card["lost"]) and lost["auroc"] is not None and lost["share"] > 2 * (1 - OUTSIDE):
+        lines.append(
+            f"robots were lost {100 * lost['share']:.1f} % of the time: forecast with an AUROC of {lost['auroc']:.3f}, "
+            f"Brier score {lost['brier']:.4f}"
+        )
+    return ["", *lines] if lines else []
 
 
 def _too_short(card: dict[str, Any]) -> str:

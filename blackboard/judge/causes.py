@@ -13,7 +13,7 @@ from blackboard.judge.calibration import CONFIDENT
 
 SAME = 0.01  # agreed and solo RMSE that differ by a smaller share are the same
 OFF = 2.0  # a robot is off where its RMSE is so many times that of all others together
-ALONE = 0.1  # nobody else counts where others contributed in a smaller share of the ticks
+ALONE = 0.1  # a source is alone where others contributed in a smaller share of the ticks
 
 Scores = Mapping[str, Any]  # the scorecard's block "scores"
 Honesty = Mapping[str, Mapping[str, Mapping[str, Any]]]  # the scorecard's block "honesty"

@@ -11,10 +11,8 @@ from blackboard.opinion.grid import Array
 from blackboard.opinion.scores import errors
 
 KEPT = 4096  # distances, 32 KiB; beyond them they are counted
-LEAST, MOST = (
-    1e-4,
-    1e4,
-)  # of a distance that is told from smaller and larger ones in the quantile, in the unit of the grid
+#: Distances outside of these count as one of them in the quantile; in the unit of the grid.
+LEAST, MOST = (1e-4, 1e4)
 WIDTH = 0.002  # of a bin, in ln of the distance: the quantile is off by 0.1 % at most
 BINS: Final = math.ceil(math.log(MOST / LEAST) / WIDTH)  # 36 KiB
 SHARE = 0.95  # of the quantile

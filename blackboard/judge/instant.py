@@ -80,7 +80,7 @@ class Instant:
         """The robots whose information a belief rests on by name; of a sub-team in the exchange, those behind its consensus."""
         if level == "solo":
             return frozenset({robot})
-        consensus = self._consensus(sub_team, level, subject)
+        consensus = self.consensus(sub_team, level, subject)
         named = frozenset(used.source for used in consensus.used) if consensus else frozenset()
         if level == "consensus":
             return named
@@ -92,9 +92,10 @@ class Instant:
         if level == "solo":
             solo = self.solos.get(robot)
             return solo.beliefs.get(subject) if solo else None
-        consensus = self._consensus(sub_team, level, subject)
+        consensus = self.consensus(sub_team, level, subject)
         return consensus.belief if consensus else None
 
-    def _consensus(self, sub_team: str, level: str, subject: str) -> Consensus | None:
+    def consensus(self, sub_team: str, level: str, subject: str) -> Consensus | None:
+        """What the first board of a sub-team by name said about a subject."""
         names = [(sub_team, level, subject, board) for board in sorted(self.boards.get(sub_team, ()))]
         return next((self.consensuses[name][1] for name in names if name in self.consensuses), None)

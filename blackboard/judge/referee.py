@@ -12,8 +12,8 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,9 @@ from blackboard.errors import Refused
 from blackboard.judge.attendance import Attendance
 from blackboard.judge.calibration import Calibration, claimed_error, word
 from blackboard.judge.causes import likely_causes
+from blackboard.judge.forecasts import OUTSIDE, Forecasts
 from blackboard.judge.instant import Instant
+from blackboard.judge.motions import Motions
 from blackboard.judge.samples import AREA_OF, GROUPS, LEVELS, Keep, Sample, sample_of
 from blackboard.judge.tally import Tally
 from blackboard.opinion.belief import Belief
@@ -50,6 +52,8 @@ class Judgement:
     unit: str  # of the errors in `scores`
     refused: dict[str, int]  # reason -> beliefs that could not be unpacked
     honesty: dict[str, dict[str, Any]] = field(default_factory=dict)  # the scorecard's block "honesty"
+    motion: dict[str, dict[str, Any]] = field(default_factory=dict)  # the scorecard's block "motion"
+    lost: dict[str, Any] = field(default_factory=dict)  # the scorecard's block "lost"
     causes: list[str] = field(default_factory=list)  # what would explain a FAIL; empty where none fits, and of a PASS
 
 
@@ -78,6 +82,8 @@ class Referee:
         self._took_part: set[str] = set()  # robots
         self._company: Counter[str] = Counter()  # subject -> samples whose agreed belief rests on several robots
         self._calibrations: dict[tuple[str, str], Calibration] = {}  # subject and level
+        self._motions = Motions()
+        self._lost = Forecasts()
         self._landmark_at: dict[str, float] = {}  # robot -> team time of the newest tick in which it saw a landmark
 
     @property
@@ -103,6 +109,16 @@ class Referee:
             for subject in (f"robot/{robot}", *([] if robot in self.faulty else objects)):
                 if subject in instant.truth.positions:
                     self._sample(instant, robot, sub_team_of[robot], subject, known)
+        self._judge_motions(instant, sub_team_of)
+
+    def _judge_motions(self, instant: Instant, sub_team_of: Mapping[str, str]) -> None:
+        """Each robot's by its sub-team, but for those that are faulty, and each object's by the first sub-team."""
+        for subject in instant.truth.positions:
+            kind, _, name = subject.partition("/")
+            if kind == "object" and instant.teams:
+                self._motions.hear(instant, min(instant.teams), subject)
+            elif name in sub_team_of and name not in self.faulty:
+                self._motions.hear(instant, sub_team_of[name], subject)
 
     def _sample(
         self,
@@ -125,12 +141,22 @@ class Referee:
         self._attendance.take(subject, instant.truth.time, [level for level in LEVELS if level not in scored])
         if len(scored) == len(LEVELS):
             self._company[subject] += len(instant.sources("agreed", robot, sub_team, subject)) > 1
+            lost = self._judge_lost(instant, sub_team, subject, scored["agreed"][0])
             for level, (score, belief, claimed) in scored.items():
                 self._scores.setdefault(subject, {}).setdefault(level, Tally()).add(score)
                 calibration = self._calibrations.setdefault((subject, level), Calibration())
                 calibration.add(instant.truth.time, score, claimed)
                 if self._record is not None:
-                    self._record(self._recorded(instant, robot, sub_team, subject, level, score, belief))
+                    sample = self._recorded(instant, robot, sub_team, subject, level, score, belief)
+                    self._record(replace(sample, lost=lost) if level == "agreed" else sample)
+
+    def _judge_lost(self, instant: Instant, sub_team: str, subject: str, score: Score) -> float:
+        """The probability that was told of a robot being lost, NaN where none was; it is taken with whether it was."""
+        agreed = instant.consensus(sub_team, "agreed", subject)
+        if agreed is None or agreed.lost is None:
+            return math.nan
+        self._lost.add(agreed.lost, score.levels[0] > OUTSIDE)
+        return agreed.lost
 
     def _score(self, packed: PackedBelief, truth: Sequence[float]) -> tuple[Score, Belief, float] | None:
         score = Score()
@@ -175,7 +201,8 @@ class Referee:
         robots = {robot: robot in self._took_part for robot in self.robots if robot not in self.faulty}
         causes = [] if passed else likely_causes(scores, honesty, missing, company, robots, unit)
         refused = dict(sorted(self.refused.items()))
-        return Judgement(passed, reasons, scores, missing, self.hash, unit, refused, honesty, causes)
+        motion, lost = self._motions.summary(), self._lost.summary()
+        return Judgement(passed, reasons, scores, missing, self.hash, unit, refused, honesty, motion, lost, causes)
 
     def scores(self) -> dict[str, Any]:
         """The scorecard's block "scores": for robots and objects, each level, together and by name; `faulty` where there are any."""

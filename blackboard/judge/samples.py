@@ -23,11 +23,8 @@ from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
 from blackboard.opinion.scores import Score, held
 
-LEVELS = (
-    "solo",
-    "consensus",
-    "agreed",
-)  # what a robot believes alone, its sub-team, and all of them after the exchange
+#: What a robot believes alone, its sub-team, and all of them after the exchange.
+LEVELS = ("solo", "consensus", "agreed")
 GROUPS = {"robots": "robot/", "objects": "object/"}  # of subjects, by how their names begin
 AREA_OF = 0.95  # the share of the mass in the region whose area a sample has
 
@@ -59,6 +56,7 @@ class Sample:
     var_x: float = math.nan  # variance of the belief along x, unit^2
     cov_xy: float = math.nan  # covariance of x and y, unit^2
     var_y: float = math.nan  # variance along y, unit^2
+    lost: float = math.nan  # of a robot, what is agreed: the probability that it is not there
 
     def __post_init__(self) -> None:
         if math.isnan(self.error):  # older series have no such column

@@ -16,6 +16,7 @@ from blackboard.config import Scenario, load
 from blackboard.errors import UserError, extra
 from blackboard.judge.files import check_folder, check_table, table_file
 from blackboard.lab import comparison, paper, parallel, sweep_report, tuning, tuning_report
+from blackboard.lab import lost as lost_robots
 from blackboard.lab import streams as streams_of_fusions
 from blackboard.lab.estimates import RuleScores
 from blackboard.lab.sweep import kept_runs, run_all
@@ -37,6 +38,7 @@ def lab(
     streams: int = 0,
     ideal: bool = False,
     agreed: bool = False,
+    lost: bool = False,
     length: LengthFlags = LengthFlags(),
     recording: RecordingFlags = RecordingFlags(),
     picture: Path | None = None,
@@ -60,6 +62,8 @@ def lab(
         Also judge one filter that has all robots' readings and, in simulation, is told the world's own noise.
     agreed
         Also run the whole team, once with each `fusion` of [board], and judge what its boards agree on.
+    lost
+        Instead of all this, run whole teams with one faulty robot, and judge the probability of being lost that boards tell of each.
     picture
         Also draw the table into this file (.svg or .png); needs the extra `plot`.
     """
@@ -70,6 +74,8 @@ def lab(
         return _streams(streams, np.random.default_rng(seed), output)
     trials_rng, intervals_rng = np.random.default_rng(seed).spawn(2)
     teams = _teams(scenario, length, recording)
+    if lost:
+        return _lost(teams or [load("demo").changed("time", seconds=length.seconds)], variants, output)
     if (ideal or agreed) and not teams:
         raise UserError("--ideal and --agreed are about a team: name a scenario or a recording too")
     jobs = parallel.trial_jobs(runs, trials_rng) if runs else []
@@ -267,7 +273,7 @@ def sweep(
     chosen = chosen.changed("time", seconds=seconds, mode="lockstep")
     planned = plan(chosen, parse_seeds(seeds), set)
     for one in {one.combination: one for one in planned}.values():
-        Team(one.scenario)  # a mistake in any section is told before anything runs
+        Team(one.scenario)  # a mistake in any section is reported before anything runs
     with kept_runs(runs) as (done, keep), progress("sweep", lines=True) as show:
         cards = run_all(planned, done, keep, show)
     found = sweep_report.report(planned, cards, np.random.default_rng(SEED))
@@ -279,6 +285,14 @@ def sweep(
                 write(each)
     if drawing is not None and plot is not None:
         drawing.draw_sweep(found, planned, cards, plot)
+    return 0
+
+
+def _lost(teams: Sequence[Scenario], variants: int, output: OutputFlags) -> int:
+    with progress("lab") as show_progress:
+        jobs = lost_robots.jobs(teams, variants)
+        parts = parallel.run_jobs(lost_robots.judge, jobs, show_progress)
+    output.show(lost_robots.report([str(job[0]) for job in jobs], parts), lost_robots.text)
     return 0
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from blackboard.judge.intervals import Estimate, share_of_blocks
 from blackboard.judge.samples import Sample, held_by
 from blackboard.opinion.scores import LEVELS, errors
+from blackboard.process.columns import columns, markdown_table
 
 FUSIONS = ("opinions", "joint")
 TEAM = "team"
@@ -223,22 +224,19 @@ def _cells(s: Mapping[str, Any]) -> Iterator[str]:
 
 def markdown(found: Mapping[str, Any]) -> str:
     """A report as a Markdown table, the definitions below it."""
-    table = [HEADER, ("---",) * len(HEADER), *rows(found)]
-    return "\n".join([*(f"| {' | '.join(row)} |" for row in table), "", *(f"- {line}" for line in DEFINITIONS)]) + "\n"
+    return "\n".join([*markdown_table([HEADER, *rows(found)]), "", *(f"- {line}" for line in DEFINITIONS)]) + "\n"
 
 
 def text(found: Mapping[str, Any]) -> str:
     """A report as text: a table for each protocol with how its runs ended, then the definitions."""
     since = "its first second" if found["start"] is None else f"{found['start']:.1f}"
-    out, table = [f"{found['recording']} from {since} on", ""], rows(found)
-    widths = [max(len(row[i]) for row in (HEADER, *table)) for i in range(len(HEADER))]
+    out = [f"{found['recording']} from {since} on", ""]
     for protocol, one in found["protocols"].items():
         runs = one["runs"].items()
         ended = (f"{fusion}: {run['verdict']}, {run['ticks']} ticks in {run['wall_s']:.0f} s" for fusion, run in runs)
         out.append(f"{protocol}  ({'; '.join(ended)})")
-        for row in (HEADER, *(row for row in table if row[0] == protocol)):
-            numbers = (cell.rjust(width) for cell, width in zip(row[3:], widths[3:], strict=True))
-            out.append("  ".join([row[1].ljust(widths[1]), row[2].ljust(widths[2]), *numbers]))
+        mine = [row[1:] for row in rows(found) if row[0] == protocol]
+        out += columns([HEADER[1:], *mine], numbers=range(2, len(HEADER)))
         failed = ((fusion, run["reasons"]) for fusion, run in runs if run["verdict"] != "PASS")
         out += [f"  {fusion}: {reason}" for fusion, reasons in failed for reason in reasons]
         out.append("")

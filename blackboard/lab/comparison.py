@@ -20,6 +20,7 @@ from blackboard.opinion.pools import POOLS, fuse
 from blackboard.opinion.robust import Clique
 from blackboard.opinion.rules import Pooled, Rule, read_rule
 from blackboard.opinion.scores import LEVELS
+from blackboard.process.columns import columns
 
 Timer = Callable[[], float]  # seconds
 #: What is compared: a rule, or a whole [board] table with its rules for each subject.
@@ -173,18 +174,19 @@ def text(found: Mapping[str, Any]) -> str:
 def _lines(found: Mapping[str, Any], heads: Sequence[str]) -> Iterator[str]:
     for situation, result in found["trials"].items():
         yield f"{situation}: {result['runs']} runs, {result['cases']} fusions"
-        yield " " * 22 + "".join(f"{head:>14}" for head in heads)
+        table: list[tuple[str, ...]] = [("", *heads, "")]
         for name, row in result["rules"].items():
             cells = (_cell(column, row.get(column), name in result["best"][column]) for column in COLUMNS)
-            failed = f"  {row['failed']} vetoed" if row["failed"] else ""
-            yield f"{'> ' if name == found['default'] else '  '}{name:20}" + "".join(cells) + failed
+            failed = f"{row['failed']} vetoed" if row["failed"] else ""
+            table.append((f"{'> ' if name == found['default'] else '  '}{name}", *cells, failed))
+        yield from columns(table, numbers=range(1, 1 + len(heads)))
         yield ""
 
 
 def _cell(column: str, estimate: Mapping[str, float | None] | None, best: bool) -> str:
     if estimate is None:
-        return "-".rjust(14)
+        return "-"
     low, high = estimate["low"], estimate["high"]
     places = 3 if column.startswith("coverage") else 2
     half = "    -" if low is None or high is None else f"±{(high - low) / 2:.{places}f}"
-    return f"{'*' if best else ''}{estimate['value']:.{places}f} {half}".rjust(14)
+    return f"{'*' if best else ''}{estimate['value']:.{places}f} {half}"

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from typing import Any
 
 import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.config.world import WorldSection
+from blackboard.lab.team import played
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.gaussian.drawing import draw
 from robot_agent.gaussian.ideal import Ideal, of_noise, of_team
 from sim_world.sensors import FAR, NEAR, vision_sigma
-from sim_world.sources import open_sensor_source
 
 #: In units: where the filter samples the world's sigma of a sighting (VI-.1).
 DISTANCES = np.linspace(NEAR + 0.01, FAR - 0.01, 121)
@@ -44,20 +45,35 @@ def ideal(scenario: Scenario) -> Ideal:
     return of_noise(along, world.odometry.turn, world.odometry.compass, tuple(variances), drifts)
 
 
+def assumed(scenario: Scenario) -> dict[str, Any]:
+    """What the robots of a scenario take their noise for, as `blackboard.calibrate.model.Noise.alike` takes it.
+
+    Sigmas along, across and of the turn in a second of motion; the share of them while standing; of sightings. UserError: a wrong
+    section.
+    """
+    wheels, camera = (sensors := of_team(scenario).sensors).wheels, sensors.camera
+    floor, share = math.hypot(camera.floor, camera.lasting_floor), math.hypot(camera.share, camera.lasting_share)
+    bearing = camera.bearing
+    if camera.profile:  # of a seen position, whatever the direction
+        floor, share = math.sqrt(float(np.median([variance for _, variance in camera.profile]))), 0.0
+        bearing = floor / float(np.median([distance for distance, _ in camera.profile]))
+    moving = wheels.along, wheels.across, wheels.heading
+    return {"moving": moving, "standing": wheels.standing, "floor": floor, "share": share, "bearing": bearing}
+
+
 def ideal_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked, Belief]:
     """What the ideal filter of a scenario believes, on the grid, for each subject and time asked for; uniform where it knows nothing.
 
     The readings are those that the robots of the scenario get. UserError: a wrong scenario.
     """
-    world, time, it = open_sensor_source(scenario), scenario.time, ideal(scenario)
+    it = ideal(scenario)
     at: dict[float, list[Asked]] = {}
     for asked in wanted:
         at.setdefault(asked[0], []).append(asked)
     found = {}
-    for tick in range(time.ticks + 1):
-        truth, readings = world.advance("lab", tick)
-        it.step(time.tick if tick else 0.0, readings)
-        for asked in at.get(round(truth.time, 3), ()):
+    for tick in played(scenario):
+        it.step(tick.dt, tick.readings)
+        for asked in at.get(round(tick.truth.time, 3), ()):
             moments = it.belief(asked[1])
             found[asked] = uniform(scenario.grid) if moments is None else draw(scenario.grid, moments)
     return found

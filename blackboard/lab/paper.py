@@ -70,9 +70,8 @@ def world(paper: Scenario, cells: int, robots: int, seconds: float) -> Scenario:
     """The paper's world with the arena of 50 x 50 units divided into cells x cells, and so many robots in one team."""
     chosen = paper.changed("grid", shape=[cells, cells], cell=ARENA / cells)
     chosen = chosen.changed("team", sub_teams={"a": [f"r{i + 1}" for i in range(robots)]})
-    chosen = chosen.changed(
-        "board", objects_drift=0.0
-    )  # the object stands still; [robot.objects] of the scenario says so too
+    # the object stands still; [robot.objects] of the scenario says so too
+    chosen = chosen.changed("board", objects_drift=0.0)
     return chosen.changed("time", seconds=seconds)
 
 

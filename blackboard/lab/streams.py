@@ -15,15 +15,17 @@ from typing import Any
 import numpy as np
 
 from blackboard.board.fusion import as_advised
-from blackboard.board.learning import SPACING, Learner
+from blackboard.board.learning import Learner
 from blackboard.lab.cases import GRID, MARGIN, SIGMA, TRIALS, Case
 from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.believed import SPACING
 from blackboard.opinion.bell import width
 from blackboard.opinion.cooperative import CAUTIOUS, Coalition
 from blackboard.opinion.grid import Array
 from blackboard.opinion.pools import fuse
 from blackboard.opinion.provenance import Opinion
 from blackboard.opinion.scores import Score
+from blackboard.process.columns import cell, columns
 
 FUSIONS = 240  # of one stream
 
@@ -247,16 +249,11 @@ def report(scores: Mapping[str, Sequence[dict[str, Score]]]) -> dict[str, Any]:
 def text(found: Mapping[str, Any]) -> str:
     """The report as text, one line for each stream: log score / 95 % coverage / 50 % coverage of each rule."""
     rules = (*RULES, LEARNED, ORACLE)
-    lines = [f"{'':32}" + "".join(f"{rule:>20}" for rule in rules)]
-    for name, stream in found["streams"].items():
-        cells = (_cell(stream["rules"].get(rule)) for rule in rules)
-        lines.append(f"{name:32}" + "".join(f"{cell:>20}" for cell in cells))
-    gaps = "".join(f"{found['mean_gap'][rule]:>20.3f}" for rule in rules if rule in found["mean_gap"])
-    lines += [
-        f"{'mean gap to the oracle, nats':32}{gaps}",
-        f"log score / 95 % / 50 % coverage, {found['fusions']} fusions a run",
-    ]
-    return "\n".join(lines)
+    rows = [(name, *(_cell(it["rules"].get(rule)) for rule in rules)) for name, it in found["streams"].items()]
+    gaps = (cell(found["mean_gap"].get(rule), "{:.3f}") for rule in rules)
+    table = [("", *rules), *rows, ("mean gap to the oracle, nats", *gaps)]
+    under = f"log score / 95 % / 50 % coverage, {found['fusions']} fusions a run"
+    return "\n".join([*columns(table, numbers=range(1, 1 + len(rules))), under])
 
 
 def _cell(row: Mapping[str, Any] | None) -> str:

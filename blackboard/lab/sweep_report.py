@@ -18,6 +18,7 @@ from blackboard.judge.intervals import means, shown
 from blackboard.judge.samples import GROUPS, LEVELS, READERS
 from blackboard.lab.sweep_plan import Planned, label
 from blackboard.opinion.scores import LEVELS as SHARES
+from blackboard.process.columns import columns
 
 Card = Mapping[str, Any]  # a scorecard, with "cpu_s"
 MEASURES = ("rmse", "log_score", "entropy", *(f"coverage_{level}" for level in SHARES))
@@ -101,23 +102,24 @@ def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[dict[str, s
 def text(found: Mapping[str, Any]) -> str:
     """The result as text: what was agreed in each combination, then the paired differences from the first."""
     combinations, seeds = found["combinations"], found["seeds"]
-    width = max(len(one["label"]) for one in combinations)
-    head = (f"RMSE {found['unit']} (smaller)", "log score nats (larger)", "in 95 % (0.95)")
+    head = (f"RMSE {found['unit']} (smaller)", "log score nats (larger)", "in 95 % (0.95)", "PASS", "CPU s")
+    names = ("rmse", "log_score", "coverage_95")
     lines = [
         f"{found['scenario']}, {found['seconds']:g} s, {len(seeds)} seeds; agreed beliefs, mean over seeds [95 % interval]"
     ]
     for group in GROUPS:
-        lines += ["", f"{group:<{width}}" + "".join(f"{name:>26}" for name in head) + f"{'PASS':>8}{'CPU s':>8}"]
+        rows: list[tuple[str, ...]] = [(group, *head)]
         for one in combinations:
-            block = one["scores"][group]["agreed"]
-            values = "".join(f"{shown(block[name]):>26}" for name in ("rmse", "log_score", "coverage_95"))
-            lines.append(f"{one['label']:<{width}}{values}{one['passed']:>5}/{one['runs']}{one['cpu_s']:>8.1f}")
-        if len(combinations) > 1:
-            lines.append(f"minus {combinations[0]['label']}, in pairs of runs of the same seed:")
+            values = (shown(one["scores"][group]["agreed"][name]) for name in names)
+            rows.append((one["label"], *values, f"{one['passed']}/{one['runs']}", f"{one['cpu_s']:.1f}"))
         for one in combinations[1:]:
-            block = one["difference"][group]["agreed"]
-            values = "".join(f"{shown(block[name], sign='+'):>26}" for name in ("rmse", "log_score", "coverage_95"))
-            lines.append(f"{one['label']:<{width}}{values}")
+            values = (shown(one["difference"][group]["agreed"][name], sign="+") for name in names)
+            rows.append((one["label"], *values, "", ""))
+        table = columns(rows, numbers=range(1, 1 + len(head)))
+        if len(combinations) > 1:
+            between = f"minus {combinations[0]['label']}, in pairs of runs of the same seed:"
+            table.insert(1 + len(combinations), between)
+        lines += ["", *table]
         lines += [line for one in combinations for line in _left_out(one, group, len(combinations) > 1)]
     return "\n".join(lines)
 

@@ -5,8 +5,8 @@ In lockstep the result is the same, to the bit, as that of the processes of `bla
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
@@ -14,13 +14,33 @@ from blackboard.judge.card import scorecard
 from blackboard.judge.samples import Keep
 from blackboard.net.scheduler import Scheduler
 from blackboard.process.service import Service
+from blackboard.wire.messages import Readings, Truth
 from robot_agent.team import robot_of
 from sim_world.service import world_of
+from sim_world.sources import open_sensor_source
 
 if TYPE_CHECKING:
     import numpy as np
 
 Wrap = Callable[[str, Service], Service]  # a robot's name and its service -> the service that runs in its place
+
+
+class Played(NamedTuple):
+    """A tick of a scenario's world: its number, the seconds since the one before, and what is true and measured then."""
+
+    number: int
+    dt: float
+    truth: Truth
+    readings: list[Readings]
+    judged: bool  # whether beliefs of this tick are held against the truth
+
+
+def played(scenario: Scenario) -> Iterator[Played]:
+    """All ticks of a scenario's world, simulated or recorded, without a team. UserError: a mistake in the scenario."""
+    source, time = open_sensor_source(scenario), scenario.time
+    for number in range(time.ticks + 1):
+        truth, readings = source.advance("lab", number)
+        yield Played(number, time.tick if number else 0.0, truth, readings, source.judged(number))
 
 
 class Team(Scheduler):

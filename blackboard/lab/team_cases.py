@@ -15,14 +15,14 @@ from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.lab.cases import Case, Run
 from blackboard.lab.ideal import Asked
-from blackboard.lab.team import Team
+from blackboard.lab.team import Team, played
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus
 from robot_agent.team import estimator_of
-from sim_world.sources import open_sensor_source, replayed_from
+from sim_world.sources import replayed_from
 
 
 def first_hand_cases(scenario: Scenario, every: float = 1.0) -> Run:
@@ -31,25 +31,24 @@ def first_hand_cases(scenario: Scenario, every: float = 1.0) -> Run:
     The sources of a case are the robots that have a first-hand belief about the subject, sorted. UserError: a wrong scenario, or one
     too short.
     """
-    world, grid, time = open_sensor_source(scenario), scenario.grid, scenario.time
+    grid, time = scenario.grid, scenario.time
     estimators = {robot: estimator_of(scenario, robot) for robot in scenario.team.robots}
     stride = max(1, round(every / time.tick))
     cases: Run = []
-    for tick in range(time.ticks + 1):
-        truth, readings = world.advance("lab", tick)
-        for reading in readings:
+    for tick in played(scenario):
+        for reading in tick.readings:
             estimators[reading.robot] = estimators[reading.robot].advance(reading)
-        if tick % stride or not world.judged(tick):
+        if tick.number % stride or not tick.judged:
             continue
         by_subject: dict[str, dict[str, Belief]] = {}
         for robot, estimator in estimators.items():
             for subject, belief in estimator.beliefs().items():
                 by_subject.setdefault(subject, {})[robot] = belief
-        for subject, position in sorted(truth.positions.items()):
+        for subject, position in sorted(tick.truth.positions.items()):
             if subject in by_subject:
                 sources = tuple(sorted(by_subject[subject]))
                 opinions = np.stack([by_subject[subject][name].p for name in sources])
-                cases.append(Case(grid, subject, truth.time, sources, opinions, tuple(position)))
+                cases.append(Case(grid, subject, tick.truth.time, sources, opinions, tuple(position)))
     if not cases:
         raise UserError(
             f"{scenario.where}: in {time.seconds:g} s nothing is judged every {every:g} s; give a longer run"

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from blackboard.config import Scenario
 from blackboard.lab.cases import Case, Run
 from blackboard.lab.comparison import DEFAULT, fused
+from blackboard.lab.team import played
 from blackboard.lab.team_size import TeamSizeScores, add_case, team
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
 from robot_agent.team import first_hand_of
-from sim_world.sources import open_sensor_source
 
 
 def joint_sizes(
@@ -25,22 +25,22 @@ def joint_sizes(
 
     The scenario is the variant that the cases come from. What a joint does not know is pooled by the default rule, as on a board.
     """
-    robots, time, world = scenario.team.robots, scenario.time, open_sensor_source(scenario)
+    robots = scenario.team.robots
     filters = {robot: first_hand_of(scenario, robot) for robot in robots}
-    objects = Objects(scenario.board.objects_drift, scenario.board.objects_drifts)
+    told = scenario.board
+    objects = Objects(told.objects_drift, told.objects_drifts, model=told.objects_motion, models=told.objects_motions)
     sizes = {size for _, some in parts for size in some}
     joints = {team(robot, robots, size): TeamJoint(objects) for robot in robots for size in sizes}
     found = tuple(TeamSizeScores() for _ in parts)
-    for tick in range(time.ticks + 1):
-        truth, readings = world.advance("lab", tick)
+    for tick in played(scenario):
         evidence = {}
-        for one in readings:
+        for one in tick.readings:
             own = filters[one.robot]
-            evidence[one.robot] = own.step(one).evidence(own.robot, tick, one.time, own.sensors.wheels.nuisance)
+            evidence[one.robot] = own.step(one).evidence(own.robot, tick.number, one.time, own.sensors.wheels.nuisance)
         for members, joint in joints.items():
-            joint.settle(tick, time.tick if tick else 0.0, [evidence[robot] for robot in sorted(members)])
+            joint.settle(tick.number, tick.dt, [evidence[robot] for robot in sorted(members)])
         for scores, (run, some) in zip(found, parts, strict=True):
-            for case in (case for case in run if case.time == truth.time):
+            for case in (case for case in run if case.time == tick.truth.time):
 
                 def believed(members: frozenset[str], case: Case = case) -> Belief:
                     joint = joints[members]

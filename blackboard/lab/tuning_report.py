@@ -15,6 +15,7 @@ from blackboard.lab.estimates import RuleScores, difference, estimates
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.lab.tuning import board_table, enough, recommended
 from blackboard.opinion.rules import Rule
+from blackboard.process.columns import columns
 
 NONE = " [-]"  # too few runs were made to give an interval
 
@@ -71,10 +72,11 @@ def text(found: Mapping[str, Any]) -> str:
         intervals = ", ".join(f"{p} {shown(e, 2, without=NONE)}" for p, e in choice["parameters"].items())
         share = f"95 % coverage {choice['coverage_95']:.3f}" + ("" if choice["honest"] else ": LESS THAN ASKED")
         lines.append(f"{name}: {intervals}; log score {choice['log_score']:.3f}, {share}")
-    lines += ["", f"on held-out runs    {'RMSE':>9}{'log score':>25}{'95 % coverage':>22}{'entropy':>9}"]
+    rows: list[tuple[str, ...]] = [("on held-out runs", "RMSE", "log score", "95 % coverage", "entropy")]
     for name, row in found["held_out"].items():
         log, cover = (shown(row[name], without=NONE) for name in ("log_score", "coverage_95"))
-        lines.append(f"  {name:18}{row['rmse']['value']:9.3f}{log:>25}{cover:>22}{row['entropy']['value']:9.2f}")
+        rows.append((name, f"{row['rmse']['value']:.3f}", log, cover, f"{row['entropy']['value']:.2f}"))
+    lines += ["", *columns(rows, numbers=range(1, 5))]
     for other in ("default", "paper"):
         lines.append(
             f"the choice's log score less the {other}'s: {shown(found[f'gain_over_{other}'], without=NONE)} nats"

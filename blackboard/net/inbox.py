@@ -81,7 +81,7 @@ class Inbox:
                 self._put_change(envelope)
             else:
                 self._put_sample(envelope)
-            if self._waits() or self._strangers() <= STRANGERS_BATCH:  # a flood wakes nobody
+            if self._waits() or self._strangers() <= STRANGERS_BATCH:  # a flood does not wake the service
                 self._arrived.notify()
 
     def turns_away(self, key: str, size: int) -> bool:
@@ -146,7 +146,7 @@ class Inbox:
         elif not here and token in self.tokens:
             self.tokens -= {token}
             self._identities.subtract(identities(token))
-            self._identities += Counter()  # without those that nobody holds any more
+            self._identities += Counter()  # without those that have no holder any more
         waiting = self._changes.get(token, 0)
         if waiting >= CHANGES:
             mine = [slot for slot in self._known if slot.envelope is not None and _is_change(slot.envelope, token)]

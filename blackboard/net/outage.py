@@ -11,7 +11,7 @@ class Outage:
 
     def __init__(self) -> None:
         self._routers: set[str] = set()
-        self._lost_at: float | None = None  # of an outage that is not told over
+        self._lost_at: float | None = None  # of an outage whose end is not logged yet
         self._back_at: float | None = None  # its end
         self._told = False  # that the router is lost
         self._quiet_until = 0.0

@@ -45,9 +45,8 @@ def conflict(opinions: npt.ArrayLike, fused: npt.ArrayLike) -> bool:
     """
     limit = entropy(fused) - SLACK
     # Renyi's entropy of order 2, -ln sum p^2, is at most Shannon's, and takes no logarithm of each cell
-    return any(
-        -math.log(float(np.square(p).sum())) < limit and entropy_of(p) < limit for p in checked(opinions)
-    )  # (III-B.1) is broken
+    # (III-B.1) is broken
+    return any(-math.log(float(np.square(p).sum())) < limit and entropy_of(p) < limit for p in checked(opinions))
 
 
 def _pair(p: npt.ArrayLike, q: npt.ArrayLike) -> tuple[Array, Array]:

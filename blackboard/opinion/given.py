@@ -132,7 +132,7 @@ def from_range_bearing(
         if bearing is not None:
             off = np.arctan2(dy, dx) - heading - bearing
             off = (off + np.pi) % (2 * np.pi) - np.pi
-            across = np.maximum(far, least)  # a bearing tells less than a cell near the robot
+            across = np.maximum(far, least)  # a bearing is less exact than a cell near the robot
             sigma = np.sqrt(bearing_sigma**2 + heading_sigma**2 + (max(position_sigma, least) / across) ** 2)
             found = found - 0.5 * (off / sigma) ** 2 - np.log(sigma)
         return np.asarray(found)

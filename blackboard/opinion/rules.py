@@ -2,7 +2,7 @@
 
 Each rule is one class, `Rule` with the decorator `rule`. Those that come with the package stand beside their formulas and in the
 table `blackboard.opinion.pools.POOLS`; others come from a user's own script, or from an installed package that names them under
-the entry point `cop_blackboard.pools` (docs/operations.md, "A rule of your own").
+the entry point `cop_blackboard.pools` (docs/rules.md, "A rule of your own").
 """
 
 from __future__ import annotations

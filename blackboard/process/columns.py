@@ -1,31 +1,48 @@
-"""Rows as text, in columns. Pure."""
+"""Rows as text: in columns, or as a table of Markdown; and numbers that may be missing. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 LEAST_LAST = 12  # characters that the last column keeps before another one falls away
 
 
-def columns(rows: Sequence[Sequence[str]], width: int | None = None, fall: Sequence[str] = ()) -> list[str]:
+def columns(
+    rows: Sequence[Sequence[str]],
+    width: int | None = None,
+    fall: Sequence[str] = (),
+    numbers: Container[int] = (),
+) -> list[str]:
     """A line for each row, the cells of each column under each other; the first row has their names.
 
-    Where lines are longer than `width`, columns fall away in the order of `fall`, and then lines are cut. The last column
-    is the one that is cut first: it counts as LEAST_LAST characters at most.
+    The columns of the indices `numbers` end under each other, all others begin there. Where lines are longer than `width`,
+    columns fall away in the order of `fall`, and then lines are cut. The last column is the one that is cut first: it counts
+    as LEAST_LAST characters at most.
     """
-    table = [list(row) for row in rows]
-    falling = list(fall)
-    while True:
-        widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
-        least = sum(widths[:-1]) + 2 * (len(widths) - 1) + min(widths[-1], LEAST_LAST)
-        if width is None or least <= width or not falling:
+    kept, falling = list(range(len(rows[0]))), list(fall)
+    widths = [max(len(row[i]) for row in rows) for i in kept]
+    while width is not None and falling:
+        *shown, last = (widths[i] for i in kept)
+        if sum(shown) + 2 * len(shown) + min(last, LEAST_LAST) <= width:
             break
         name = falling.pop(0)
-        if name in table[0]:
-            at = table[0].index(name)
-            table = [row[:at] + row[at + 1 :] for row in table]
-    lines = ["  ".join(cell.ljust(room) for cell, room in zip(row, widths, strict=True)).rstrip() for row in table]
+        kept = [i for i in kept if rows[0][i] != name]
+    lines = [
+        "  ".join(row[i].rjust(widths[i]) if i in numbers else row[i].ljust(widths[i]) for i in kept).rstrip()
+        for row in rows
+    ]
     return lines if width is None else [shortened(line, width) for line in lines]
+
+
+def markdown_table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table of Markdown; the first row has the names of the columns."""
+    head, *others = (f"| {' | '.join(row)} |" for row in rows)
+    return [head, "|---" * len(rows[0]) + "|", *others]
+
+
+def cell(value: float | None, form: str) -> str:
+    """A number in the form of `str.format`; "-" for none."""
+    return "-" if value is None else form.format(value)
 
 
 def shortened(line: str, width: int) -> str:

@@ -44,10 +44,10 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
         due = _due(service, now, paused_until)
         wait = LONGEST_WAIT if due is None else min(LONGEST_WAIT, max(0.0, due - now))
         arrived = link.receive(wait)
-        if arrived:  # a service that is never due, because it answers what comes, tells them in its statuses too
+        if arrived:  # a service that is never due, because it only answers, reports them in its statuses too
             service.record_link_counters(_counters(link, failures, namesakes))
         for envelope in arrived:
-            if stopped():  # what has arrived may take longer than whoever ends it waits
+            if stopped():  # what has arrived may take longer than the one who stops it waits
                 break
             if (warning := namesakes.hear(envelope, clock.now())) is not None:
                 log.warning(warning)

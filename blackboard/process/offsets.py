@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 WINDOW = 8  # round trips, and stamps, of each source that are remembered
 RESOLUTION = 1e-3  # seconds: a round trip may seem to be shorter than nothing by as much
-LONGEST = 2.0  # seconds of a round trip; a longer one tells nothing
+LONGEST = 2.0  # seconds of a round trip; a longer one is too inexact
 TOLERANCE = 0.2  # seconds: a clock that is off by less, or by less than the round trip, is left alone
 MAX_SOURCES = 256
 

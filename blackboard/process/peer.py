@@ -95,7 +95,7 @@ class Peer(Around):
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         out = super().receive(envelope, now)
         came = envelope.kind is Kind.ALIVE and keys.WORLD.match(envelope.key) is not None
-        return out + (self.statuses(now) if came else [])  # the world asks who is there: a token alone is nobody
+        return out + (self.statuses(now) if came else [])  # the world asks who is there: a token alone is not enough
 
     def wake(self, now: float) -> list[Envelope]:
         out = self.look(now)
@@ -224,7 +224,7 @@ class Peer(Around):
 
         Where each process goes by its own clock, the board tells with the robot's own place how far the two are apart.
         """
-        newest = max(self.clock.tick, self.answers.tick + 1)  # whoever joins a run late has done none of its ticks
+        newest = max(self.clock.tick, self.answers.tick + 1)  # who joins a run late has done none of its ticks
         if self.clock.followed is not None and consensus.tick > newest:
             raise Refused("future", f"agreed in tick {consensus.tick}, and the newest is {newest}")
         if self.clock.pace is not Pace.FREE:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import Enum
 
+from blackboard.process.columns import columns
 from blackboard.process.team_clock import News
 
 
@@ -42,10 +43,10 @@ REACTIONS: Mapping[tuple[News, Place], tuple[Cue, ...]] = {
 def text() -> str:
     """The table as text."""
     rows = [
-        (news.value, place.value, ", ".join(cue.value for cue in cues)) for (news, place), cues in REACTIONS.items()
+        (news.value, place.value, ", ".join(cue.value for cue in cues) or "-")
+        for (news, place), cues in REACTIONS.items()
     ]
-    found = (f"{news:<10}{place:<20}{cues or '-'}" for news, place, cues in [("news", "robot", "then"), *rows])
-    return "\n".join(found)
+    return "\n".join(columns([("news", "robot", "then"), *rows]))
 
 
 if __name__ == "__main__":

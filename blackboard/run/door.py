@@ -36,14 +36,8 @@ from blackboard.wire.names import NAME
 
 log = logging.getLogger(__name__)
 
-DONE, FAILED, USER_ERROR, INTERRUPTED, NO_READER, STOPPED = (
-    0,
-    1,
-    2,
-    130,
-    141,
-    143,
-)  # exit statuses; a command may return others
+#: Exit statuses; a command may return others.
+DONE, FAILED, USER_ERROR, INTERRUPTED, NO_READER, STOPPED = (0, 1, 2, 130, 141, 143)
 ERROR = "error: "  # before the one line on standard error of what ended a command
 PATIENCE = 30.0  # seconds to wait for a router
 PROMPT = 1.2  # seconds from a signal to the end of a board or a robot, which keep nothing, whatever they do
@@ -105,9 +99,8 @@ class Stop:
         if within is not None:
             told, tell = os.pipe()
             os.set_blocking(tell, False)
-            signal.set_wakeup_fd(
-                tell, warn_on_full_buffer=False
-            )  # written to even while no Python runs in the main thread
+            # written to even while no Python runs in the main thread
+            signal.set_wakeup_fd(tell, warn_on_full_buffer=False)
             threading.Thread(target=_end, args=(told, within), daemon=True).start()
 
     def __call__(self) -> bool:

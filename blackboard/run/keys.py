@@ -14,6 +14,7 @@ from blackboard.access.watch import DenialWatch
 from blackboard.config import load
 from blackboard.errors import UserError
 from blackboard.process.clock import UnixClock, utc
+from blackboard.process.columns import columns
 from blackboard.process.printable import printable
 from blackboard.run import door
 from blackboard.run.flags import TeamFlags
@@ -160,13 +161,14 @@ def list_members(*, dir: Directory = Path("keys")) -> int:
     dir
         The directory of the team's keys.
     """
-    team, now = directory.load(dir), UnixClock().now()
+    team, now, rows = directory.load(dir), UnixClock().now(), []
     for member in sorted(team.members, key=lambda m: (m.kind, m.name)):
         left = "EXPIRED" if member.not_after <= now else f"{(member.not_after - now) / 86400:.0f} days"
         sub_teams = " ".join(member.sub_teams) or "-"
-        _say(f"{member.who:<24} {sub_teams:<12} until {utc(member.not_after):%Y-%m-%d %H:%M} UTC ({left})")
-    for name in team.revoked:
-        _say(f"{name:<24} revoked")
+        rows.append((member.who, sub_teams, f"until {utc(member.not_after):%Y-%m-%d %H:%M} UTC ({left})"))
+    rows += [(name, "", "revoked") for name in team.revoked]
+    for line in columns(rows) if rows else ():
+        _say(line)
     return 0
 
 

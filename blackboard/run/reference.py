@@ -33,7 +33,7 @@ COLUMNS = "| key | default | unit | may be | meaning |\n|---|---|---|---|---|"
 RULES = """## Rules
 
 The parameters of a rule stand in `[board]` beside `rule`, and in `[board.subjects."object/ball"]` (or `"object/*"`) for some subjects
-alone. Rules of your own: [operations.md](operations.md#a-rule-of-your-own).
+alone. Rules of your own: [rules.md](rules.md#a-rule-of-your-own).
 
 | rule | key | default | unit | may be | meaning |
 |---|---|---|---|---|---|"""
@@ -85,7 +85,7 @@ def _rows(model: type[BaseModel], keys: Iterable[str]) -> Iterator[str]:
         field = model.model_fields[key]
         unit, meaning = meaning_of(model, key)
         what = "a table, see below" if _table_in(field.annotation) else allowed(root["properties"][key], root)
-        yield f"| `{key}` | {_default(field)} | {unit or '-'} | {_cell(what)} | {_cell(meaning)} |"
+        yield f"| `{key}` | {_default(field)} | {unit or '-'} | {cell(what)} | {cell(meaning)} |"
 
 
 def _rules() -> Iterator[str]:
@@ -99,7 +99,7 @@ def _rules() -> Iterator[str]:
                 shown = made.name if isinstance(made, Rule) else made
             inner = own.type == "Rule"
             what = "a rule" if inner else bounds_in_words(own)
-            yield f"| `{name}` | `{own.name}` | {_value(shown)} | {unit or '-'} | {_cell(what)} | {_cell(meaning)} |"
+            yield f"| `{name}` | `{own.name}` | {_value(shown)} | {unit or '-'} | {cell(what)} | {cell(meaning)} |"
         if not dataclasses.fields(cls):  # type: ignore[arg-type]
             yield f"| `{name}` | - | - | - | - | no parameters |"
 
@@ -162,5 +162,6 @@ def _toml(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else json.dumps(value)
 
 
-def _cell(text: str) -> str:
+def cell(text: str) -> str:
+    """A text as it may stand in a table."""
     return text.replace("|", "\\|")

@@ -181,7 +181,7 @@ def _environment() -> dict[str, str]:
     """The environment of the processes: whom to die with, and one thread each for numpy, because there are many of them.
 
     A session of Zenoh has some eight threads. Where glibc gives each of them a heap of its own, a process that runs for long keeps
-    growing, because what one heap has free helps no other (docs/operations.md, "A soak").
+    growing, because what one heap has free helps no other (docs/network.md, "A soak").
     """
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     heaps = {"MALLOC_ARENA_MAX": "2"}

@@ -9,7 +9,7 @@ MAX_ALARMS = 256
 QUIET = 5.0  # seconds without it after which something that comes and goes counts as over
 
 #: Of the worst first.
-KINDS = ("gone", "liar", "lost", "over-confident")
+KINDS = ("gone", "liar", "lost", "stuck", "moved", "over-confident")
 
 
 @dataclass(frozen=True)
@@ -64,3 +64,15 @@ class Alarms:
     def check(self) -> None:
         """AssertionError: it is beyond its bounds."""
         assert len(self._kept) <= MAX_ALARMS
+
+
+def of_robot(name: str, settings: Mapping[str, object]) -> dict[tuple[str, str], str]:
+    """The alarms that a robot raises itself, by the settings of its status, which is data: anything may be in it."""
+    stuck, found = settings.get("stuck"), dict[tuple[str, str], str]()
+    if isinstance(stuck, float) and stuck > 0:
+        found["stuck", name] = f"{name} is stuck: for {stuck:.0f} s its wheels have turned while it stood"
+    if settings.get("moved") == 1.0:
+        found["moved", name] = (
+            f"{name} is not where its wheels led: it was pushed or carried, or its landmarks are wrong"
+        )
+    return found

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Anchor, Grid
-from blackboard.state.alarms import QUIET, Alarms
+from blackboard.state.alarms import QUIET, Alarms, of_robot
 from blackboard.state.moments import MAX_BYTES, About, Moment, Point, Timeline
 from blackboard.state.processes import MAX_PROCESSES, RECENT, SILENT, Process
 from blackboard.state.received import M, Received
@@ -337,6 +337,11 @@ class TeamFold:
         self._consensus = _younger(self._consensus, oldest)
         self._reports = _younger(self._reports, oldest)
 
+    def _said(self) -> dict[tuple[str, str], str]:
+        """The alarms that robots raise themselves."""
+        told = [(it.name, it.status) for it in self.processes.values() if it.kind == "robot"]
+        return {key: text for name, it in told if it is not None for key, text in of_robot(name, it.settings).items()}
+
     def _notice(self, moment: Moment, now: float) -> None:
         """Note which conflicts and which sources left out are new, and which did not come back for QUIET seconds."""
         found = dict[tuple[str, str], str]()
@@ -362,7 +367,7 @@ class TeamFold:
                     times = math.sqrt(max(0.0, learned.variance))
                     text = f"{learned.source} is over-confident: its errors are {times:.1f} times what it claims"
                     alarms["over-confident", learned.source] = text
-        self.alarms.look(alarms, now)
+        self.alarms.look(alarms | self._said(), now)
         for (subject, source), text in found.items():
             if (subject, source) not in self._noticed:
                 self._note("left out" if source else "conflict", subject, text, now)

@@ -22,6 +22,7 @@ from blackboard.judge.paired import text as paired_text
 from blackboard.judge.samples import Keep, Sample, series_file
 from blackboard.net.bus import intersects
 from blackboard.process.clock import UnixClock
+from blackboard.process.columns import columns
 from blackboard.run import door
 from blackboard.run.flags import MemberFlags, OutputFlags, TeamFlags
 from blackboard.run.logs import quiet
@@ -47,9 +48,10 @@ NOTE = (
 )
 
 tape = App(name="tape", help="Look at a tape, mend it, cut it, make a table of it, or export it.")
+#: Loaded when it is asked for.
 tape.command(
     "blackboard.bridges.__main__:export", name="export", help="Write a tape for other people's viewers: Foxglove."
-)  # loaded when it is asked for
+)
 
 
 def record(
@@ -300,17 +302,15 @@ def table(file: Path, *, out: Path | None = None, scenario: str | None = None) -
 
 def _info(found: dict[str, Any]) -> str:
     """A summary as text."""
-    shown = {name: value for name, value in found.items() if not isinstance(value, dict | list)}
-    lines = [f"{name:<16}{value}" for name, value in shown.items()]
-    lines += [f"{'link':<16}" + ", ".join(f"{count} {name}" for name, count in found["link"].items())]
-    lines += [f"{'run':<16}{run}" for run in found["runs"]]
+    rows = [(name, str(value)) for name, value in found.items() if not isinstance(value, dict | list)]
+    rows += [("link", ", ".join(f"{count} {name}" for name, count in found["link"].items()))]
+    rows += [("run", run) for run in found["runs"]]
     for board in found["boards"]:
         whole = "from its beginning" if board["whole"] else "the beginning is missing"
-        lines.append(f"{'board':<16}{board['board']}: {board['events']} events, {board['gaps']} gaps, {whole}")
-    lines += ["", f"{'topic':<16}{'messages':>10}{'bytes':>12}{'events':>8}"]
-    for name, counts in sorted(found["topics"].items()):
-        lines.append(f"{name:<16}{counts['messages']:>10}{counts['bytes']:>12}{counts['events']:>8}")
-    return "\n".join(lines)
+        rows.append(("board", f"{board['board']}: {board['events']} events, {board['gaps']} gaps, {whole}"))
+    counted = ("messages", "bytes", "events")
+    topics = [(name, *(str(counts[key]) for key in counted)) for name, counts in sorted(found["topics"].items())]
+    return "\n".join([*columns(rows), "", *columns([("topic", *counted), *topics], numbers=range(1, 4))])
 
 
 def _about(team: str, scenario: Scenario | None) -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from blackboard.judge.samples import GROUPS, LEVELS
+from blackboard.process.columns import cell, columns
 from blackboard.tape.judge import Match
 from blackboard.tape.replay import Replay
 
@@ -35,8 +36,7 @@ def told(found: Replay, matched: Match) -> list[str]:
 
 def side_by_side(cards: dict[str, dict[str, Any]]) -> str:
     """Scorecards as one table, a column for each."""
-    width = max(14, *(len(name) + 2 for name in cards))
-    lines = [f"{'':<32}" + "".join(f"{name:>{width}}" for name in cards)]
+    rows: list[tuple[str, ...]] = [("", *cards)]
     unit = next(iter(cards.values()))["unit"]
     measures = {f"RMSE {unit}": "rmse", "entropy": "entropy", "log score": "log_score", "in 95 %": "coverage"}
     for group in GROUPS:
@@ -48,11 +48,7 @@ def side_by_side(cards: dict[str, dict[str, Any]]) -> str:
                 values = [
                     (each[key]["95"] if key == "coverage" else each[key]) if each["n"] else None for each in found
                 ]
-                shown = "".join(f"{'-' if value is None else f'{value:.3f}':>{width}}" for value in values)
-                lines.append(f"{f'{group} {level}, {name}':<32}{shown}")
-    samples = "".join(f"{sum(card['scores'][g]['agreed']['n'] for g in GROUPS):>{width}}" for card in cards.values())
-    lines.append(f"{'samples':<32}{samples}")
-    lines.append(
-        f"{'hash of the consensuses':<32}" + "".join(f"{card['hash'][:12]:>{width}}" for card in cards.values())
-    )
-    return "\n".join(lines)
+                rows.append((f"{group} {level}, {name}", *(cell(value, "{:.3f}") for value in values)))
+    rows.append(("samples", *(str(sum(c["scores"][g]["agreed"]["n"] for g in GROUPS)) for c in cards.values())))
+    rows.append(("hash of the consensuses", *(card["hash"][:12] for card in cards.values())))
+    return "\n".join(columns(rows, numbers=range(1, 1 + len(cards))))

@@ -20,7 +20,7 @@ class Recorder:
 
     def __init__(self, team: str, writer: TapeWriter) -> None:
         self._team, self._writer = team, writer
-        self._flush_due = 0.0  # Unix seconds; at once, so that whoever waits for the tape sees that it listens
+        self._flush_due = 0.0  # Unix seconds; at once, so that a process that waits for the tape sees that it listens
         self._counters: dict[str, int] = {}
         self._trouble = ""  # of the disk, as logged last
 

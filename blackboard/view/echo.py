@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from blackboard.errors import Refused, UserError
+from blackboard.process.columns import columns
 from blackboard.process.printable import printable
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
@@ -15,18 +16,8 @@ from blackboard.wire.envelope import Envelope, Kind
 
 MAX_KEYS = 4096
 SHORT = 40  # characters of a text
-UNSAID = {
-    "version",
-    "run",
-    "source",
-    "subject",
-    "robot",
-    "process",
-    "sub_team",
-    "board",
-    "level",
-    "kind",
-}  # the key says these
+#: The key says these.
+UNSAID = {"version", "run", "source", "subject", "robot", "process", "sub_team", "board", "level", "kind"}
 #: In this order the newest values of a team make sense: what says which run it is goes first, what settles a tick last.
 ORDER = ("clock", "truth", "reading", "solo", "report", "consensus", "agreed", "forward", "status")
 
@@ -105,6 +96,7 @@ class Rates:
             return f"nothing came in {seconds:.1f} s"
         total = [sum(values) for values in zip(*self.counts.values(), strict=True)]
         rows = [*sorted(self.counts.items()), (f"all {len(self.counts)} keys", (total[0], total[1]))]
-        return "\n".join(
-            f"{n / seconds:9.2f} Hz {size / seconds / 1000:10.2f} kB/s  {printable(key)}" for key, (n, size) in rows
-        )
+        cells = [
+            (f"{n / seconds:.2f} Hz", f"{size / seconds / 1000:.2f} kB/s", printable(key)) for key, (n, size) in rows
+        ]
+        return "\n".join(columns(cells, numbers=(0, 1)))

@@ -15,10 +15,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING
 from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import About, Moment
 from blackboard.state.received import REGION, STEP, Drawn, Received
 from blackboard.view.summary import alarms, processes
+from blackboard.wire.evidence import pose_of, velocity_of
 from blackboard.wire.messages import Consensus, Report
 
 MAX_EVENTS = 30  # and alarms
@@ -146,6 +148,7 @@ def _subject(about: About, moment: Moment, cells: list[bytes], whole: bool) -> T
             beliefs.append(_belief("informed", name, report, report.informed, moment, cells))
     return {
         **_numbers(about),
+        **_motion(best),
         "conflict": best is not None and best.message.conflict,
         "rule": None if best is None else best.message.rule,
         "left_out": [] if best is None else [[it.source, it.reason] for it in best.message.left_out],
@@ -153,6 +156,18 @@ def _subject(about: About, moment: Moment, cells: list[bytes], whole: bool) -> T
         "camps": [] if best is None else [list(it.sources) for it in best.message.camps],
         "beliefs": [it for it in beliefs if it],
     }
+
+
+def _motion(best: Received[Consensus] | None) -> Table:
+    """Where it heads (radians) and the sigma of that, and how fast it moves (unit / s), as far as that is known."""
+    pose = None if best is None else pose_of(best.message.state)
+    velocity = None if best is None else velocity_of(best.message.velocity)
+    found: Table = {}
+    if pose is not None:
+        found["heading"] = [_short(float(pose.mean[HEADING])), _short(float(pose.covariance[HEADING, HEADING]) ** 0.5)]
+    if velocity is not None:
+        found["velocity"] = [_short(float(speed)) for speed in velocity.mean[AXES]]
+    return found
 
 
 def _belief(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from blackboard.process.columns import columns, shortened
+from blackboard.process.columns import cell, columns, shortened
 from blackboard.state.alarms import Alarm
 from blackboard.state.fold import Fold, TeamFold
 from blackboard.state.moments import About, Moment
@@ -12,7 +12,8 @@ from blackboard.state.processes import SILENT, Process
 from blackboard.state.received import REGION
 
 Table = dict[str, Any]
-RECENT = 60.0  # seconds for which an alarm that is over is told
+LIKELY_LOST = 0.3  # of a probability, from which on a robot is said to be lost
+RECENT = 60.0  # seconds for which an alarm that is over is listed
 #: What falls away first where a terminal is narrow: of the processes, and of the subjects.
 PROCESSES_FALL = ("skipped", "late", "dropped", "kind", "ticks/s", "sub-team", "heard", "refused")
 SUBJECTS_FALL = ("rule", "sources", "95 % area", "entropy")
@@ -45,10 +46,16 @@ def processes(team: TeamFold, now: float) -> list[Table]:
     """Boards, robots and the world, by name: liveness, tick, rate, age, counters and refusals."""
     order = {"world": 0, "board": 1, "robot": 2}
     found = sorted(team.processes.values(), key=lambda it: (order.get(it.kind, 3), sorted(it.sub_teams), it.name))
-    return [_process(it, now) for it in found]
+    return [_process(it, now, _lost(team, it)) for it in found]
 
 
-def _process(it: Process, now: float) -> Table:
+def _lost(team: TeamFold, it: Process) -> float | None:
+    """The probability that a robot is lost, as the newest belief about it says; None of others."""
+    about = None if team.moments.newest is None else team.moments.newest.subjects.get(f"robot/{it.name}")
+    return None if it.kind != "robot" or about is None or about.best is None else about.best.message.lost
+
+
+def _process(it: Process, now: float, lost: float | None) -> Table:
     counters = {} if it.status is None else it.status.counters
     silent = it.heard_at > 0 and now - it.heard_at > SILENT
     return {
@@ -61,6 +68,7 @@ def _process(it: Process, now: float) -> Table:
         "time": None if it.tick < 0 else it.time,
         "age": now - it.heard_at if it.heard_at else None,
         "rate": it.rate(now),
+        "lost": lost,
         "refused": dict(sorted(it.refused.items())),
         "dropped": counters.get("dropped", 0),
         "late": counters.get("late", 0),
@@ -115,6 +123,7 @@ def subject(about: About) -> Table:
         "error": None if score is None else score.error,
         "inside": None if score is None else score.denser < REGION,
         "rule": None if best is None else best.message.rule,
+        "lost": None if best is None else best.message.lost,
         "conflict": best is not None and best.message.conflict,
         "left_out": []
         if best is None
@@ -171,9 +180,9 @@ def process_lines(it: Table, width: int | None = None) -> list[str]:
                 one["kind"],
                 ",".join(one["sub_teams"]) or "-",
                 _state(one),
-                _number(one["tick"], "d"),
+                cell(one["tick"], "{:d}"),
                 f"{one['rate']:.1f}",
-                _number(one["age"], ".1f"),
+                cell(one["age"], "{:.1f}"),
                 str(one["dropped"]),
                 str(one["late"]),
                 str(one["skipped"]),
@@ -199,9 +208,9 @@ def subject_lines(it: Table, width: int | None = None) -> list[str]:
             (
                 name,
                 "-" if one["mean"] is None else ", ".join(f"{x:.2f}" for x in one["mean"]),
-                _number(one["entropy"], ".2f"),
-                _number(one["area"], ".3g"),
-                _number(one["error"], ".2f") + ("" if one["inside"] in (None, True) else " outside"),
+                cell(one["entropy"], "{:.2f}"),
+                cell(one["area"], "{:.3g}"),
+                cell(one["error"], "{:.2f}") + ("" if one["inside"] in (None, True) else " outside"),
                 one["rule"] or "-",
                 ",".join(one["sources"]) or "-",
                 _trouble(one),
@@ -211,11 +220,8 @@ def subject_lines(it: Table, width: int | None = None) -> list[str]:
 
 
 def _trouble(one: Table) -> str:
+    lost = [f"lost with {100 * one['lost']:.0f} %"] if (one["lost"] or 0.0) >= LIKELY_LOST else []
     left_out = [f"{out['source']} left out: {out['reason']}" for out in one["left_out"]]
     dissent = [f"{source} keeps disagreeing" for source in one["dissent"]]
     camps = " against ".join(",".join(camp) for camp in one["camps"])
-    return "; ".join([f"conflict {camps}".rstrip()] * one["conflict"] + left_out + dissent)
-
-
-def _number(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)
+    return "; ".join([f"conflict {camps}".rstrip()] * one["conflict"] + lost + left_out + dissent)

@@ -27,7 +27,7 @@ from blackboard.opinion.provenance import Opinion
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import About, Moment, scored
 from blackboard.state.received import REGION, Received, read
-from blackboard.wire.evidence import pose_of
+from blackboard.wire.evidence import pose_of, velocity_of
 from blackboard.wire.messages import Consensus, Report, Used
 from blackboard.wire.opinions import reported, settled
 
@@ -74,7 +74,7 @@ def _feedback(team: TeamFold, board: str) -> str:
 def _level(told: Received[Consensus], about: About, moment: Moment, feedback: str, drift: float) -> Table:
     """One consensus: its belief, its sources, and what it would be without each."""
     it = told.message
-    drawn, pose = told.drawn, pose_of(it.state)
+    drawn, pose, velocity = told.drawn, pose_of(it.state), velocity_of(it.velocity)
     score = None if about.truth is None else scored(it.belief, about.truth)
     found: Table = {
         "level": it.level,
@@ -90,6 +90,9 @@ def _level(told: Received[Consensus], about: About, moment: Moment, feedback: st
         "area": None if drawn is None else drawn.area,
         "heading": None if pose is None else float(pose.mean[HEADING]),
         "heading_sigma": None if pose is None else float(pose.covariance[HEADING, HEADING]) ** 0.5,
+        "lost": it.lost,
+        "velocity": None if velocity is None else velocity.mean.tolist(),
+        "velocity_sigma": None if velocity is None else np.sqrt(np.diag(velocity.covariance)).tolist(),
         "conflict": it.conflict,
         "components": list(it.components),
         "ancestors": {name: it.time - until for name, until in it.ancestors.items()},  # seconds old

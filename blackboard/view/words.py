@@ -9,12 +9,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from blackboard.view.summary import LIKELY_LOST
 from blackboard.view.why import JOINT
 
 Table = dict[str, Any]
 
 LITTLE = 0.01  # nats, and sigmas by which the mean moves: a source without which less would change changed nothing
-NOTEWORTHY = 0.2  # by which a variance or a correlation is off before it is told
+NOTEWORTHY = 0.2  # by which a variance or a correlation is off before it is mentioned
 
 
 def sentences(it: Table) -> list[str]:
@@ -23,6 +24,7 @@ def sentences(it: Table) -> list[str]:
     found = [_answer(first, it)]
     if first["truth"] is not None:
         found.append(_truth(first, it["unit"]))
+    found += _motion(first, it["unit"])
     found += ["", _agreement(it), *_who(first, it), "", *_numbers(first, it)]
     for level in others:
         if level["mean"] is None or not _is_same(level, first):
@@ -86,6 +88,23 @@ def _truth(level: Table, unit: str) -> str:
     truth = level["truth"]
     return (
         f"The truth is {truth['error']:.2f} {unit} away, {'inside' if truth['inside'] else 'outside'} the 95 % region."
+    )
+
+
+def _motion(level: Table, unit: str) -> list[str]:
+    """Where it heads, and how fast it moves, as far as that is known."""
+    told = []
+    if level["heading"] is not None:
+        told.append(
+            f"heads {math.degrees(level['heading']):.0f} degrees, give or take {math.degrees(level['heading_sigma']):.1f}"
+        )
+    if level["velocity"] is not None:
+        speed, sigma = math.hypot(*level["velocity"][:2]), max(level["velocity_sigma"][:2])
+        told.append(f"moves at {speed:.2f} {unit}/s, give or take {sigma:.2f}")
+    lost = level["lost"]
+    found = [f"It {' and '.join(told)}."] if told else []
+    return found + (
+        [f"With {100 * lost:.0f} % it is lost, and not there."] if lost is not None and lost >= LIKELY_LOST else []
     )
 
 

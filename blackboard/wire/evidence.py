@@ -62,10 +62,16 @@ def _check_sizes(upper: Sequence[float], *rows: Sequence[float]) -> None:
 
 
 class PackedState(Part):
-    """Mean and covariance of a robot's whole block."""
+    """The states are x, y, heading; forward and turn scale, drift, bearing bias, slip, range scale; and what differs
+    by kind of motion: by how much the scale of the way is larger on a curve, by how much the scale of a turn is
+    larger while driving, and by how many seconds the motion lags behind the odometry. A robot that does not know
+    the last three leaves them out everywhere, and so do older members; they count as 0.
+    """
 
     mean: State
+    """of the states above"""
     covariance: Triangle
+    """upper triangle"""
 
     @model_validator(mode="after")
     def _is_sound(self) -> Self:
@@ -73,12 +79,30 @@ class PackedState(Part):
         return self
 
 
+class PackedVelocity(Part):
+    """In the team's frame: along x and y in units per second; of a robot also how fast it turns, radians per second."""
+
+    mean: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3), Listed]
+    """2 or 3 numbers"""
+    covariance: Annotated[tuple[Finite, ...], Field(min_length=3, max_length=6), Listed]
+    """upper triangle"""
+
+    @model_validator(mode="after")
+    def _is_sound(self) -> Self:
+        if len(self.covariance) != len(self.mean) * (len(self.mean) + 1) // 2:
+            raise ValueError("a velocity of n numbers has a covariance of n (n + 1) / 2, its upper triangle")
+        return self
+
+
 class PackedIncrement(Part):
-    """The likelihood exp(v . d - d . I d / 2) of d = state - reference: what was gained in one tick."""
+    """The likelihood exp(v d - d I d / 2) of d = state - reference."""
 
     reference: State
+    """the prediction's mean"""
     information: Triangle
+    """I, upper triangle, without negative eigenvalues"""
     vector: State
+    """v"""
 
     @model_validator(mode="after")
     def _is_sound(self) -> Self:
@@ -89,57 +113,101 @@ class PackedIncrement(Part):
 class PackedMotion(Part):
     """The odometry since the epoch began, summed up, so that a lost report loses no motion: the fields of a `Motion` in its order."""
 
-    distance: Finite  # unit, as told
-    turn: Finite  # radians, as told
-    time: NonNegative  # seconds
-    moving: NonNegative  # seconds of them in motion
-    along: NonNegative  # unit ** 2
-    across: NonNegative  # unit ** 2
-    heading: NonNegative  # radians ** 2
-    curved: Finite = 0.0  # unit: of the distance, what was driven on a curve
-    driven: Finite = 0.0  # radians: of the turn, what was not on the spot
-    faster: Finite = 0.0  # unit / s: by how much the speed grew
-    quicker: Finite = 0.0  # radians / s: by how much the rate of the turn grew
+    distance: Finite
+    """forward, in the grid's unit, as the odometry measured it"""
+    turn: Finite
+    """radians, as the odometry measured it"""
+    time: NonNegative
+    """seconds"""
+    moving: NonNegative
+    """seconds of them in motion"""
+    along: NonNegative
+    """variance along the way, unit^2"""
+    across: NonNegative
+    """variance across it, unit^2"""
+    heading: NonNegative
+    """variance of the heading, radians^2"""
+    curved: Finite = 0.0
+    """what of `distance` was driven on a curve"""
+    driven: Finite = 0.0
+    """what of `turn` was not on the spot, radians"""
+    faster: Finite = 0.0
+    """by how much the speed grew, unit/s"""
+    quicker: Finite = 0.0
+    """by how much the rate of the turn grew, radians/s"""
 
 
 class PackedNuisance(Part):
     """How the lasting errors of wheels and camera behave (`vehicle.Nuisance`); a memory of 0 s is for ever."""
 
     forward: Finite
+    """forward scale at the start"""
     turn: Finite
+    """turn scale at the start"""
     sigmas: Annotated[tuple[NonNegative, ...], Field(min_length=6, max_length=9), Listed]
+    """at the start: forward and turn scale, drift, bearing bias, slip, range scale; curved way, curved turn, lag"""
     walks: Annotated[tuple[NonNegative, ...], Field(min_length=3, max_length=6), Listed]
+    """random walks of both scales and the drift, of curved way, curved turn and lag, per square root of a second"""
     memory: Annotated[tuple[NonNegative, ...], Field(min_length=3, max_length=3), Listed]
+    """seconds after which bearing bias, slip and range scale are forgotten; 0: never"""
 
 
 class PackedRelative(Part):
-    """The newest sighting of a mate or an object, relative to the robot that took it; `biases` are (sigma, seconds)."""
-
-    subject: Subject
-    range: NonNegative
-    bearing: Finite
-    range_variance: NonNegative
-    bearing_variance: NonNegative
-    age: NonNegative = 0.0
-    biases: Annotated[list[LastingBias], Field(max_length=4)] = Field(default_factory=list)
-    group: Annotated[str, Field(max_length=80)] = ""
-
-
-class Seen(Part):
-    """A sighting of a further kind, from the robot that took it: "range", "bearing", "position" or "pose" (relative to its own).
-
-    A reader that does not know the kind leaves it out, and counts it. `covariance` is an upper triangle; in readings it may be empty:
-    by the robot's model. A `landmark` is for readings, `biases` and `group` are as in PackedRelative.
+    """Numbers that no robot has are refused (`fields`): a place, a distance, or a variance of either above 1e7; an
+    angle, a scale, or an error of either above 1000.
     """
 
     subject: Subject
-    kind: Text
-    values: Annotated[tuple[Finite, ...], Field(min_length=1, max_length=MAX_VALUES), Listed]
-    covariance: Annotated[tuple[Finite, ...], Field(max_length=MAX_VALUES * (MAX_VALUES + 1) // 2), Listed] = ()
-    landmark: Point | None = None
+    """what is seen"""
+    range: NonNegative
+    """in the grid's unit"""
+    bearing: Finite
+    """radians from the robot's heading"""
+    range_variance: NonNegative
+    """of its fresh error, unit^2"""
+    bearing_variance: NonNegative
+    """of its fresh error, radians^2"""
     age: NonNegative = 0.0
+    """seconds before the end of the tick"""
     biases: Annotated[list[LastingBias], Field(max_length=4)] = Field(default_factory=list)
+    """errors of the range that last so many seconds"""
     group: Annotated[str, Field(max_length=80)] = ""
+    """sightings with one name share these errors; empty: those of the subject"""
+
+
+class Seen(Part):
+    """A sighting that is no range with a bearing. In Readings of a robot's sensors, and in PackedEvidence of what a
+    joint shall take. A reader leaves out the kinds that it does not know, and its status counts them
+    (`unknown_kinds`); a member that is older than this field reads none of it.
+
+    - `"range"`: `values` is the range, in the grid's unit, 0 or more. A joint takes it about what it knows. An
+      object that is known by ranges or bearings alone enters once they leave one place; while they leave a few, as
+      mirror images, what is agreed on is in one of these, each with its weight (`parameters` then has `places`). A
+      robot enters by its state.
+    - `"bearing"`: radians from the robot's heading. The same.
+    - `"position"`: x ahead and y to the left of the robot, in the grid's unit.
+    - `"pose"`: x, y, and the subject's heading less the robot's, in radians. The heading counts where the subject
+      is a robot.
+    """
+
+    subject: Subject
+    """what is seen"""
+    kind: Text
+    """one of the above"""
+    values: Annotated[tuple[Finite, ...], Field(min_length=1, max_length=MAX_VALUES), Listed]
+    """what was measured"""
+    covariance: Annotated[tuple[Finite, ...], Field(max_length=MAX_VALUES * (MAX_VALUES + 1) // 2), Listed] = ()
+    """of the fresh errors of `values`: upper triangle, positive definite, variances at least 1e-12; in Readings empty
+    for a range or a bearing by the robot's model
+    """
+    landmark: Point | None = None
+    """in Readings: the surveyed position, for a landmark or an anchor"""
+    age: NonNegative = 0.0
+    """seconds before the end of the tick"""
+    biases: Annotated[list[LastingBias], Field(max_length=4)] = Field(default_factory=list)
+    """errors of the range that last so many seconds"""
+    group: Annotated[str, Field(max_length=80)] = ""
+    """as in PackedRelative"""
 
     @property
     def is_known(self) -> bool:
@@ -170,15 +238,27 @@ class PackedEvidence(Part):
     """What a robot contributes to the joint in one tick, numbered by its source, its epoch and the tick."""
 
     epoch: Annotated[int, Field(ge=0, lt=1 << 53)]
+    """grows with each beginning of the filter: the team time then, in ms"""
     travelled: PackedMotion
+    """the odometry since the epoch began, summed"""
     nuisance: PackedNuisance
+    """how the lasting errors behave"""
     state: PackedState | None = None
+    """the first-hand belief after the tick, from which a robot enters the joint; none: it has several hypotheses, and
+    `belief` counts; or it is in the joint, and leaves it out to save bytes
+    """
     increment: PackedIncrement | None = None
+    """what was gained in this tick over the prediction; none: nothing"""
     relatives: Annotated[list[PackedRelative], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)
+    """the newest sighting of each mate and object"""
     profile: Annotated[list[Annotated[tuple[NonNegative, NonNegative], Listed]], Field(max_length=MAX_PROFILE)] = Field(
         default_factory=list
     )
-    seen: Annotated[list[Seen], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)  # of further kinds
+    """instead of range and bearing variances: the variance of the seen position in each coordinate (unit^2) by the
+    true distance (unit), interpolated
+    """
+    seen: Annotated[list[Seen], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)
+    """sightings of further kinds, with their covariances"""
 
     @property
     def subjects(self) -> list[str]:
@@ -190,19 +270,30 @@ class Forwarded(Part):
     """The evidence of one robot in one tick, as its board took it from the robot's report."""
 
     robot: Name
+    """whose"""
     tick: Tick
+    """the tick of the robot's report"""
     evidence: PackedEvidence
-    age: Finite = 0.0  # seconds from the time of the report, by the board's clock, to that of the Forward
+    """as it was reported"""
+    age: Finite = 0.0
+    """seconds from the `time` of the report, by the board's clock, to that of the Forward"""
 
 
 class Forward(Message):
-    """The evidence of a sub-team's robots in one tick, from its board to the other boards, so that each can settle all of it."""
+    """With `[board] fusion = "joint"`, a board passes on what its robots gained, before it says `"consensus"`: every
+    board settles all evidence.
+    """
 
     board: Name
+    """which board; the same as in the key"""
     sub_team: Name
+    """its sub-team; the same as in the key"""
     tick: Tick
+    """the tick that is being settled"""
     time: Finite
+    """team time, seconds"""
     evidence: Annotated[list[Forwarded], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
+    """what its robots reported since the last one"""
 
 
 # --- ours to the wire ------------------------------------------------------------------------------------------------------
@@ -281,6 +372,11 @@ def pack_state(state: Moments, states: int | None = None) -> PackedState:
     return PackedState(mean=_row(state.mean[:states]), covariance=_upper(state.covariance[:states, :states]))
 
 
+def pack_velocity(velocity: Moments) -> PackedVelocity:
+    """Mean, shape (2,) or (3,), and covariance."""
+    return PackedVelocity(mean=_row(velocity.mean), covariance=_upper(velocity.covariance))
+
+
 # --- the wire to ours ------------------------------------------------------------------------------------------------------
 
 
@@ -296,6 +392,15 @@ def pose_of(packed: PackedState | None) -> Moments | None:
     with suppress(Refused):
         state = unpack_state(packed)
         return Moments(state.mean[POSE], state.covariance[POSE, POSE])
+    return None
+
+
+def velocity_of(packed: PackedVelocity | None) -> Moments | None:
+    """Mean, shape (2,), or (3,) of a robot (its rate of turn is last), and covariance; None without a sound one."""
+    if packed is None:
+        return None
+    with suppress(Refused):
+        return Moments(np.array(packed.mean), _matrix(packed.covariance, "velocity.covariance"))
     return None
 
 
@@ -356,6 +461,12 @@ def _whole(row: Sequence[float]) -> Array:
 
 
 def _symmetric(upper: Sequence[float], field: str) -> Array:
+    """The matrix of all states: those that were not sent are exactly 0."""
+    matrix = _matrix(upper, field)
+    return np.pad(matrix, (0, STATES - len(matrix)))
+
+
+def _matrix(upper: Sequence[float], field: str) -> Array:
     matrix = triangle(upper)
     scale = np.sqrt(np.abs(np.diag(matrix)))
     scaled = matrix / np.outer(scale + (scale == 0), scale + (scale == 0))
@@ -366,4 +477,4 @@ def _symmetric(upper: Sequence[float], field: str) -> Array:
         values, axes = np.linalg.eigh(scaled)
         scaled = (axes * np.maximum(values, 0.0)) @ axes.T
         matrix = 0.5 * (scaled + scaled.T) * np.outer(scale, scale)
-    return np.pad(matrix, (0, STATES - len(matrix)))
+    return matrix

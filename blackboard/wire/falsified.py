@@ -10,7 +10,7 @@ import numpy as np
 from blackboard.opinion.belief import Belief, shift
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, wrap
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.evidence import PackedEvidence, PackedRelative, PackedState
+from blackboard.wire.evidence import PackedEvidence, PackedRelative, PackedState, Seen
 from blackboard.wire.messages import Informed, Report
 
 
@@ -57,10 +57,11 @@ def _displaced(evidence: PackedEvidence, offset: Sequence[float]) -> PackedEvide
         state = state.model_copy(update={"mean": _off(state.mean, offset)})
     if increment is not None:
         increment = increment.model_copy(update={"reference": _off(increment.reference, offset)})
-    relatives = evidence.relatives
+    relatives, seen = evidence.relatives, evidence.seen
     if mean is not None:
         relatives = [_seen_elsewhere(it, mean[HEADING], offset) for it in relatives]
-    return evidence.model_copy(update={"state": state, "increment": increment, "relatives": relatives})
+        seen = [_further_elsewhere(it, mean[HEADING], offset) for it in seen]
+    return evidence.model_copy(update={"state": state, "increment": increment, "relatives": relatives, "seen": seen})
 
 
 def _off(mean: Sequence[float], offset: Sequence[float]) -> tuple[float, ...]:
@@ -73,6 +74,17 @@ def _seen_elsewhere(it: PackedRelative, heading: float, offset: Sequence[float])
     x = it.range * math.cos(heading + it.bearing) + offset[0]
     y = it.range * math.sin(heading + it.bearing) + offset[1]
     return it.model_copy(update={"range": math.hypot(x, y), "bearing": float(wrap(math.atan2(y, x) - heading))})
+
+
+def _further_elsewhere(it: Seen, heading: float, offset: Sequence[float]) -> Seen:
+    """A sighting of a further kind. A range alone grows by the whole offset; what a bearing alone turns by, nobody knows."""
+    if it.kind == "range":
+        return it.model_copy(update={"values": (it.values[0] + math.hypot(*offset),)})
+    if it.kind not in ("position", "pose"):
+        return it
+    c, s = math.cos(heading), math.sin(heading)
+    x, y = c * offset[0] + s * offset[1], c * offset[1] - s * offset[0]
+    return it.model_copy(update={"values": (it.values[0] + x, it.values[1] + y, *it.values[2:])})
 
 
 def _narrowed(evidence: PackedEvidence, factor: float) -> PackedEvidence:
@@ -97,4 +109,13 @@ def _narrowed(evidence: PackedEvidence, factor: float) -> PackedEvidence:
         )
         for it in evidence.relatives
     ]
-    return evidence.model_copy(update={"state": state, "increment": increment, "relatives": relatives})
+    seen = [
+        it.model_copy(
+            update={
+                "covariance": tuple(number / square for number in it.covariance),
+                "biases": [(sigma / factor, seconds) for sigma, seconds in it.biases],
+            }
+        )
+        for it in evidence.seen
+    ]
+    return evidence.model_copy(update={"state": state, "increment": increment, "relatives": relatives, "seen": seen})

@@ -1,4 +1,4 @@
-"""The topic table: every key expression of a team, once. docs/wire.md shows it as `python -m blackboard.wire.keys` prints it."""
+"""The topic table: every key expression of a team, once. docs/messages.md shows it."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ TOPICS = (
 )
 
 
-#: The word by which a topic's keys are told from those of all others.
+#: Where in a key the part stands that no other topic has.
 _WORD_AT = 3
 _BY_WORD = {topic.pattern.split("/")[_WORD_AT]: topic for topic in TOPICS}
 
@@ -213,7 +213,3 @@ def table() -> str:
 
 def _roles(roles: tuple[Role, ...]) -> str:
     return "all" if roles == EVERYBODY else ", ".join(roles)
-
-
-if __name__ == "__main__":
-    print(table())

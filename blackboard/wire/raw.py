@@ -66,9 +66,8 @@ def unpack_map(payload: bytes) -> dict[str, Any]:
     fields = _unpack(payload)
     version = fields.get("version")
     if type(version) is not int or version != VERSION:
-        told = (
-            str(version) if isinstance(version, int) else f"of type {type(version).__name__}"
-        )  # it may be nested deeply
+        # it may be nested deeply
+        told = str(version) if isinstance(version, int) else f"of type {type(version).__name__}"
         raise Refused("version", f"version {told:.40}; this process speaks {VERSION}")
     return fields
 

@@ -49,3 +49,4 @@ class Part(BaseModel):
 
 class Message(Part):
     version: Literal[1] = 1
+    """always sent; another number, or none, is refused whatever else the message holds"""

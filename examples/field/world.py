@@ -32,6 +32,7 @@ class Truth:
     start: float = 0.1
     start_heading: float = 0.05
     ball: float = 0.3  # of the ball's random walk, per sqrt(s)
+    rolls: float = 0.0  # m/s: in place of walking the ball rolls, and the walls throw it back
     dt: float = 0.1
 
 
@@ -68,6 +69,8 @@ class World:
         self.poses = {r: np.array([*self.random.uniform(low, high), self.random.uniform(-3, 3)]) for r in self.robots}
         self.goals = {r: self.random.uniform(low, high) for r in self.robots}
         self.ball = self.random.uniform((2, 2), (WIDTH - 2, HEIGHT - 2))
+        angle = self.random.uniform(-math.pi, math.pi) if self.truth.rolls else 0.0
+        self.velocity = self.truth.rolls * np.array([math.cos(angle), math.sin(angle)])  # of the ball
         self.time = 0.0
 
     def steps(self, seconds: float) -> Iterator[Mapping[str, Said]]:
@@ -111,5 +114,11 @@ class World:
                 yield Seen(subject, distance, bearing + draw() * self.truth.bearing)
 
     def _roll(self) -> None:
+        if self.truth.rolls:
+            place = self.ball + self.velocity * self.truth.dt
+            low, high = np.array([0.0, 0.0]), np.array([WIDTH, HEIGHT])
+            self.velocity = np.where((place < low) | (place > high), -self.velocity, self.velocity)
+            self.ball = np.where(place < low, -place, np.where(place > high, 2 * high - place, place))
+            return
         self.ball = self.ball + self.random.normal(size=2) * self.truth.ball * math.sqrt(self.truth.dt)
         self.ball = np.clip(self.ball, (WALL, WALL), (WIDTH - WALL, HEIGHT - WALL))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,16 +24,9 @@ from blackboard.opinion.gaussian.rings import LEAST, SURE, Line, Ring
 from blackboard.opinion.gaussian.vehicle import (
     AXES,
     BEARING,
-    CURVED_TURN,
-    CURVED_WAY,
-    DRIFT,
-    FORWARD,
     HEADING,
-    LAG,
     POSE,
-    RANGE,
     STATES,
-    TURN,
     Motion,
     Nuisance,
     correct,
@@ -41,8 +35,10 @@ from blackboard.opinion.gaussian.vehicle import (
     wrap,
 )
 from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Readings
+from blackboard.wire.messages import Readings, Sighting
 from robot_agent.gaussian.absolute import starting_pose, take_absolute
+from robot_agent.gaussian.findings import findings
+from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.sensing import unseen
@@ -50,31 +46,11 @@ from robot_agent.sensing import unseen
 LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
 FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
-NEAR, ABSURD = (
-    30.0,
-    1e4,
-)  # squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there
+#: Squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there.
+NEAR, ABSURD = (30.0, 1e4)
 SEARCHING = 0.05  # unit / sqrt(s): by which odometry errs while ranges and bearings alone are gathered
+LARGEST = 1e7  # of a place (unit) and of its variances: boards refuse more
 STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
-
-
-def _of(*states: int, times: float = 1.0) -> Array:
-    row = np.zeros(STATES)
-    row[list(states)] = times
-    return row
-
-
-#: What is told of the lasting errors, by name: a number, and the row that is multiplied with the states and added to it.
-FOUND: dict[str, tuple[float, Array]] = {
-    "way scale": (0.0, _of(FORWARD)),
-    "curve way scale": (0.0, _of(FORWARD, CURVED_WAY)),
-    "spin scale": (0.0, _of(TURN)),
-    "curve turn scale": (0.0, _of(TURN, CURVED_TURN)),
-    "drift": (0.0, _of(DRIFT)),
-    "lag": (0.0, _of(LAG)),
-    "bearing bias": (0.0, _of(BEARING)),
-    "range scale": (1.0, _of(RANGE, times=-1.0)),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,16 +89,17 @@ class FirstHand:
     )
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
-    _misses: list[tuple[int, int]] = field(
-        default_factory=list
-    )  # sightings and those beyond the gate, of the last ticks
+    #: Sightings and those beyond the gate, of the last ticks.
+    _misses: list[tuple[int, int]] = field(default_factory=list)
     _ring: Ring | None = None  # what ranges and bearings alone say of a place that is not known
     _ring_at: Array = field(default_factory=lambda: np.zeros(2))  # the mean of the place that is not known, then
     wheels: WheelNoise = field(init=False)
+    mishaps: Mishaps = field(init=False)
     camera: CameraNoise = field(default_factory=CameraNoise)
 
     def __post_init__(self) -> None:
-        self.wheels = WheelNoise(self.robot, self.sensors.wheels.nuisance)
+        self.wheels = WheelNoise(self.robot, self.sensors.wheels.nuisance, self.sensors.wheels.given)
+        self.mishaps = Mishaps(self.robot, self.sensors.wheels.nuisance)
 
     @property
     def known(self) -> bool:
@@ -143,49 +120,30 @@ class FirstHand:
             self.restart(readings.time)
         if self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None:
             self.restart(readings.time)
-        if (belief := self.belief) is None:
-            self.wheels.give_up()
-        else:
-            by_team = at is not None and self._is_plausible(at)
-            self.wheels.judge(at if at is not None and by_team else belief, by_team=by_team)
+        self._judge_wheels(at)
         motion = self._move(readings)
+        newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age)}
+        relatives = self._relatives(newest, motion.dt)
+        places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
+        further = [it for it in readings.seen if it.is_known]
+        seen_landmarks = [(relatives[name], np.array(place)) for name, place in sorted(places.items())]
+        seen_landmarks += [
+            (self.sensors.relative(self.robot, it), np.array(it.landmark)) for it in further if it.landmark
+        ]
+        if self.known and (noise := self.mishaps.judge(self.joint, seen_landmarks, motion)) is not None:
+            motion = motion.plus(noise)
+            self._drive(noise)
         prediction = self.belief
         self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
         team = None if at is None or not self.known else self._ahead(at.mean, motion)
         apart = math.inf if team is None else self._squared(team)
-        linear = (
-            team if apart <= NEAR else None
-        )  # a place far from the own belief would make any sighting contradict it
-        newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age)}
+        # a place far from the own belief would make any sighting contradict it
+        linear = team if apart <= NEAR else None
         if not self.known:
             self._start(readings)
         else:
             take_absolute(self.joint, self.robot, readings, self.sensors.compass)
-        camera = self.sensors.camera
-        groups = {
-            n: camera.group(self._groups, n, s.landmark) for n, s in sorted(newest.items()) if s.landmark is not None
-        }
-        alike = Counter(groups.values())
-        relatives = {
-            name: self.camera.scaled(
-                camera.relative(
-                    self.robot,
-                    sighting,
-                    self._turned,
-                    motion.dt,
-                    groups.get(name, ""),
-                    alike[groups.get(name, "")] or 1,
-                )
-            )
-            for name, sighting in sorted(newest.items())
-        }
-        places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
-        further = [it for it in readings.seen if it.is_known]
         if self.known:
-            seen_landmarks = [(relatives[name], np.array(place)) for name, place in sorted(places.items())]
-            seen_landmarks += [
-                (self.sensors.relative(self.robot, it), np.array(it.landmark)) for it in further if it.landmark
-            ]
             self._sight(seen_landmarks, motion, linear, readings.time)
         increment = None
         if prediction is not None and self.belief is not None:
@@ -196,7 +154,11 @@ class FirstHand:
         self._unsent = None
         seen = tuple(r for name, r in relatives.items() if name not in places)
         seen += tuple(self.sensors.relative(self.robot, it) for it in further if not it.landmark)
-        if self.lost():
+        if self.known and _is_absurd(self.joint):
+            increment = unsent = None
+            self.restart(readings.time)
+        elif self.lost():
+            self.mishaps.moved = 1.0
             increment = unsent = self._before = None
             self.camera = CameraNoise()  # it was judged from a wrong place
             if team is not None and apart <= ABSURD:
@@ -206,26 +168,35 @@ class FirstHand:
                 self._start(readings)
         return Told(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
 
-    def found(self) -> dict[str, float]:
-        """What it has found out of its wheels and its camera, and how sure it is, by name; nothing where none of it is unknown.
+    def _judge_wheels(self, at: Moments | None) -> None:
+        """By the belief after the tick before: the team's, where it is plausible, else the own one."""
+        if (belief := self.belief) is None:
+            self.wheels.give_up()
+        else:
+            by_team = at is not None and self._is_plausible(at)
+            self.wheels.judge(at if at is not None and by_team else belief, by_team=by_team)
 
-        Scales are true over told; sigmas follow their value. Noise is the factor of the model's sigma.
-        """
-        nuisance, belief = self.sensors.wheels.nuisance, self.belief
-        if belief is None or not any(nuisance.sigmas):
+    def _relatives(self, newest: Mapping[str, Sighting], dt: float) -> dict[str, Relative]:
+        """The sightings of a tick of `dt` seconds as the camera's model has them, by name; landmarks of a group share an error."""
+        camera, names = self.sensors.camera, sorted(newest)
+        places = {name: newest[name].landmark for name in names}
+        groups = {n: camera.group(self._groups, n, place) for n, place in places.items() if place is not None}
+        alike = Counter(groups.values())
+        found = {}
+        for name in names:
+            group = groups.get(name, "")
+            seen = camera.relative(self.robot, newest[name], self._turned, dt, group, alike[group] or 1)
+            found[name] = self.camera.scaled(seen)
+        return found
+
+    def found(self) -> dict[str, float]:
+        """What it has found out of its wheels and its camera, by name (`findings`); nothing where none of it is unknown."""
+        belief = self.belief
+        if belief is None:
+            return {"moved": 1.0} if self.mishaps.moved else {}
+        if not any(self.sensors.wheels.nuisance.sigmas):
             return {}
-        told = {}
-        for name, (base, row) in FOUND.items():
-            told[name] = base + float(row @ belief.mean)
-            told[f"{name} sigma"] = math.sqrt(max(0.0, float(row @ belief.covariance @ row)))
-        noise = {
-            "along": self.wheels.along,
-            "heading": self.wheels.heading,
-            "range": self.camera.range,
-            "bearing": self.camera.bearing,
-        }
-        told |= {f"{name} noise": math.sqrt(it.variance) for name, it in noise.items()}
-        return {name: round(value, 4) for name, value in told.items()}
+        return findings(belief, self.wheels, self.camera, self.mishaps)
 
     def silent(self) -> None:
         """The evidence of the newest tick was not sent: what is gained in the next one is gained over what was known before it."""
@@ -252,6 +223,7 @@ class FirstHand:
         self._groups, self._misses = {}, []
         self._before = self._unsent = self._ring = None
         self.wheels.give_up()
+        self.mishaps.forget()
 
     def enter(self, pose: Moments) -> None:
         """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid. ValueError: there is a belief already."""
@@ -265,6 +237,7 @@ class FirstHand:
         pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
         self.joint, self._misses = Joint(), []
         self.wheels.give_up()
+        self.mishaps.forget()
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
 
     # --- inside ---------------------------------------------------------------------------------------------------------
@@ -283,13 +256,17 @@ class FirstHand:
             self.wheels.give_up()
             motion = motion.plus(Motion(along=lapse.way**2, across=lapse.way**2, heading=lapse.turn**2))
         self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
-        self.travelled = self.travelled.plus(motion)
+        self._drive(motion)
         if self.known:
-            drive(self.joint, self.robot, motion, self.sensors.wheels.nuisance)
             forget_biases(self.joint, motion.dt)
-        if self._unsent is not None:
-            drive(self._unsent, self.robot, motion, self.sensors.wheels.nuisance)
         return motion
+
+    def _drive(self, motion: Motion) -> None:
+        """Move all that is believed."""
+        self.travelled = self.travelled.plus(motion)
+        for joint in (self.joint if self.known else None, self._unsent):
+            if joint is not None:
+                drive(joint, self.robot, motion, self.sensors.wheels.nuisance)
 
     def _squared(self, at: Array) -> float:
         """The squared Mahalanobis distance of a pose from the own belief, whose variances count as at least 1."""
@@ -354,3 +331,10 @@ class FirstHand:
                 correct(self.joint, factor)
         if seen:
             self._misses = [*self._misses, (len(seen), missed)][-LOST:]
+        if seen and not missed and not self._is_flat():
+            self.mishaps.fitted(self.joint.moments(self.robot))
+
+
+def _is_absurd(joint: Joint) -> bool:
+    """Whether a belief is beyond what any robot knows, as after odometry of a million units."""
+    return not max(np.abs(joint.mean).max(), np.abs(joint.covariance.diagonal()).max()) <= LARGEST

@@ -1,13 +1,16 @@
 """How large the noise of wheels and camera is, estimated on line, larger or smaller than the model says. Pure.
 
 Each kind of noise has a factor s of its sigma. Its logarithm has a mean and a sigma over a grid, by the likelihood of what was seen
-and a log-normal prior; one sigma of it, which may be luck, is not used. Errors that follow each other are alike and look smaller than
-they are. So few of them are judged: one sighting of each landmark in `ALIKE` seconds, and of the wheels one span of at least `SPAN`
-seconds of motion: by how much did what was seen meanwhile move the pose that odometry alone had led to? Where all models hold, that
-correction has the covariance P - P', where P is that of the pose by odometry alone and P' that of the belief afterwards.
+and a log-normal prior. Where somebody gave the model, one sigma of it, which may be luck, is not used. Where the model is a guess,
+s^2 is its expected value, so that doubt counts as noise. Errors that follow each other are alike and look smaller than they are. So
+few sightings are judged: one of each landmark in `ALIKE` seconds.
 
-The camera's is judged by landmarks only. The wheels' is never taken for less than its model, because what is alike over minutes looks
-small over a span, and what the whole team shares looks small to all of them.
+The wheels are judged by spans of motion: where did what was seen meanwhile put the robot, compared with odometry alone? With P the
+variance of the pose by odometry alone and P' that of the belief afterwards, a correction d is worth a measurement d / (1 - P' / P)
+of variance P P' / (P - P'). Short spans show jitter soon, and long ones an error that is alike for seconds: the larger counts.
+
+The camera's is judged by landmarks only. The wheels' is never taken for less than a given model, because what is alike over minutes
+looks small over a span, and what the whole team shares looks small to all of them.
 """
 
 from __future__ import annotations
@@ -26,13 +29,17 @@ ALIKE = 8.0  # seconds in which the errors of the sightings of one landmark are 
 #: correlations of .76, .66, .57, .. (measured of a camera's ranges), errs 1.75 (n = 4) to 2.26 (n = 8) times as much as of
 #: independent ones.
 COUNTED = 2.0
-SPAN = 16.0  # seconds of motion, at least
+#: Seconds of motion, at least: a jitter shows soon, and an error that lasts for seconds in long spans only.
+SPANS = (1.0, 4.0, 16.0)
 LONGEST = 64.0  # seconds of motion after which a span is begun anew: too little was seen
-INFORMED = 0.25  # of the variance by odometry alone: P' must be smaller for a span to be judged
+LEAST = 0.25  # of s^2 where the model is a guess
+INFORMED = 0.1  # share by which what was seen moves a pose from where odometry led it, at least
 FARTHEST = 9.0  # variances (by the present s): a larger squared correction, as by a misread barcode, counts as this
 MEMORY = 40.0  # samples after which what was seen has faded to 1 / e
 LOGS = np.arange(-3.0, 3.01, 0.25)  # binary logarithms of s
-PRIOR = -0.5 * LOGS**2  # the logarithm of the log-normal prior of s: one sigma is a factor of 2
+#: The logarithm of the log-normal prior of s, one sigma of which is a factor of 2. A given model is its median; a guess is what
+#: the prior expects s^2 to be.
+GIVEN, GUESSED = -0.5 * LOGS**2, -0.5 * (LOGS + np.log(2)) ** 2
 
 
 @dataclass
@@ -40,13 +47,17 @@ class NoiseFactor:
     """Mutable: the factor of one kind of noise; `variance` is s^2, at least `least`."""
 
     least: float = 0.0
+    given: bool = True  # whether somebody gave the model; otherwise its doubt counts, too
     mean: float = 0.0  # of the binary logarithm of s
     sigma: float = 1.0
+    _expected: float = 1.0  # s^2
     _seen: Array = field(default_factory=lambda: np.zeros(len(LOGS)))  # the log-likelihood of each factor, faded
 
     @property
     def variance(self) -> float:
         """Relative to the model's."""
+        if not self.given:
+            return max(self.least, self._expected)
         return max(self.least, float(4.0 ** (np.sign(self.mean) * max(0.0, abs(self.mean) - self.sigma))))
 
     def weigh(self, squared: float, rest: float, added: float) -> None:
@@ -54,58 +65,57 @@ class NoiseFactor:
         squared = min(squared, FARTHEST * (rest + self.variance * added))
         variances = rest + 4.0**LOGS * added
         self._seen = self._seen * np.exp(-1 / MEMORY) - 0.5 * (squared / variances + np.log(variances))
-        logs = PRIOR + self._seen
+        logs = (GIVEN if self.given else GUESSED) + self._seen
         weights = np.exp(logs - logs.max())
         weights /= weights.sum()
+        self._expected = float(weights @ 4.0**LOGS)
         self.mean = float(weights @ LOGS)
         self.sigma = float(np.sqrt(weights @ (LOGS - self.mean) ** 2))
 
 
 @dataclass
-class WheelNoise:
-    """Mutable. Each tick `judge` the belief after the tick before, then `move`."""
+class Span:
+    """Mutable: some seconds of motion, after which the wheels are judged, and the factors that such spans show."""
 
     robot: str
     nuisance: Nuisance
-    along: NoiseFactor = field(default_factory=lambda: NoiseFactor(least=1.0))
-    heading: NoiseFactor = field(default_factory=lambda: NoiseFactor(least=1.0))
+    seconds: float  # of motion, at least
+    given: bool = True
+    along: NoiseFactor = field(init=False)
+    heading: NoiseFactor = field(init=False)
     _led: Joint | None = None  # the robot's block since the span began, by odometry alone
     _bare: Joint | None = None  # the same without the error along the way
     _still: Joint | None = None  # the same without the error of the heading
     _moving: float = 0.0  # seconds of motion in the span
     _by_team: bool = False  # whether the span began with the team's belief
 
+    def __post_init__(self) -> None:
+        self.along, self.heading = (NoiseFactor(1.0 if self.given else LEAST, self.given) for _ in range(2))
+
     def give_up(self) -> None:
-        """Judge nothing of this span, because the belief was given up or a motion was not measured."""
+        """Judge nothing of this span."""
         self._led = self._bare = self._still = None
 
-    def scaled(self, motion: Motion) -> Motion:
-        """A motion whose noise is that of the model, with that which was found."""
-        return replace(motion, along=motion.along * self.along.variance, heading=motion.heading * self.heading.variance)
-
-    def judge(self, belief: Moments, *, by_team: bool) -> None:
-        """Take a belief of the whole block, shape (12,) and (12, 12): of the robot alone, or of its team.
-
-        A span that is long enough, and at whose end enough was seen, is weighed. One that began with the team's belief is judged
-        by the team's only, because a robot alone knows less.
-        """
+    def judge(self, belief: Moments, noise: tuple[float, float], *, by_team: bool) -> None:
+        """Take a belief as `WheelNoise.judge`; `noise` are the factors of both variances that the span was led with."""
         if self._led is None or self._bare is None or self._still is None or self._moving > LONGEST:
             self._begin(belief, by_team)
-        elif self._moving >= SPAN and by_team >= self._by_team:
+        elif self._moving >= self.seconds and by_team >= self._by_team:
             led, bare, still = (it.moments(self.robot) for it in (self._led, self._bare, self._still))
             way = np.zeros(len(led.mean))
             way[AXES] = np.linalg.eigh((led.covariance - bare.covariance)[AXES, AXES])[1][:, -1]
             head = np.zeros(len(led.mean))
             head[HEADING] = 1.0
-            judged = False
             apart = belief.mean - led.mean
             apart[HEADING] = wrap(float(apart[HEADING]))
-            for factor, axis, without in ((self.along, way, bare), (self.heading, head, still)):
+            judged = False
+            for factor, present, axis, without in zip(
+                (self.along, self.heading), noise, (way, head), (bare, still), strict=True
+            ):
                 by_odometry, rest, after = (float(axis @ it.covariance @ axis) for it in (led, without, belief))
-                added = (by_odometry - rest) / factor.variance
-                if added > 0 and after < INFORMED * by_odometry:
-                    squared = float(axis @ apart) ** 2
-                    factor.weigh(squared, max(0.0, rest - after), added)
+                added, gain = (by_odometry - rest) / present, 1.0 - after / by_odometry
+                if added > 0 and gain > INFORMED:
+                    factor.weigh((float(axis @ apart) / gain) ** 2, rest + after / gain, added)
                     judged = True
             if judged:
                 self._begin(belief, by_team)
@@ -122,6 +132,53 @@ class WheelNoise:
         self._led, self._bare, self._still, self._moving, self._by_team = Joint(), Joint(), Joint(), 0.0, by_team
         for it in (self._led, self._bare, self._still):
             it.add(self.robot, belief)
+
+
+@dataclass
+class WheelNoise:
+    """Mutable. Each tick `judge` the belief after the tick before, then `move`."""
+
+    robot: str
+    nuisance: Nuisance
+    given: bool = True  # whether somebody gave the model
+    spans: tuple[Span, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.spans = tuple(Span(self.robot, self.nuisance, seconds, self.given) for seconds in SPANS)
+
+    @property
+    def along(self) -> NoiseFactor:
+        """Of the way, by the spans that show the most."""
+        return max((span.along for span in self.spans), key=lambda it: it.variance)
+
+    @property
+    def heading(self) -> NoiseFactor:
+        """Of the heading, by the spans that show the most."""
+        return max((span.heading for span in self.spans), key=lambda it: it.variance)
+
+    def give_up(self) -> None:
+        """Judge nothing of these spans, because the belief was given up or a motion was not measured."""
+        for span in self.spans:
+            span.give_up()
+
+    def scaled(self, motion: Motion) -> Motion:
+        """A motion whose noise is that of the model, with that which was found."""
+        return replace(motion, along=motion.along * self.along.variance, heading=motion.heading * self.heading.variance)
+
+    def judge(self, belief: Moments, *, by_team: bool) -> None:
+        """Take a belief of the whole block, shape (12,) and (12, 12): of the robot alone, or of its team.
+
+        A span that is long enough, and at whose end enough was seen, is weighed. One that began with the team's belief is judged
+        by the team's only, because a robot alone knows less.
+        """
+        noise = self.along.variance, self.heading.variance
+        for span in self.spans:
+            span.judge(belief, noise, by_team=by_team)
+
+    def move(self, motion: Motion) -> None:
+        """Lead the spans on by a motion with the noise that was found."""
+        for span in self.spans:
+            span.move(motion)
 
 
 @dataclass

@@ -82,7 +82,7 @@ class Given(FirstHand):
     _rates: tuple[float, float, float] | None = (
         None  # of the noise: along and across the way, of the heading, per second
     )
-    gain: Increment | None = None  # of the newest posterior, whether it is told or not
+    gain: Increment | None = None  # of the newest posterior, whether it is sent or not
     _idle: bool = False  # whether the newest posterior took nothing in
 
     def give(self, posterior: Moments | None) -> None:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
-from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, kinds
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Odometry, Sighting
 from robot_agent.config import OdometrySection, RobotSection
@@ -36,8 +36,8 @@ WHEELED = Nuisance(
 )
 ALIKE = 4 / 3  # times the sigma of a frame: bearings that follow each other err alike (correlation .60, after 8 s .28)
 MAX_GROUPS = 1024  # of landmarks that stand together
-#: Shares of `Wheels._kinds` from which on a way is a curve, and a turn begins to be one on the spot.
-CURVED, SPINNING = 0.3, 0.6
+#: Sigmas that are left once a robot was measured: of drift (rad/s), bearing, slip, range; of the lag, seconds.
+MEASURED, MEASURED_LAG = (0.002, 0.01, 0.0, 0.02), 0.03
 STILL = 1e-9  # unit or radians: less is no motion
 
 
@@ -52,8 +52,12 @@ class Wheels:
     turning: float = 0.1  # rad / sqrt(rad): of what is turned
     starting: float = 0.1  # rad per rad/s by which the turn rate changed since the tick before
     way: float = 0.0  # unit / sqrt(unit): of what is driven
+    given: bool = True  # whether somebody gave these sigmas; else they are a guess, and may be half as large
     standing: float = 0.05  # the share of the sigmas that is left while the robot stands
-    track: float = 0.26  # unit: from wheel to wheel; tells a curve from a turn on the spot
+    track: float = 0.26  # unit: from wheel to wheel; by it a curve differs from a turn on the spot
+    curved: float = 1.0  # the scale of a way on a curve, over that straight ahead
+    driven: float = 1.0  # the scale of a turn while it drives, over that on the spot
+    lag: float = 0.0  # seconds by which it moves later than told
 
     def motion(self, told: Odometry, before: Odometry | None) -> Motion:
         """A tick's motion with its noise; `before` is the odometry of the tick before.
@@ -66,32 +70,25 @@ class Wheels:
         if before is not None:
             rise = told.distance / told.dt - before.distance / before.dt
             change = told.turn / told.dt - before.turn / before.dt
-        curved, driven = self._kinds(told)
+        curved, driven = (float(it) for it in kinds(told.distance, told.turn, self.track))
         along = self.along**2 * time + self.way**2 * abs(told.distance)
         heading = self.heading**2 * time + self.turning**2 * abs(told.turn) + (self.starting * change) ** 2
+        by_way, by_turn = 1 + (self.curved - 1) * curved, 1 + (self.driven - 1) * driven
+        rise, change = by_way * rise, by_turn * change
+        distance, turn = by_way * told.distance - self.lag * rise, by_turn * told.turn - self.lag * change
         return Motion(
-            distance=told.distance,
-            turn=told.turn,
+            distance=distance,
+            turn=turn,
             dt=told.dt,
             moving=told.dt if moving else 0.0,
             along=along if told.distance_sigma is None else told.distance_sigma**2,
             across=self.across**2 * time if told.distance_sigma is None else 0.0,
             heading=heading if told.turn_sigma is None else told.turn_sigma**2,
-            curved=curved * told.distance,
-            driven=driven * told.turn,
+            curved=curved * distance,
+            driven=driven * turn,
             faster=rise,
             quicker=change,
         )
-
-    def _kinds(self, told: Odometry) -> tuple[float, float]:
-        """Which share of the way is on a curve, and which of the turn is driven: 0 to 1 each.
-
-        By how far the wheels go against each other, as a share of all that they go: 0 straight ahead, 1 on the spot.
-        """
-        against = abs(told.turn) * self.track / 2
-        total = abs(told.distance) + against
-        share = against / total if total > STILL else 0.0
-        return min(1.0, share / CURVED), min(1.0, (1 - share) / (1 - SPINNING))
 
 
 @dataclass(frozen=True)
@@ -112,6 +109,9 @@ class Camera:
     bend: float = 0.05  # rad/s: at most so much
     together: float = 0.6  # unit
     profile: tuple[tuple[float, float], ...] = ()  # see `Relative.profile`; replaces all of these
+    scale: float = 1.0  # true range over the measured one, without its bias
+    bias: float = 0.0  # unit
+    askew: float = 0.0  # radians: what a bearing reads too much
 
     def group(self, groups: dict[str, tuple[float, float]], landmark: str, place: tuple[float, float]) -> str:
         """The first landmark that was seen of those that stand together with this one; `groups` keeps their places, unit."""
@@ -136,8 +136,8 @@ class Camera:
         return Relative(
             observer=robot,
             subject=sighting.subject,
-            range=sighting.range,
-            bearing=sighting.bearing,
+            range=max(0.0, self.scale * (sighting.range - self.bias)),
+            bearing=sighting.bearing - self.askew,
             range_variance=alike * (sighting.range_sigma or self.floor + self.share * sighting.range) ** 2,
             bearing_variance=(sighting.bearing_sigma or self.bearing) ** 2 + bent,
             age=sighting.age,
@@ -179,27 +179,41 @@ def sensors_of(settings: RobotSection) -> Sensors:
     vision, ranging = settings.vision, settings.ranging
     lasting = (Bias(ranging.bias, ranging.seconds),) if ranging.bias else ()
     if vision.kind != "position":
-        camera = Camera(floor=vision.range_floor, share=vision.range_share, bearing=ALIKE * vision.bearing)
-        return Sensors(camera=camera, ranging=lasting)
+        camera = Camera(
+            floor=vision.range_floor,
+            share=vision.range_share,
+            bearing=ALIKE * vision.bearing,
+            scale=vision.range_scale,
+            bias=vision.range_bias,
+            askew=vision.bearing_bias,
+        )
+        wheels = wheels_of(settings.odometry) if settings.odometry.measured else Wheels()
+        return Sensors(wheels, camera, settings.odometry.compass, lasting)
     distances = np.linspace(SEEN_FROM + 0.01, SEEN_TO - 0.01, 49)
     profile = tuple(zip(distances.tolist(), np.square(position_sigma(distances, vision)).tolist(), strict=True))
-    return Sensors(wheels_of(settings.odometry, ranging.scale), replace(Camera(), profile=profile), ranging=lasting)
+    wheels, camera = wheels_of(settings.odometry, ranging.scale), replace(Camera(), profile=profile)
+    return Sensors(wheels, camera, settings.odometry.compass, lasting)
 
 
 def wheels_of(odometry: OdometrySection, scale: float = 0.0) -> Wheels:
     """Wheels by the sigmas of [robot.odometry]; `scale` is the sigma of the scale of the ranges."""
+    way, turn = odometry.distance_scale, odometry.turn_scale
+    sigmas = (odometry.distance_lasting, odometry.turn_lasting, 0.0, 0.0, 0.0, scale, 0.0, 0.0, 0.0)
+    nuisance = Nuisance(forward=way, turn=turn, sigmas=sigmas)
+    if odometry.measured:  # once; and then these errors change slowly
+        sigmas = (*sigmas[:2], *MEASURED, odometry.distance_lasting, odometry.turn_lasting, MEASURED_LAG)
+        nuisance = Nuisance(way, turn, sigmas, WHEELED.walks)
     return Wheels(
-        Nuisance(
-            forward=odometry.distance_scale,
-            turn=odometry.turn_scale,
-            sigmas=(odometry.distance_lasting, odometry.turn_lasting, 0.0, 0.0, 0.0, scale, 0.0, 0.0, 0.0),
-        ),
+        nuisance,
         along=odometry.along,
         across=odometry.across,
         heading=odometry.turn,
-        turning=0.0,
+        turning=odometry.turning,
         starting=0.0,
         standing=odometry.standing,
+        curved=1.0 if odometry.curve_distance_scale is None else odometry.curve_distance_scale / way,
+        driven=1.0 if odometry.curve_turn_scale is None else odometry.curve_turn_scale / turn,
+        lag=odometry.lag,
     )
 
 

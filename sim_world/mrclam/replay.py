@@ -84,7 +84,8 @@ class Replay:
         landmark = self.recording.landmarks.get(self.protocol.unknown or 0)
         if landmark is not None:
             places[self._name(self.protocol.unknown or 0)] = landmark
-        truth = Truth(run=run, tick=tick, time=tick * self.dt, positions=places)
+        headings = {self._name(number): pose[2] for number, pose in poses.items() if pose is not None}
+        truth = Truth(run=run, tick=tick, time=tick * self.dt, positions=places, headings=headings)
         return truth, [self._sense(robot, truth) for robot in self.robots]
 
     def _sense(self, robot: str, truth: Truth) -> Readings:

@@ -42,9 +42,8 @@ def test_with_another_authoritys_certificate_the_line_says_so(
 ) -> None:
     with pytest.raises(UserError, match="the router's certificate is not of this team's authority"):
         enter(shut[0], other_keys, "robot/r1")
-    forged = mixed(
-        tmp_path, "robot/r1", certificate=other_keys, ca=keys
-    )  # it believes the router, and not the other way
+    # it believes the router, and not the other way
+    forged = mixed(tmp_path, "robot/r1", certificate=other_keys, ca=keys)
     with pytest.raises(UserError, match="signed by another authority than the router's"):
         enter(shut[0], forged, "robot/r1")
     shut[1].says("a connection was refused: invalid peer certificate")

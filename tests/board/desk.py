@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from blackboard.board.service import BoardService
-from blackboard.config import BoardSection
+from blackboard.config import BoardSection, TeamSection
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
@@ -29,11 +29,10 @@ def board_of(sub_team: str, kind: Kind = Kind.ALIVE, name: str | None = None) ->
 class Desk:
     """One board process under test, and what it said; what it remembers is left out, which it may say once a second."""
 
-    def __init__(self, world: bool = True, **settings: object) -> None:
-        """A board with no robot yet; a world is there unless `world` is False."""
-        self.it = BoardService(
-            team="t", sub_team="a", board="a", grid=GRID, settings=BoardSection.model_validate(settings)
-        )
+    def __init__(self, world: bool = True, members: TeamSection | None = None, **settings: object) -> None:
+        """A board with no robot yet; a world is there unless `world` is False. `members`: as a scenario names them."""
+        chosen = BoardSection.model_validate(settings)
+        self.it = BoardService(team="t", sub_team="a", board="a", grid=GRID, settings=chosen, members=members)
         self.now = NOW
         self.said: list[Envelope] = []
         if world:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blackboard.board.entries import MAX_SOURCES, MAX_SUBJECTS
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, blur, gaussian
+from blackboard.opinion.believed import MAX_SOURCES, MAX_SUBJECTS
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.pools import POOLS, fuse
 from blackboard.opinion.rules import read_rule

@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from blackboard.board.dissent import FIRM, LEAST_WEIGHT, Dissent
+from blackboard.board.dissent import Dissent
 from blackboard.board.fusion import Fusion, fuse_opinions
 from blackboard.config import BoardSection
 from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.believed import FIRM, LEAST_WEIGHT
 from blackboard.opinion.gaussian.evidence import Verdict
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.grid import Grid

@@ -56,4 +56,4 @@ def test_each_row_is_walked(part: BoardRole, fact: Fact) -> None:
 
 
 def test_the_table_is_printed() -> None:
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design.md")
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("ticks.md")

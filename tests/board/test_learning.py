@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 from blackboard.board import learning
 from blackboard.board.dissent import Dissent, Standing
 from blackboard.board.fusion import as_advised, fuse_opinions
-from blackboard.board.learning import WINDOW, Learner
+from blackboard.board.learning import Learner
 from blackboard.config import BoardSection
 from blackboard.errors import RuleError
+from blackboard.opinion import believed
 from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.believed import PAIR_WINDOW, Verdicts
 from blackboard.opinion.bell import bell, escort_moments, width
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.grid import Grid
@@ -185,7 +187,7 @@ def test_what_follows_too_soon_or_is_old_is_not_compared() -> None:
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of sources and subjects, with smaller bounds, so that few opinions are needed; of samples with the real one."""
-    monkeypatch.setattr(learning, "MAX_SOURCES", 6)
+    monkeypatch.setattr(believed, "MAX_SOURCES", 6)
     monkeypatch.setattr(learning, "MAX_SUBJECTS", 4)
     it = Learner()
     for second in range(12):
@@ -197,7 +199,7 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(it.samples) <= 6 * 5 // 2
     assert it.samples.keys() == it._pairings.keys()
     assert all(len(means) <= 6 for _, means in it.last.values())
-    assert all(len(window) <= WINDOW for window in taught(WINDOW + 5).samples.values())
+    assert all(len(window) <= PAIR_WINDOW for window in taught(PAIR_WINDOW + 5).samples.values())
 
 
 SMALL = Grid((6, 4))
@@ -269,7 +271,7 @@ def test_a_fusion_is_done_again_by_what_is_published_of_it(by: str) -> None:
     if by == "learned":
         learner, settings = taught(liar=12.0), LEARN
     else:
-        dissent = Dissent("consensus", standings={"s0": Standing(share=0.7, seconds=9, since=0.0)})
+        dissent = Dissent("consensus", standings={"s0": Standing(Verdicts(0.7, 9), since=0.0)})
     found = fuse_opinions([*opinions, informed], GRID, settings, "object/ball", learner, 99.0, dissent)
     powers = {(share.opinion.source, share.how): share.power for share in found.shares}
     assert powers["s0", "independent"] < 0.7

@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.board.dissent import Dissent
-from blackboard.board.learning import MAX_SOURCES, WINDOW, Learner
+from blackboard.board.learning import Learner
 from blackboard.board.memory import SAMPLE, packed_memory, remembered
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.believed import MAX_SOURCES, PAIR_WINDOW
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.pools import fuse_belief
 from blackboard.opinion.provenance import Opinion
@@ -67,7 +68,7 @@ def test_who_goes_on_from_a_memory_does_the_same_to_the_bit(handed_on: int) -> N
 
 def test_a_memory_is_small_and_that_of_the_most_sources_fits_a_message() -> None:
     learner = Learner()
-    for second in range(WINDOW):
+    for second in range(PAIR_WINDOW):
         learner.hear("object/ball", float(second), [opinion(f"r{i}", (10 + i, 10)) for i in range(8)])
     assert (
         len(
@@ -85,7 +86,7 @@ def test_a_memory_is_small_and_that_of_the_most_sources_fits_a_message() -> None
         < 13_000
     )
     pairs = MAX_SOURCES * (MAX_SOURCES - 1) // 2
-    assert pairs * WINDOW * SAMPLE.itemsize < 0.8 * MAX_BYTES
+    assert pairs * PAIR_WINDOW * SAMPLE.itemsize < 0.8 * MAX_BYTES
 
 
 # --- what is refused ------------------------------------------------------------------------------------------------------
@@ -107,7 +108,7 @@ WRONG_LEARNERS: dict[str, dict[str, Any]] = {
     "since of others": {"since": {"r9": 0.1}},
     "since later": {"since": {"r1": 0.7}},
     "a pair too many": {"counts": b"\x01\x00"},
-    "more than a window": {"counts": bytes([WINDOW + 1]), "samples": sample(1, 1, 0) * (WINDOW + 1)},
+    "more than a window": {"counts": bytes([PAIR_WINDOW + 1]), "samples": sample(1, 1, 0) * (PAIR_WINDOW + 1)},
     "fewer samples": {"counts": b"\x02"},
     "half a sample": {"samples": LEARNER.samples[:-1]},
     "a below 0": {"samples": sample(-1, 1, 0)},
@@ -153,7 +154,7 @@ def test_what_is_out_of_bounds_is_refused(why: str) -> None:
 def test_whatever_a_memory_says_within_its_bounds_the_advice_is_sound(
     samples: list[tuple[float, float, float]], since: bool
 ) -> None:
-    counts = [WINDOW, len(samples[50:100]), len(samples[100:150])]
+    counts = [PAIR_WINDOW, len(samples[50:100]), len(samples[100:150])]
     learner = {
         "sources": ["s0", "s1", "s2"],
         "heard": dict.fromkeys(["s0", "s1", "s2"], 0.0),

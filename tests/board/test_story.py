@@ -28,12 +28,8 @@ def test_a_subject_has_its_own_rule_and_its_story_says_so() -> None:
             it.hear(report(source, belief, subject=subject), 0.0)
     ball, can, robot = it.settle(0, 0.0)
     assert (ball.rule, can.rule, robot.rule) == ("clique", "clique", "coalition")
-    assert ball.parameters == {
-        "k": 2.0,
-        "gamma": 0.25,
-        "inner": "cooperative",
-        "xi": 2.0,
-    }  # k = 1 is the coalition rule's
+    # k = 1 is the coalition rule's
+    assert ball.parameters == {"k": 2.0, "gamma": 0.25, "inner": "cooperative", "xi": 2.0}
     assert can.parameters == {"k": 2.0, "gamma": 0.5, "inner": "cooperative", "xi": 2.0}
     assert robot.parameters == {"k": 1.0, "gate": 4.0, "independence": 0.2}
     stack = np.stack([unpack(pack(b)).p for b in said])

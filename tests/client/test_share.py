@@ -90,9 +90,8 @@ def test_what_one_team_sees_all_of_a_tree_believe_and_no_more() -> None:
     teams.run(20.0, [("north", BALL, SEEN)])
     for team in ("all", "south"):
         assert math.dist(teams.of(team).mean(), (6.5, 8.5)) < 0.2
-        assert (
-            entropy(SEEN.p) - 0.02 < entropy(teams.of(team).p) < entropy(SEEN.p) + 0.8
-        )  # older by a settlement or two
+        # older by a settlement or two
+        assert entropy(SEEN.p) - 0.02 < entropy(teams.of(team).p) < entropy(SEEN.p) + 0.8
     assert entropy(teams.of("north").p) == pytest.approx(entropy(SEEN.p), abs=0.05)
     assert set(teams.agreed["south", BALL].story.ancestors) == {f"{VIA}all", "north..r1"}
 

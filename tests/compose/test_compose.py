@@ -105,7 +105,7 @@ def test_behind_a_shut_door_the_team_runs_as_the_owner_of_the_keys(project: Proj
 @pytest.fixture(scope="module")
 def team(project: Project, plain_run: CompletedProcess[str]) -> Iterator[Project]:
     """A run without an end, for all the injuries below."""
-    project.changes = {"WORLD": "--seconds inf", "HEALTH_EVERY": "10s"}
+    project.changes = {"WORLD": "--seconds inf", "HEALTH_EVERY": "10s", "GUESTS": "vote"}
     try:
         project("up", "--detach", seconds=180)
         project.wait_well(*MEMBERS)

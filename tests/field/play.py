@@ -31,11 +31,24 @@ class Score:
 
     squared: list[float] = field(default_factory=list)
     distances: list[float] = field(default_factory=list)
+    logs: list[float] = field(default_factory=list)  # nats: the log density at the truth
 
     def add(self, mean: np.ndarray, covariance: np.ndarray, truth: np.ndarray) -> None:
         apart = np.asarray(mean)[:2] - truth[:2]
+        spread = np.asarray(covariance)[:2, :2]
         self.squared.append(float(apart @ apart))
-        self.distances.append(float(apart @ np.linalg.solve(np.asarray(covariance)[:2, :2], apart)))
+        self.distances.append(float(apart @ np.linalg.solve(spread, apart)))
+        self.logs.append(-0.5 * self.distances[-1] - 0.5 * math.log(np.linalg.det(spread)) - math.log(2 * math.pi))
+
+    def take(self, other: Score) -> None:
+        """Take in all of another one."""
+        self.squared += other.squared
+        self.distances += other.distances
+        self.logs += other.logs
+
+    @property
+    def log_score(self) -> float:
+        return float(np.mean(self.logs)) if self.logs else math.nan
 
     @property
     def rmse(self) -> float:
@@ -162,6 +175,8 @@ class Field(Scheduler):
                 mean, covariance = ball.belief.mean(), ball.belief.covariance() + np.eye(2) * 0.25**2 / 12
                 scores["team"]["ball"].add(mean, covariance, world.ball)
                 scores["central"]["ball"].add(*central.of("object/ball"), world.ball)
+            if settled and ball is not None and ball.velocity is not None:
+                scores["team"]["velocity"].add(ball.velocity.mean, ball.velocity.covariance, world.velocity)
         return scores
 
 
@@ -175,8 +190,7 @@ def main(
         field_ = Field(world, scenario(world.truth, told, **board), sigmas, phases, own=own, fed_back=fed_back)
         for who, found in field_.play(seconds).items():
             for name, score in found.items():
-                totals[who][name].squared += score.squared
-                totals[who][name].distances += score.distances
+                totals[who][name].take(score)
         work += field_.work
         for robot, it in field_.robots.items():
             if it.independence is not None:
@@ -185,7 +199,7 @@ def main(
         team, central, alone = (totals[who].get(name) or Score() for who in ("team", "central", "alone"))
         print(
             f"{name:5} team {team.rmse:.3f} central {central.rmse:.3f} alone {alone.rmse:.3f} ratio {team.rmse / central.rmse:.3f} "
-            f"c50 {team.coverage(0.5):.3f} c95 {team.coverage():.3f} | central c95 {central.coverage():.3f}"
+            f"log {team.log_score:.3f} c50 {team.coverage(0.5):.3f} c95 {team.coverage():.3f} | central c95 {central.coverage():.3f}"
         )
     print(f"step: median {1000 * np.median(work):.1f} ms, 95 % {1000 * np.quantile(work, 0.95):.1f} ms")
 

@@ -28,8 +28,7 @@ def scores() -> dict[str, dict[str, Score]]:
         for who, by_name in play.play(SECONDS).items():
             for name, score in by_name.items():
                 sums = found.setdefault(who, {}).setdefault(name, Score())
-                sums.squared += score.squared
-                sums.distances += score.distances
+                sums.take(score)
     return found
 
 
@@ -57,3 +56,15 @@ def test_robots_with_filters_of_their_own_are_nearly_as_good_and_are_not_accused
     for robot in play.robots:
         assert scores["team"][robot].rmse <= 1.5 * scores["central"][robot].rmse
     assert not any(it.independence is None or it.independence.fed_back for it in play.robots.values())
+
+
+def test_a_ball_that_rolls_and_bounces_is_known_better_by_its_velocity_than_by_a_random_walk() -> None:
+    found = {}
+    for motion in ("walk", "learn"):
+        truth = Truth(rolls=1.0)
+        chosen = scenario(truth, told=False, objects_motion=motion)
+        found[motion] = Field(World(101, truth), chosen, sigmas=False).play(SECONDS)["team"]
+    walk, learn = (found[motion]["ball"] for motion in ("walk", "learn"))
+    assert learn.log_score >= walk.log_score + 0.3
+    assert learn.coverage() >= 0.85
+    assert found["learn"]["velocity"].coverage() >= 0.85

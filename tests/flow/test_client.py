@@ -24,7 +24,7 @@ class Still(Member):
 
 
 def test_a_client_in_lockstep_is_waited_for_and_keeps_nobody_waiting() -> None:
-    team = Team(SCENARIO)
+    team = Team(SCENARIO.changed("team", guests="vote"))
     client = Still(team="t", sub_teams=("a",), robot="c1", grid=SCENARIO.grid, settings=SCENARIO.board)
     team.join(client)
     heard = Heard(team.bus)

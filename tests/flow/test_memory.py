@@ -106,9 +106,8 @@ def test_only_a_board_that_leads_says_what_it_remembers_once_a_second() -> None:
     team = Team(LEARNS.changed("team", boards=2).changed("time", seconds=3.0))
     heard = Heard(team.bus)
     team.run()
-    said = [
-        it for it in heard.of(keys.MEMORY, board="board-a") if it.run
-    ]  # before the world comes each board leads itself
+    # before the world comes each board leads itself
+    said = [it for it in heard.of(keys.MEMORY, board="board-a") if it.run]
     assert [it.tick for it in said] == [0, 2, 4, 6]
 
 

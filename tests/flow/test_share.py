@@ -19,7 +19,7 @@ from blackboard.wire.messages import Consensus
 
 SCENARIO = Scenario(
     {
-        "team": {"name": "here", "sub_teams": {"a": ["r1", "r2"]}},
+        "team": {"name": "here", "sub_teams": {"a": ["r1", "r2"]}, "guests": "vote"},
         "grid": {"shape": [20, 20]},
         "time": {"tick": 0.5, "seconds": 6.0, "mode": "realtime"},
         "board": {"fusion": "opinions"},

@@ -26,6 +26,7 @@ from blackboard.chaos.lies.table import row  # noqa: E402
 from blackboard.chaos.lies.trial import try_lie  # noqa: E402
 from blackboard.config import Scenario, load  # noqa: E402
 from blackboard.lab.parallel import run_jobs  # noqa: E402
+from blackboard.opinion.gaussian.relation import NUMBERS  # noqa: E402
 
 BATCH = 8  # lies that are tried at once
 KEPT = 4  # of the worst, which are changed
@@ -49,6 +50,7 @@ def draw_change(rng: np.random.Generator) -> Change:
         changes.Sure(size(0, 3)),
         changes.Gains(offset(), size(-1, 9)),
         changes.Sees(whom, offset(), sigma, always=bool(rng.random() < 0.6)),  # type: ignore[arg-type]
+        changes.Tells(str(rng.choice(list(NUMBERS))), whom, offset(), size(-4, 0.5)),  # type: ignore[arg-type]
         changes.Knows(whom, offset(), size(-1, 1)),  # type: ignore[arg-type]
         changes.Echoes(size(-1, 1)),
         changes.Invents(int(rng.integers(1, 64)), bool(rng.random() < 0.5), bool(rng.random() < 0.5)),

@@ -9,11 +9,12 @@ import msgpack
 import pytest
 
 from blackboard.board.board import Board
-from blackboard.board.entries import MAX_SOURCES, MAX_SUBJECTS, Entries, Entry
+from blackboard.board.entries import Entries, Entry
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.judge.traffic import Traffic
 from blackboard.opinion.belief import gaussian
+from blackboard.opinion.believed import MAX_SOURCES, MAX_SUBJECTS
 from blackboard.opinion.grid import Grid
 from blackboard.process import roll_call
 from blackboard.process.roster import MAX_TOKENS, Roster

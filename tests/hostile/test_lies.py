@@ -26,6 +26,7 @@ QUICK = {
     "epochs-pulls",
     "replays-5",
     "clock-slow",
+    "tells-poses",
     "knows-all",
     "echoes",
     "absurd-10",

@@ -32,9 +32,12 @@ def at(x: int, y: int) -> PackedBelief:
 
 
 def instant(
-    positions: Mapping[str, tuple[float, float]], tick: int = 1, teams: Mapping[str, Sequence[str]] = TEAMS
+    positions: Mapping[str, tuple[float, float]],
+    tick: int = 1,
+    teams: Mapping[str, Sequence[str]] = TEAMS,
+    velocities: Mapping[str, tuple[float, float]] | None = None,
 ) -> Instant:
-    truth = Truth(run="x", tick=tick, time=tick / 5, positions=dict(positions))
+    truth = Truth(run="x", tick=tick, time=tick / 5, positions=dict(positions), velocities=dict(velocities or {}))
     return Instant(truth, {sub_team: list(robots) for sub_team, robots in teams.items()})
 
 
@@ -43,18 +46,27 @@ def solo(it: Instant, robot: str, beliefs: Mapping[str, PackedBelief]) -> None:
 
 
 def consensus(
-    it: Instant, sub_team: str, level: str, subject: str, belief: PackedBelief, used: Sequence[Used] = ()
+    it: Instant,
+    sub_team: str,
+    level: str,
+    subject: str,
+    belief: PackedBelief,
+    used: Sequence[Used] = (),
+    **more: object,
 ) -> bytes:
-    where = {"board": sub_team, "sub_team": sub_team, "level": level}
+    where = {"board": sub_team, "sub_team": sub_team, "level": level, **more}
     said = messages.consensus(belief, subject, tick=it.truth.tick, used=list(used), **where)
     payload = encode(said)
     it.hear(sub_team, said, payload)
     return payload
 
 
-def both(it: Instant, sub_team: str, subject: str, consensus_: PackedBelief, agreed: PackedBelief) -> None:
+def both(
+    it: Instant, sub_team: str, subject: str, consensus_: PackedBelief, agreed: PackedBelief, **more: object
+) -> None:
+    """Both levels; `more` are fields of what is agreed."""
     consensus(it, sub_team, "consensus", subject, consensus_)
-    consensus(it, sub_team, "agreed", subject, agreed)
+    consensus(it, sub_team, "agreed", subject, agreed, **more)
 
 
 def referee(**check: object) -> Referee:

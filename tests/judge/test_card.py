@@ -33,6 +33,8 @@ def test_it_is_the_agreed_json() -> None:
         "missing": {"robot/r2": {"solo": 3}},
         "counters": {"late": 1, "sent": 5},
         "honesty": JUDGEMENT.honesty,
+        "motion": JUDGEMENT.motion,
+        "lost": JUDGEMENT.lost,
         "causes": ["r3 is off"],
     }
     assert json.loads(json.dumps(card)) == card

@@ -36,11 +36,8 @@ def test_errors_entropies_log_scores_and_coverage_are_exact() -> None:
     mine = robots["by_name"]["r1"]["consensus"]
     assert mine["entropy"] == pytest.approx(-0.25 * math.log(0.25) - 0.75 * math.log(0.75))
     assert mine["log_score"] == pytest.approx(math.log(0.25))
-    assert mine["coverage"] == {
-        "50": 0.0,
-        "90": pytest.approx(0.6),
-        "95": pytest.approx(0.8),
-    }  # 0.15 and 0.2 of the 0.25
+    # 0.15 and 0.2 of the 0.25
+    assert mine["coverage"] == {"50": 0.0, "90": pytest.approx(0.6), "95": pytest.approx(0.8)}
     assert judge.scores()["objects"]["solo"]["n"] == 0
 
 

@@ -52,6 +52,7 @@ def test_a_sample_says_how_each_level_did() -> None:
         "entropy": pytest.approx(-0.25 * math.log(0.25) - 0.75 * math.log(0.75)),
         "sources": 1,
         **{name: pytest.approx(value) for name, value in spread.items()},
+        "lost": pytest.approx(math.nan, nan_ok=True),
     }
     assert (together.mean_x, together.mean_y, together.region, together.area) == (5.5, 6.5, 1.0, 1.0)
     assert (agreed.mean_x, agreed.mean_y, agreed.log_score, agreed.region) == (2.5, 2.5, 0.0, 0.0)

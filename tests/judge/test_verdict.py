@@ -21,9 +21,8 @@ def verdict(solo_: PackedBelief, agreed: PackedBelief, **check: object) -> tuple
     return judge.verdict(judge.scores())
 
 
-WIDE = cells(
-    {(2, 2): 0.2, (2, 4): 0.8}
-)  # 1.6 cells off, 0.5 nats; the 95 % region holds three quarters of the true cell
+#: 1.6 cells off, 0.5 nats; the 95 % region holds three quarters of the true cell.
+WIDE = cells({(2, 2): 0.2, (2, 4): 0.8})
 NEAR = cells({(2, 2): 0.9, (2, 3): 0.1})  # 0.1 cells off, 0.33 nats
 
 

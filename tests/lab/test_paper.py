@@ -57,9 +57,8 @@ def test_figure_1_agreement_lowers_the_entropy_and_disagreement_does_not() -> No
     agree, disagree = numbers()["fig1"]["cases"].values()
     assert agree["fused"]["logarithmic"]["entropy"] < min(agree["entropies"])
     assert disagree["fused"]["logarithmic"]["entropy"] > max(disagree["entropies"])
-    assert disagree["entropy of pure Gaussians"] < min(
-        disagree["entropies"]
-    )  # the claim needs sensors that may be wrong
+    # the claim needs sensors that may be wrong
+    assert disagree["entropy of pure Gaussians"] < min(disagree["entropies"])
 
 
 def test_figure_3_says_what_the_paper_says() -> None:
@@ -70,9 +69,8 @@ def test_figure_3_says_what_the_paper_says() -> None:
 
 def test_figures_6_and_7_are_means_over_what_was_scored() -> None:
     told6, told7 = numbers()["fig6"], numbers()["fig7"]
-    assert told6["time"] == [
-        float(second) for second in range(1, 13)
-    ]  # every tick, or a saw-tooth of 6 s shows as another
+    # every tick, or a saw-tooth of 6 s shows as another
+    assert told6["time"] == [float(second) for second in range(1, 13)]
     assert told7["robots"] == [1, 2, 3]
     assert told7["seeds"] == 4
     over_time, growth = merged("over_time", "cooperative"), merged("over_size", "cooperative")

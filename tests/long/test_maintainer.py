@@ -34,23 +34,16 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
             put(where, one)
     change(where, "blackboard/opinion/rules.py", r"(OWN = \{.*?)\}\n", r'\1    "halfway": "averages",\n}\n')
     change(where, "tests/opinion/test_laws.py", r"^(IDEMPOTENT = \{)", r'\1"halfway", ')  # "the sets of the laws"
-    change(
-        where, "blackboard/wire/messages.py", r"(MODELS: .*?)\)\n", r"\1, Battery)\n"
-    )  # "its name goes into `MODELS`"
+    # "its name goes into `MODELS`"
+    change(where, "blackboard/wire/messages.py", r"(MODELS: .*?)\)\n", r"\1, Battery)\n")
     change(where, "blackboard/wire/keys.py", r"(TOPICS = \(\n.*?)\)\n", r"\1    BATTERY,\n)\n")
     example = (
         '    "battery": ({"team": "t", "sub_team": "a", "robot": "r1"}, Battery(robot="r1", time=0.6, seconds=60.0)),\n'
     )
     change(where, "tests/wire/messages.py", r"(EXAMPLES: .*?\n)\}\n", rf"\1{example}}}\n")
     change(where, "tests/wire/messages.py", r"(import \(\n)(    Clock)", r"\1    Battery,\n\2")
-    change(where, "docs/wire.md", r"(?=^### Solo$)", block(PAGE, "### Battery").text.replace("\\", r"\\") + "\n")
-    table = said(where, "-m", "blackboard.wire.keys").strip()
-    before = said(ROOT, "-m", "blackboard.wire.keys").strip()
-    assert table != before
-    page = where / "docs" / "wire.md"
-    assert before in page.read_text(encoding="utf-8")
-    page.write_text(page.read_text(encoding="utf-8").replace(before, table), encoding="utf-8")
-    (where / "docs" / "scenario.md").write_text(said(where, "-m", "blackboard", "scenario"), encoding="utf-8")
+    for name, maker in (("messages", ["blackboard.run.messages"]), ("scenario", ["blackboard", "scenario"])):
+        (where / "docs" / f"{name}.md").write_text(said(where, "-m", *maker), encoding="utf-8")
     return where
 
 

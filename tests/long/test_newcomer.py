@@ -1,6 +1,6 @@
 """The newcomer's path: README.md, docs/tutorial.md and docs/more.md from a clone on, their commands one after the other in the clone itself.
 
-What docs/tutorial.md says runs at its full length. Of README.md what takes minutes is shortened, and what needs a recording, an
+What docs/tutorial.md says runs at its full length, in the clone and once more with the wheel in an empty environment elsewhere. Of README.md what takes minutes is shortened, and what needs a recording, an
 engine or a screen is left out (`LEFT_OUT`).
 """
 
@@ -11,8 +11,9 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,6 +29,7 @@ pytestmark = pytest.mark.timeout(1200)
 #: Beginnings of the commands of docs/more.md -> what is added, so that they take seconds; the last word wins over one before it.
 SHORTER = {
     "demo --realtime": "--seconds 3",
+    "demo --record": "--seconds 10",  # of less `calibrate` could say nothing
     "demo": "--seconds 2",
     "up my-scenario.toml": "--seconds 2",
     "up liar": "--seconds 2",
@@ -127,23 +129,52 @@ def test_make_demo_in_a_clone(made: tuple[Path, str]) -> None:
         assert re.search(rf"^{' '.join(row.split()[:2])} +\d+ ", said, re.MULTILINE)
 
 
-def test_the_tutorial_from_its_first_to_its_last_line(made: tuple[Path, str]) -> None:
-    clone, _ = made
+def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
+    """Its commands one after the other in a folder whose `.venv` has the package with the extras of the page.
+
+    `shorter`: what is added to the command lines in which these words stand.
+    """
     for one in blocks("tutorial.md"):
         if one.language == "toml":
-            (clone / "my-team.toml").write_text(one.text)
+            (where / "my-team.toml").write_text(one.text)
         for command in one.commands if one.language == "shell" else ():
-            if command == "make demo":
-                continue  # `made`
+            if command == "make demo" or "pip install" in command:
+                continue  # the fixtures do it
             if " view " in command:
-                with started(clone, f"{command} --port {free_port()}") as viewer:
+                with started(where, f"{command} --port {free_port()}") as viewer:
                     assert "<title>" in page(viewer)
             else:
-                said = shell(clone, command)
+                more = [flags for words, flags in shorter.items() if words in command]
+                said = shell(
+                    where, " ".join([command, *more]), (0, 1) if more else (0,)
+                )  # so short a run need not PASS
                 if " why robot/r1 " in command:
                     assert said.startswith("robot/r1 is believed to be at (")
-                assert said or "pip install" in command or "--out" in command, command
-    assert (clone / "run.csv").stat().st_size > 10_000
+                assert said or "--out" in command, command
+    assert (where / "run.csv").stat().st_size > 10_000
+
+
+def test_the_tutorial_from_its_first_to_its_last_line(made: tuple[Path, str]) -> None:
+    clone, _ = made
+    shell(clone, block("tutorial.md", "make demo").commands[1])
+    follow_the_tutorial(clone, {})
+
+
+def test_the_tutorial_and_the_readme_with_the_wheel_alone(clone: Path, tmp_path: Path) -> None:
+    """In an empty environment, in a folder that has nothing of the repository."""
+    _, install, *_ = block("tutorial.md", "make demo").commands
+    readme, record, why = block("README.md", ".venv/bin/pip install -e '.[record").commands
+    assert install == readme
+    (extras,) = re.findall(r"-e '\.(\[.+\])'$", install)
+    shell(tmp_path, f"{sys.executable} -m venv .venv")
+    shell(tmp_path, f".venv/bin/pip wheel --quiet --no-deps --wheel-dir dist {clone}")
+    (wheel,) = (tmp_path / "dist").glob("*.whl")
+    shell(tmp_path, f".venv/bin/pip install --quiet '{wheel}{extras}'")
+    assert shell(tmp_path, ".venv/bin/python -c 'import blackboard; print(blackboard.__file__)'").startswith(
+        str(tmp_path)
+    )
+    assert {record, why} < {command for one in blocks("tutorial.md") for command in one.commands}
+    follow_the_tutorial(tmp_path, {" demo --record": "--seconds 21", " sweep ": "--seconds 2"})
 
 
 def test_what_it_believes_and_why(made: tuple[Path, str]) -> None:

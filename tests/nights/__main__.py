@@ -19,7 +19,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # each process has one
     os.environ.setdefault(name, "1")
 
 from tests.nights import gift  # noqa: E402
-from tests.nights.run import Outcome, quietly, uncalibrated  # noqa: E402
+from tests.nights.run import Outcome, coverage, quietly, uncalibrated  # noqa: E402
 
 EVERY = 10.0  # seconds between two lines of progress
 
@@ -59,6 +59,8 @@ def main() -> int:
     print(
         f"{done} nights of seed {args.seed}: {failed} failed; {took:.0f} s, {seconds / max(1, done):.2f} s of a core for each"
     )
+    for share, held in coverage(sums).items():
+        print(f"the {float(share):.0%} regions of {sums['coverage n']} agreed beliefs hold the truth in {held:.1%}")
     return 1 if failed or doubts else 0
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+from blackboard.board.board import Board
 from blackboard.errors import Refused
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.joint import Joint
 from blackboard.process.service import Service
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
@@ -73,6 +77,20 @@ class Moved(Event):
 
     process: str
     service: Service
+
+
+@dataclass(frozen=True)
+class Stepped(Event):
+    """The joint of a board makes a step of `dt` seconds with some evidence; a step that failed is made again without some of it."""
+
+    process: str
+    run: str
+    board: Board
+    number: int
+    dt: float
+    batch: Sequence[Evidence]
+    before: Joint
+    after: Joint
 
 
 @dataclass(frozen=True)

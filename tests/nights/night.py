@@ -45,6 +45,11 @@ class Team:
         return tuple(dict.fromkeys(robot for robots in self.sub_teams.values() for robot in robots))
 
     @property
+    def is_learning(self) -> bool:
+        """Whether its boards learn whom to believe how far, each by what it has heard."""
+        return self.learns and self.rule == "coalition"
+
+    @property
     def processes(self) -> tuple[str, ...]:
         """The names of all processes, as faults use them."""
         boards = [f"board/{s}/board-{s}{n if n > 1 else ''}" for s in self.sub_teams for n in range(1, self.boards + 1)]
@@ -54,12 +59,13 @@ class Team:
     def scenario(self, seed: int) -> Scenario:
         """The scenario of such a team in a world of a seed."""
         board: dict[str, Any] = {"fusion": self.fusion, "rule": self.rule, "feedback": self.feedback}
-        if self.rule == "coalition" and not self.learns:
+        if self.rule == "coalition" and not self.is_learning:
             board["independence"] = 0.5
         return Scenario(
             {
                 "name": "night",
                 "team": {
+                    "guests": "vote",
                     "name": "t",
                     "sub_teams": {s: list(robots) for s, robots in self.sub_teams.items()},
                     "boards": self.boards,

@@ -166,6 +166,35 @@ class ProvenanceIsWhole(Oracle):
                 self.breaks(at, f"{what} rests on {used.source} and names {sorted(it.ancestors)}")
 
 
+class TheNewestCounts(Oracle):
+    """By a world's clock no board goes back to something older of a source than what it used before."""
+
+    sees = (Began, Said)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._newest: dict[
+            str, tuple[float, dict[tuple[str, ...], float]]
+        ] = {}  # process -> time, and the stamps it used
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Began):
+            self._newest.pop(event.process, None)
+        elif isinstance(event, Said) and isinstance(event.message, Consensus) and event.message.level == "consensus":
+            it, usable = event.message, self.night.team.mode != "free" and self.night.is_honest
+            time, stamps = self._newest.get(event.process, (-math.inf, {}))
+            stamps = stamps if it.time >= time else {}  # another run
+            self._newest[event.process] = it.time, stamps
+            for used in it.used if usable else ():
+                source = it.subject, used.source, used.how
+                stamp, before = it.time - used.age, stamps.get(source, -math.inf)
+                if stamp < before - 1e-6:
+                    self.breaks(
+                        event.at, f"{event.process} goes back {before - stamp:.2f} s in what {used.source} says"
+                    )
+                stamps[source] = stamp
+
+
 class NobodyWaits(Oracle):
     """Once the faults are over, every board goes on settling, one speaks for each sub-team, and every robot counts and hears."""
 
@@ -262,8 +291,3 @@ class Coverage(Oracle):
 
     def sums(self) -> Counter[str]:
         return self._sums
-
-
-ORACLES: tuple[type[Oracle], ...] = (
-    NobodyDies, InvariantsHold, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, NobodyWaits, Coverage,
-)  # fmt: skip

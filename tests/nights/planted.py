@@ -114,6 +114,54 @@ BUGS = {
         "self.epoch = max(self.epoch + 1, round(1000 * time))",
         "self.epoch = self.epoch + 1",
     ),
+    "order": Bug(
+        "a joint takes evidence in the order of its arrival",
+        "blackboard/opinion/gaussian/team.py",
+        "for evidence in sorted(reports, key=lambda e: (e.robot, e.epoch, e.tick)):",
+        "for evidence in reports:",
+    ),
+    "unjournaled": Bug(
+        "a journal does not say when its board was woken",
+        "blackboard/tape/journal.py",
+        'self._note(now, "wake", "")',
+        "pass",
+    ),
+    "older": Bug(
+        "a report that was overtaken replaces a newer one",
+        "blackboard/board/entries.py",
+        "elif entry.time < known.time:",
+        "elif False:",
+    ),
+    "stranger": Bug(
+        "the Clock of another run is never followed while the first one is remembered",
+        "blackboard/process/team_clock.py",
+        "return ClockEvent.RUN if silent or self.roster.worlds > self._token_seen else ClockEvent.RIVAL",
+        "return ClockEvent.RIVAL",
+    ),
+    "awaited": Bug(
+        "a board that says nothing is waited for until it does",
+        LEAD,
+        "if any(now < until for until in self._unknown.values()):",
+        "if self._unknown:",
+    ),
+    "rests": Bug(
+        "a robot does not name itself among those on whom what it believes rests",
+        "robot_agent/estimator.py",
+        "ancestors={**self.ancestors, self.robot: readings.time},",
+        "ancestors={**self.ancestors},",
+    ),
+    "same": Bug(
+        "a Clock that is repeated begins its tick again",
+        "blackboard/process/team_clock.py",
+        "return same and 0 < ticks <= most and 0 <= seconds <= SLOWEST * ticks",
+        "return same and 0 <= ticks <= most and 0 <= seconds <= SLOWEST * max(1, ticks)",
+    ),
+    "repeat": Bug(
+        "a board that follows does not answer when the world asks again",
+        "blackboard/board/publisher.py",
+        "return list(self._sent) if self.lead.leads else [self._followed(said, now) for said in self._said]",
+        "return list(self._sent)",
+    ),
 }
 
 FOUND = re.compile(r"night \d+/(\d+) of [^:]*: (.*)")

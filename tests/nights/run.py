@@ -8,12 +8,35 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from tempfile import NamedTemporaryFile
 
 from blackboard.process import intake
+from blackboard.tape.content import load_tape
+from blackboard.tape.replay import is_consensus, replay
 from tests.nights.events import Event, opened
+from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits, watched
 from tests.nights.night import Night, draw_night
-from tests.nights.oracles import ORACLES, Broken, Oracle
+from tests.nights.oracles import (
+    Broken,
+    Coverage,
+    EveryTickIsSettled,
+    InvariantsHold,
+    NobodyDies,
+    NobodyWaits,
+    Oracle,
+    ProvenanceIsWhole,
+    StatusesAreTrue,
+    TheNewestCounts,
+)
+from tests.nights.rosters import RostersAreTrue
 from tests.nights.stage import Stage
+
+ORACLES: tuple[type[Oracle], ...] = (
+    NobodyDies, InvariantsHold, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
+    SameEvidenceSameBits, TheNewestCounts, RostersAreTrue, NobodyWaits, Coverage,
+)  # fmt: skip
+
+REPLAYED = 8  # of so many nights one is recorded, and its tape replayed
 
 
 class Watch:
@@ -60,10 +83,27 @@ def lived(night: Night, oracles: Sequence[type[Oracle]] = ORACLES) -> Outcome:
     """Live through a night."""
     began = time.process_time()
     watch = Watch([oracle(night) for oracle in oracles])
-    with opened_once():
-        Stage(night, watch.tell).play()
+    stage = Stage(night, watch.tell, record=night.seed % REPLAYED == 0)
+    with opened_once(), watched(stage.note_step):
+        stage.play()
+        broken = watch.verdict() or (differs(stage) if stage.records else None)
     sums = sum((oracle.sums() for oracle in watch.oracles), Counter[str]())
-    return Outcome(night, watch.verdict(), sums, time.process_time() - began)
+    return Outcome(night, broken, sums, time.process_time() - began)
+
+
+def differs(stage: Stage) -> Broken | None:
+    """What is on the tape of a night and not in its replay: every consensus that was recorded must be there, to the bit."""
+    with NamedTemporaryFile(suffix=".mcap") as file:
+        file.write(stage.disk.getvalue())
+        file.flush()
+        tape = load_tape(file.name)
+    recorded = Counter(envelope for _, envelope in tape.envelopes if is_consensus(envelope))
+    found = replay(tape)
+    left = recorded - Counter(envelope for _, envelope in found.output.sent)
+    if not left and not found.missing and not found.gaps:
+        return None
+    what = f"{left.total()} of {recorded.total()} consensuses are otherwise in the replay of the tape"
+    return Broken(stage.at, "TapeReplays", f"{what}, {found.missing} messages and {found.gaps} gaps")
 
 
 def quietly(night: tuple[int, int]) -> Outcome:
@@ -89,10 +129,16 @@ CALIBRATED = {"0.5": (0.45, 0.55), "0.95": (0.93, 0.97)}
 ENOUGH = 20_000  # beliefs; those of a night err together, so that fewer say little
 
 
+def coverage(sums: Counter[str]) -> dict[str, float]:
+    """Of all nights together: which share of the regions of each size holds the truth; empty where nothing was scored."""
+    n = sums["coverage n"]
+    return {share: sums[f"coverage {share}"] / n for share in CALIBRATED} if n else {}
+
+
 def uncalibrated(sums: Counter[str]) -> list[str]:
     """What is wrong with the coverage of all nights together, in sentences."""
     n = sums["coverage n"]
-    found = {share: sums[f"coverage {share}"] / n for share in CALIBRATED} if n >= ENOUGH else {}
+    found = coverage(sums) if n >= ENOUGH else {}
     return [
         f"the {float(share):.0%} regions of {n} agreed beliefs hold the truth in {found[share]:.1%}, not {low:.0%} to {high:.0%}"
         for share, (low, high) in CALIBRATED.items()

@@ -14,12 +14,15 @@ from io import BytesIO
 from random import Random
 from typing import Any
 
-from blackboard.board.service import board_of
+from blackboard.board.service import BoardService, board_of
 from blackboard.client.member import Member
 from blackboard.errors import Refused
 from blackboard.net.bus import intersects
 from blackboard.net.scheduler import AT_ONCE, Scheduler
 from blackboard.opinion.belief import gaussian
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.joint import Joint
+from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.process.service import Around, Checked, Service
 from blackboard.tape.file import TapeWriter
 from blackboard.tape.journal import Journaled
@@ -33,7 +36,20 @@ from sim_world.sensor_source import SensorSource
 from sim_world.service import WorldService
 from sim_world.sources import open_sensor_source
 from tests.nights import faults
-from tests.nights.events import Began, Died, Ended, Event, Healed, Moved, Over, Recovered, Sensed, Unsound, said
+from tests.nights.events import (
+    Began,
+    Died,
+    Ended,
+    Event,
+    Healed,
+    Moved,
+    Over,
+    Recovered,
+    Sensed,
+    Stepped,
+    Unsound,
+    said,
+)
 from tests.nights.night import CELLS, Night
 
 CHECKED = 1.0  # seconds between two looks at the invariants of all machines
@@ -76,7 +92,7 @@ class Watched(Around):
         return self.inner.inner if isinstance(self.inner, Journaled) else self.inner
 
     def _done(self, act: Callable[[], list[Envelope]]) -> list[Envelope]:
-        stage = self._stage
+        stage, self._stage.acting = self._stage, self.name
         try:
             out = [stage.spoken(self.name, envelope) for envelope in act()]
         except Exception as error:
@@ -141,6 +157,7 @@ class Stage(Scheduler):
         self.night, self.tell, self.began = night, tell, self.now
         self.scenario = night.team.scenario(night.seed)
         self.truth: Truth | None = None
+        self.acting = ""  # the process that hears something, or was woken, last
         self.running: dict[str, Watched] = {}
         self._chance = {fault: Random(f"{night.seed} {fault}") for fault in night.faults}
         self._active: list[faults.Fault] = []
@@ -158,8 +175,8 @@ class Stage(Scheduler):
 
     @property
     def at(self) -> float:
-        """Seconds of the night that are over."""
-        return self.now - self.began
+        """Seconds of the night that are over; rounded, because a fault begins and ends at a number, not a little before it."""
+        return round(self.now - self.began, 9)
 
     def play(self) -> None:
         """The whole night."""
@@ -180,6 +197,13 @@ class Stage(Scheduler):
         if self.records:
             self.disk.full = False
             self.writer.close()
+
+    def note_step(self, joint: TeamJoint, before: Joint, number: int, dt: float, batch: Sequence[Evidence]) -> None:
+        """The joint of the process that acts has made a step."""
+        machine = self.running[self.acting].machine
+        if isinstance(machine, BoardService):
+            run = machine.clock.run
+            self.tell(Stepped(self.at, self.acting, run, machine.board, number, dt, batch, before, joint.joint))
 
     # --- who runs ---------------------------------------------------------------------------------------------------------
 

@@ -25,6 +25,11 @@ def test_nights(first: int) -> None:
         assert live(it) is None, it
 
 
+def test_robots_that_enter_again_count_no_evidence_twice() -> None:
+    it = draw_night(1, 123)
+    assert live(it) is None, it
+
+
 def test_a_seed_and_a_number_are_always_the_same_night() -> None:
     nights = [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
     assert nights == [draw_night(seed, number) for seed in (1, 2) for number in range(30)]

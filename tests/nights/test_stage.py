@@ -131,6 +131,19 @@ def test_a_clock_is_off_for_a_life_of_its_process() -> None:
     assert sum(isinstance(it, Began) and it.process == "robot/r2" for it in played.events) == 3
 
 
+@pytest.mark.parametrize(("begin", "end"), [(7.82, 8.12), (2.87, 3.17), (4.01, 6.51)])
+def test_a_clock_never_jumps_while_its_process_runs(begin: float, end: float) -> None:
+    played = Played(faults.ClockOff(begin, end, "board/a/board-a", 40.0), team=replace(TEAM, mode="free"))
+    ahead: list[set[float]] = []  # of each life of the board
+    for it in played.events:
+        if isinstance(it, Began) and it.process == "board/a/board-a":
+            ahead.append(set())
+        elif isinstance(it, Said) and it.process == "board/a/board-a" and isinstance(it.message, Status):
+            assert it.message.sent is not None
+            ahead[-1].add(round(it.message.sent - played.stage.began - it.at, 1))
+    assert ahead == [{0.0}, {40.0}, {0.0}]
+
+
 def test_the_clock_of_a_machine_that_slept_stays_behind() -> None:
     team = replace(TEAM, mode="free")
     played = Played(faults.Suspended(3.0, 5.0, "robot/r2"), team=team)

@@ -132,9 +132,8 @@ def test_echoes_gain_nothing_where_a_rule_is_idempotent(opinions: Array, copies:
 def test_echoes_do_gain_where_it_is_not(name: str) -> None:
     p = np.array([0.1, 0.2, 0.4, 0.3])
     gained = pool(name, np.stack([p, p]))[2] - p[2]
-    assert (
-        abs(gained) < 0.01 if name in ("coalition-0", "coalition-gamma") else gained > 0.01
-    )  # "yes in practice" (theory.md)
+    # "yes in practice" (theory.md)
+    assert abs(gained) < 0.01 if name in ("coalition-0", "coalition-gamma") else gained > 0.01
 
 
 @each

@@ -22,7 +22,7 @@ from blackboard.opinion.rules import Rule, find, read_rule, rule
 from tests.files import page
 from tests.opinion.stacks import make
 
-PAGE = page("operations.md")
+PAGE = page("rules.md")
 EXAMPLE = re.search(r"## A rule of your own.*?```python\n(.*?)```", PAGE, re.DOTALL)
 
 

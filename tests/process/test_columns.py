@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard.process.columns import LEAST_LAST, columns
+from blackboard.process.columns import LEAST_LAST, cell, columns, markdown_table
 
 ROWS = [
     ("name", "kind", "tick", "said"),
@@ -19,6 +19,14 @@ def test_columns_stand_under_each_other() -> None:
     lines = columns(ROWS)
     assert [line.index(word) for line, word in zip(lines, ("kind", "robot", "board"), strict=True)] == [9] * 2 + [0]
     assert lines[2].index("12") == lines[0].index("tick")
+
+
+def test_numbers_end_under_each_other() -> None:
+    assert [line[:20].split()[-1] for line in columns(ROWS, numbers=(2,))] == ["tick", "7", "12"]
+
+
+def test_a_table_of_markdown_has_a_rule_below_its_head() -> None:
+    assert markdown_table([("a", "b"), ("c", cell(None, "{:.1f}"))]) == ["| a | b |", "|---|---|", "| c | - |"]
 
 
 def test_columns_fall_away_in_their_order_and_the_last_is_cut() -> None:

@@ -113,7 +113,7 @@ def test_the_table_is_printed() -> None:
     )
     assert done.stdout.rstrip() == text()
     assert len(text().splitlines()) == 1 + len(REACTIONS)
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design.md")
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("ticks.md")
 
 
 def test_another_run_forgets_what_was_said() -> None:

@@ -86,7 +86,7 @@ def test_the_tables_are_printed() -> None:
     )
     assert done.stdout.rstrip() == text()
     assert len(text().splitlines()) == 1 + len(ROWS)
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design.md")
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("ticks.md")
 
 
 def test_a_phase_counts_as_late_where_time_ends_what_an_answer_should_have_ended() -> None:

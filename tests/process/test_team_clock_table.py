@@ -120,4 +120,4 @@ def test_whatever_happens_the_table_knows_it(done: list[tuple[Any, ...]]) -> Non
 
 
 def test_the_table_is_printed() -> None:
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("design.md")
+    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("ticks.md")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import BaseModel
 
 from blackboard.config import Scenario
 from blackboard.errors import UserError
@@ -18,9 +17,10 @@ from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.agent import Agent
-from robot_agent.config import RobotSection
+from robot_agent.config import OdometrySection, RobotSection, check_robots, settings_of
 from robot_agent.gaussian.sensors import sensors_of
 from tests.robot_agent.robots import agreed
+from tests.scenarios import keys_of
 
 GRID = Grid((40, 36), 0.5)
 
@@ -56,23 +56,26 @@ OTHERS = {"patience", "coding"}
 #: Read by `robot_agent.budget`: what is said of the beliefs; each is tried in test_budget.py.
 SAID = {"send.budget", "send.burst", "send.longest"}
 
+#: Read by a robot of a joint whose camera measures ranges and bearings.
+MEASURED = {"vision.range_scale": 1.1, "vision.range_bias": 0.1, "vision.bearing_bias": 0.02}
+
 #: Read by a robot of a joint: each with another value than here.
-JOINT = {
+JOINT: dict[str, Any] = {
     "odometry.distance_lasting": 0.1,
     "odometry.turn_lasting": 0.1,
+    "odometry.curve_distance_scale": 0.8,
+    "odometry.curve_turn_scale": 0.6,
+    "odometry.lag": 0.2,
+    "odometry.measured": True,
+    "odometry.turning": 0.1,
+    "odometry.compass": 0.1,
     "ranging.bias": 0.2,
     "ranging.seconds": 5.0,
     "ranging.scale": 0.05,
 }
 
 
-def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    for name, field in model.model_fields.items():
-        inner = field.annotation
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            yield from keys(inner, f"{prefix}{name}.")
-        else:
-            yield prefix + name
+SEEN = Sighting(subject="landmark/6", range=2.0, bearing=0.3)
 
 
 def settings(setup: tuple[str, str], changed: Mapping[str, Any] | None = None) -> RobotSection:
@@ -119,7 +122,7 @@ def usual(setup: tuple[str, str]) -> list[np.ndarray]:
 
 
 def test_every_key_is_here() -> None:
-    assert set(keys(RobotSection)) == {*KEYS, *OTHERS, *SAID, *JOINT}
+    assert set(keys_of(RobotSection)) == {*KEYS, *OTHERS, *SAID, *JOINT, *MEASURED}
 
 
 @pytest.mark.parametrize("key", KEYS)
@@ -135,15 +138,49 @@ def test_the_same_values_are_the_same_beliefs() -> None:
 
 
 def test_a_key_that_nobody_reads_is_an_error() -> None:
-    with pytest.raises(UserError, match=r"robot\.odometry\.lag: no such key; known are across, along"):
-        Scenario({"robot": {"odometry": {"lag": 0.2}}}).section("robot", RobotSection)
+    with pytest.raises(UserError, match=r"robot\.odometry\.late: no such key; known are across, along"):
+        Scenario({"robot": {"odometry": {"late": 0.2}}}).section("robot", RobotSection)
 
 
 @pytest.mark.parametrize("key", JOINT)
 def test_another_value_is_another_model_of_a_robot_in_a_joint(key: str) -> None:
-    def model(changed: Mapping[str, float]) -> tuple[object, object]:
+    def model(changed: Mapping[str, float]) -> tuple[object, ...]:
         sensors = sensors_of(settings(PRINTED, {"ranging.bias": 0.1, **changed}))
         seen = Seen(kind="range", subject="robot/r2", values=(3.0,))
-        return sensors.wheels, sensors.relative("robot/r1", seen)
+        return sensors.wheels, sensors.compass, sensors.relative("robot/r1", seen)
 
     assert model({key: JOINT[key]}) != model({})
+
+
+@pytest.mark.parametrize("key", MEASURED)
+def test_what_was_measured_of_a_camera_is_taken_off_what_it_sees(key: str) -> None:
+    def seen(changed: Mapping[str, float]) -> tuple[float, float]:
+        it = sensors_of(settings(POSE, changed)).camera.relative("robot/r1", SEEN, 0.0, 1.0)
+        return it.range, it.bearing
+
+    assert seen({}) == (SEEN.range, SEEN.bearing)
+    assert seen({"vision.range_scale": 1.1, "vision.range_bias": 0.5, "vision.bearing_bias": 0.02}) == pytest.approx(
+        (1.1 * (SEEN.range - 0.5), SEEN.bearing - 0.02)
+    )
+    assert seen({key: MEASURED[key]}) != seen({})
+
+
+def test_one_robot_has_tables_of_its_own_over_those_of_all() -> None:
+    tables = {"robot": {"odometry": {"along": 0.1, "turn": 0.2}}, "robots": {"r1": {"odometry": {"turn": 0.3}}}}
+    scenario = Scenario(tables)
+    assert settings_of(scenario, "r1").odometry == OdometrySection(along=0.1, turn=0.3)
+    assert settings_of(scenario, "r2").odometry == OdometrySection(along=0.1, turn=0.2)
+
+
+@pytest.mark.parametrize(
+    ("robots", "complaint"),
+    [
+        ({"r1": {"odometry": {"turn": -1}}}, r"robots\.r1\.odometry\.turn"),
+        ({"r9": {}}, r"robots\.r9: no robot of the team has this name"),
+        ({"r1": 3}, r"robots\.r1: give tables"),
+        (3, "robots: give tables"),
+    ],
+)
+def test_a_mistake_in_the_tables_of_one_robot_is_a_line(robots: object, complaint: str) -> None:
+    with pytest.raises(UserError, match=complaint):
+        check_robots(Scenario({"team": {"sub_teams": {"a": ["r1", "r2"]}}, "robots": robots}))

@@ -68,13 +68,24 @@ def test_it_reports_itself_what_it_saw_and_its_evidence() -> None:
 
 
 def test_what_it_believes_alone_never_depends_on_the_team() -> None:
+    """Except for how large the noise of its wheels is, which shows where the team has it; here it has driven too little for that."""
     helped, alone = agent(), agent()
-    for tick in range(5):
+    for tick in range(3):
         said = readings(tick, BALL, fix=(10, 10) if tick == 0 else None)
         told = agreed(0.5 * (tick - 1), 14, 12) if tick else {}
         (with_team, solo), (without, same) = helped.tick(said, told), alone.tick(said, {})
         assert solo == same
         assert [r.belief for r in with_team] == [r.belief for r in without]
+
+
+def test_where_the_team_has_it_moves_what_it_believes_alone_by_nothing_but_the_noise_of_its_wheels() -> None:
+    helped, alone = agent(), agent()
+    for tick in range(30):
+        said = readings(tick, BALL, fix=(10, 10) if tick == 0 else None)
+        told = agreed(0.5 * (tick - 1), 12 + 0.5 * tick, 12) if tick else {}
+        (with_team, _), (without, _) = helped.tick(said, told), alone.tick(said, {})
+    for one, same in zip(with_team, without, strict=True):
+        assert mean(one) == pytest.approx(mean(same), abs=0.02)
 
 
 def test_an_object_is_known_no_better_than_the_place_it_is_seen_from() -> None:
@@ -113,6 +124,18 @@ def test_an_older_word_of_the_team_is_not_taken_for_a_newer_one() -> None:
     it.tick(readings(2), agreed(0.5, 13, 12))
     reports, _ = it.tick(readings(3), agreed(0.0, 3, 3))
     assert informed(by_subject(reports)["robot/r1"]) == pytest.approx((14.0, 12.0), abs=0.3)
+
+
+@pytest.mark.parametrize("absurd", [1e8, 1e12])
+def test_odometry_of_a_million_units_ends_a_belief_and_not_the_robot(absurd: float) -> None:
+    it = agent()
+    for tick in range(3):
+        it.tick(readings(tick, BALL, fix=(10, 10) if tick == 0 else None), {})
+    it.tick(readings(3, BALL, distance=absurd), {})
+    assert it.searching is not None
+    for tick in range(4, 7):
+        reports, _ = it.tick(readings(tick, BALL, fix=(10, 10), distance=0.0), {})
+    assert mean(by_subject(reports)["robot/r1"]) == pytest.approx((10, 10), abs=0.3)
 
 
 def test_feedback_off_listens_to_nobody() -> None:

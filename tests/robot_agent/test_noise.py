@@ -20,9 +20,10 @@ from blackboard.opinion.gaussian.vehicle import (
 )
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.gaussian.filter import FirstHand
-from robot_agent.gaussian.noise import LONGEST, SPAN, WheelNoise
+from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, WheelNoise
 from robot_agent.gaussian.sensors import Sensors, Wheels
 
+SPAN = max(SPANS)
 ALONG = 0.03  # unit / sqrt(s), as the physics say
 TICK = Motion(distance=0.2, dt=1.0, moving=1.0, along=ALONG**2, across=0.004**2, heading=1e-4)
 SURE = 0.01  # unit: sigma of the position that is seen
@@ -36,9 +37,11 @@ def block(x: float, y: float = 0.0, heading: float = 0.0, sigma: float = SURE) -
     return Moments(mean, covariance)
 
 
-def driven(true: float, seconds: int, seed: int, by_team: bool = False, heading: float = 0.0) -> WheelNoise:
+def driven(
+    true: float, seconds: int, seed: int, by_team: bool = False, heading: float = 0.0, given: bool = True
+) -> WheelNoise:
     """A robot that is seen in each tick while it drives, with an error along the way of `true` times what the physics say."""
-    rng, noise, way = np.random.default_rng(seed), WheelNoise("robot/r1", Nuisance()), 0.0
+    rng, noise, way = np.random.default_rng(seed), WheelNoise("robot/r1", Nuisance(), given), 0.0
     for _ in range(seconds):
         seen = way + SURE * rng.normal()
         noise.judge(block(seen * math.cos(heading), seen * math.sin(heading), heading), by_team=by_team)
@@ -71,8 +74,16 @@ def test_wheels_that_are_better_than_the_physics_say_count_as_those(by_team: boo
 
 
 def test_it_begins_with_the_physics_and_one_span_moves_it_little() -> None:
-    assert driven(4.0, int(SPAN), 1).along.variance == 1.0
+    assert driven(4.0, int(min(SPANS)), 1).along.variance == 1.0
     assert all(driven(1.0, int(SPAN) + 2, seed).along.variance < 2.0**2 for seed in range(20))
+
+
+@pytest.mark.parametrize("true", [0.5, 1.0, 4.0])
+def test_a_guessed_model_is_replaced_by_what_is_seen(true: float) -> None:
+    assert along(driven(1.0, 1, 1, given=False)) == 1.0
+    found = [along(driven(true, 300, seed, given=False)) for seed in range(8)]
+    assert 0.9 * true < np.mean(found) < 1.5 * true, "rather too wide: the larger of what three lengths of spans show"
+    assert LEAST <= driven(0.1, 600, 1, given=False).along.variance < 0.4
 
 
 def test_a_belief_that_knows_no_more_than_odometry_judges_nothing() -> None:
@@ -113,7 +124,7 @@ def test_one_misread_correction_is_not_taken_for_the_wheels() -> None:
     noise.judge(block(1e3), by_team=False)
     for tick in range(int(SPAN) + 1):
         noise.move(TICK)
-        noise.judge(block(2e3 + tick), by_team=False)
+        noise.judge(block(2e3 + TICK.distance * tick), by_team=False)
     assert noise.along.variance < 2.0**2
 
 

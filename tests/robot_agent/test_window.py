@@ -127,9 +127,8 @@ class Slow:
     p: Array
     offset: Array
     pending: Array
-    left_out: float = (
-        FAINT * GRID.size
-    )  # bound of the L1 distance of a belief in a window: each evidence may raise its share
+    #: Bound of the L1 distance of a belief in a window: each evidence may raise its share.
+    left_out: float = FAINT * GRID.size
 
     def predict(self, motion: Motion, heading: float) -> None:
         c, s = math.cos(heading), math.sin(heading)

@@ -62,9 +62,8 @@ def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
 def test_so_is_every_mistake_that_is_found_before_anything_is_started(
     monkeypatch: pytest.MonkeyPatch, arguments: str, says: str
 ) -> None:
-    monkeypatch.setattr(
-        "blackboard.run.door.Stop", lambda within: lambda: False
-    )  # it sets signal handlers of this process
+    # it sets signal handlers of this process
+    monkeypatch.setattr("blackboard.run.door.Stop", lambda within: lambda: False)
     ran = Ran(*arguments.split())
     assert (ran.status, ran.out) == (2, "")
     assert ran.err.startswith("error: ")

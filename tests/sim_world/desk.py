@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -24,14 +24,15 @@ from tests.wire.envelopes import consensus, put, token
 NOW = 1_000_000.0
 WAITS = {"gather": 30.0, "patience": 2.0, "give_up": 10.0, "grace": 0.5, "comeback": 5.0}
 OWN = keys.WORLD.key(team="demo")
+Lost = Callable[[Envelope], bool]
 
 
 def service(
-    sub_teams: Mapping[str, list[str]], time: Mapping[str, object], world: Mapping[str, object]
+    sub_teams: Mapping[str, list[str]], time: Mapping[str, object], world: Mapping[str, object], guests: str = "watch"
 ) -> WorldService:
     scenario = Scenario(
         {
-            "team": {"sub_teams": dict(sub_teams)},
+            "team": {"sub_teams": dict(sub_teams), "guests": guests},
             "grid": {"shape": [20, 20]},
             "time": {"tick": 0.5, "seconds": 2.0, **time},
             "world": {"speed": 0.5, "objects": {}, **WAITS, **world},
@@ -42,6 +43,14 @@ def service(
     return WorldService(scenario, it, Referee(scenario.grid, settings.check, robots))
 
 
+def begun(*arguments: Any, silent: Collection[str] = (), lose: Lost = lambda envelope: False, **named: Any) -> Desk:
+    """A desk whose whole team has come; who is silent says nothing, and what is lost does not arrive."""
+    desk = Desk(*arguments, **named)
+    desk.silent, desk.lose = set(silent), lose
+    desk.tokens(Kind.ALIVE)
+    return desk
+
+
 class Desk:
     """A world under test, the team that answers it, and everything it said. Beliefs are sharper together than alone."""
 
@@ -49,15 +58,16 @@ class Desk:
         self,
         sub_teams: Mapping[str, list[str]] | None = None,
         time: Mapping[str, object] | None = None,
+        guests: str = "watch",
         **world: object,
     ) -> None:
         self.teams = {"a": ["r1", "r2"]} if sub_teams is None else dict(sub_teams)
-        self.world = service(self.teams, time or {}, world)
+        self.world = service(self.teams, time or {}, world, guests)
         self.grid = self.world.referee.grid
         self.now = NOW
         self.said: list[Envelope] = []
         self.silent: set[str] = set()  # "r1", or "a" for its board
-        self.lose: Callable[[Envelope], bool] = lambda envelope: False
+        self.lose: Lost = lambda envelope: False
         self.truth: Truth | None = None
 
     # --- what happens -----------------------------------------------------------------------------------------------

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from pydantic import BaseModel
 
 from blackboard.config import Scenario
 from blackboard.config.world import CheckSection, WorldSection
 from blackboard.wire.messages import Readings, Truth
 from sim_world.sources import open_sensor_source
+from tests.scenarios import keys_of
 from tests.sim_world.datasets import write
 
 SIMULATED: dict[str, Any] = {
@@ -41,15 +40,6 @@ ELSEWHERE = {
 }
 
 
-def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    for name, field in model.model_fields.items():
-        inner = field.annotation
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            yield from keys(inner, f"{prefix}{name}.")
-        else:
-            yield prefix + name
-
-
 def story(world: dict[str, Any], key: str | None = None, value: Any = None) -> list[tuple[Truth, list[Readings]]]:
     """Twenty ticks of a scenario with one key of [world] changed."""
     tables = {name: dict(table) if isinstance(table, dict) else table for name, table in world.items()}
@@ -66,7 +56,7 @@ def story(world: dict[str, Any], key: str | None = None, value: Any = None) -> l
 
 
 def test_every_key_is_here() -> None:
-    assert set(keys(WorldSection)) == {*SIMULATED, *RECORDED, *ELSEWHERE}
+    assert set(keys_of(WorldSection)) == {*SIMULATED, *RECORDED, *ELSEWHERE}
 
 
 @pytest.mark.parametrize("key", SIMULATED)

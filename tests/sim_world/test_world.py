@@ -228,3 +228,29 @@ def test_a_robot_starts_on_its_way_to_its_waypoint(seed: int) -> None:
         there = math.dist(body.place, body.waypoint)
         x, y = body.x + there * math.cos(body.heading), body.y + there * math.sin(body.heading)
         assert (x, y) == pytest.approx(body.waypoint)
+
+
+def test_an_object_that_rolls_keeps_its_speed_and_the_walls_throw_it_back() -> None:
+    it = world(WorldSection(objects={"ball": ObjectSection(rolls=3.0)}), [])
+    told = [truth for truth, _ in play(it, 400)]
+    turned = 0
+    for before, after in itertools.pairwise(told):
+        assert math.hypot(*after.velocities["object/ball"]) == pytest.approx(3.0)
+        assert it.grid.index(after.positions["object/ball"]) is not None
+        turned += before.velocities != after.velocities
+        if before.velocities == after.velocities:
+            way = np.subtract(after.positions["object/ball"], before.positions["object/ball"])
+            assert way / 0.2 == pytest.approx(after.velocities["object/ball"])
+    assert turned > 3
+
+
+def test_the_truth_has_headings_and_velocities_of_robots() -> None:
+    it = world()
+    first, *others = [truth for truth, _ in play(it, 20)]
+    assert first.velocities == {}
+    for before, after in itertools.pairwise(others):
+        for robot, place in after.positions.items():
+            if robot.startswith("robot/"):
+                way = np.subtract(place, before.positions[robot]) / 0.2
+                assert way == pytest.approx(after.velocities[robot])
+                assert math.atan2(way[1], way[0]) == pytest.approx(after.headings[robot])

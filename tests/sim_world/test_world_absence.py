@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from blackboard.wire.envelope import Envelope, Kind
-from tests.sim_world.desk import OWN, Desk
+from tests.sim_world.desk import OWN, Desk, begun
 
 
 def test_who_does_not_come_is_not_waited_for_for_ever() -> None:
@@ -31,9 +31,7 @@ def test_where_nobody_comes_it_ends() -> None:
 
 
 def test_a_dead_robot_is_not_waited_for() -> None:
-    desk = Desk()
-    desk.silent = {"r2"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"r2"})
     desk.wait(1.0)
     assert desk.ticks == [0]
     desk.tokens(Kind.GONE, {"a": ["r2"]}, boards=[])
@@ -45,9 +43,7 @@ def test_a_dead_robot_is_not_waited_for() -> None:
 
 
 def test_a_robot_that_comes_back_takes_part_again() -> None:
-    desk = Desk()
-    desk.lose = lambda envelope: "/solo/" in envelope.key
-    desk.tokens(Kind.ALIVE)
+    desk = begun(lose=lambda envelope: "/solo/" in envelope.key)
     desk.tokens(Kind.GONE, {"a": ["r2"]}, boards=[])
     desk.wait(1.0)
     desk.tokens(Kind.ALIVE, {"a": ["r2"]}, boards=[])
@@ -59,9 +55,7 @@ def test_a_robot_that_comes_back_takes_part_again() -> None:
 
 
 def test_a_dead_board_is_not_waited_for_and_the_others_go_on() -> None:
-    desk = Desk({"a": ["r1"], "b": ["r2"]})
-    desk.silent = {"b"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun({"a": ["r1"], "b": ["r2"]}, silent={"b"})
     desk.wait(1.0)
     assert desk.ticks == [0]
     desk.tokens(Kind.GONE, {}, boards=["b"])
@@ -72,9 +66,7 @@ def test_a_dead_board_is_not_waited_for_and_the_others_go_on() -> None:
 
 
 def test_without_any_board_it_waits_for_one() -> None:
-    desk = Desk()
-    desk.silent = {"a"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"a"})
     desk.tokens(Kind.GONE, {})
     desk.wait(20.0)
     assert not desk.world.done
@@ -86,18 +78,14 @@ def test_without_any_board_it_waits_for_one() -> None:
 
 
 def test_without_any_board_for_too_long_it_ends() -> None:
-    desk = Desk()
-    desk.silent = {"a"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"a"})
     desk.tokens(Kind.GONE, {})
     desk.wait(40.0)
     assert desk.card["reasons"][0] == "nobody (all went) there for 30 s, in tick 0 of 4"
 
 
 def test_who_lives_and_says_nothing_is_given_up_until_it_speaks() -> None:
-    desk = Desk()
-    desk.silent = {"r2"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"r2"})
     desk.wait(9.0)
     assert set(desk.ticks) == {0}
     desk.lose = lambda envelope: "/solo/r1" in envelope.key and desk.ticks[-1] == 1
@@ -112,9 +100,7 @@ def test_who_lives_and_says_nothing_is_given_up_until_it_speaks() -> None:
 
 
 def test_a_router_that_goes_pauses_the_run_and_everybody_may_come_back() -> None:
-    desk = Desk()
-    desk.lose = lambda envelope: "/solo/" in envelope.key
-    desk.tokens(Kind.ALIVE)
+    desk = begun(lose=lambda envelope: "/solo/" in envelope.key)
     desk.tell(Envelope(OWN, kind=Kind.ALIVE))
     desk.tokens(Kind.GONE)  # all tokens vanish, its own last
     desk.wait(0.1)
@@ -134,9 +120,7 @@ def test_a_router_that_goes_pauses_the_run_and_everybody_may_come_back() -> None
 
 
 def test_who_does_not_come_back_with_the_router_is_dead() -> None:
-    desk = Desk()
-    desk.silent = {"r2"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"r2"})
     desk.tell(Envelope(OWN, kind=Kind.GONE))
     desk.tokens(Kind.GONE)
     desk.wait(2.0)
@@ -150,9 +134,7 @@ def test_who_does_not_come_back_with_the_router_is_dead() -> None:
 
 
 def test_the_time_without_a_router_does_not_count_against_anybody_and_the_time_before_does() -> None:
-    desk = Desk()
-    desk.silent = {"r2"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"r2"})
     desk.tell(Envelope(OWN, kind=Kind.ALIVE))
     desk.wait(6.0)
     desk.tell(Envelope(OWN, kind=Kind.GONE))
@@ -165,18 +147,14 @@ def test_the_time_without_a_router_does_not_count_against_anybody_and_the_time_b
 
 
 def test_a_router_that_stays_away_ends_the_run() -> None:
-    desk = Desk()
-    desk.silent = {"r2"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"r2"})
     desk.tell(Envelope(OWN, kind=Kind.GONE))
     desk.wait(40.0)
     assert desk.card["reasons"][0] == "no router there for 30 s, in tick 0 of 4"
 
 
 def test_a_stranger_is_welcome() -> None:
-    desk = Desk()
-    desk.silent = {"r1"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"r1"})
     desk.tokens(Kind.ALIVE, {"a": ["zoe"]}, boards=[])
     desk.silent = set()
     desk.wait(3.0)
@@ -185,6 +163,17 @@ def test_a_stranger_is_welcome() -> None:
     assert desk.clocks[-2].robots == {"a": ["r1", "r2", "zoe"]}
     assert desk.card["verdict"] == "PASS"
     assert desk.card["scores"]["robots"]["by_name"]["zoe"]["solo"]["n"] == 4
+
+
+def test_a_world_takes_no_guest_where_the_team_has_none(caplog: pytest.LogCaptureFixture) -> None:
+    desk = Desk(guests="none")
+    desk.tokens(Kind.ALIVE, {"a": ["zoe"]}, boards=[])
+    desk.tokens(Kind.ALIVE)
+    desk.wait(3.0)
+    assert desk.world.done
+    assert all("zoe" not in clock.robots.get("a", []) for clock in desk.clocks)
+    assert desk.card["counters"]["strangers"] == 1
+    assert "zoe cannot take part: the scenario does not name it, and [team] guests is none" in caplog.text
 
 
 def test_who_speaks_for_another_team_gets_no_body_and_is_not_waited_for() -> None:

@@ -15,7 +15,7 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Readings, Solo, Status
-from tests.sim_world.desk import NOW, Desk
+from tests.sim_world.desk import NOW, Desk, begun
 from tests.wire.envelopes import put
 
 
@@ -34,8 +34,7 @@ def test_a_tick_follows_the_other_once_all_have_answered() -> None:
 
 
 def test_readings_and_truth_come_before_the_clock() -> None:
-    desk = Desk()
-    desk.tokens(Kind.ALIVE)
+    desk = begun()
     first = [envelope.key.split("/", 3)[3] for envelope in desk.said[:4]]
     assert first == ["reading/r1", "reading/r2", "truth", "clock"]
     readings = decode(Readings, desk.said[0].payload)
@@ -44,8 +43,7 @@ def test_readings_and_truth_come_before_the_clock() -> None:
 
 
 def test_the_scorecard_has_what_was_agreed_upon() -> None:
-    desk = Desk({"a": ["r1", "r2"], "b": ["r3"]})
-    desk.tokens(Kind.ALIVE)
+    desk = begun({"a": ["r1", "r2"], "b": ["r3"]})
     desk.world.record_link_counters({"sent": 7, "received": 1, "dropped": 3, "bytes": 1})
     card = desk.card
     assert card["verdict"] == "PASS"
@@ -64,9 +62,7 @@ def test_the_scorecard_has_what_was_agreed_upon() -> None:
 
 
 def test_without_an_answer_the_tick_is_said_again_until_it_is_there() -> None:
-    desk = Desk()
-    desk.lose = lambda envelope: "/solo/r2" in envelope.key
-    desk.tokens(Kind.ALIVE)
+    desk = begun(lose=lambda envelope: "/solo/r2" in envelope.key)
     assert desk.ticks == [0]
     desk.wait(1.9)
     assert desk.ticks == [0]
@@ -84,9 +80,7 @@ def test_without_an_answer_the_tick_is_said_again_until_it_is_there() -> None:
 
 @pytest.mark.parametrize("lost", ["/a/consensus/robot/r1", "/a/agreed/robot/r2", "/status/a"])
 def test_the_referee_misses_nothing_that_a_board_lists(lost: str) -> None:
-    desk = Desk()
-    desk.lose = lambda envelope: lost in envelope.key
-    desk.tokens(Kind.ALIVE)
+    desk = begun(lose=lambda envelope: lost in envelope.key)
     desk.wait(1.0)
     assert desk.ticks == [0]
     desk.lose = lambda envelope: False
@@ -110,9 +104,7 @@ def test_what_arrives_twice_or_late_changes_nothing() -> None:
 
 
 def test_beliefs_that_the_referee_cannot_use_are_counted_with_what_was_refused() -> None:
-    desk = Desk()
-    desk.lose = lambda envelope: "/solo/r2" in envelope.key
-    desk.tokens(Kind.ALIVE)
+    desk = begun(lose=lambda envelope: "/solo/r2" in envelope.key)
     strange = pack(gaussian(Grid((5, 5)), (2, 2), 1.0))
     for tick in (0, 1):
         said = Solo(robot="r2", tick=tick, time=0, beliefs={"robot/r2": strange})
@@ -122,9 +114,7 @@ def test_beliefs_that_the_referee_cannot_use_are_counted_with_what_was_refused()
 
 
 def test_bad_bytes_are_counted_under_their_reason() -> None:
-    desk = Desk()
-    desk.silent = {"r2"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"r2"})
     before = len(desk.said)
     desk.tell(Envelope(keys.SOLO.key(team="demo", robot="r2"), b"\xc1"))
     desk.tell(Envelope(keys.SOLO.key(team="demo", robot="r1"), desk.solo("r2", 0).payload))
@@ -144,9 +134,7 @@ def test_the_teams_counters_are_summed_from_the_statuses() -> None:
 
 
 def test_a_run_that_is_stopped_fails_and_says_so() -> None:
-    desk = Desk()
-    desk.silent = {"r2"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"r2"})
     assert desk.card["verdict"] == "FAIL"
     assert desk.card["reasons"][0] == "stopped in tick 0 of 4"
 
@@ -164,9 +152,7 @@ def test_a_run_without_an_end_is_judged_as_it_is_when_it_is_stopped() -> None:
 
 
 def test_in_real_time_the_world_paces_and_waits_for_nobody() -> None:
-    desk = Desk(time={"mode": "realtime"})
-    desk.silent = {"r2"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(time={"mode": "realtime"}, silent={"r2"})
     when = [desk.now]
     while len(desk.ticks) < 5:
         seen = len(desk.ticks)
@@ -183,9 +169,7 @@ def test_in_real_time_the_world_paces_and_waits_for_nobody() -> None:
 
 @pytest.mark.parametrize(("linger", "late"), [(1.0, 1), (3.0, 0)])
 def test_in_real_time_a_late_answer_counts_for_a_while(linger: float, late: int) -> None:
-    desk = Desk(time={"mode": "realtime"}, linger=linger)
-    desk.silent = {"r1"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(time={"mode": "realtime"}, linger=linger, silent={"r1"})
     desk.wait(1.2)
     assert desk.ticks == [0, 1, 2]
     desk.tell(desk.solo("r1", 1), desk.solo("r1", 0))  # 0.7 s late; 1.2 s late
@@ -195,8 +179,7 @@ def test_in_real_time_a_late_answer_counts_for_a_while(linger: float, late: int)
 
 
 def test_in_real_time_a_world_that_fell_behind_does_not_catch_up() -> None:
-    desk = Desk(time={"mode": "realtime"})
-    desk.tokens(Kind.ALIVE)
+    desk = begun(time={"mode": "realtime"})
     desk.now += 10.0
     desk.wait(0.0)
     assert desk.ticks == [0, 1]
@@ -210,9 +193,7 @@ def test_in_real_time_a_world_that_fell_behind_does_not_catch_up() -> None:
 
 
 def test_a_board_without_a_token_ends_no_tick() -> None:
-    desk = Desk()
-    desk.silent = {"a"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"a"})
     for level in ("consensus", "agreed"):
         payload = Status(process="evil", kind="board", tick=0, time=0, phase=level, subjects=[])  # type: ignore[arg-type]
         desk.tell(put(payload, team="demo"))
@@ -221,9 +202,7 @@ def test_a_board_without_a_token_ends_no_tick() -> None:
 
 
 def test_each_board_of_a_sub_team_is_waited_for_and_one_that_stays_silent_is_given_up() -> None:
-    desk = Desk()
-    desk.lose = lambda envelope: "/solo/" in envelope.key
-    desk.tokens(Kind.ALIVE)
+    desk = begun(lose=lambda envelope: "/solo/" in envelope.key)
     desk.tell(Envelope(keys.BOARD.key(team="demo", sub_team="a", board="b"), kind=Kind.ALIVE))
     desk.tell(desk.idle("board", "a", "b"))
     desk.lose = lambda envelope: False
@@ -264,9 +243,7 @@ def test_about_ten_ticks_of_a_run_are_logged(
 
 @pytest.mark.parametrize(("kind", "ticks"), [("robot", [0]), ("board", [0, 1])])
 def test_only_a_board_ends_a_tick_by_its_statuses(kind: str, ticks: list[int]) -> None:
-    desk = Desk()
-    desk.silent = {"a"}
-    desk.tokens(Kind.ALIVE)
+    desk = begun(silent={"a"})
     desk.wait(0.1)
     assert desk.ticks == [0]
     for level in ("consensus", "agreed"):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import pytest
+
 from blackboard.state.alarms import MAX_ALARMS, QUIET, Alarms
 from blackboard.state.fold import Fold, TeamFold
 from blackboard.view.summary import alarm_lines, summary, team_summary, text
@@ -112,3 +114,23 @@ def test_who_may_be_anywhere_is_lost_and_who_keeps_disagreeing_a_liar() -> None:
     told = {it.what: it.text for it in team.alarms.all()}
     assert told["lost"] == f"nobody knows where {CONSENSUS.subject} is: it may be on 50 % of the map"
     assert told["liar"] == f"r3 keeps disagreeing about {CONSENSUS.subject}, by 5.6 sigmas"
+
+
+@pytest.mark.parametrize(
+    ("settings", "kinds"),
+    [
+        ({"stuck": 3.0}, ["stuck"]),
+        ({"moved": 1.0}, ["moved"]),
+        ({"stuck": 0.0, "moved": 0.0}, []),
+        ({"stuck": "x"}, []),
+    ],
+)
+def test_a_robot_that_is_stuck_or_was_moved_says_so_itself(settings: dict[str, str | float], kinds: list[str]) -> None:
+    team = TeamFold("t")
+    said = Status(process="r1", kind="robot", tick=0, time=0.0, phase="reported", settings=settings)
+    team.hear({"sub_team": "a"}, said, 1, 0.0)
+    board = Status(process="b", kind="board", phase="agreed", tick=0, time=0.0, subjects=[CONSENSUS.subject])
+    told = CONSENSUS.model_copy(update={"tick": 0, "time": 0.0})
+    for message in (told, board):
+        team.hear({"sub_team": told.sub_team}, message, 1, 0.1)
+    assert [(it.what, it.who) for it in team.alarms.all()] == [(kind, "r1") for kind in kinds]

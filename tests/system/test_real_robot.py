@@ -1,4 +1,4 @@
-"""A real robot, as docs/operations.md says: sensors are fed to `robot-agent`, and no world runs."""
+"""A real robot, as docs/hosts.md says: sensors are fed to `robot-agent`, and no world runs."""
 
 from __future__ import annotations
 

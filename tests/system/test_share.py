@@ -1,4 +1,4 @@
-"""`blackboard share` between real teams, as docs/operations.md says: what one sees the others believe, by the root of a tree."""
+"""`blackboard share` between real teams, as docs/fleets.md says: what one sees the others believe, by the root of a tree."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BALL = "object/ball"
 def test_an_object_that_one_team_sees_is_known_in_the_others(endpoint: str, connect: Callable[[str], Link]) -> None:
     link = connect("watcher")
     agreed = keys.AGREED.key(team="south", sub_team="a", subject=BALL)
-    commands = [command.split()[1:] for command in block("operations.md", "blackboard serve --team all").commands]
+    commands = [command.split()[1:] for command in block("fleets.md", "blackboard serve --team all").commands]
     there = ("-e", endpoint)
     with ExitStack() as stack:
         for team in ("north", "south"):

@@ -16,6 +16,17 @@ from tests.scenarios import SCENARIO
 JOINT = SCENARIO.changed("board", fusion="joint").changed("robot", localizer="position")
 
 
+class Deaf:
+    """A link on which nothing can be asked for; what it receives is given."""
+
+    def subscribe(self, key_expr: str) -> None: ...
+
+    def watch(self, key_expr: str) -> None: ...
+
+    def get(self, key_expr: str) -> list[Envelope]:
+        return []
+
+
 @cache
 def recorded(joint: bool = False) -> tuple[tuple[Envelope, float], ...]:
     """Every envelope of a run with its time on the bus, in Unix seconds; tokens first."""

@@ -13,7 +13,7 @@ from typing import Any
 from blackboard.view.feed import Source
 from blackboard.view.web.server import Address, serve
 from blackboard.wire.envelope import Envelope
-from tests.view.recorded import recorded
+from tests.view.recorded import Deaf, recorded
 
 
 @contextmanager
@@ -31,19 +31,12 @@ def served(source: Source, team: str, now: Callable[[], float] = time.monotonic)
     assert not thread.is_alive()
 
 
-class Recording:
+class Recording(Deaf):
     """A link that has a run to tell, once."""
 
     def __init__(self) -> None:
         self._left = [envelope for envelope, _ in recorded()]
         self._empty = threading.Event()
-
-    def subscribe(self, key_expr: str) -> None: ...
-
-    def watch(self, key_expr: str) -> None: ...
-
-    def get(self, key_expr: str) -> list[Envelope]:
-        return []
 
     def receive(self, timeout: float) -> list[Envelope]:
         found, self._left = self._left, []

@@ -18,7 +18,7 @@ from blackboard.view.source import open_tape
 from blackboard.wire.envelope import Envelope, Kind
 from tests.commands import call
 from tests.files import GOLDEN
-from tests.view.recorded import recorded
+from tests.view.recorded import Deaf, recorded
 
 
 def test_the_fold_takes_a_tape_and_finds_every_settled_tick() -> None:
@@ -127,15 +127,8 @@ def test_of_plenty_the_newest_of_each_key_settle_the_newest_tick() -> None:
         assert [it.message for it in other.subjects[name].all()] == [it.message for it in about.all()]
 
 
-class Flood:
+class Flood(Deaf):
     """A link on which more comes at once than is taken in."""
-
-    def subscribe(self, key_expr: str) -> None: ...
-
-    def watch(self, key_expr: str) -> None: ...
-
-    def get(self, key_expr: str) -> list[Envelope]:
-        return []
 
     def receive(self, timeout: float) -> list[Envelope]:
         return [envelope for envelope, _ in recorded()] * 20

@@ -28,9 +28,8 @@ def test_a_command_of_the_tutorial_does_what_it_says(
     (tmp_path / "run.mcap").write_bytes(GOLDEN.read_bytes())
     shorter = re.sub(r"--at \d+s?", "--at 9", command).replace("object/ball", "robot/r1")
     status = call(*shlex.split(shorter))
-    assert (
-        status == 0 or command == "replay run.mcap"
-    )  # 1 on a processor that rounds in another way than the golden tape's
+    # 1 on a processor that rounds in another way than the golden tape's
+    assert status == 0 or command == "replay run.mcap"
     said = capsys.readouterr().out
     assert said or (tmp_path / "run.csv").stat().st_size > 1000
 

@@ -1,24 +1,25 @@
-"""docs/wire.md says what the code does: every key, message, field, default, reason and limit, and its worked example."""
+"""docs/messages.md is what the models print now; docs/wire.md has the limits of the code, and worked examples that are true."""
 
 from __future__ import annotations
 
 import re
-import runpy
+import subprocess
+import sys
 import zlib
 
 import numpy as np
 import pytest
-from pydantic import BaseModel
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
-from blackboard.wire import evidence, keys, memory, messages
+from blackboard.run.reference import meaning_of
+from blackboard.wire import evidence, memory, messages
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import decode
-from blackboard.wire.messages import MAX_CELLS, REASONS, Report
+from blackboard.wire.messages import MAX_CELLS, Report
 from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS, MAX_TEXT, MAX_TOTAL, VERSION
-from blackboard.wire.types import LARGEST, LEAST, MAX_NAME, MAX_OPINIONS, Message, Part
-from tests.files import page
+from blackboard.wire.types import MAX_NAME, MAX_OPINIONS, Message, Part
+from tests.files import ROOT, page
 
 PAGE = page("wire.md")
 MODELS = [
@@ -40,47 +41,31 @@ def rows(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
-def default(model: type[BaseModel], name: str) -> str:
-    """How the page writes the default of a field."""
-    field = model.model_fields[name]
-    if field.is_required():
-        return "required"
-    value = field.get_default(call_default_factory=True)
-    if value is None:
-        return "none"
-    value = list(value) if isinstance(value, tuple) else value
-    if isinstance(value, bool | list | dict | bytes):
-        return {"False": "false"}.get(repr(value), f"`{value!r}`")
-    return f'`"{value}"`' if isinstance(value, str) else f"{value:g}"
-
-
-def test_the_key_table_is_the_one_that_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
-    runpy.run_path(str(keys.__file__), run_name="__main__")
-    assert capsys.readouterr().out.strip() in PAGE
+def test_the_page_of_messages_is_current() -> None:
+    """`python -m blackboard.run.messages > docs/messages.md` makes it so."""
+    runs = [sys.executable, "-m", "blackboard.run.messages"]
+    assert subprocess.run(runs, cwd=ROOT, capture_output=True, text=True, check=True).stdout == page("messages.md")
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
-def test_every_field_of_every_message_stands_there_with_its_default(model: type[BaseModel]) -> None:
-    told = {name.strip("`"): value for name, _, value, _ in rows(section(model.__name__))}
-    known = {name: default(model, name) for name in model.model_fields}
-    assert {n: v.strip("`") for n, v in told.items()} == {n: v.strip("`") for n, v in known.items()}
+def test_every_message_and_field_says_what_it_means(model: type[Part]) -> None:
+    assert model.__doc__
+    assert model.__doc__ != Part.__doc__
+    assert [name for name in model.model_fields if not meaning_of(model, name)[1]] == []
+    assert f"# {model.__name__}\n" in page("messages.md")
 
 
-@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
-def test_every_choice_and_bound_of_a_field_stands_there(model: type[BaseModel]) -> None:
-    told = {name.strip("`"): kind for name, kind, _, _ in rows(section(model.__name__))}
-    for name, schema in model.model_json_schema()["properties"].items():
-        assert all(f'`"{choice}"`' in told[name] for choice in schema.get("enum", []))
-        if schema.get("maxItems") != schema.get("minItems"):
-            assert f" {schema['maxItems']}" in told[name]
-        if schema.get("type") == "number":
-            bound = {LEAST: "> 0", 0: ">= 0", -LARGEST: ""}[schema["minimum"]]
-            assert schema["maximum"] == LARGEST
-            assert f"float {bound}".strip() in told[name]
-
-
-def test_the_reasons_are_the_code_s_own_and_in_their_order() -> None:
-    assert [(name.strip("`"), text) for name, text in rows(section("What is refused"))] == list(REASONS.items())
+def test_types_defaults_and_bounds_are_those_of_the_models() -> None:
+    text = page("messages.md")
+    assert "| `samples` | float | required | effective comparisons" in text
+    assert "| `power` | float >= 0 | 1 |" in text
+    assert "| `dt` | float > 0 | required | seconds |" in text
+    assert '| `coding` | `"log8"` or `"log16"` or `"f32"` | `"log8"` |' in text
+    assert "| `shape` | array (1 to 3) of integer (1 to 1048576) | required |" in text
+    assert "| `grid` | [PackedGrid](#packedgrid) | none |" in text
+    assert "| `settled` | map (at most 256) of name to array (at most 256) of subject | `{}` |" in text
+    assert "| `follows` | boolean | false |" in text
+    assert "| `covariance` | array (at most 36) of float | `[]` |" in text
 
 
 def test_the_limits_are_the_code_s_own() -> None:

@@ -7,8 +7,9 @@ import pytest
 
 from blackboard.opinion.belief import gaussian
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import unpack_increment, unpack_state
+from blackboard.wire.evidence import Seen, unpack_increment, unpack_state
 from blackboard.wire.falsified import displaced, moved, narrowed, overconfident
+from blackboard.wire.messages import Report
 from tests.wire.reports import GRID, report
 
 
@@ -26,6 +27,35 @@ def test_all_places_are_off_by_the_offset_in_beliefs_and_evidence() -> None:
     (one,), (other,) = lie.evidence.relatives, true.evidence.relatives
     at = [(it.range * np.cos(0.5 + it.bearing), it.range * np.sin(0.5 + it.bearing)) for it in (one, other)]
     assert np.subtract(*at) == pytest.approx([2.0, -1.0])
+
+
+def seeing(*seen: Seen) -> Report:
+    said = report()
+    assert said.evidence
+    return said.model_copy(update={"evidence": said.evidence.model_copy(update={"seen": list(seen)})})
+
+
+def seen_in(said: Report) -> list[Seen]:
+    assert said.evidence
+    return said.evidence.seen
+
+
+def test_sightings_of_further_kinds_are_off_and_too_sure_as_all_others() -> None:
+    position = Seen(subject="robot/r2", kind="position", values=(3.0, 1.0), covariance=(0.4, 0.1, 0.4))
+    pose = Seen(subject="robot/r3", kind="pose", values=(3.0, 1.0, 0.2), covariance=(0.4, 0.0, 0.0, 0.4, 0.0, 0.1))
+    distance = Seen(subject="robot/r4", kind="range", values=(3.0,), covariance=(0.4,), biases=[(0.2, 10.0)])
+    bearing = Seen(subject="robot/r4", kind="bearing", values=(0.3,), covariance=(0.4,))
+    said = seeing(position, pose, distance, bearing)
+    off = seen_in(displaced(said, (2.0, -1.0)))
+    turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])  # of the observer's heading
+    for one, other in zip(off[:2], (position, pose), strict=True):
+        assert turn @ np.subtract(one.values[:2], other.values[:2]) == pytest.approx([2.0, -1.0])
+        assert one.values[2:] == other.values[2:]
+    assert [off[2].values, off[3].values] == [pytest.approx((3.0 + 5.0**0.5,)), (0.3,)]
+    sure = seen_in(overconfident(said, 2.0))
+    assert [it.covariance[0] for it in sure] == pytest.approx([0.1] * 4)
+    assert sure[2].biases == [(0.1, 10.0)]
+    assert [it.values for it in sure] == [it.values for it in seen_in(said)]
 
 
 def test_a_belief_beyond_the_grid_stays_at_its_edge() -> None:

@@ -15,12 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from blackboard.board.dissent import SPACING, Dissent
+from blackboard.board.dissent import Dissent, distance
 from blackboard.board.joint.evidence import learned, names, reason, shrank, unpack
 from blackboard.config import BoardSection
 from blackboard.errors import Degenerate, Refused
 from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.believed import SPACING
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import PREDICTION
@@ -28,6 +29,7 @@ from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.limits import Limits
+from blackboard.opinion.gaussian.lost import Lost
 from blackboard.opinion.gaussian.rings import Place
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
@@ -39,7 +41,9 @@ from blackboard.wire.evidence import (
     Forwarded,
     PackedEvidence,
     PackedState,
+    PackedVelocity,
     pack_state,
+    pack_velocity,
 )
 from blackboard.wire.messages import Consensus, LeftOut, Used
 from blackboard.wire.types import MAX_NAME
@@ -51,9 +55,10 @@ TICKS = 8  # of another board that are remembered as heard; a stale one may arri
 MAX_OBJECTS = (
     64  # in the joint that one robot has seen, and as many that several have; others are left to the pooled opinions
 )
-FINEST = 8  # a place is told by one sensor no better than a cell over this, where `[board] sharpest` does not say
+FINEST = 8  # one sensor places a robot no better than a cell over this, where `[board] sharpest` does not say
 STRIKES = 3  # times that a robot's evidence broke the joint until it is left out
 PENALTY = 60.0  # seconds of team time for which it is then left out; afterwards one more time is enough
+STALE = 1.0  # seconds after which it is not known how fast a robot moves
 MAX_WAITING = 64  # ticks of one robot that wait to be settled; the oldest are dropped
 
 #: Makes a consensus of what the joint knows about a subject: its board adds its names, the tick and the time.
@@ -87,6 +92,7 @@ class JointDesk:
         self._heard: dict[tuple[str, str], deque[int]] = {}  # sub-team and board -> the last ticks that it forwarded
         self._forwarders: set[tuple[str, str]] = set()  # the other boards that keep a joint
         self._settled_at: float | None = None  # team time, seconds
+        self._lost = Lost()
         self._strikes: dict[str, int] = {}  # robot -> how often its evidence broke the joint, as `robot/r1`
         self._barred: dict[str, float] = {}  # robot -> team time until which it is left out
         self._failed: set[str] = set()  # the kinds of our own faults that are logged
@@ -95,7 +101,10 @@ class JointDesk:
 
     def _begun(self) -> TeamJoint:
         rule = self.settings.of("robot/any")
-        objects = Objects(self.settings.objects_drift, self.settings.objects_drifts)
+        told = self.settings
+        objects = Objects(
+            told.objects_drift, told.objects_drifts, model=told.objects_motion, models=told.objects_motions
+        )
         limits = Limits(self.settings.sharpest or self.grid.cell / FINEST)
         return TeamJoint(objects, limits=limits, rule=rule if isinstance(rule, Coalition) else Coalition())
 
@@ -243,12 +252,14 @@ class JointDesk:
 
     def _judge(self, time: float, verdicts: list[Verdict]) -> None:
         """Compare where each robot says that it is with where the joint has it."""
-        told, believed = {}, {}
+        told, believed, own = {}, {}, dict[str, float]()
         for robot, state in self._states.items():
             if state is not None and self.team.knows(f"robot/{robot}") and self._until[robot] >= time - SPACING:
                 marginal = self.team.marginal(f"robot/{robot}")
                 told[robot] = state.mean[AXES], state.covariance[AXES, AXES]
                 believed[robot] = marginal.mean, marginal.covariance
+                own[f"robot/{robot}"] = distance(told[robot], believed[robot])
+        self._lost.hear(time, filter(self.team.knows, map("robot/{}".format, self._states)), verdicts, own)
         self.dissent.hear_joint(time, told, believed, verdicts, self.team.trust)
 
     def _without(
@@ -325,6 +336,8 @@ class JointDesk:
             learned=learned(self.team.innovations, taken),
             parameters=self._parameters(subject),
             state=self._state(subject),
+            velocity=self._velocity(subject, time),
+            lost=self.lost(subject),
             dissent=self.dissent.told(
                 {it.source.removeprefix("robot/") for it in about} | {subject.removeprefix("robot/")}
             ),
@@ -353,6 +366,15 @@ class JointDesk:
 
     def _state(self, subject: str) -> PackedState | None:
         return pack_state(self.team.pose(subject)) if subject.startswith("robot/") else None
+
+    def lost(self, subject: str) -> float | None:
+        """The probability that a robot of which there is evidence is not where it is believed to be; None of all else."""
+        return self._lost.probability(subject) if subject.removeprefix("robot/") in self._states else None
+
+    def _velocity(self, subject: str, time: float) -> PackedVelocity | None:
+        """How fast a subject moves; None of a robot that is not heard any more."""
+        found = self.team.velocity(subject) if self._age(subject, time) <= STALE else None
+        return None if found is None else pack_velocity(found)
 
     def _entropy(self, source: str, subject: str) -> float:
         """Nats on the grid's cells of what a source says about a subject: itself in the joint, or a sighting from there."""

@@ -6,7 +6,7 @@ Planes are planes: z, roll and pitch are 0, and so are their variances. A grid i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, ODOMETRY, POSE
+from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, ODOMETRY, POINTS, POSE, TRANSFORMS
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Array
+from blackboard.view.summary import LIKELY_LOST
 
 ANY_HEADING = math.pi**2 / 3  # variance of a heading of which nothing is known
 MAX_BYTES = 1 << 16  # of a message that is taken; the ones we read have 1 kB and the names of two frames
@@ -61,20 +63,72 @@ def pose(belief: Belief, stamp: float, heading: tuple[float, float] | None = Non
 
     Without it the orientation is that of the frame, with the variance of a heading of which nothing is known.
     """
-    flat = _plane(belief)
-    x, y = (float(value) for value in flat.mean())
-    yaw, variance = heading or (0.0, ANY_HEADING)
+    return _make(POSE, header=_header(stamp, belief.grid.frame), pose=_pose_of(belief, heading))
+
+
+def moving(belief: Belief, stamp: float, child: str, heading: tuple[float, float], velocity: Moments) -> Any:
+    """An Odometry: the pose in the grid's frame, and the velocity of a robot in its own frame, `child`.
+
+    `velocity` is along x and y of the grid, and the rate of turn: mean, shape (3,), and covariance, shape (3, 3).
+    """
+    c, s = math.cos(heading[0]), math.sin(heading[0])
+    turned = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    forward, aside, rate = (float(value) for value in turned @ velocity.mean)
     covariance = np.zeros((6, 6))
-    covariance[:2, :2] = flat.covariance() + np.eye(2) * belief.grid.cell**2 / 12
-    covariance[5, 5] = min(max(variance, 0.0), ANY_HEADING)
+    covariance[np.ix_((0, 1, 5), (0, 1, 5))] = turned @ velocity.covariance @ turned.T
+    twist = _make(
+        "geometry_msgs/msg/Twist",
+        linear=_make("geometry_msgs/msg/Vector3", x=forward, y=aside, z=0.0),
+        angular=_make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=rate),
+    )
     return _make(
-        POSE,
+        ODOMETRY,
         header=_header(stamp, belief.grid.frame),
-        pose=_make(
-            "geometry_msgs/msg/PoseWithCovariance",
-            pose=_pose(x, y, yaw),
-            covariance=np.ascontiguousarray(covariance.ravel()),
+        child_frame_id=child,
+        pose=_pose_of(belief, heading),
+        twist=_make(
+            "geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.ascontiguousarray(covariance.ravel())
         ),
+    )
+
+
+def transforms(poses: Mapping[str, tuple[float, float, float]], stamp: float, frame: str) -> Any:
+    """Where the frames of some robots are in the team's: x, y and yaw by the name of the frame."""
+    found = []
+    for child, (x, y, yaw) in poses.items():
+        at = _pose(x, y, yaw)
+        place = _make("geometry_msgs/msg/Vector3", x=x, y=y, z=0.0)
+        turned = _make("geometry_msgs/msg/Transform", translation=place, rotation=at.orientation)
+        found.append(
+            _make(
+                "geometry_msgs/msg/TransformStamped",
+                header=_header(stamp, frame),
+                child_frame_id=child,
+                transform=turned,
+            )
+        )
+    return _make(TRANSFORMS, transforms=found)
+
+
+def points(places: Sequence[tuple[float, float]], stamp: float, frame: str) -> Any:
+    """Points in the plane as a PointCloud2 of x, y and z in metres, as a costmap takes them for obstacles."""
+    kind, cloud = "sensor_msgs/msg/PointField", np.zeros((len(places), 3), dtype="<f4")
+    cloud[:, :2] = np.reshape(places, (-1, 2))
+    fields = [
+        _make(kind, name=name, offset=4 * number, datatype=_store().types[kind].FLOAT32, count=1)
+        for number, name in enumerate("xyz")
+    ]
+    return _make(
+        POINTS,
+        header=_header(stamp, frame),
+        height=1,
+        width=len(cloud),
+        fields=fields,
+        is_bigendian=False,
+        point_step=12,
+        row_step=12 * len(cloud),
+        data=np.frombuffer(cloud.tobytes(), dtype=np.uint8),
+        is_dense=True,
     )
 
 
@@ -158,6 +212,8 @@ def _diagnosed(process: dict[str, Any], prefix: str) -> Any:
         level, text = levels.ERROR, "gone: it holds no liveliness token"
     elif process["state"] == "silent":
         level, text = levels.STALE, "silent: it is connected and says nothing"
+    elif (lost := process.get("lost") or 0.0) >= LIKELY_LOST:
+        level, text = levels.WARN, f"lost with {100 * lost:.0f} %: it may not be where the team believes"
     elif refused:
         level, text = (
             levels.WARN,
@@ -169,6 +225,7 @@ def _diagnosed(process: dict[str, Any], prefix: str) -> Any:
     told = {
         "sub-teams": " ".join(process["sub_teams"]),
         "tick": "" if process["tick"] is None else process["tick"],
+        **({} if process.get("lost") is None else {"lost": f"{process['lost']:.3f}"}),
         "age [s]": "" if process["age"] is None else f"{process['age']:.1f}",
         **{f"refused {reason}": count for reason, count in refused.items()},
         **process["counters"],
@@ -184,6 +241,20 @@ def _header(stamp: float, frame: str) -> Any:
 def _time(stamp: float) -> Any:
     seconds = math.floor(min(max(stamp, 0.0), 2**31 - 1))
     return _make("builtin_interfaces/msg/Time", sec=seconds, nanosec=min(int((stamp - seconds) * 1e9), 999_999_999))
+
+
+def _pose_of(belief: Belief, heading: tuple[float, float] | None) -> Any:
+    flat = _plane(belief)
+    x, y = (float(value) for value in flat.mean())
+    yaw, variance = heading or (0.0, ANY_HEADING)
+    covariance = np.zeros((6, 6))
+    covariance[:2, :2] = flat.covariance() + np.eye(2) * belief.grid.cell**2 / 12
+    covariance[5, 5] = min(max(variance, 0.0), ANY_HEADING)
+    return _make(
+        "geometry_msgs/msg/PoseWithCovariance",
+        pose=_pose(x, y, yaw),
+        covariance=np.ascontiguousarray(covariance.ravel()),
+    )
 
 
 def _pose(x: float, y: float, yaw: float) -> Any:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 
 from blackboard.bridges.ros import convert
-from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, POSE, Node, part
+from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, ODOMETRY, POINTS, POSE, TRANSFORMS, Node, part
 from blackboard.errors import Refused
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
-from blackboard.state.received import read
+from blackboard.state.received import Received, read
 from blackboard.view.summary import Table, processes
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.evidence import unpack_state
+from blackboard.wire.evidence import unpack_state, velocity_of
 from blackboard.wire.messages import Consensus
 
 log = logging.getLogger(__name__)
@@ -20,6 +21,7 @@ log = logging.getLogger(__name__)
 MAP_PERIOD = 1.0  # seconds between two maps of a subject: they are large
 MAX_SUBJECTS = 256  # that are ever published: each has publishers of its own
 SKEW = 30.0  # seconds by which the stamp of a team that goes by Unix time may be off
+MOVING = 3  # numbers of a robot's velocity
 HEADING = 2  # of the numbers of a state (docs/wire.md, "Evidence for a joint")
 
 
@@ -42,7 +44,9 @@ class Publisher:
         if self._moment is None or moment.run != self._moment[0]:
             self._shown = {}
         self._moment = moment.run, moment.tick
-        return [envelope for subject in moment.subjects for envelope in self._belief(moment, subject, now)]
+        told = {subject: self._belief(moment, subject, now) for subject in moment.subjects}
+        moved = [subject for subject, out in told.items() if out and subject.startswith("robot/")]
+        return [envelope for out in told.values() for envelope in out] + self._robots(moment, moved, now)
 
     def diagnostics(self, team: TeamFold, own: Table, now: float) -> list[Envelope]:
         """The state of the team's processes, and of this one."""
@@ -58,12 +62,32 @@ class Publisher:
         if belief is None or topic is None:
             return []
         self._shown[subject] = agreed.tick
-        unix = abs(agreed.time - best.at) < SKEW  # else it is a world's, by which nodes of ROS do not go
-        stamp = agreed.time if unix else best.at
-        out = [self._put(f"{topic}/pose", POSE, convert.pose(belief, stamp, _heading(agreed)))]
+        stamp, heading, velocity = _stamp(best), _heading(agreed), velocity_of(agreed.velocity)
+        out = [self._put(f"{topic}/pose", POSE, convert.pose(belief, stamp, heading))]
+        if heading is not None and velocity is not None and len(velocity.mean) == MOVING:
+            message = convert.moving(belief, stamp, topic, heading, velocity)
+            out.append(self._put(f"{topic}/odometry", ODOMETRY, message))
         if now >= self._mapped.get(subject, 0.0) + MAP_PERIOD:
             self._mapped[subject] = now
             out.append(self._put(f"{topic}/map", MAP, convert.occupancy(belief, stamp)))
+        return out
+
+    def _robots(self, moment: Moment, moved: Sequence[str], now: float) -> list[Envelope]:
+        """The frames of robots whose belief is new, and for each of these where all others are."""
+        places, poses, stamp, frame = dict[str, tuple[float, float]](), {}, now, ""
+        for subject, about in moment.subjects.items():
+            if subject.startswith("robot/") and about.best is not None and about.best.drawn is not None:
+                agreed, (x, y) = about.best.message, about.best.drawn.mean
+                places[subject], heading = (x, y), _heading(agreed)
+                if subject in moved:
+                    stamp, frame = _stamp(about.best), agreed.belief.grid.frame
+                    if heading is not None and (topic := self._topic(subject, 2)) is not None:
+                        poses[topic] = x, y, heading[0]
+        out = [self._put("tf", TRANSFORMS, convert.transforms(poses, stamp, frame))] if poses else []
+        for subject in moved:
+            if (topic := self._topic(subject, 2)) is not None:
+                others = [place for other, place in places.items() if other != subject]
+                out.append(self._put(f"{topic}/mates", POINTS, convert.points(others, stamp, frame)))
         return out
 
     def _topic(self, subject: str, axes: int) -> str | None:
@@ -87,6 +111,11 @@ class Publisher:
 
     def _put(self, topic: str, type_name: str, message: object) -> Envelope:
         return Envelope(self._node.publisher(topic, type_name).key, convert.encode(message))
+
+
+def _stamp(it: Received[Consensus]) -> float:
+    """When it was agreed, in Unix seconds; where that is a world's time, by which nodes of ROS do not go, when it came."""
+    return it.message.time if abs(it.message.time - it.at) < SKEW else it.at
 
 
 def _heading(agreed: Consensus) -> tuple[float, float] | None:

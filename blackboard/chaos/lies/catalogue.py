@@ -21,6 +21,7 @@ from blackboard.chaos.lies.changes import (
     Replays,
     Sees,
     Sure,
+    Tells,
 )
 from blackboard.errors import UserError
 
@@ -88,6 +89,11 @@ CATALOGUE = {
         Lie("one-object-sure", (Sees("object", (2.0, 0.0), 0.05, always=True),)),
         Lie("no-variance", (Sees("others", sigma=1e-6),)),
         Lie("no-variance-off", (Sees("others", (1.0, 0.0), 1e-6),)),
+        Lie("tells-ranges", (Tells("range", "mates", ASIDE, 0.1),)),
+        Lie("tells-bearings", (Tells("bearing", "mates", ASIDE, 0.01),)),
+        Lie("tells-positions", (Tells("position", "mates", CREEP, 0.01),)),
+        Lie("tells-poses", (Tells("pose", "mates", ASIDE, 0.1),)),
+        Lie("tells-objects", (Tells("position", "objects", ASIDE, 0.1),)),
         # --- records and numbering
         Lie("epochs-true", (Epochs(),)),
         Lie("epochs-off", (Off(ASIDE), Epochs())),

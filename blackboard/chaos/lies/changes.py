@@ -26,6 +26,7 @@ from blackboard.wire.evidence import (
     PackedIncrement,
     PackedMotion,
     PackedRelative,
+    Seen,
     unpack_state,
 )
 from blackboard.wire.falsified import displaced, narrowed, overconfident
@@ -184,6 +185,35 @@ class Sees(Change):
                 at = place if honest is None else _where(pose, honest)
                 seen[subject] = _sighting(pose, at + np.array(self.offset), subject, honest, self.sigma)
         return _with_relatives(found, scene, list(seen.values()))
+
+
+@dataclass(frozen=True)
+class Tells(Change):
+    """Sightings of a further kind, seen or not: `offset` from where the team has others, with a sigma (unit and rad)."""
+
+    kind: Literal["range", "bearing", "position", "pose"]
+    whom: Whom
+    offset: tuple[float, float]
+    sigma: float
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        if evidence.state is None:
+            return evidence
+        told, state = [], np.array(evidence.state.mean)
+        for subject in scene.targets(self.whom):
+            place = scene.place(subject)
+            if place is not None and subject != f"robot/{scene.robot}":
+                told.append(self._told(state, subject, place + np.array(self.offset)))
+        return evidence.model_copy(update={"seen": told[:MAX_RELATIVES]})
+
+    def _told(self, state: Array, subject: str, place: Array) -> Seen:
+        x, y = place - state[AXES]
+        away, bearing = math.hypot(x, y), float(wrap(math.atan2(y, x) - state[HEADING]))
+        at = away * math.cos(bearing), away * math.sin(bearing)
+        values = {"range": (away,), "bearing": (bearing,), "position": at, "pose": (*at, 0.0)}[self.kind]
+        variances = [self.sigma**2] * len(values)
+        covariance = np.diag(variances)[np.triu_indices(len(values))]
+        return Seen(subject=subject, kind=self.kind, values=values, covariance=tuple(covariance.tolist()))
 
 
 @dataclass(frozen=True)

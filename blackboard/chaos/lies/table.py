@@ -12,6 +12,7 @@ from blackboard.chaos.lies.catalogue import Lie
 from blackboard.chaos.lies.trial import Trial, guests_of, honest, liars_of, span
 from blackboard.config import Scenario
 from blackboard.judge.samples import Sample, held_by, rms_error
+from blackboard.process.columns import cell, columns, markdown_table
 
 GAP = 2.0  # seconds without its name in a status after which a robot is no longer named
 #: What is asked for of the rows of one liar, in the mean and of each; of objects and of several liars it is the same in every fusion.
@@ -80,24 +81,24 @@ COLUMNS = ("lie", "robots", "worst", "objects", "log score", "95 %", "told", "na
 
 def text(found: Mapping[str, Any]) -> str:
     """The table as Markdown: of each lie the mean over its seeds, and the worst of the robots' ratios; then what is asked for."""
-    lines = [f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
+    lines: list[Sequence[str]] = [COLUMNS]
     for name in dict.fromkeys(row["lie"] for row in found["rows"]):
         rows = [row for row in found["rows"] if row["lie"] == name]
         cells = (
             name,
-            _number(mean(rows, "robots"), "{:.2f}"),
-            _number(worst(rows, "robots"), "{:.2f}"),
-            _number(mean(rows, "objects"), "{:.2f}"),
-            _number(mean(rows, "log_score"), "{:+.2f}"),
-            _number(mean(rows, "coverage"), "{:.2f}"),
-            _number(mean(rows, "told"), "{:.2f}"),
-            *(_number(_all(rows, column), "{:.1f} s") for column in ("named", "cleared")),
-            _number(worst(rows, "innocent"), "{:.1f} s"),
-            _number(mean(rows, "slower"), "{:.1f}"),
+            cell(mean(rows, "robots"), "{:.2f}"),
+            cell(worst(rows, "robots"), "{:.2f}"),
+            cell(mean(rows, "objects"), "{:.2f}"),
+            cell(mean(rows, "log_score"), "{:+.2f}"),
+            cell(mean(rows, "coverage"), "{:.2f}"),
+            cell(mean(rows, "told"), "{:.2f}"),
+            *(cell(_all(rows, column), "{:.1f} s") for column in ("named", "cleared")),
+            cell(worst(rows, "innocent"), "{:.1f} s"),
+            cell(mean(rows, "slower"), "{:.1f}"),
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    asked = [f"{'yes' if holds else 'NO':<4}{what}" for holds, what in found["asked"]]
-    return "\n".join([*lines, "", *(f"{line}" for line in asked), "", found["what"]])
+        lines.append(cells)
+    asked = columns([("yes" if holds else "NO", what) for holds, what in found["asked"]])
+    return "\n".join([*markdown_table(lines), "", *asked, "", found["what"]])
 
 
 def mean(rows: Sequence[Row], column: str) -> float | None:
@@ -114,10 +115,6 @@ def worst(rows: Sequence[Row], column: str) -> float | None:
 def _all(rows: Sequence[Row], column: str) -> float | None:
     """The mean of a column that every row has."""
     return mean(rows, column) if all(row[column] is not None for row in rows) else None
-
-
-def _number(value: float | None, form: str) -> str:
-    return "-" if value is None else form.format(value)
 
 
 def asked(rows: Sequence[Row], fusion: str) -> list[tuple[bool, str]]:
@@ -153,4 +150,4 @@ def _worst(rows: Sequence[Row], column: str) -> tuple[float | None, str]:
 
 def _at_most(what: str, most: float, value: float | None, where: str = "") -> tuple[bool, str]:
     holds = value is not None and value <= most
-    return holds, f"{what}, at most {most:g}: {_number(value, '{:.2f}')}{where}"
+    return holds, f"{what}, at most {most:g}: {cell(value, '{:.2f}')}{where}"

@@ -25,13 +25,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from blackboard.opinion.believed import REMEMBERED, accusers
 from blackboard.opinion.chi_squared import GATE, SIGMAS, quantile, wilson_hilferty
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
-MAX_DISTANCES = 10.0  # independent distances of a pair that are averaged; older ones fade
 FAINT = 1e-6  # the least share of an error that one tick's evidence is taken to leave
 MISREAD = 2  # claims in a row that are taken for misread if they are beyond the gate of those before
 RECKONED = 0.75  # the share of a belief's variance from which on it is no evidence against another robot
@@ -141,18 +141,11 @@ class Contacts:
         camps, nobody can tell which is right: there nobody is left out.
         """
         out: set[str] = set()
+        pairs = {pair: contact.contradicts for pair, contact in self._pairs.items()}
         while True:
-            excess: defaultdict[str, int] = defaultdict(int)
-            against: defaultdict[str, set[str]] = defaultdict(set)
-            for (one, other), contact in self._pairs.items():
-                if one in out or other in out:
-                    continue
-                for robot, partner in ((one, other), (other, one)):
-                    excess[robot] += 1 if contact.contradicts else -1
-                    if contact.contradicts:
-                        against[robot].add(partner)
-            worst = max(sorted(against), key=lambda robot: excess[robot], default=None)
-            if worst is None or excess[worst] <= max(0, *(excess[partner] for partner in against[worst])):
+            excess, by = accusers(pairs, out)
+            worst = max(sorted(by), key=lambda robot: excess[robot], default=None)
+            if worst is None or excess[worst] <= max(0, *(excess[partner] for partner in by[worst])):
                 return frozenset(out)
             out.add(worst)
 
@@ -189,6 +182,6 @@ class Contacts:
                 if last.has_changed:
                     number, mean, on_trial = last.weight, last.squared, True
                 on_trial = on_trial and number + new < CERTAIN
-                number = min(MAX_DISTANCES, number)
+                number = min(REMEMBERED, number)
                 now = Contact(corrected, apart, fresh, 1, new, 0.0, mean, number, on_trial=on_trial)
         return replace(now, squared=squared_distance(now.apart, lasting + now.fresh))

@@ -58,6 +58,5 @@ class Tally:
     silent: int = 0  # relative beliefs about a robot of which no motion came in the tick, or that say too little alone
     outvoted: int = 0  # predictions of a robot's place that a coalition contradicted
     verdicts: list[Verdict] = field(default_factory=list)  # of the last tick
-    choices: dict[str, Choice] = field(
-        default_factory=dict
-    )  # of the last tick: robot -> who was believed about its place
+    #: Of the last tick: robot -> who was believed about its place.
+    choices: dict[str, Choice] = field(default_factory=dict)

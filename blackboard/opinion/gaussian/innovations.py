@@ -11,11 +11,8 @@ import statistics
 from collections import deque
 from dataclasses import dataclass, field
 
+from blackboard.opinion.believed import ENOUGH, MOST_NOISE, WINDOW
 from blackboard.opinion.chi_squared import MEDIAN, quantile
-
-WINDOW = 60  # pieces of evidence of a source that are remembered
-FEWEST = 20  # pieces of evidence before a source's noise is scaled
-MOST = 100.0  # the largest factor of a claimed variance
 
 Source = tuple[str, str]  # a robot, and the kind of its evidence
 
@@ -41,4 +38,4 @@ class Innovations:
     def variance(self, source: Source) -> float:
         """The variance of a source's noise relative to what it claims, at least 1; 1 until enough is known."""
         ratios = self._ratios.get(source, ())
-        return min(MOST, max(1.0, statistics.median(ratios))) if len(ratios) >= FEWEST else 1.0
+        return min(MOST_NOISE, max(1.0, statistics.median(ratios))) if len(ratios) >= ENOUGH else 1.0

@@ -4,7 +4,8 @@ A claimed covariance says nothing about the truth. So a board holds three things
 
 - a sighting: no range, and no place across the line of sight, is known better;
 - all that a robot says of itself: its increments are multiplied into a filter of its own (`alone`), whose place is never known better,
-  however often they come and however little it claims that its motion adds;
+  however often they come and however little it claims that its motion adds; nor much better than the belief that it tells beside
+  them, which `contacts` holds against its mates': of an honest robot the two are the same but for where they linearise;
 - the belief with which it enters: no sharper, and after `ENTRIES` beginnings in a row wider, as `RENEWAL` says. Its mates keep what
   they learned from the epochs before, so a robot that begins anew each tick would count once for each.
 
@@ -13,6 +14,7 @@ Nothing that stays within them is changed, to the bit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -26,6 +28,7 @@ from blackboard.opinion.grid import Array
 ENTRIES = 3.0  # beginnings in a row that count in full: a start, a restart, and one that follows a lie found out
 RENEWAL = 60.0  # seconds until one more does
 HALVINGS = 20  # of the share of an increment that is sought
+ROUGHLY = 0.5  # share of the variance of the belief that a robot tells, which its increments together may leave
 LEAST = 1e-4  # share of a beginning that always counts, so that its covariance is a number
 
 
@@ -34,7 +37,7 @@ class Limits:
     """Mutable; `pass_time` once per tick, the rest in the order of the joint's steps. With `sharpest` 0 nothing is bounded."""
 
     sharpest: float = 0.0
-    _alone: dict[str, Joint] = field(default_factory=dict)  # robot -> what it says of itself, and nobody else
+    _alone: dict[str, Joint] = field(default_factory=dict)  # robot -> what it alone says of itself
     _entries: dict[str, float] = field(default_factory=dict)  # robot -> beginnings that would count in full
 
     def copy(self) -> Limits:
@@ -61,22 +64,26 @@ class Limits:
         if robot in self._alone:
             drive(self._alone[robot], robot, motion, nuisance)
 
-    def increment(self, robot: str, increment: Increment | None, variance: float) -> Increment | None:
+    def increment(
+        self, robot: str, increment: Increment | None, variance: float, told: Moments | None = None
+    ) -> Increment | None:
         """As much of an increment as leaves the robot's own place no sharper; None: nothing.
 
-        `variance` is what was learned of the noise of the robot's increments, relative to what it claims.
+        `variance` is what was learned of the noise of the robot's increments, relative to what it claims; `told` is the first-hand
+        belief that it tells after this increment.
         """
         if increment is None or robot not in self._alone:
             return increment
-        before, least = self._alone[robot], variance * self.sharpest**2
+        before, least = self._alone[robot], variance * self.sharpest**2 * np.eye(2)
+        floors = [least] if told is None else [least, ROUGHLY * told.covariance[AXES, AXES]]
         share, too_much = 1.0, 1.0
         after = _multiplied(before, robot, increment, share)
-        if _sharpness(after, robot) < least:
+        if _is_sharper(after, robot, floors):
             share = 0.0
             for _ in range(HALVINGS):
                 middle = (share + too_much) / 2
                 tried = _multiplied(before, robot, increment, middle)
-                share, too_much = (share, middle) if _sharpness(tried, robot) < least else (middle, too_much)
+                share, too_much = (share, middle) if _is_sharper(tried, robot, floors) else (middle, too_much)
             after = _multiplied(before, robot, increment, share)
         self._alone[robot] = after
         return None if share == 0 else increment if share == 1 else _scaled(increment, share)
@@ -128,6 +135,7 @@ def _scaled(increment: Increment, share: float) -> Increment:
     return replace(increment, information=increment.information * share, vector=increment.vector * share)
 
 
-def _sharpness(alone: Joint, robot: str) -> float:
-    """The variance of a robot's place in the direction in which it is known best."""
-    return float(np.linalg.eigvalsh(alone.moments(robot).covariance[AXES, AXES])[0])
+def _is_sharper(alone: Joint, robot: str, floors: Sequence[Array]) -> bool:
+    """Whether a robot's place is known better, in some direction, than one of some covariances (2, 2) says."""
+    place = alone.moments(robot).covariance[AXES, AXES]
+    return any(float(np.linalg.eigvalsh(place - floor)[0]) < 0 for floor in floors)

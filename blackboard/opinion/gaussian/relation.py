@@ -170,7 +170,6 @@ def linearise(
     """A sighting against what a joint belief expects; the joint is not changed.
 
     The residual has one number for a range or a bearing alone, three for a pose of a robot, else two.
-
     `motions` are those of the tick: they say where both stood when the sighting was taken. `place`, shape (2,), is the
     subject's where it is known; else a subject that the joint does not have is a point of which nothing is known. `at`, shape (12,),
     is where to linearise instead of the observer's mean: it is no evidence. KeyError: the observer is not in the joint.
@@ -187,12 +186,7 @@ def linearise(
     subject = None if place is not None else local.blocks[sighting.subject]
     strayed, its_heading = 0.0, None
     if subject is not None:
-        place = local.mean[subject][AXES]
-        if subject.stop - subject.start == STATES:
-            motion = motions.get(sighting.subject)
-            gone, its_turn = moved_in(local.mean[subject], motion, sighting.age + sighting.ahead)
-            place, its_heading = place - gone, float(local.mean[subject][HEADING]) - its_turn
-            strayed = _strayed(sighting, motion)
+        place, its_heading, strayed = _seen_at(local.mean[subject], sighting, motions.get(sighting.subject))
     away = place - (observer[AXES] - back)
     camera = float(observer[HEADING] - turned - observer[BEARING])
     form = _polar if _prefers_polar(local, sighting, away, subject) else _cartesian
@@ -226,6 +220,14 @@ def linearise(
         jacobians[block] = by_range[:, None] * sigma
         residual = residual - jacobians[block] @ local.mean[local.blocks[block]]
     return Factor(residual, jacobians, noise, priors, anchors)
+
+
+def _seen_at(state: Array, sighting: Relative, motion: Motion | None) -> tuple[Array, float | None, float]:
+    """Where a subject was when it was seen, shape (2,), a robot's heading then, and what `_strayed` says of it."""
+    if len(state) != STATES:
+        return state[AXES], None, 0.0
+    gone, turn = moved_in(state, motion, sighting.age + sighting.ahead)
+    return state[AXES] - gone, float(state[HEADING]) - turn, _strayed(sighting, motion)
 
 
 def _strayed(sighting: Relative, motion: Motion | None) -> float:

@@ -29,8 +29,8 @@ from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.rings import SURE, Place, Ring, line_of
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, correct, drive
-from blackboard.opinion.gaussian.walks import LEAST, Walks
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, correct, drive, speed
+from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Grid
 
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
@@ -38,17 +38,26 @@ PATIENCE = 5  # increments of a robot that are left out in a row, before its blo
 MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
 FADED = 5.0  # time constants after which a lasting error that no sighting used is dropped: 0.7 % of it is left
+#: Times the covariance of a robot that enters again: its mates keep what they learned of it before. Half of it counts, as in a
+#: covariance intersection with equal weights (Julier and Uhlmann, ACC 1997).
+AGAIN = 2.0
 ALONE = 4  # objects that one robot alone has seen and that tell it how it moved: together less than its odometry does
 WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
 
 
 @dataclass(frozen=True)
 class Objects:
-    """How objects move, before they are seen: random walks (unit / sqrt(s)). `kept`: seconds without a sighting."""
+    """How objects move: random walks (unit / sqrt(s)) before they are seen, then by a model. `kept`: seconds without a sighting."""
 
     drift: float = 0.5
     drifts: Mapping[str, float] = field(default_factory=dict)  # of those that move otherwise, by name, as `can`
     kept: float = 60.0
+    model: Model = "learn"
+    models: Mapping[str, Model] = field(default_factory=dict)  # of those that move otherwise, by name, as `can`
+
+    def model_of(self, subject: str) -> Model:
+        """How an object, named as `object/can`, moves."""
+        return self.models.get(subject.partition("/")[2], self.model)
 
     def drift_of(self, subject: str) -> float:
         """What is told of an object's random walk, named as `object/can`; one that stands still may be kicked all the same."""
@@ -165,7 +174,8 @@ class TeamJoint:
             with self._blaming(robot):
                 increment = it.increment
                 if robot in known:
-                    increment = self.limits.increment(robot, increment, self.innovations.variance((robot, "increment")))
+                    learned = self.innovations.variance((robot, "increment"))
+                    increment = self.limits.increment(robot, increment, learned, it.belief)
                 relatives = tuple(self.limits.sighting(relative, self._distance(relative)) for relative in it.relatives)
                 bounded[robot] = replace(it, increment=increment, relatives=relatives)
         return bounded
@@ -247,11 +257,13 @@ class TeamJoint:
         self._forget_errors(dt)
         self.elapsed += dt
         for name in self._seen:
-            walk = np.eye(2) * self.drift_of(name) ** 2 * dt
-            self.walks.pass_time(name, self.objects.drift_of(name), dt)
-            self.joint.move(name, self.joint.moments(name).mean, np.eye(2), walk)
+            self._shift(name, self.walks.pass_time(name, self.objects.drift_of(name), dt, self.objects.model_of(name)))
             self._seen[name] += dt
         return motions
+
+    def _shift(self, subject: str, way: Moments) -> None:
+        """An object goes a way, shape (2,), whose covariance is (2, 2)."""
+        self.joint.move(subject, self.joint.moments(subject).mean + way.mean, np.eye(2), way.covariance)
 
     def _enter(self, evidence: Evidence) -> bool:
         """A robot enters with its first-hand belief, once per epoch: what it adds later are increments.
@@ -284,8 +296,9 @@ class TeamJoint:
         """Hold the robots' first-hand beliefs against each other, about themselves and all that they saw.
 
         Two robots that agreed and now contradict each other have spoilt each other's place in the joint: both enter again by
-        their first-hand beliefs. So does a robot that is no longer contradicted: its place in the joint rests on what was, nobody has
-        corrected it since, and `trust` judged it by that place. Who entered is returned.
+        their first-hand beliefs, of which only half counts. So does a robot that is no longer contradicted: its place in the joint
+        rests on what was, nobody has corrected it since, and `trust` judged it by that place. Who entered is returned.
+        Of who is refuted here nothing counts from this tick on: its mates have just become less sure of their places.
         """
         said: dict[str, dict[str, Claim]] = {}
         for robot, evidence in news.items():
@@ -304,7 +317,9 @@ class TeamJoint:
         parted: set[str] = set()
         for _, by_source in sorted(said.items()):
             parted |= self.contacts.judge(by_source)
-        back = self._refuted - self.contacts.left_out() if self._refuted else frozenset()
+        refuted = self.contacts.left_out() if parted or self._refuted else frozenset()
+        self._leave_out(self._left_out | refuted)
+        back = self._refuted - refuted
         back = frozenset(robot for robot in back if robot in said.get(robot, {}))
         self._refuted -= back
         for robot in sorted(back):
@@ -314,7 +329,8 @@ class TeamJoint:
             self._drop(robot)
             belief = news[robot].belief
             assert belief is not None
-            self.joint.add(robot, self.limits.entering(robot, belief))
+            entering = self.limits.entering(robot, belief)
+            self.joint.add(robot, Moments(entering.mean, AGAIN * entering.covariance))
         return again
 
     def _choose(
@@ -478,7 +494,10 @@ class TeamJoint:
             motions = {**motions, subject: known.motion}
         factor = linearise(self.joint, relative, motions)
         if not robot and observer not in self._left_out and len(factor.residual) >= 2:  # a range alone is no place
-            self.walks.judge(subject, self._placed(subject, factor))
+            pushed = self.walks.judge(subject, self._placed(subject, factor))
+            if pushed is not None and subject in self.joint:
+                self._shift(subject, pushed)
+                factor = linearise(self.joint, relative, motions)
         factor, squared = self._weighed((observer, "relative"), factor)
         by = self._outvoted(subject, observer) or self._outvoted(observer, subject)
         freedom = len(factor.residual)
@@ -600,6 +619,13 @@ class TeamJoint:
         """Mean and covariance of a subject's position; KeyError where it is not in the joint."""
         block = self.joint.moments(subject)
         return Moments(block.mean[AXES], block.covariance[AXES, AXES])
+
+    def velocity(self, subject: str) -> Moments | None:
+        """Velocity (unit / s), and of a robot its rate of turn (rad / s), shape (3,); of an object that rolls shape (2,)."""
+        known = self._known.get(subject)
+        if known is not None and subject in self.joint:
+            return speed(self.joint.moments(subject), known.motion)
+        return self.walks.velocity(subject) if subject in self.joint else None
 
     def drift_of(self, subject: str) -> float:
         """The random walk of an object (unit / sqrt(s)), as its sightings show it."""

@@ -22,6 +22,8 @@ STATES = 12
 WANDERING = [FORWARD, TURN, DRIFT, CURVED_WAY, CURVED_TURN, LAG]  # random walks
 AXES = slice(0, 2)  # the position
 POSE = slice(0, 3)
+ANYWHERE = math.pi**2 / 3  # radians ** 2: the variance of a heading of which nothing is known
+CURVED, SPINNING = 0.3, 0.6  # shares (`kinds`) from which on a way is a curve, and a turn begins to be one on the spot
 FLAT = 1e6  # unit ** 2: the variance of a coordinate of which nothing is known
 
 
@@ -52,8 +54,8 @@ class Nuisance:
 class Motion:
     """Odometry over a span of time, with the variances of its error; those of spans that follow each other add up."""
 
-    distance: float = 0.0  # unit, as told
-    turn: float = 0.0  # radians, as told
+    distance: float = 0.0  # unit, as the odometry has it
+    turn: float = 0.0  # radians, the same
     dt: float = 0.0  # seconds
     moving: float = 0.0  # seconds of them in motion
     along: float = 0.0  # unit ** 2
@@ -79,6 +81,18 @@ def entering(pose: Moments, nuisance: Nuisance) -> Moments:
     covariance = np.zeros((STATES, STATES))
     covariance[POSE, POSE], covariance[FORWARD:, FORWARD:] = pose.covariance, prior.covariance
     return Moments(np.concatenate([pose.mean, prior.mean]), covariance)
+
+
+def kinds(way: float | Array, turn: float | Array, track: float) -> tuple[Array, Array]:
+    """Which share of a way (unit) is on a curve, and which of a turn (radians) is driven: 0 to 1 each.
+
+    By how far the wheels, `track` apart (unit), go against each other, as a share of all that they go: 0 straight ahead, 1 on
+    the spot.
+    """
+    against = np.abs(turn) * track / 2
+    total = np.abs(way) + against
+    share = against / np.maximum(total, np.finfo(float).tiny)
+    return np.minimum(1.0, share / CURVED), np.minimum(1.0, (1 - share) / (1 - SPINNING))
 
 
 def meant(state: Array, motion: Motion) -> tuple[float, float, Array]:
@@ -144,6 +158,24 @@ def moved_in(state: Array, motion: Motion | None, age: float) -> tuple[Array, fl
     way, turn = (share * it for it in meant(state, motion)[:2])
     middle = float(state[HEADING]) - turn / 2
     return np.array([way * math.cos(middle), way * math.sin(middle)]), turn
+
+
+def speed(state: Moments, motion: Motion) -> Moments | None:
+    """Velocity (unit / s) along x and y and rate of turn (rad / s) in the mean of a motion, shape (3,), of the block that it led to.
+
+    None of a motion without time, and where nothing is known of the heading.
+    """
+    if motion.dt <= 0 or state.covariance[HEADING, HEADING] > ANYWHERE:
+        return None
+    way, turn, by = meant(state.mean, motion)
+    along = np.array([math.cos(state.mean[HEADING]), math.sin(state.mean[HEADING])])
+    aside = np.array([-along[1], along[0]])
+    rows = np.vstack([np.outer(along, by[0]), by[1]])
+    rows[AXES, HEADING] += way * aside
+    noise = np.diag([0.0, 0.0, motion.heading])
+    noise[AXES, AXES] = motion.along * np.outer(along, along) + motion.across * np.outer(aside, aside)
+    mean = np.array([*(way * along), turn])
+    return Moments(mean / motion.dt, (rows @ state.covariance @ rows.T + noise) / motion.dt**2)
 
 
 def correct(joint: Joint, factor: Factor) -> None:

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.state.moments import Moment, Point
 from blackboard.state.received import STEP, Drawn
+from blackboard.wire.evidence import pose_of
 
 BACK = (13, 17, 23)
 #: Okabe and Ito's orange, sky, green, pink and yellow, brighter where they are too faint on black, and three that differ from them.
@@ -24,6 +26,7 @@ COLOURS = (
     (154, 123, 255),
     (196, 204, 212),
 )
+ARROWS = "→↗↑↖←↙↓↘"  # where a robot heads, by eighths of a turn
 FADE = 0.6  # share of its colour that a belief keeps which is not chosen
 
 Pixels = npt.NDArray[np.uint8]
@@ -59,6 +62,8 @@ def heat(moment: Moment, grid: Grid, chosen: str, rows: int, columns: int, log: 
             )
             found[:height] = found[:height] * (1 - share) + np.array(colour(number)) * share
             row, column = _at((drawn.mean[0], drawn.mean[1]), grid, width, height)
+            if (pose := pose_of(None if about.best is None else about.best.message.state)) is not None:
+                marks[row // 2, column + 1] = ARROWS[round(4 * float(pose.mean[HEADING]) / math.pi) % 8]
             for k, letter in enumerate(name.split("/", 1)[1][:6]):
                 marks[row // 2, column + 2 + k] = letter
     for about in moment.subjects.values():

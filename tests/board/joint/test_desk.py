@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from blackboard.board.joint.desk import MAX_OBJECTS, MAX_ROBOTS, MAX_WAITING
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.team import MAX_ERRORS
 from blackboard.opinion.gaussian.vehicle import STATES
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import Forward, Forwarded, Seen, pack_evidence
+from blackboard.wire.evidence import Forward, Forwarded, PackedVelocity, Seen, pack_evidence, velocity_of
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
@@ -240,3 +242,40 @@ def test_another_board_knows_when_the_evidence_that_is_passed_on_was_gathered() 
     second.hear(Forward(board="b", sub_team="b", tick=0, time=100.5, evidence=[forwarded]))
     (found,) = second.settle(100.6, MAKE)
     assert found.ancestors == {"r1": pytest.approx(100.3)}
+
+
+def test_what_is_agreed_about_a_robot_has_its_velocity_while_it_is_heard() -> None:
+    it = desk()
+    for tick in range(3):
+        evidence = at(10, 10)
+        moved = evidence.travelled.model_copy(update={"distance": 0.4 * tick, "time": 0.2 * tick, "turn": 0.02 * tick})
+        it.take("r1", tick, 0.2 * tick, evidence.model_copy(update={"travelled": moved}), own=True)
+        (found,) = it.settle(0.2 * tick, MAKE)
+    velocity = velocity_of(found.velocity)
+    assert velocity is not None
+    assert velocity.mean == pytest.approx([2.0 * math.cos(0.04), 2.0 * math.sin(0.04), 0.1])
+    # along: the error of the way, 0.1 in 0.2 s at first and nothing since; across: 2 per second at a heading known to 0.05 rad
+    assert velocity.covariance[1, 1] == pytest.approx((2.0 * 0.05) ** 2, rel=0.1)
+    (silent,) = it.settle(2.0, MAKE)
+    assert silent.velocity is None
+
+
+def test_a_velocity_that_is_none_is_refused_or_left_out() -> None:
+    with pytest.raises(ValidationError, match="upper triangle"):
+        PackedVelocity(mean=(1.0, 0.0), covariance=(1.0, 0.0, 1.0, 0.0, 0.0, 1.0))
+    assert velocity_of(PackedVelocity(mean=(1.0, 0.0), covariance=(1.0, 5.0, 1.0))) is None
+    assert velocity_of(None) is None
+
+
+def test_a_robot_that_the_others_see_elsewhere_is_told_to_be_lost_rather_than_they() -> None:
+    it = desk()
+    places, seen_at = {"r1": (10, 10), "r2": (20, 10), "r3": (10, 20)}, np.array([15, 14])
+    for tick in range(8):
+        for robot, place in places.items():
+            x, y = seen_at - place
+            there = sighting("robot/r2", math.hypot(x, y)).model_copy(update={"bearing": math.atan2(y, x)})
+            it.take(robot, tick, float(tick), at(*place, sees=None if robot == "r2" else there), own=True)
+        it.settle(float(tick), MAKE)
+    told = [it.lost(f"robot/{robot}") or 0.0 for robot in places]
+    assert told[1] > 0.2 > max(told[0], told[2])
+    assert it.lost("object/ball") is None

@@ -107,6 +107,7 @@ def test_the_state_of_processes() -> None:
         {**row, "name": "r3", "state": "silent"},
         {**row, "name": "r4", "state": "alive", "refused": {"future": 2}},
         {**row, "name": "r5", "state": "alive", "dropped": 4},
+        {**row, "name": "r6", "state": "alive", "lost": 0.62},
         {**row, "name": "world", "kind": "world", "state": "alive"},
     ]
     found = sent(convert.diagnostics(rows, "team t", 2.0), DIAGNOSTICS).status
@@ -116,8 +117,11 @@ def test_the_state_of_processes() -> None:
         ("team t: robot r3", 3),
         ("team t: robot r4", 1),
         ("team t: robot r5", 1),
+        ("team t: robot r6", 1),
         ("team t: world", 0),
     ]
+    assert "lost with 62 %" in found[5].message
+    assert "0.620" in [it.value for it in found[5].values if it.key == "lost"]
     assert {it.key: it.value for it in found[0].values} == {
         "sub-teams": "a",
         "tick": "3",

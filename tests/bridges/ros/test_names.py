@@ -32,10 +32,8 @@ def test_the_tokens_of_a_node_and_of_a_publisher() -> None:
     assert names.token(0, SESSION, 0, "python_bridge") == f"@ros2_lv/0/{SESSION}/0/0/NN/%/%/python_bridge"
     golden = f"@ros2_lv/0/{SESSION}/0/10/MP/%/%/python_bridge/%cop%agreed%r1/geometry_msgs::msg::dds_::PoseWithCovarianceStamped_/{HASH}/::,10:,:,:,,"
     assert names.endpoint_token(0, SESSION, 10, "python_bridge", "MP", "/cop/agreed/r1", POSE, "::,10:,:,:,,") == golden
-    assert (RELIABLE, LATCHED) == (
-        "::,10:,:,:,,",
-        ":1:,1:,:,:,,",
-    )  # volatile and the last 10; transient local and the last
+    # volatile and the last 10; transient local and the last
+    assert (RELIABLE, LATCHED) == ("::,10:,:,:,,", ":1:,1:,:,:,,")
 
 
 def test_an_attachment() -> None:

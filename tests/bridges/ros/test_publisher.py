@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 
 typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
-from blackboard.bridges.ros.names import HASHES, MAP, POSE, Node, key
+from blackboard.bridges.ros.names import HASHES, MAP, ODOMETRY, POINTS, POSE, TRANSFORMS, Node, key
 from blackboard.bridges.ros.publisher import MAX_SUBJECTS
 from blackboard.bridges.ros.service import RosBridge, Sources
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.tape.file import read
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.evidence import pack_state, pack_velocity
 from blackboard.wire.messages import Consensus, Status
 from tests.files import GOLDEN
 from tests.wire.envelopes import consensus, put, token
@@ -61,9 +64,45 @@ def test_each_agreed_belief_is_published_once(taped: tuple[list[Envelope], list[
         maps = of(out, f"demo/{subject}/map", MAP)
         assert 1 <= len(maps) <= len(poses)
         assert all(it.data.max() == 100 and it.data.min() >= 0 for it in maps)
+    robots = {it.subject for it in agreed if it.subject.startswith("robot/")}
     assert {it.key for it in out} == {
-        key(0, f"demo/{it.subject}/{what}", kind) for it in agreed for what, kind in (("pose", POSE), ("map", MAP))
+        *(key(0, f"demo/{it.subject}/{what}", kind) for it in agreed for what, kind in (("pose", POSE), ("map", MAP))),
+        *(key(0, f"demo/{robot}/mates", POINTS) for robot in robots),
+        key(0, "tf", TRANSFORMS),
     }
+
+
+def test_robots_have_frames_and_each_hears_where_all_others_are(
+    taped: tuple[list[Envelope], list[Consensus]],
+) -> None:
+    out, agreed = taped
+    newest = {it.subject: it for it in agreed if it.subject.startswith("robot/")}
+    last = of(out, "tf", TRANSFORMS)[-1].transforms
+    assert {it.child_frame_id for it in last} == {f"demo/{robot}" for robot in newest}
+    places = {}
+    for it in last:
+        state = newest[it.child_frame_id.removeprefix("demo/")].state
+        assert state is not None
+        yaw = 2 * math.atan2(it.transform.rotation.z, it.transform.rotation.w)
+        assert math.remainder(yaw - state.mean[2], math.tau) == pytest.approx(0.0, abs=1e-6)
+        places[it.child_frame_id] = it.transform.translation.x, it.transform.translation.y
+    for robot in newest:
+        cloud = of(out, f"demo/{robot}/mates", POINTS)[-1]
+        found = np.frombuffer(cloud.data, "<f4").reshape(cloud.width, 3)
+        others = [place for name, place in places.items() if name != f"demo/{robot}"]
+        assert np.sort(found[:, :2], axis=0) == pytest.approx(np.sort(others, axis=0), abs=1e-4)
+        assert not found[:, 2].any()
+
+
+def test_a_robot_that_moves_has_an_odometry_with_its_twist() -> None:
+    state = pack_state(Moments(np.array([5.0, 5.0, math.pi / 2, *np.zeros(9)]), np.eye(12) * 0.01))
+    velocity = pack_velocity(Moments(np.array([0.0, 2.0, 0.5]), np.diag([0.01, 0.04, 0.09])))
+    told = agreed("robot/r1", 1).model_copy(update={"state": state, "velocity": velocity})
+    (found,) = of(settle(bridge(), [told]), "t/robot/r1/odometry", ODOMETRY)
+    assert (found.header.frame_id, found.child_frame_id) == ("map", "t/robot/r1")
+    twist = found.twist.twist
+    assert [twist.linear.x, twist.linear.y, twist.angular.z] == pytest.approx([2.0, 0.0, 0.5])
+    assert np.diag(found.twist.covariance.reshape(6, 6)) == pytest.approx([0.04, 0.01, 0, 0, 0, 0.09])
 
 
 def test_its_stamps_are_unix_time_though_a_world_has_a_time_of_its_own(

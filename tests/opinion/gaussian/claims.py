@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from blackboard.opinion.gaussian.contacts import Claim, Contacts
@@ -30,3 +32,24 @@ def corrected(contacts: Contacts, robot: str, share: float) -> None:
     information = np.zeros((STATES, STATES))
     information[AXES, AXES] = np.eye(2) * (1 - share)
     contacts.correct(robot, belief, Increment(np.zeros(STATES), information, np.zeros(STATES)))
+
+
+def contradictions(lie: Callable[[int], float], seed: int, seconds: int) -> list[bool]:
+    """Whether a witness contradicts a robot, of five ticks a second, each of them; with each second both halve their errors.
+
+    `lie` is how far off the robot says that it is, by the second.
+    """
+    chance, contacts, found = np.random.default_rng(seed), Contacts(), []
+    errors = {name: chance.normal(0, PLACE, 2) for name in ("liar", "witness")}
+    for second in range(seconds):
+        for name in errors if second else ():
+            corrected(contacts, name, 0.5)
+            errors[name] = 0.5 * errors[name] + chance.normal(0, PLACE * 0.75**0.5, 2)
+        for _ in range(5):
+            claims = {
+                "liar": own(errors["liar"] + [lie(second), 0.0]),
+                "witness": seen(errors["witness"] + chance.normal(0, SIGHTING, 2)),
+            }
+            contacts.judge(claims)
+            found.append(contacts.contradict("witness", "liar"))
+    return found

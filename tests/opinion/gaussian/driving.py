@@ -11,7 +11,7 @@ import numpy as np
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.relation import Relative, linearise
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, entering
 from blackboard.opinion.grid import Array
 
@@ -66,3 +66,20 @@ def told(robots: Sequence[Own], tick: int) -> list[Evidence]:
         replace(report, relatives=tuple(own.see(other) for other in robots if other is not own))
         for own, report in zip(robots, alone, strict=True)
     ]
+
+
+def furthest_slope(joint: Joint, seen: Relative, factor: Factor) -> float:
+    """How far the derivatives of a sighting's factor are from numeric ones, at most; 1e-5 of themselves is granted."""
+    joint.begin(factor.priors)
+    mean, off = joint.mean.copy(), 0.0
+    for block, jacobian in factor.jacobians.items():
+        place = joint.blocks[block]
+        for k in range(place.start, place.stop):
+            ends = []
+            for step in (1e-6, -1e-6):
+                joint.mean = mean.copy()
+                joint.mean[k] += step
+                ends.append(linearise(joint, seen, {}).residual)
+            said = -jacobian[:, k - place.start]
+            off = max(off, float((np.abs((ends[0] - ends[1]) / 2e-6 - said) - 1e-5 * np.abs(said)).max()))
+    return off

@@ -9,33 +9,15 @@ from blackboard.opinion.gaussian.contacts import MISREAD, Contacts
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Nuisance, entering
-from tests.opinion.gaussian.claims import PLACE, SIGHTING, corrected, own, seen
-
-
-def watch(lie: float, seed: int, seconds: int = 12, each: int = 5) -> list[bool]:
-    """Whether a witness and a robot contradict each other, after each tick; both correct their places every `each` ticks."""
-    chance, contacts, found = np.random.default_rng(seed), Contacts(), []
-    errors = {name: chance.normal(0, PLACE, 2) for name in ("liar", "witness")}
-    for tick in range(seconds * each):
-        if tick and tick % each == 0:
-            for name, error in errors.items():
-                corrected(contacts, name, 0.5)
-                errors[name] = 0.5 * error + chance.normal(0, PLACE * 0.75**0.5, 2)
-        claims = {
-            "liar": own(errors["liar"] + [lie, 0.0]),
-            "witness": seen(errors["witness"] + chance.normal(0, SIGHTING, 2)),
-        }
-        contacts.judge(claims)
-        found.append(contacts.contradict("witness", "liar"))
-    return found
+from tests.opinion.gaussian.claims import PLACE, contradictions, corrected, own, seen
 
 
 def test_honest_pairs_hardly_ever_contradict_each_other() -> None:
-    assert np.mean([any(watch(0.0, seed)) for seed in range(200)]) < 0.03
+    assert np.mean([any(contradictions(lambda _: 0.0, seed, 12)) for seed in range(200)]) < 0.03
 
 
 def test_a_liar_is_found_out_by_a_single_witness() -> None:
-    runs = np.array([watch(8.0, seed) for seed in range(200)])
+    runs = np.array([contradictions(lambda _: 8.0, seed, 12) for seed in range(200)])
     assert runs[:, 4].mean() > 0.7, "within the first five sightings"
     assert runs[:, -1].mean() > 0.97
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blackboard.opinion.gaussian.innovations import FEWEST, MOST, WINDOW, Innovations
+from blackboard.opinion.believed import ENOUGH, MOST_NOISE, WINDOW
+from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.team import TeamJoint
 from tests.opinion.gaussian import driving
 
@@ -26,13 +27,13 @@ def test_the_noise_that_is_seen_is_a_multiple_of_what_was_claimed_and_never_less
 
 def test_a_source_is_believed_until_enough_is_known() -> None:
     it = Innovations()
-    for _ in range(FEWEST - 1):
+    for _ in range(ENOUGH - 1):
         it.judge(CAMERA, 1e9, 2)
     assert it.variance(CAMERA) == 1.0
     it.judge(CAMERA, 1e9, 2)
-    assert it.variance(CAMERA) == MOST
+    assert it.variance(CAMERA) == MOST_NOISE
     assert it.variance(("robot/r1", "increment")) == 1.0
-    assert (it.samples(CAMERA), it.samples(("robot/r1", "increment"))) == (FEWEST, 0)
+    assert (it.samples(CAMERA), it.samples(("robot/r1", "increment"))) == (ENOUGH, 0)
 
 
 def squared_distances(seed: int, claims: float) -> tuple[list[float], float]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.limits import Limits
+from blackboard.opinion.gaussian.limits import ROUGHLY, Limits
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, entering
@@ -58,6 +58,17 @@ def test_what_a_robot_says_of_itself_is_never_worth_more_than_the_sharpest_senso
         it.settle(tick, 0.2, [Evidence(LIAR, epoch, tick, Motion(), Nuisance(), belief, increment)])
         least = np.linalg.eigvalsh(it.marginal(LIAR).covariance)[0]
         assert least >= SHARPEST**2 * (1 - 1e-3)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(claims, min_size=1, max_size=8), st.floats(0.3, 30), st.floats(0.3, 30))
+def test_nor_much_more_than_the_belief_that_it_tells_beside_it(said: list[Increment], x: float, y: float) -> None:
+    """Its increments say how far its mates are moved, its belief is what they hold against it: so the two must fit."""
+    it, belief = limited(), began((0.0, 0.0), 1.0)
+    belief.covariance[AXES, AXES] = np.diag([x, y])
+    for tick, increment in enumerate(said):
+        it.settle(tick, 0.2, [Evidence(LIAR, 0, tick, Motion(), Nuisance(), belief, increment)])
+    assert np.linalg.eigvalsh(it.marginal(LIAR).covariance - ROUGHLY * np.diag([x, y]))[0] >= -1e-3
 
 
 @settings(deadline=None, max_examples=60)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from blackboard.opinion.gaussian.trust import FIRM, Trust
+from blackboard.opinion.believed import FIRM
+from blackboard.opinion.gaussian.trust import Trust
 
 TEAM = tuple(f"robot/r{k}" for k in range(1, 6))
 

@@ -272,6 +272,7 @@ function drawMap(header, names, colours) {
     context.strokeStyle = tone; context.lineWidth = chosen ? 2.6 : 1.5; context.setLineDash(it.conflict ? [5, 3] : []);
     if (on("region")) outline(context, to, grid, belief);
     context.setLineDash([]);
+    if (on("region")) drawMotion(context, to, it, belief, tone);
   }
   for (const name of names) {
     const it = header.subjects[name], belief = best(it);
@@ -292,6 +293,18 @@ function drawMap(header, names, colours) {
     const nearest = names.reduce((a, b) => (far(b) < far(a) ? b : a), names[0]);
     if (nearest && far(nearest) < 40) choose(nearest);
   };
+}
+
+/** A cone of where it heads, within two sigmas, and the way that it goes in a second. */
+function drawMotion(context, to, it, belief, tone) {
+  const x = to.x(belief.mean[0]), y = to.y(belief.mean[1]);
+  context.strokeStyle = context.fillStyle = tone; context.lineWidth = 1.5;
+  if (it.heading) {
+    const [angle, sigma] = it.heading, half = Math.min(Math.PI, Math.max(0.05, 2 * sigma));
+    context.globalAlpha = 0.45; context.beginPath(); context.moveTo(x, y); context.arc(x, y, 16, -angle - half, -angle + half); context.fill();
+    context.globalAlpha = 1;
+  }
+  if (it.velocity) line(context, x, y, to.x(belief.mean[0] + it.velocity[0]), to.y(belief.mean[1] + it.velocity[1]));
 }
 
 /** Robots that are gone or silent, by subject, and for how long. */
@@ -378,6 +391,8 @@ function drawNumbers(header) {
     rows.push(["at", belief.mean.map((x) => x.toFixed(1)).join(", ")], ["entropy", `${belief.entropy.toFixed(2)} nats`],
       ["95 % region", `${Number(belief.area.toPrecision(3))} ${unit}²`]);
     if (score) rows.push(["error", `${score.error.toFixed(2)} ${unit}`, !score.inside], ["truth is", score.inside ? "inside" : "outside", !score.inside]);
+    if (it.heading) rows.push(["heads", `${(it.heading[0] * 180 / Math.PI).toFixed(0)}°, give or take ${(it.heading[1] * 180 / Math.PI).toFixed(1)}`]);
+    if (it.velocity) rows.push(["moves at", `${Math.hypot(...it.velocity).toFixed(2)} ${unit}/s`]);
     rows.push(["rule", it.rule]);
     if (it.dissent.length) rows.push(["keeps disagreeing", it.dissent.map(([who, sigmas, weight]) => `${who} (${sigmas.toFixed(1)} σ, counts ${(100 * weight).toFixed(0)} %)`).join(", "), true]);
     if (it.camps.length) rows.push(["camps", it.camps.map((camp) => camp.join(", ")).join(" against "), true]);

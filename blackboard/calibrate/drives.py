@@ -1,0 +1,174 @@
+"""What a team measured, as arrays: commands and readings of its robots by ticks, without anything that says where they were."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from blackboard.opinion.gaussian.vehicle import kinds
+from blackboard.opinion.grid import Array
+from blackboard.wire.messages import Readings
+
+EVERY = (
+    1.0  # seconds: one sighting of each thing by each robot in so long, because frames that follow each other err alike
+)
+MOST_TICKS = 20_000  # that are taken of a recording
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """What was seen at a range and a bearing, one row each, in time order."""
+
+    tick: Array  # (M,)
+    robot: Array  # (M,): number of who saw it
+    mate: Array  # (M,): number of the mate that was seen; -1 of a landmark
+    landmark: Array  # (M,): number of the landmark; -1 of a mate
+    range: Array  # (M,)
+    bearing: Array  # (M,): radians
+    share: Array  # (M,): how long before the end of the tick it was seen, as a share of the tick, 0 to 1
+
+    def where(self, chosen: Array) -> Sightings:
+        """Some of them."""
+        return Sightings(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True, eq=False)
+class Absolute:
+    """Fixes of a position, and headings, one row each."""
+
+    tick: Array
+    robot: Array
+    value: Array  # (M, 2) of positions, (M, 1) of headings
+    sigma: Array  # (M,)
+
+    def where(self, chosen: Array) -> Absolute:
+        return Absolute(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """K ticks of N robots. Lengths are in the grid's unit, angles in radians, times in seconds."""
+
+    robots: tuple[str, ...]
+    landmarks: tuple[str, ...]
+    places: Array  # (L, 2): where the map has the landmarks
+    times: Array  # (K,): of the ends of the ticks
+    told: Array  # (K, N, 2): way and turn in the tick, by the odometry
+    measured: Array  # (K, N): whether the odometry measured all of the tick
+    sightings: Sightings
+    fixes: Absolute
+    headings: Absolute
+
+    @property
+    def dt(self) -> Array:
+        """Lengths of the ticks, shape (K,); that of the first is 0."""
+        return np.diff(self.times, prepend=self.times[0])
+
+    def split(self) -> tuple[Drives, Drives]:
+        """The first half and the second."""
+        middle = len(self.times) // 2
+        return self.part(0, middle), self.part(middle, len(self.times))
+
+    def part(self, first: int, until: int) -> Drives:
+        """The ticks from one on until before another."""
+
+        def inside(tick: Array) -> Array:
+            return (tick >= first) & (tick < until)
+
+        def moved(it: Absolute) -> Absolute:
+            some = it.where(inside(it.tick))
+            return Absolute(some.tick - first, some.robot, some.value, some.sigma)
+
+        seen = self.sightings.where(inside(self.sightings.tick))
+        seen = Sightings(seen.tick - first, *(getattr(seen, name) for name in list(seen.__dataclass_fields__)[1:]))
+        told, measured = self.told[first:until].copy(), self.measured[first:until].copy()
+        told[0], measured[0] = 0.0, True
+        ticks = self.times[first:until]
+        return Drives(
+            self.robots,
+            self.landmarks,
+            self.places,
+            ticks,
+            told,
+            measured,
+            seen,
+            moved(self.fixes),
+            moved(self.headings),
+        )
+
+    def without(self, landmarks: Iterable[int]) -> Drives:
+        """The same without the sightings of some landmarks, by their numbers."""
+        seen = self.sightings.where(~np.isin(self.sightings.landmark, list(landmarks)))
+        return Drives(**{**vars(self), "sightings": seen})
+
+    def kinds(self, track: float) -> tuple[Array, Array]:
+        """Which share of each way is on a curve, and of each turn is driven, shape (K, N); `track` is from wheel to wheel (unit)."""
+        return kinds(self.told[:, :, 0], self.told[:, :, 1], track)
+
+
+def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool = True) -> Drives:
+    """The readings of a team as arrays. `compass` is the sigma (rad) of a heading that comes without one.
+
+    Not `trusted`: fixes and headings are left out, as those of a replay, which come from the truth.
+    """
+    by_tick: dict[int, dict[str, Readings]] = {}
+    for one in readings:
+        if one.tick in by_tick or len(by_tick) < MOST_TICKS:
+            by_tick.setdefault(one.tick, {})[one.robot] = one
+    ticks = sorted(by_tick)
+    robots = tuple(sorted({name for some in by_tick.values() for name in some}))
+    number = {f"robot/{name}": n for n, name in enumerate(robots)}
+    times = np.array([max(one.time for one in by_tick[tick].values()) for tick in ticks])
+    told, measured = np.zeros((len(ticks), len(robots), 2)), np.zeros((len(ticks), len(robots)), dtype=bool)
+    seen, fixes, headings = list[tuple[float, ...]](), list[tuple[float, ...]](), list[tuple[float, ...]]()
+    places: dict[str, tuple[float, float]] = {}
+    newest: dict[tuple[int, str], float] = {}
+    for k, tick in enumerate(ticks):
+        for name, one in sorted(by_tick[tick].items()):
+            n, dt = number[f"robot/{name}"], float(times[k] - times[k - 1]) if k else 0.0
+            if one.odometry is not None and k:
+                told[k, n] = one.odometry.distance, one.odometry.turn
+                measured[k, n] = one.odometry.dt > dt / 2
+            if trusted and one.fix is not None:
+                fixes.append((k, n, *one.fix.position, one.fix.sigma))
+            if trusted and one.fix is not None and one.fix.heading is not None:
+                headings.append((k, n, one.fix.heading, one.fix.heading_sigma or compass))
+            if trusted and one.compass is not None:
+                headings.append((k, n, one.compass, one.compass_sigma or compass))
+            for it in sorted(one.sightings, key=lambda s: -s.age):
+                at = one.time - it.age
+                known = it.landmark is not None or it.subject in number
+                if (
+                    not k
+                    or not known
+                    or it.subject == f"robot/{name}"
+                    or at - newest.get((n, it.subject), -1e9) < EVERY
+                ):
+                    continue
+                newest[n, it.subject] = at
+                back = k
+                while back > 1 and times[back - 1] > at:
+                    back -= 1
+                if it.landmark is not None:
+                    places.setdefault(it.subject, (it.landmark[0], it.landmark[1]))
+                landmark = list(places).index(it.subject) if it.landmark is not None else -1
+                share = min(1.0, max(0.0, (times[back] - at) / (times[back] - times[back - 1])))
+                seen.append(
+                    (back, n, number.get(it.subject, -1) if landmark < 0 else -1, landmark, it.range, it.bearing, share)
+                )
+    measured[0] = True
+    columns = np.array(seen, dtype=float).reshape(-1, 7)
+    columns = columns[np.argsort(columns[:, 0], kind="stable")]
+    whole = [columns[:, c].astype(int) for c in range(4)]
+    sightings = Sightings(*whole, *(columns[:, c] for c in range(4, 7)))
+    spots = np.array(list(places.values()), dtype=float).reshape(-1, 2)
+    return Drives(
+        robots, tuple(places), spots, times, told, measured, sightings, _absolute(fixes, 2), _absolute(headings, 1)
+    )
+
+
+def _absolute(rows: list[tuple[float, ...]], size: int) -> Absolute:
+    table = np.array(rows, dtype=float).reshape(-1, size + 3)
+    return Absolute(table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2 : 2 + size], table[:, -1])

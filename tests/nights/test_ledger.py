@@ -1,0 +1,93 @@
+"""The ledger notices what counts twice, and boards that differ; and it is quiet about a team at work."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from blackboard.board.service import BoardService, board_of
+from blackboard.config import Scenario
+from blackboard.opinion.gaussian.increment import likelihood
+from blackboard.opinion.gaussian.vehicle import correct
+from blackboard.wire.messages import Consensus
+from tests.nights.events import Event, Said, Stepped
+from tests.nights.ledger import SAMPLED, EvidenceCountsOnce, SameEvidenceSameBits, watched
+from tests.nights.night import Night, Team
+from tests.nights.oracles import Oracle
+from tests.nights.run import differs
+from tests.nights.stage import Stage
+
+NIGHT = Night(Team({"a": ("r1", "r2"), "b": ("r3",)}, "lockstep", tick=1.0, latency=0.2, fusion="joint"))
+
+
+@pytest.fixture(scope="module")
+def events() -> list[Event]:
+    found = list[Event]()
+    stage = Stage(NIGHT, found.append)
+    with watched(stage.note_step):
+        stage.play()
+    return found
+
+
+def verdict(oracle: Oracle, events: list[Event]) -> str:
+    for event in events:
+        if type(event) in oracle.sees:
+            oracle.see(event)
+    return str(oracle.verdict() or "")
+
+
+def steps(events: list[Event]) -> list[Stepped]:
+    return [it for it in events if isinstance(it, Stepped)]
+
+
+@pytest.mark.parametrize("oracle", [EvidenceCountsOnce, SameEvidenceSameBits])
+def test_a_team_at_work_breaks_nothing(oracle: type[Oracle], events: list[Event]) -> None:
+    assert len(steps(events)) > 2 * SAMPLED
+    assert not verdict(oracle(NIGHT), events)
+
+
+def test_evidence_that_is_taken_in_two_steps_is_noticed(events: list[Event]) -> None:
+    first, *_, last = [it for it in steps(events) if it.batch]
+    again = replace(last, number=last.number + 1, board=first.board, batch=first.batch)
+    assert "takes ('robot/r" in verdict(EvidenceCountsOnce(NIGHT), [*events, again])
+
+
+def test_a_step_that_failed_may_be_made_again_with_less(events: list[Event]) -> None:
+    last = steps(events)[-1]
+    assert not verdict(EvidenceCountsOnce(NIGHT), [*events, replace(last, batch=last.batch[1:])])
+
+
+def test_an_increment_that_is_multiplied_twice_is_noticed(events: list[Event]) -> None:
+    sound = steps(events)
+    last = next(it for it in reversed(sound) if all(evidence.increment for evidence in it.batch))
+    after = last.after.copy()
+    for evidence in last.batch:
+        assert evidence.increment is not None
+        factor = likelihood(after, evidence.robot, evidence.increment)
+        assert factor is not None
+        correct(after, factor)
+    before = [it for it in sound[: sound.index(last)] if it.board is last.board]
+    seen: list[Event] = [*before[-(SAMPLED - 1) :], replace(last, after=after)]
+    assert "of the variance that its evidence leaves" in verdict(EvidenceCountsOnce(NIGHT), seen)
+
+
+def test_boards_that_differ_after_the_same_evidence_are_noticed(events: list[Event]) -> None:
+    said = [it for it in events if isinstance(it, Said) and isinstance(it.message, Consensus)]
+    last = next(it for it in reversed(said) if it.message is not None and it.message.rule == "joint")  # type: ignore[attr-defined]
+    assert isinstance(last.message, Consensus)
+    other = last.message.model_copy(update={"state": None, "belief": said[0].message.belief})  # type: ignore[union-attr]
+    found = verdict(SameEvidenceSameBits(NIGHT), [*events, replace(last, message=other)])
+    assert "agree on two beliefs about" in found
+
+
+def test_the_tape_of_a_night_replays_and_boards_of_other_settings_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Stage(NIGHT, lambda event: None, record=True)
+    stage.play()
+    assert differs(stage) is None
+
+    def otherwise(scenario: Scenario, sub_team: str, board: str | None = None) -> BoardService:
+        return board_of(scenario.changed("board", feedback="off", fusion="opinions"), sub_team, board)
+
+    monkeypatch.setattr("blackboard.tape.replay.board_of", otherwise)
+    assert "otherwise in the replay" in str(differs(stage))

@@ -1,0 +1,60 @@
+"""Who counts as there: a team at work is right, and who is wrong is named."""
+
+from __future__ import annotations
+
+import pytest
+
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope, Kind
+from tests.nights import faults
+from tests.nights.events import Ended, Event, Moved, Over
+from tests.nights.night import Night, Team
+from tests.nights.rosters import RostersAreTrue
+from tests.nights.stage import Stage
+
+TEAM = Team({"a": ("r1", "r2")}, "realtime", tick=1.0, latency=0.02)
+
+
+def played(night: Night) -> list[Event]:
+    found = list[Event]()
+    Stage(night, found.append).play()
+    return found
+
+
+def seen(events: list[Event]) -> str:
+    oracle = RostersAreTrue(Night(TEAM))
+    for event in events:
+        if isinstance(event, oracle.sees):
+            oracle.see(event)
+    return str(oracle.verdict() or "")
+
+
+@pytest.mark.parametrize("fault", [(), (faults.Routerless(2.0, 4.0),), (faults.Killed(2.0, 4.0, "robot/r2"),)])
+def test_boards_are_right_about_who_is_there(fault: tuple[faults.Fault, ...]) -> None:
+    assert not seen(played(Night(TEAM, fault)))
+
+
+def test_a_board_that_counts_who_has_gone_is_named() -> None:
+    events = played(Night(TEAM))
+    gone = next(it for it in events if isinstance(it, Ended) and it.process == "robot/r2")
+    before_the_end = next(n for n, it in enumerate(events) if isinstance(it, Over))
+    assert "board/a/board-a is wrong about who is there: robot/a/r2" in seen(
+        [*events[:before_the_end], gone, *events[before_the_end:]]
+    )
+
+
+def test_who_forgets_while_it_is_cut_off_is_named() -> None:
+    events = played(Night(TEAM))
+    moved = next(it for it in reversed(events) if isinstance(it, Moved) and it.process == "board/a/board-a")
+    roster, now = moved.service.roster, 1e9  # type: ignore[attr-defined]
+    oracle = RostersAreTrue(Night(TEAM))
+    roster.hear(Envelope(roster.own, kind=Kind.GONE), now)
+    oracle.see(moved)
+    roster.hear(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r2"), kind=Kind.GONE), now)
+    oracle.see(moved)
+    assert oracle.verdict() is None
+    roster.away = False  # as if it took its router for there
+    roster.forget(now + 10.0)
+    roster.away = True
+    oracle.see(moved)
+    assert "forgets board/a/board-a while" in str(oracle.verdict())

@@ -1,0 +1,151 @@
+"""What rolls is followed by its velocity, what walks at random is not, whatever was told of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.rolling import STAY, WILDNESS, Rolling, moved
+from blackboard.opinion.gaussian.walks import Model, Walks
+
+BALL, DT, SIGMA = "object/ball", 0.1, 0.1  # seconds, units
+
+
+def rolled(seconds: float, speed: float = 1.0, wide: float = 8.0) -> np.ndarray:
+    """Place and velocity of a ball between two pairs of walls, shape (n, 4)."""
+    steps = np.arange(round(seconds / DT))[:, np.newaxis] * DT
+    angle = np.array([0.4, 0.4 + math.pi / 2])
+    way = (3.0 + steps * speed * np.cos(angle)) % (2 * wide)
+    back = way > wide
+    return np.hstack([np.where(back, 2 * wide - way, way), np.where(back, -1, 1) * speed * np.cos(angle)])
+
+
+def follow(
+    walks: Walks, places: np.ndarray, told: float, model: Model = "learn", seed: int = 1
+) -> list[Moments | None]:
+    """The velocity after each step, of a ball that is seen in two of five."""
+    rng, found = np.random.default_rng(seed), []
+    for place in places:
+        walks.pass_time(BALL, told, DT, model)
+        if rng.random() < 0.4:
+            walks.judge(BALL, Moments(place[:2] + SIGMA * rng.normal(size=2), SIGMA**2 * np.eye(2)))
+        found.append(walks.velocity(BALL))
+    return found
+
+
+@pytest.mark.parametrize("told", [0.1, 0.3, 1.0])
+def test_a_ball_that_rolls_and_bounces_is_known_by_its_velocity_honestly(told: float) -> None:
+    truth = rolled(60.0)
+    found = follow(Walks(), truth, told)[100:]
+    errors = [(it.mean - there[2:], it.covariance) for it, there in zip(found, truth[100:], strict=True) if it]
+    assert len(errors) > 0.9 * len(found)
+    held = [error @ np.linalg.solve(covariance, error) < 5.99 for error, covariance in errors]
+    assert 0.85 <= np.mean(held) <= 1.0  # one run, whose errors are alike for seconds
+    assert np.median([np.hypot(*error) for error, _ in errors]) < 0.35
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.3])
+def test_what_stands_or_walks_at_random_has_no_velocity(drift: float) -> None:
+    rng = np.random.default_rng(3)
+    places = np.cumsum(drift * math.sqrt(DT) * rng.normal(size=(600, 2)), axis=0)
+    found = follow(Walks(), places, 0.3)
+    assert sum(it is not None for it in found) < 0.02 * len(found)
+
+
+def test_what_is_said_to_have_no_drift_neither_walks_nor_rolls() -> None:
+    walks, there = Walks(), Moments(np.array([1.0, 2.0]), SIGMA**2 * np.eye(2))
+    for _ in range(10):
+        way = walks.pass_time(BALL, 0.0, DT)
+        assert (way.mean == 0.0).all()
+        assert (way.covariance == 0.0).all()
+        walks.judge(BALL, there)
+    assert walks.velocity(BALL) is None
+
+
+def test_the_scenario_may_say_which_it_is() -> None:
+    still, rolls = np.zeros((100, 2)), rolled(20.0)
+    assert follow(Walks(), rolls, 0.3, "walk")[-1] is None
+    assert follow(Walks(), still, 0.3, "roll")[-1] is not None
+
+
+def test_what_is_stopped_stands_again() -> None:
+    truth = np.vstack([rolled(20.0), np.tile([*rolled(20.0)[-1, :2], 0.0, 0.0], (600, 1))])
+    found = follow(Walks(), truth, 0.3)
+    assert found[199] is not None
+    assert found[-1] is None or np.hypot(*found[-1].mean) < 0.1
+
+
+def test_a_copy_goes_its_own_way() -> None:
+    walks = Walks()
+    follow(walks, rolled(10.0), 0.3)
+    before = walks.velocity(BALL)
+    follow(walks.copy(), np.zeros((50, 2)), 0.3)
+    after = walks.velocity(BALL)
+    assert before is not None
+    assert after is not None
+    assert np.array_equal(before.mean, after.mean)
+
+
+SIGHTINGS = st.lists(
+    st.tuples(st.floats(-20, 20), st.floats(-20, 20), st.floats(0.05, 3), st.floats(0.01, 2)), min_size=1, max_size=8
+)
+
+
+@given(SIGHTINGS, st.floats(0.05, 2))
+@settings(max_examples=60, deadline=None)
+def test_the_bank_mixes_and_weighs_filters_as_the_textbook_does(
+    sightings: list[tuple[float, float, float, float]], told: float
+) -> None:
+    """The oracle: one member at a time, without the bound of a velocity that is forgotten."""
+    k = len(WILDNESS)
+    rolling = Rolling.begun(Moments(np.zeros(2), np.eye(2)), told)
+    weights, members = (
+        rolling.weights,
+        [(m.copy(), c.copy()) for m, c in zip(rolling.means, rolling.covariances, strict=True)],
+    )
+    for x, y, sigma, dt in sightings:
+        rolling = rolling.passed(dt)
+        stays = math.exp(-dt / STAY)
+        mixed, step = [], np.eye(4)
+        step[0, 2] = step[1, 3] = dt
+        after = np.array(
+            [sum(weights[i] * (stays if i == j else (1 - stays) / (k - 1)) for i in range(k)) for j in range(k)]
+        )
+        for j, wild in enumerate(WILDNESS):
+            shares = [weights[i] * (stays if i == j else (1 - stays) / (k - 1)) / after[j] for i in range(k)]
+            mean = sum(share * m for share, (m, _) in zip(shares, members, strict=True))
+            spread = sum(
+                share * (c + np.outer(m - mean, m - mean)) for share, (m, c) in zip(shares, members, strict=True)
+            )
+            walk = np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+            covariance = step @ spread @ step.T + (wild * told) ** 2 * np.kron(walk, np.eye(2))
+            if max(covariance[2, 2], covariance[3, 3]) > (8 * told) ** 2:
+                return
+            mixed.append((step @ mean, covariance))
+        at, logs, members = np.array([x, y]), [], []
+        for weight, (mean, covariance) in zip(after, mixed, strict=True):
+            spread = covariance[:2, :2] + sigma**2 * np.eye(2)
+            apart = at - mean[:2]
+            logs.append(
+                math.log(weight) - 0.5 * apart @ np.linalg.solve(spread, apart) - 0.5 * math.log(np.linalg.det(spread))
+            )
+            gain = covariance[:, :2] @ np.linalg.inv(spread)
+            members.append((mean + gain @ apart, covariance - gain @ covariance[:2]))
+        weights = np.maximum(np.exp(np.array(logs) - max(logs)) / np.exp(np.array(logs) - max(logs)).sum(), 1e-9)
+        weights /= weights.sum()
+        rolling = rolling.seen(Moments(at, sigma**2 * np.eye(2)))
+        assert rolling.weights == pytest.approx(weights, rel=1e-6)
+        assert rolling.means == pytest.approx(np.array([m for m, _ in members]), rel=1e-6, abs=1e-6)
+        assert rolling.covariances == pytest.approx(np.array([c for _, c in members]), rel=1e-5, abs=1e-6)
+
+
+def test_a_way_adds_no_negative_variance() -> None:
+    wide, narrow = Moments(np.zeros(4), np.diag([2.0, 1, 1, 1])), Moments(np.ones(4), np.diag([1.0, 3, 1, 1]))
+    way = moved(wide, narrow)
+    assert way.mean.tolist() == [1.0, 1.0]
+    assert way.covariance == pytest.approx(np.diag([0.0, 2.0]))

@@ -1,0 +1,105 @@
+"""A simulated robot that gets stuck, is pushed or is carried away: `python -m tests.robot_agent.mishaps` prints how soon it notices."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from robot_agent.gaussian.filter import FirstHand
+from robot_agent.gaussian.sensors import Sensors
+
+LANDMARKS = [(-2.0, -2.0), (8.0, -2.0), (8.0, 8.0), (-2.0, 8.0), (3.0, 11.0), (3.0, -5.0)]
+#: What is commanded, second by second: (unit, radians).
+DRIVES = [(0.3, 0.0)] * 8 + [(0.3, 0.5)] * 4 + [(0.3, 0.0)] * 4 + [(0.0, 0.6)] * 3 + [(0.3, -0.4)] * 3
+BEGAN = 60  # seconds: when the mishap begins
+NEAR = 0.3  # unit: a robot is found again once its error stays below
+
+
+@dataclass
+class Course:
+    """What happened, second by second."""
+
+    errors: list[float] = field(default_factory=list)  # unit; NaN without a Gaussian belief
+    stuck: list[float] = field(default_factory=list)
+    moved: list[float] = field(default_factory=list)
+
+    def named(self, name: str) -> int | None:
+        """Seconds after the beginning until it was named; None if it never was."""
+        return next((k for k, value in enumerate(getattr(self, name)[BEGAN:]) if value), None)
+
+    def found(self) -> int | None:
+        """Seconds after the beginning until the error was small for good; None if it is not."""
+        bad = [k for k, error in enumerate(self.errors[BEGAN:]) if not error < NEAR]
+        return 0 if not bad else None if bad[-1] == len(self.errors) - BEGAN - 1 else bad[-1] + 1
+
+
+def course(
+    seed: int, stuck: int = 0, push: tuple[float, float] = (0.0, 0.0), turn: float = 0.0, misreads: bool = False
+) -> Course:
+    """A drive of 120 s. From `BEGAN` on the robot is `stuck` for some seconds, or it is shifted by `push` and turned."""
+    rng, own, found = np.random.default_rng(seed), FirstHand("robot/r1", Sensors()), Course()
+    x, y, heading = 0.0, 0.0, 0.0
+    for tick in range(121):
+        way, angle = DRIVES[(tick + 7 * seed) % len(DRIVES)] if tick else (0.0, 0.0)
+        if not BEGAN <= tick < BEGAN + stuck and tick:
+            turned, went = angle + 0.01 * rng.normal(), way + 0.01 * rng.normal()
+            x, y = x + went * math.cos(heading + turned / 2), y + went * math.sin(heading + turned / 2)
+            heading += turned
+        if tick == BEGAN:
+            x, y, heading = x + push[0], y + push[1], heading + turn
+        seen = [(n, place) for n, place in enumerate(LANDMARKS) if tick and tick % 3 == n % 3]
+        start = Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)
+        own.step(
+            Readings(
+                run="a",
+                robot="r1",
+                tick=tick,
+                time=float(tick),
+                odometry=Odometry(distance=way, turn=angle, dt=1.0) if tick else None,
+                fix=None if tick else start,
+                sightings=[_sighting(n, place, x, y, heading, rng, misreads) for n, place in seen],
+            )
+        )
+        belief, told = own.belief, own.found()
+        error = math.nan if belief is None else math.dist(belief.mean[:2], (x, y))
+        found.errors.append(error)
+        found.stuck.append(told.get("stuck", 0.0))
+        found.moved.append(told.get("moved", 0.0))
+    return found
+
+
+def _sighting(
+    n: int, place: tuple[float, float], x: float, y: float, heading: float, rng: np.random.Generator, misreads: bool
+) -> Sighting:
+    away = math.dist(place, (x, y)) * (1 + 0.03 * rng.normal())
+    angle = math.atan2(place[1] - y, place[0] - x) - heading + 0.01 * rng.normal()
+    if misreads and rng.random() < 0.1:
+        away, angle = 10 * rng.random(), 6 * rng.random() - 3
+    return Sighting(subject=f"landmark/{n}", range=max(0.0, away), bearing=angle, landmark=place)
+
+
+def main(seeds: int = 20) -> None:
+    """Print for each mishap how many of the runs name it, after how many seconds, and when the error is small again."""
+    cases: dict[str, tuple[str, dict[str, Any]]] = {
+        f"stuck for {seconds} s": ("stuck", {"stuck": seconds}) for seconds in (3, 6, 12)
+    }
+    cases |= {"pushed by 0.7": ("moved", {"push": (0.5, 0.5)}), "pushed by 2.8": ("moved", {"push": (2.0, 2.0)})}
+    sys.stdout.write(f"{'':<16}{'named':>8}{'after':>8}{'error':>8}{'found':>8}{'after':>8}\n")
+    for name, (kind, mishap) in cases.items():
+        runs = [course(seed, **mishap) for seed in range(seeds)]
+        named = [it for run in runs if (it := run.named(kind)) is not None]
+        found = [it for run in runs if (it := run.found()) is not None]
+        worst = np.median([np.nanmax(run.errors[BEGAN:]) for run in runs])
+        middle = [f"{np.median(some):.0f} s" if some else "-" for some in (named, found)]
+        sys.stdout.write(
+            f"{name:<16}{len(named):>5}/{seeds}{middle[0]:>8}{worst:>8.2f}{len(found):>5}/{seeds}{middle[1]:>8}\n"
+        )
+
+
+if __name__ == "__main__":
+    main()
