@@ -7,9 +7,11 @@ With fusion = "joint" the robots' evidence is kept beside them, and what is agre
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import partial
 
 from blackboard.board import learning
@@ -17,11 +19,13 @@ from blackboard.board.dissent import Dissent
 from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
 from blackboard.board.guests import WAITS, Guests
-from blackboard.board.joint.desk import JointDesk
+from blackboard.board.joint.desk import FINEST, JointDesk
 from blackboard.board.learning import Learner
 from blackboard.board.memory import packed_memory, remembered
 from blackboard.config import BoardSection
 from blackboard.opinion.ageing import Ageing
+from blackboard.opinion.belief import Belief, blur
+from blackboard.opinion.bell import width
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.provenance import Opinion
 from blackboard.opinion.weights import entropy_of
@@ -99,7 +103,8 @@ class Board:
                     self._guests.look(subject.removeprefix("robot/"), entries)
                 aside = self._guests.aside(entries, now)
                 entries = {source: entry for source, entry in entries.items() if source not in aside}
-                opinions = [o for source in sorted(entries) for o in self._aged(entries[source], subject, now)]
+                votes = {source: self._vote(source, subject, entries[source]) for source in sorted(entries)}
+                opinions = [o for vote in votes.values() for o in self._aged(vote, subject, now)]
                 if opinions:
                     fusion = self._fuse("consensus", opinions, subject, now, counts)
                     left_out = [*_left_out(silent), *(LeftOut(source=one, reason=WAITS) for one in sorted(aside))]
@@ -192,6 +197,24 @@ class Board:
     def check_time(self, time: float, now: float) -> None:
         """Check a stamp, both in seconds of team time. Refused: "future", "past"."""
         check_stamp(time, now, future=self.settings.future, max_age=self.settings.max_age)
+
+    def _vote(self, source: str, subject: str, entry: Entry) -> Entry:
+        """A report about a subject as far as the robot's sensors can know it, whatever it claims first-hand.
+
+        No place is known better than to `sharpest`; and a sighting of a mate begins at the observer's own place, which it tells.
+        """
+        first, *more = entry.opinions
+        if self.settings.feedback == "paper":
+            return entry
+        least = (self.settings.sharpest or self.grid.cell / FINEST) ** 2
+        own = self._entries.of(f"robot/{source}", source)
+        if own is not None and subject.startswith("robot/") and subject != f"robot/{source}":
+            least += width(own.opinions[0].belief) ** 2
+        lacking = least - width(first.belief) ** 2
+        if lacking <= 0:
+            return entry
+        belief = Belief(self.grid, blur(first.belief.p, math.sqrt(lacking) / self.grid.cell))
+        return replace(entry, opinions=(replace(first, belief=belief), *more))
 
     def _aged(self, entry: Entry, subject: str, now: float) -> list[Opinion]:
         """The opinions as they stand now: an old one has spread as its subject moves."""

@@ -42,6 +42,10 @@ class Entries(Generic[Source]):
     def __iter__(self) -> Iterator[str]:
         return iter(sorted(self._table))
 
+    def of(self, subject: str, source: Source) -> Entry | None:
+        """What is kept of a source about a subject."""
+        return self._table.get(subject, {}).get(source)
+
     def sources(self) -> set[Source]:
         """Everybody of whom something is kept."""
         return {source for entries in self._table.values() for source in entries}

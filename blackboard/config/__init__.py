@@ -152,7 +152,7 @@ class BoardSection(Section):
     objects_motions: dict[Name, Literal["learn", "walk", "roll"]] = Field(default_factory=dict)
     "The same of single objects, by name, in place of objects_motion: { ball = 'roll' }."
     sharpest: Positive | None = None
-    "[unit] The least sigma of a place that a robot's sensors can have: who claims less in a joint counts as that; a cell / 8."
+    "[unit] The least sigma of a place that a robot's sensors can have: who claims less counts as that; a cell / 8."
     max_age: Positive = 10.0
     "[s] Age, in team time, beyond which a source that fell silent is left out."
     drift: Annotated[float, Field(ge=0)] = 1.0
