@@ -38,7 +38,10 @@ async def recording(
     try:
         try:
             async with asyncio.timeout(ready_seconds):
-                while not running.done() and not (tape.is_file() and tape.stat().st_size):
+                # The tape may be there before the supervisor knows the process, which then could not be stopped.
+                while not running.done() and not (
+                    recorder.name in supervisor.pids and tape.is_file() and tape.stat().st_size
+                ):
                     await asyncio.wait([running], timeout=0.02)
         except TimeoutError:
             raise RunFailed(f"the recorder does not listen after {ready_seconds:g} s; its output is above") from None

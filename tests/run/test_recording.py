@@ -93,3 +93,8 @@ def test_what_a_recorder_could_not_write_is_what_it_said_last(tmp_path: Path) ->
     could_not = LISTENS + "print('error: 5 of 9 messages are missing', file=sys.stderr); sys.exit(1)"
     assert run(tmp_path / "x.mcap", could_not) == "5 of 9 messages are missing"
     assert run(tmp_path / "y.mcap", LISTENS + "sys.exit(3)").startswith("the recorder ended with status 3; ")
+
+
+def test_a_tape_that_is_there_before_the_recorder_is_known_is_no_reason_to_leave_it_running(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").write_text("from the last run")
+    assert "did not end" not in run(tmp_path / "x.mcap", "import signal; signal.pause()")
