@@ -12,6 +12,7 @@ MACHINE      ?= $(shell uname -m)
 WORKERS      ?= 3
 MUTANTS      ?= 120
 SEED         ?= 1
+SEEDS        ?= 6
 ONLY         ?=
 COUNT        ?= 2000000
 MINUTES      ?= 10
@@ -88,8 +89,8 @@ soak: $(VENV)/.run ## a team in real time that is killed, frozen, restarted and 
 bench: $(VENV)/.dev ## one table of ratios, pools, wire, team and processes, in about two minutes; python benchmarks/bench.py --json
 	@$(BIN)/python benchmarks/bench.py
 
-figures: $(VENV)/.plot ## the paper's figures, into figures/
-	$(BIN)/blackboard figures --out figures
+figures: $(VENV)/.plot ## the paper's figures, into figures/: SEEDS=6
+	$(BIN)/blackboard figures --out figures --seeds $(SEEDS)
 
 docs: $(VENV)/.docs ## the documentation as a site, in build/docs; warnings are errors
 	@$(BIN)/sphinx-build -q -E -W --keep-going -b html docs build/docs

@@ -140,7 +140,7 @@ def _run(scenario: Scenario, how: LaunchFlags) -> int:
     incomplete: TapeIncomplete | None = None
     opens = look.view and can_open(terminal=sys.stdout.isatty(), environment=os.environ)
     with _samples(scenario, run.table, look.plot) as samples:
-        with progress(scenario.name) as show_progress:
+        with progress(scenario.name, lines=False) as show_progress:
             try:
                 status, card = run_scenario(
                     scenario, show_progress, how.flags.link(), samples, record, view=look.view, open_page=opens

@@ -34,6 +34,7 @@ from cosmic_ray.mutating import mutate_and_test
 from cosmic_ray.operators.operator import Operator
 from cosmic_ray.work_item import MutationSpec, TestOutcome
 
+from blackboard.run.progress import progress
 from tests.files import ROOT
 
 KNOWN = ROOT / "docs" / "notes" / "mutants.md"
@@ -222,7 +223,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--count", type=int, default=120, help="how many places are changed")
     parser.add_argument("--seed", type=int, default=1, help="of the sample")
-    parser.add_argument("--jobs", type=int, default=2, help="how many run side by side")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many run side by side")
     parser.add_argument("--only", default="", help="parts of the paths of the files, with commas between them")
     parser.add_argument("--least", type=float, default=0.9, help="the share that must be noticed")
     asked = parser.parse_args()
@@ -234,18 +235,26 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as parent:
         copies = [copy(Path(parent), number) for number in range(asked.jobs)]
         rooms = {tests_of(str(change.module_path)) for change in drawn}
-        limits = {tests: 30.0 + SLOWER * seconds(copies[0], tests) for tests in sorted(rooms)}
+        limits = dict[tuple[str, ...], float]()
+        with progress("mutants: tests without a change") as show:
+            for tests in sorted(rooms):
+                limits[tests] = 30.0 + SLOWER * seconds(copies[0], tests)
+                if show is not None:
+                    show(len(limits), len(rooms))
         free: Queue[str] = context.Queue()
         for where in copies:
             free.put(str(where))
         with ProcessPoolExecutor(asked.jobs, context, begin, (free,)) as pool:
             judged = pool.map(judge, drawn, [limits[tests_of(str(change.module_path))] for change in drawn])
             verdicts: list[Verdict] = []
-            try:
-                for verdict in _shown(judged):
-                    verdicts.append(verdict)
-            except KeyboardInterrupt:  # what was judged until now is reported
-                pool.shutdown(wait=False, cancel_futures=True)
+            with progress("mutants") as show:
+                try:
+                    for verdict in _shown(judged):
+                        verdicts.append(verdict)
+                        if show is not None:
+                            show(len(verdicts), len(drawn))
+                except KeyboardInterrupt:  # what was judged until now is reported
+                    pool.shutdown(wait=False, cancel_futures=True)
     return report(verdicts, asked.least)
 
 

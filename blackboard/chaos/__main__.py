@@ -108,7 +108,7 @@ def _try_lies(team: Scenario, seeds: list[int], lies: list[catalogue.Lie], outpu
     """Run every lie with every seed, and each seed without one; print the table."""
     worlds = {seed: team.changed("world", seed=seed) for seed in seeds}
     jobs: list[tuple[int, catalogue.Lie | None]] = [(seed, lie) for lie in (None, *lies) for seed in seeds]
-    with progress("lies", lines=True) as show:
+    with progress("lies") as show:
         todo = [(worlds[seed], lie, np.random.default_rng([seed, number])) for number, (seed, lie) in enumerate(jobs)]
         done = run_jobs(try_lie, todo, show)
     trials = dict(zip(jobs, done, strict=True))

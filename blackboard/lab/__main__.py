@@ -23,6 +23,7 @@ from blackboard.lab.sweep import kept_runs, run_all
 from blackboard.lab.sweep_plan import parse_seeds, plan
 from blackboard.lab.team import Team
 from blackboard.lab.tuning import CandidateScores
+from blackboard.opinion.rules import Rule
 from blackboard.run.flags import LengthFlags, OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.progress import progress
 
@@ -163,7 +164,7 @@ def tune(
     choices = _choices(rule, team, variants, every, coverage, rng)
     best = max(choices.values(), key=lambda c: (c["honest"], c["log_score"]))
     judged = {"tuned": best["setting"], "default": comparison.DEFAULT, "paper": comparison.PAPER}
-    with progress("tune: held-out runs", lines=True) as show_progress:
+    with progress("tune: held-out runs") as show_progress:
         beside = parallel.Beside(agreed, ideal)
         held = [(judged, team, number, every, beside) for number in range(variants, variants + held_out)]
         checks = parallel.run_jobs(parallel.judge_held_out, held, show_progress)
@@ -179,7 +180,7 @@ def _choices(
     rules = [rule] if rule else list(tuning.spaces())
     for name in rules:
         tuning.space(name)
-    with progress("tune: runs to choose from", lines=True) as show_progress:
+    with progress("tune: runs to choose from") as show_progress:
         jobs = [(rules, team, number, every) for number in range(variants)]
         parts = parallel.run_jobs(parallel.try_settings, jobs, show_progress)
     return {
@@ -220,14 +221,22 @@ def figures(
     drawing = _drawing("a figure")
     sizes = grids or [50, 100, 200]
     _at_least(seeds=(seeds, 1), robots=(robots, 2), grids=(min(sizes), 20), every=(every, 0), seconds=(seconds, every))
+    rng = np.random.default_rng(1)
     with progress("figures") as show_progress:
-        worlds = {n: paper.world(load("paper"), n, robots, seconds) for n in sizes}
-        jobs = [(paper.RULES, worlds[n], number, every) for n in sorted(sizes, reverse=True) for number in range(seeds)]
+        found = paper.on_a_line(rng)
+        files = drawing.save_all(drawing.paper(found), out)  # at once: the others take minutes
+        worlds = [paper.world(load("paper"), n, robots, seconds) for n in sorted(sizes, reverse=True)]
+        alike = [(dict[str, Rule](), worlds), *((paper.RULES, [one]) for one in worlds)]
+        jobs = [(*job, number, every) for job in alike for number in range(seeds)]
         parts = parallel.run_jobs(parallel.score_figures, jobs, show_progress)
-        runs = {n: [p for job, p in zip(jobs, parts, strict=True) if job[1] is worlds[n]] for n in sizes}
-    found = paper.numbers(runs, np.random.default_rng(1))
-    told = [str(file) for file in drawing.save_all(drawing.paper(found), out)]
-    output.show({**found, "files": told}, lambda _: "\n".join(told))
+    joints, *by_rules = (parts[i : i + seeds] for i in range(0, len(parts), seeds))
+    runs = {
+        world.grid.shape[0]: [rules.beside(joint[i]) for (rules,), joint in zip(of_world, joints, strict=True)]
+        for i, (world, of_world) in enumerate(zip(worlds, by_rules, strict=True))
+    }
+    shown = paper.in_the_world({n: runs[n] for n in sizes}, rng)
+    told = [str(file) for file in [*files, *drawing.save_all(drawing.paper(shown), out)]]
+    output.show({**found, **shown, "files": told}, lambda _: "\n".join(told))
     return 0
 
 
@@ -274,7 +283,7 @@ def sweep(
     planned = plan(chosen, parse_seeds(seeds), set)
     for one in {one.combination: one for one in planned}.values():
         Team(one.scenario)  # a mistake in any section is reported before anything runs
-    with kept_runs(runs) as (done, keep), progress("sweep", lines=True) as show:
+    with kept_runs(runs) as (done, keep), progress("sweep") as show:
         cards = run_all(planned, done, keep, show)
     found = sweep_report.report(planned, cards, np.random.default_rng(SEED))
     output.show(found, sweep_report.text)  # first: a file may fail after hours

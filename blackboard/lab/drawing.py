@@ -104,15 +104,10 @@ BELOW: Any = "outside lower center"  # where a legend hides nothing
 
 
 def paper(found: Mapping[str, Any]) -> dict[str, Figure]:
-    """Figs. 1 to 7 by their file names, from `blackboard.lab.paper.numbers`."""
+    """Some of Figs. 1 to 7 by their file names, from their numbers (`blackboard.lab.paper`)."""
+    draw = {"fig3": _ratios, "fig6": _over_time, "fig7": _over_size}
     with mpl.rc_context(STYLE):
-        figures = {f"fig{n}": _beliefs(found[f"fig{n}"]) for n in (1, 2, 4, 5)}
-        figures |= {
-            "fig3": _ratios(found["fig3"]),
-            "fig6": _over_time(found["fig6"]),
-            "fig7": _over_size(found["fig7"]),
-        }
-    return dict(sorted(figures.items()))
+        return {name: draw.get(name, _beliefs)(data) for name, data in sorted(found.items())}
 
 
 def _figure(rows: int, columns: int, title: str) -> tuple[Figure, Any]:

@@ -60,6 +60,10 @@ class FigureScores:
     over_time: dict[str, TeamSizeScores]  # in every tick, of one robot and of all
     over_size: dict[str, TeamSizeScores]  # every few seconds, of 1, 2, ... robots
 
+    def beside(self, other: FigureScores) -> FigureScores:
+        """With what another one shows of the same run."""
+        return FigureScores(self.over_time | other.over_time, self.over_size | other.over_size)
+
 
 def line(per_unit: int = 1) -> Grid:
     """100 units of a line; cell i is centred at i / per_unit."""
@@ -75,8 +79,19 @@ def world(paper: Scenario, cells: int, robots: int, seconds: float) -> Scenario:
     return chosen.changed("time", seconds=seconds)
 
 
-def numbers(runs: Mapping[int, Sequence[FigureScores]], rng: np.random.Generator) -> dict[str, Any]:
-    """All figures' numbers as JSON; `runs` holds the scores of each run of `world` for each grid size."""
+def on_a_line(rng: np.random.Generator) -> dict[str, Any]:
+    """The numbers of Figs. 1 to 5 as JSON."""
+    return {
+        "fig1": fig1(),
+        "fig2": _figure("Fig. 2: five sensors that agree", {"as printed": FIG2}),
+        "fig3": fig3(rng),
+        "fig4": _figure("Fig. 4: one sensor is wrong", {"as its text tells": FIG4_TEXT, "as its caption prints": FIG4_CAPTION}),
+        "fig5": {**_figure("Fig. 5: two are wrong, and disagree", {"as printed": FIG5}), "resolution": resolution()},
+    }  # fmt: skip
+
+
+def in_the_world(runs: Mapping[int, Sequence[FigureScores]], rng: np.random.Generator) -> dict[str, Any]:
+    """The numbers of Figs. 6 and 7 as JSON; `runs` holds the scores of each run of `world` for each grid size."""
     names = [*RULES, JOINT]
     over_time = {
         n: {name: _together([run.over_time[name] for run in some]) for name in names} for n, some in runs.items()
@@ -84,15 +99,7 @@ def numbers(runs: Mapping[int, Sequence[FigureScores]], rng: np.random.Generator
     over_size = {
         n: {name: _together([run.over_size[name] for run in some]) for name in names} for n, some in runs.items()
     }
-    return {
-        "fig1": fig1(),
-        "fig2": _figure("Fig. 2: five sensors that agree", {"as printed": FIG2}),
-        "fig3": fig3(rng),
-        "fig4": _figure("Fig. 4: one sensor is wrong", {"as its text tells": FIG4_TEXT, "as its caption prints": FIG4_CAPTION}),
-        "fig5": {**_figure("Fig. 5: two are wrong, and disagree", {"as printed": FIG5}), "resolution": resolution()},
-        "fig6": fig6(over_time),
-        "fig7": fig7(over_size, rng),
-    }  # fmt: skip
+    return {"fig6": fig6(over_time), "fig7": fig7(over_size, rng)}
 
 
 def _together(runs: Sequence[TeamSizeScores]) -> TeamSizeScores:

@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -157,19 +157,25 @@ def judge_held_out(
     return {**judge([(number, run)], rules, UnixClock().now), **others}, by_size
 
 
-def score_figures(rules: dict[str, Rule], scenario: Scenario, number: int, every: float) -> FigureScores:
-    """Score each rule, and the joint, in a variant of a scenario: in every tick, and all sizes of the team every `every` seconds."""
-    own, robots = variant(scenario, number), scenario.team.robots
-    run = first_hand_cases(own, scenario.time.tick)
-    stride = max(1, round(every / scenario.time.tick))
-    fewer = [case for case in run if round(case.time / scenario.time.tick) % stride == 0]
-    parts: list[tuple[Run, Sequence[int]]] = [(run, (1, len(robots))), (fewer, range(1, len(robots) + 1))]
-    joints = joint_sizes(own, parts, number)
-    over_time, over_size = (
-        {**score_sizes([(number, cases)], robots, rules, sizes), JOINT: joint}
-        for (cases, sizes), joint in zip(parts, joints, strict=True)
-    )
-    return FigureScores(over_time, over_size)
+def score_figures(
+    rules: Mapping[str, Rule], scenarios: Sequence[Scenario], number: int, every: float
+) -> list[FigureScores]:
+    """For each scenario score each rule in its variant `number`; without rules score the joint.
+
+    Scored are one robot and all in every tick, and all sizes of the team every `every` seconds. Nothing but their grid may tell
+    the scenarios from each other: the joint knows no grid, so it is run once for all of them.
+    """
+    variants, robots = [variant(scenario, number) for scenario in scenarios], scenarios[0].team.robots
+    parts: list[tuple[Run, Sequence[int]]] = []
+    for own in variants:
+        run, stride = first_hand_cases(own, own.time.tick), max(1, round(every / own.time.tick))
+        fewer = [case for case in run if round(case.time / own.time.tick) % stride == 0]
+        parts += [(run, (1, len(robots))), (fewer, range(1, len(robots) + 1))]
+    if rules:
+        found = [score_sizes([(number, cases)], robots, rules, sizes) for cases, sizes in parts]
+    else:
+        found = [{JOINT: scores} for scores in joint_sizes(variants[0], parts, number)]
+    return [FigureScores(*pair) for pair in zip(found[::2], found[1::2], strict=True)]
 
 
 def _others(scenario: Scenario, number: int, run: Run, beside: Beside) -> dict[str, Other]:

@@ -13,7 +13,7 @@ Show = Callable[[int, int], None]  # to be called with what is done and the tota
 
 
 @contextmanager
-def progress(name: str, lines: bool = False) -> Iterator[Show | None]:
+def progress(name: str, lines: bool = True) -> Iterator[Show | None]:
     """A function that moves the bar. Where standard error is no terminal: one that prints `lines`, or None."""
     if not sys.stderr.isatty():
         yield _in_lines(name) if lines else None

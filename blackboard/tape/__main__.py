@@ -228,7 +228,7 @@ def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags, 
 def _moving(total: int) -> Iterator[Callable[[], None]]:
     """A function that moves the progress of a replay, on standard error, by one of `total`."""
     count = 0
-    with progress("replay", lines=True) as show:
+    with progress("replay") as show:
 
         def moved() -> None:
             nonlocal count

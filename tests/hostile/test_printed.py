@@ -44,7 +44,7 @@ def test_whatever_a_command_writes_is_printable(text: str) -> None:
         sys.stdout.writelines([text, text])
         sys.stderr.write(text)
         logging.getLogger("x").warning("%s", text, extra={"fields": {text: text}})
-        with progress(text, lines=True) as show:
+        with progress(text) as show:
             assert show is not None
             show(1, 1)
 

@@ -14,9 +14,11 @@ from blackboard.lab import paper, parallel
 @cache
 def score_figures(seed: int) -> paper.FigureScores:
     world = paper.world(load("paper"), 25, 3, 12.0)
-    return parallel.score_figures(paper.RULES, world, seed, 4.0)
+    (rules,), (joint,) = (parallel.score_figures(some, [world], seed, 4.0) for some in (paper.RULES, {}))
+    return rules.beside(joint)
 
 
 @cache
 def numbers() -> dict[str, Any]:
-    return paper.numbers({25: [score_figures(seed) for seed in range(4)]}, np.random.default_rng(1))
+    rng = np.random.default_rng(1)
+    return paper.on_a_line(rng) | paper.in_the_world({25: [score_figures(seed) for seed in range(4)]}, rng)

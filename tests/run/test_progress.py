@@ -10,9 +10,9 @@ from blackboard.run.progress import progress
 def test_elsewhere_than_on_a_terminal_there_is_nothing_or_a_line_for_each_tenth(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with progress("quiet") as show:
+    with progress("quiet", lines=False) as show:
         assert show is None
-    with progress("tune", lines=True) as show:
+    with progress("tune") as show:
         assert show is not None
         for done in range(1, 25):
             show(done, 24)
