@@ -99,7 +99,6 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("make nights", NotRun("minutes; tests/nights lives through fifty, and plants a bug")),
     ),
     "notes/mutants.md": (("make mutants", MINUTES),),
-    "notes/paper.md": (("blackboard figures", MINUTES_OF_LAB),),
     "paper.md": (("blackboard figures", MINUTES_OF_LAB), ("sum over q", DRAWING)),
     "real-robots.md": (
         ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
