@@ -45,7 +45,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Unseen:
-    """What nobody measured between two readings: how far the robot may have come (sigma, unit) and turned (sigma, radians)."""
+    """Unmeasured motion between two readings: how far the robot may have come (sigma, unit) and turned (sigma, radians)."""
 
     way: float = 0.0
     turn: float = 0.0

@@ -266,7 +266,7 @@ def _shown(verdicts: Iterable[Verdict]) -> Iterator[Verdict]:
 
 
 def report(verdicts: list[Verdict], least: float) -> int:
-    """Print the sum and the survivors, those first that nobody has looked at."""
+    """Print the sum and the survivors, first those that are not in the list."""
     known = KNOWN.read_text(encoding="utf-8") if KNOWN.exists() else ""
     survivors = sorted({str(verdict) for verdict in verdicts if not verdict.noticed})
     share = sum(verdict.noticed for verdict in verdicts) / max(1, len(verdicts))

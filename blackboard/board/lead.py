@@ -156,7 +156,7 @@ class Lead:
             self._kept.popleft()
 
     def release(self) -> list[Publication]:
-        """What was kept and nobody has published, the oldest first: it is this board's to publish."""
+        """What was kept and not published by any board, the oldest first: this board is to publish it."""
         found = [said for _, said in self._kept if said.time >= self._floor]
         self._kept.clear()
         return found

@@ -313,5 +313,5 @@ class BoardService:
 
 
 def _is_world(envelope: Envelope) -> bool:
-    """Whether a world has come: it asks who is there, and a token alone is nobody."""
+    """Whether a world has come. It asks who is there, because a token alone does not count."""
     return envelope.kind is Kind.ALIVE and keys.WORLD.match(envelope.key) is not None

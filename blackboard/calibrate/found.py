@@ -31,7 +31,7 @@ from blackboard.errors import UserError
 from blackboard.opinion.grid import Array
 
 LIKELY = 2.0  # sigmas of an interval of 95 %, over some twenty blocks
-UNSEEN = 0.5  # of the sigma before: a number of which no more was found out is not told
+UNSEEN = 0.5  # of the prior sigma: a number that stays wider than this is not reported
 DISTANCES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, math.inf)  # unit: of the table of ranges
 SPANS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # seconds: over which residuals are compared
 FEWEST = 20  # pairs of residuals before anything is said of them
@@ -40,7 +40,7 @@ SOUND = 0.05  # share of misreads up to which a fit without some landmarks goes 
 LONG, FEWEST_SPANS = 16.0, 5  # seconds of motion in a span, and spans, for noise that lasts
 LEAST = 20  # ticks of a half, and sightings or fixes in it
 
-#: What is told of the shared numbers: name, base, and what is added up of them. Ranges are true over read.
+#: The numbers that are reported: name, unit, and the shared numbers whose sum each is. Ranges are true over read.
 NUMBERS: dict[str, tuple[str, tuple[int, ...]]] = {
     "way, straight": ("factor", (WAY,)),
     "way, arc": ("factor", (WAY, CURVED_WAY)),
@@ -56,7 +56,7 @@ NUMBERS: dict[str, tuple[str, tuple[int, ...]]] = {
 
 @dataclass(frozen=True)
 class Number:
-    """A number that was found, and half of its interval of 95 %; None where the drive says nothing of it."""
+    """An estimate, and half of its 95 % interval; None where the drive does not determine it."""
 
     value: float | None
     within: float = 0.0
@@ -139,7 +139,7 @@ def _suspect(fit: Fit, moved: Callable[[], None]) -> set[int]:
 
 
 def _moving(show: Callable[[int, int], None] | None) -> Callable[[], None]:
-    """A function that moves a bar by one step of some that are usual; it stays before the end."""
+    """A function that moves a progress bar by one of the usual number of steps; it stops short of the end."""
     done, total = 0, 5 * ROUNDS
 
     def moved() -> None:

@@ -13,7 +13,7 @@ from blackboard.opinion.grid import Array
 
 WAY, CURVED_WAY, TURN, DRIVEN_TURN, DRIFT, LAG, RANGE, RANGE_BIAS, BEARING = range(9)
 EACH = 9  # shared numbers of a robot
-#: What is expected of robots that nobody measured, and how far that may be off; the lag in seconds, the drift in rad/s.
+#: Prior means and sigmas of the shared numbers of a robot; the lag in seconds, the drift in rad/s.
 EXPECTED = np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
 WIDE = np.array([0.4, 0.4, 0.3, 0.5, 0.01, 0.4, 0.2, 0.1, 0.1])
 UNSEEN = 10.0  # unit, radians: sigmas of a tick that the odometry did not measure
@@ -77,7 +77,7 @@ class Model:
         object.__setattr__(self, "_sums", np.cumsum(rows, axis=0))
 
     def commands(self, lag: Array) -> tuple[Array, Array]:
-        """What each tick adds to the sums of commands, `lag` (N,) seconds later than told; and how that changes with the lag."""
+        """What each tick adds to the sums of commands that act `lag` (N,) seconds late, and its derivative by the lag."""
         times, dt = self.drives.times, self.drives.dt
         found, slope = np.zeros((2, *self._sums.shape))
         half = 0.5 * float(np.median(dt[1:])) if len(dt) > 1 else 0.5

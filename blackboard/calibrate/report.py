@@ -26,7 +26,7 @@ NOISE = {
 
 
 def report(found: Calibration, world: Mapping[str, Any]) -> dict[str, Any]:
-    """All that was found, as JSON: each number with half of its 95 % interval, null where the drive says nothing of it.
+    """All that was found, as JSON: each number with half of its 95 % interval, null where the drive does not determine it.
 
     `world` is what the scenario's [world] has to say for the tables of its robots to hold.
     """

@@ -15,7 +15,7 @@ GONE = 5.0  # seconds without a sample until the end: who comes back is settled 
 
 @dataclass
 class Attendance:
-    """Mutable; told of every sample, in order of time."""
+    """Counts samples; `take` each of them, in order of time. Mutable."""
 
     judged: Counter[str] = field(default_factory=Counter)  # subject -> samples
     lacking: Counter[str] = field(default_factory=Counter)  # subject -> samples that were due
@@ -25,7 +25,7 @@ class Attendance:
     _until: float = 0.0  # team time of the newest sample
 
     def take(self, subject: str, time: float, missing: Collection[str]) -> None:
-        """Take a sample of a subject at a team time (s), of which the beliefs of some levels are missing."""
+        """Take a sample of a subject at a team time (s), and the levels whose beliefs are missing."""
         self._until = self._last[subject] = time
         if not missing:
             self.judged[subject] += 1

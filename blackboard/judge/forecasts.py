@@ -17,11 +17,11 @@ class Forecasts:
     """Takes forecasts one by one; `summary` is the scorecard's block "lost"."""
 
     def __init__(self) -> None:
-        self._counts = np.zeros((BINS, 3))  # of each bin: how many, how many happened, and the sum of what was told
+        self._counts = np.zeros((BINS, 3))  # of each bin: forecasts, events that happened, sum of the probabilities
         self._squares = 0.0
 
     def add(self, told: float, happened: bool) -> None:
-        """Take a probability, and whether it happened."""
+        """Take the forecast probability of an event, and whether the event happened."""
         self._counts[min(BINS - 1, int(told * BINS))] += (1.0, happened, told)
         self._squares += (told - happened) ** 2
 
@@ -35,7 +35,7 @@ class Forecasts:
         return whole
 
     def summary(self) -> dict[str, Any]:
-        """How many, the share that happened, what was told in the mean, the Brier score, the AUROC, and the table of calibration.
+        """The number of forecasts, the share that happened, the mean probability, Brier score, AUROC and calibration table.
 
         The AUROC is the probability that a forecast of what happened is above one of what did not, None where one kind is missing.
         Empty without forecasts.
@@ -57,7 +57,7 @@ class Forecasts:
         }
 
     def _table(self) -> list[dict[str, float]]:
-        """Of the forecasts between two edges: how many, what they told in the mean, and the share that happened."""
+        """For the forecasts between two edges: their number, their mean probability, and the share that happened."""
         found = []
         for low, high in pairwise(EDGES):
             first, last = round(low * BINS), round(high * BINS)

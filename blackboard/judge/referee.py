@@ -151,7 +151,7 @@ class Referee:
                     self._record(replace(sample, lost=lost) if level == "agreed" else sample)
 
     def _judge_lost(self, instant: Instant, sub_team: str, subject: str, score: Score) -> float:
-        """The probability that was told of a robot being lost, NaN where none was; it is taken with whether it was."""
+        """The agreed probability that a robot is lost, NaN where there is none; it is counted with whether the robot was lost."""
         agreed = instant.consensus(sub_team, "agreed", subject)
         if agreed is None or agreed.lost is None:
             return math.nan

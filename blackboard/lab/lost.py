@@ -38,7 +38,7 @@ def jobs(teams: Sequence[Scenario], variants: int) -> list[tuple[str, Scenario]]
 
 
 def judge(lead: str, scenario: Scenario) -> Forecasts:
-    """What was told of all robots of a run."""
+    """The forecasts about all robots of a run."""
     found = Forecasts()
 
     def take(sample: Sample) -> None:

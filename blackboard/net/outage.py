@@ -7,7 +7,7 @@ PAUSE = 10.0
 
 
 class Outage:
-    """The routers that a session is connected to, as Zenoh tells it; one outage lasts from none being there until it is told over."""
+    """The routers that a session is connected to, as Zenoh reports them. An outage lasts until `look` has reported its end."""
 
     def __init__(self) -> None:
         self._routers: set[str] = set()

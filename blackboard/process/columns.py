@@ -46,5 +46,5 @@ def cell(value: float | None, form: str) -> str:
 
 
 def shortened(line: str, width: int) -> str:
-    """A line of at most `width` characters; what was cut is told by dots."""
+    """A line of at most `width` characters; dots stand for what was cut."""
     return line if len(line) <= width else line[: max(0, width - 3)] + "..."[:width]

@@ -1,4 +1,4 @@
-"""A page in the browser of whoever sits before this machine, where somebody does."""
+"""Open a page in the browser of this machine's user, if this machine has a display."""
 
 from __future__ import annotations
 

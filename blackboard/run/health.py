@@ -86,7 +86,7 @@ def board_named(link: Querier, name: str, *, team: str) -> str:
 
 
 def part(link: Querier, kind: ProcessKind, name: str, *, team: str) -> str:
-    """What is told of a process after "healthy": of a world its tick; of a board that it follows another one of its sub-team.
+    """What is printed of a process after "healthy": of a world its tick; of a board that it follows another one of its sub-team.
 
     Of a robot and a board also that several processes answer under its name.
     """

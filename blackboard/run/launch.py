@@ -118,7 +118,7 @@ def _flags(config: LinkConfig) -> tuple[str, ...]:
 
 
 def free_port() -> int:
-    """A port of 127.0.0.1 that nobody listens on."""
+    """A free port of 127.0.0.1."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
@@ -260,7 +260,7 @@ class Observer:
 
     @property
     def _team(self) -> TeamFold:
-        """The state of the team; that of nobody before anything was heard."""
+        """The state of the team; an empty one before anything was heard."""
         return self._fold.teams.get(self._name) or TeamFold(self._name)
 
     def missing(self, tokens: frozenset[str]) -> frozenset[str]:

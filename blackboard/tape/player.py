@@ -16,7 +16,7 @@ OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.MEMORY, keys.BOARD,
 
 
 class Player:
-    """Sends what was recorded, and holds every token that was seen from its beginning to its end. It listens to nobody."""
+    """Sends what was recorded, and holds every recorded token from the beginning to the end. It subscribes to nothing."""
 
     listens: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
@@ -61,11 +61,11 @@ class Player:
         return None if self.done else self._start + self._to_send[self._next][0]
 
     def record_link_counters(self, counters: dict[str, int]) -> None:
-        """It reports to nobody."""
+        """It has no status to report."""
 
 
 def _part(key: str, boards: set[tuple[str, str]]) -> Part | None:
-    """Who sends on a key; journals are nobody's, because whoever plays them is not the board."""
+    """Who sends on a key; None for journals, because the player is not the board."""
     found = keys.parse(key)
     if found is None or found[0] is keys.JOURNAL:
         return None

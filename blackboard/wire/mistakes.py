@@ -24,7 +24,7 @@ OWN = ("value_error", "assertion_error")  # faults that our own validators name,
 
 @cache
 def schema_of(model: type[BaseModel]) -> Schema:
-    """A model's JSON schema; made once, because whoever sends garbage must not cost more than that."""
+    """A model's JSON schema; made once, so that garbage costs little."""
     return model.model_json_schema()
 
 
@@ -146,7 +146,7 @@ def _one_of(some: Sequence[str]) -> str:
 
 
 class _Short(reprlib.Repr):
-    """A value as text, made of its first parts only: whoever sends much garbage must not cost much."""
+    """A value as text, made of its first parts only, so that much garbage costs little."""
 
     def repr_bytes(self, value: bytes, level: int) -> str:
         return f"{len(value)} bytes"

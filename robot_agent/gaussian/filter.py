@@ -243,7 +243,7 @@ class FirstHand:
     # --- inside ---------------------------------------------------------------------------------------------------------
 
     def _move(self, readings: Readings) -> Motion:
-        """Predict with the odometry, and with what nobody measured before it."""
+        """Predict with the odometry, and with the unmeasured motion before it."""
         before, told, lapse = self._last, readings.odometry, unseen(self._last, readings)
         self._last = readings
         if told is None:

@@ -160,7 +160,7 @@ class OneWay(Fault):
 
 @dataclass(frozen=True)
 class Parted(Fault):
-    """Processes are in groups that have no connection; whoever is in no group is with the first. One alone has lost its router."""
+    """Groups of processes without a connection between them; a process in no group belongs to the first. One alone has lost its router."""
 
     recovery = 8.0
 
@@ -177,7 +177,7 @@ class Parted(Fault):
 
 @dataclass(frozen=True)
 class Routerless(Fault):
-    """The router is gone: nobody has a connection."""
+    """The router is gone: no process has a connection."""
 
     recovery = 8.0
 

@@ -1,4 +1,4 @@
-"""The ledger of evidence: what each board's joint took, in which step, and what that may have told it at most.
+"""The ledger of evidence: what each board's joint took, in which step, and how much it can know from that at most.
 
 A piece of evidence is named by its robot, its epoch, and how long that lasted when it was taken, because the sums of an epoch only
 grow. So no board has a say in the name.
@@ -23,17 +23,17 @@ from tests.nights.events import Event, Said, Stepped
 from tests.nights.night import Night
 from tests.nights.oracles import Oracle
 
-SAMPLED = 5  # of so many steps one is taken by the shadow
-#: Of the shadow's variance that a joint has at least: both are linearised elsewhere, and honest nights of seed 11 show 0.91.
+SAMPLED = 5  # the shadow is computed in one of so many steps
+#: Least ratio of a joint's variance to the shadow's: they linearise at different points, and honest nights of seed 11 show 0.91.
 LEAST = 0.8
-APART = 1.0  # sigmas between the two; farther apart a gate has left something out, and what is seen from there is worth something else
+APART = 1.0  # sigmas between the two; farther apart a gate has left something out, and their variances are not compared
 
 Piece = tuple[str, int, float]  # robot, epoch, and seconds since that began
 
 
 @contextmanager
 def watched(tell: Callable[[TeamJoint, Joint, int, float, Sequence[Evidence]], None]) -> Iterator[None]:
-    """Meanwhile every step of a joint in this process is told: the joint after it and before it, its number, seconds and evidence."""
+    """Call `tell` after every step of a joint in this process: the joint after and before it, tick, seconds and evidence."""
     settle = TeamJoint.settle
 
     def told(self: TeamJoint, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:

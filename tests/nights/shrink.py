@@ -47,7 +47,7 @@ def candidates(night: Night) -> Iterator[Night]:
 
 
 def _teams(night: Night) -> Iterator[Night]:
-    """The night of a smaller or simpler team, where its faults concern nobody who is left out."""
+    """The night of a smaller or simpler team, if no fault concerns a process that is left out."""
     team = night.team
     smaller = [replace(team, guest=False)] if team.guest else []
     smaller += [replace(team, budget=None)] if team.budget else []

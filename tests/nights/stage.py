@@ -62,7 +62,7 @@ class Seen(Envelope):
 
 
 class Watched(Around):
-    """A process by its name: what it says and does is told to the oracles, and no exception leaves it unseen."""
+    """A process by its name: the oracles see all that it says and does, and every exception that leaves it."""
 
     def __init__(self, name: str, service: Service, stage: Stage) -> None:
         super().__init__(service)

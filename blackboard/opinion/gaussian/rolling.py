@@ -14,15 +14,15 @@ import numpy as np
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Array
 
-WILDNESS = np.array([0.15, 1.0, 10.0])  # 1 / s: random walks of the velocity (unit / s^1.5), of the drift that was told
-FASTEST = 8.0  # 1 / sqrt(s): sigma of a velocity before it is known, of the drift that was told
+WILDNESS = np.array([0.15, 1.0, 10.0])  # 1 / s: random walks of the velocity, over the configured drift
+FASTEST = 8.0  # 1 / sqrt(s): sigma of an unknown velocity, over the configured drift
 STAY = 5.0  # seconds, in the mean, until an object goes over to another member
 PLACE, VELOCITY = slice(0, 2), slice(2, 4)
 
 
 @dataclass(frozen=True, eq=False)
 class Rolling:
-    """Weights of the members, shape (k,), their means (k, 4) and covariances (k, 4, 4); `told` is the drift in unit / sqrt(s)."""
+    """Weights of the members, shape (k,), their means (k, 4) and covariances (k, 4, 4); `told` is the drift of the settings."""
 
     told: float
     weights: Array

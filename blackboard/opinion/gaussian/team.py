@@ -60,7 +60,7 @@ class Objects:
         return self.models.get(subject.partition("/")[2], self.model)
 
     def drift_of(self, subject: str) -> float:
-        """What is told of an object's random walk, named as `object/can`; one that stands still may be kicked all the same."""
+        """The configured drift of an object, such as `object/can`; one that stands still may be kicked all the same."""
         return max(self.drifts.get(subject.partition("/")[2], self.drift), LEAST * self.drift)
 
 

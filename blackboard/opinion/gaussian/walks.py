@@ -18,12 +18,12 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.rolling import VELOCITY, Rolling, moved
 from blackboard.opinion.grid import Array
 
-FACTORS = 2.0 ** np.arange(-5, 6)  # drifts of the members, of the one that was told
+FACTORS = 2.0 ** np.arange(-5, 6)  # drifts of the members, as multiples of the configured drift
 LEAST = float(FACTORS[0])
 SPREAD = 1.0  # standard deviation of the logarithm of a drift, before anything is seen
-#: Log weights; the root mean square of the drifts is then the one that was told.
+#: Log weights, such that the root mean square of the drifts is the configured drift.
 PRIOR = -0.5 * (np.log(FACTORS) / SPREAD + SPREAD) ** 2
-MEMORY = 20.0  # seconds after which what a sighting told of the drift counts for 1/e
+MEMORY = 20.0  # seconds after which the evidence of a sighting about the drift counts for 1/e
 LOST = -20.0  # log likelihood by the best one's: a member that is less likely begins again where the best one is
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.
 ROLLS, WALKS = (3.0, 0.0)
