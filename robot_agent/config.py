@@ -160,28 +160,38 @@ class RobotSection(Section):
 
 def settings_of(scenario: Scenario, robot: str) -> RobotSection:
     """What a robot of a scenario believes: [robot], and over it [robots.NAME]. UserError: a mistake in either."""
-    own = scenario.tables.get("robots", {}).get(robot)
-    if own is None:
+    if robot not in _own_tables(scenario):
         return scenario.section("robot", RobotSection)
     one = Scenario({}, scenario.where)
-    one.tables[f"robots.{robot}"] = _over(scenario.tables.get("robot", {}), own)
+    one.tables[f"robots.{robot}"] = table_of(scenario, robot)
     return one.section(f"robots.{robot}", RobotSection)
+
+
+def table_of(scenario: Scenario, robot: str) -> dict[str, Any]:
+    """What a scenario says of a robot, without defaults: [robot], and over it [robots.NAME]. UserError: these are no tables."""
+    return _over(scenario.tables.get("robot", {}), _own_tables(scenario).get(robot, {}))
 
 
 def check_robots(scenario: Scenario) -> None:
     """UserError: a mistake in [robot] or in [robots], which is about robots of the team."""
     known = scenario.team.robots
+    for name in _own_tables(scenario):
+        if name not in known:
+            cure = f"{nearest(name, known)}; use one of {', '.join(known)}"
+            raise UserError(f"{scenario.where}: robots.{name}: no robot of the team has this name{cure}")
+        settings_of(scenario, name)
+    scenario.section("robot", RobotSection)
+
+
+def _own_tables(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """Robot -> its table in [robots]. UserError: something in it is no table."""
     tables = scenario.tables.get("robots", {})
     if not isinstance(tables, dict):
         raise UserError(f"{scenario.where}: robots: give tables, as [robots.r1.odometry]")
     for name, table in tables.items():
-        if name not in known:
-            cure = f"{nearest(name, known)}; use one of {', '.join(known)}"
-            raise UserError(f"{scenario.where}: robots.{name}: no robot of the team has this name{cure}")
         if not isinstance(table, dict):
             raise UserError(f"{scenario.where}: robots.{name}: give tables, as [robots.{name}.odometry]")
-        settings_of(scenario, name)
-    scenario.section("robot", RobotSection)
+    return tables
 
 
 def _over(table: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from blackboard.wire.types import MAX_OPINIONS, Message
-from robot_agent.config import RobotSection, VisionSection
+from robot_agent.config import VisionSection, settings_of, table_of
 from robot_agent.gaussian.agent import JointAgent
 from robot_agent.gaussian.own import Given, Independence, of_particles
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of, wheels_of
@@ -176,15 +176,14 @@ class Driven(AgentService):
         return None if found is None else Pose(found.mean, found.covariance, self.peer.answers.time)
 
 
-def sensors_in(scenario: Scenario | None) -> Sensors:
-    """The sensors of a robot that gives its readings itself: what the [robot] tables of a scenario say, and else nothing is known."""
-    table = {} if scenario is None else dict(scenario.tables.get("robot", {}))
-    settings = RobotSection() if scenario is None else scenario.section("robot", RobotSection)
+def sensors_in(scenario: Scenario, robot: str) -> Sensors:
+    """The sensors of a robot that gives its readings itself: what a scenario says of it, and else nothing is known."""
+    settings = settings_of(scenario, robot)
     configured = sensors_of(settings)
-    seen = VisionSection() == settings.vision
+    seen, told = VisionSection() == settings.vision, "odometry" in table_of(scenario, robot)
     return replace(
         configured,
-        wheels=wheels_of(settings.odometry, settings.ranging.scale) if "odometry" in table else UNKNOWN_WHEELS,
+        wheels=wheels_of(settings.odometry, settings.ranging.scale) if told else UNKNOWN_WHEELS,
         camera=Camera() if seen else configured.camera,
     )
 
@@ -192,13 +191,14 @@ def sensors_in(scenario: Scenario | None) -> Sensors:
 def driven(
     news: Callable[[Cue | Message, float], None],
     scenario: Scenario | None,
+    *,
+    robot: str,
     **arguments: Any,
 ) -> Driven:
-    """A robot by a scenario, if there is one; `arguments` are the others of `AgentService`."""
-    settings = RobotSection(localizer="pose")
-    if scenario is not None:
-        settings = scenario.section("robot", RobotSection)
-        if "localizer" not in scenario.tables.get("robot", {}):
-            settings = settings.model_copy(update={"localizer": "pose"})
+    """A robot by a scenario, if there is one; `arguments` are the others of `AgentService`. UserError: a mistake in the scenario."""
+    told = Scenario({}) if scenario is None else scenario
+    settings = settings_of(told, robot)
+    if "localizer" not in table_of(told, robot):
+        settings = settings.model_copy(update={"localizer": "pose"})
     drift = 1.0 if scenario is None else scenario.board.drift
-    return Driven(news, settings=settings, sensors=sensors_in(scenario), drift=drift, **arguments)
+    return Driven(news, settings=settings, sensors=sensors_in(told, robot), drift=drift, robot=robot, **arguments)

@@ -18,7 +18,7 @@ from blackboard.opinion.gaussian.relation import Relative, forget_biases, linear
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive, entering
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Odometry, Readings
-from robot_agent.config import RobotSection
+from robot_agent.config import RobotSection, settings_of
 from robot_agent.estimator import newest
 from robot_agent.gaussian.absolute import starting_pose, take_absolute
 from robot_agent.gaussian.sensors import Sensors, sensors_of, simulated
@@ -29,13 +29,14 @@ from robot_agent.sensing import NODES, SEEN_FROM
 class Ideal:
     """Mutable; `step` once per tick. Robots and objects are named as subjects: `robot/r1`, `object/ball`."""
 
-    sensors: Sensors  # of every robot
+    sensors: Sensors  # of every robot that `own` does not name
     drifts: Mapping[str, float]  # object -> its random walk, unit / sqrt(s)
     drift: float = 0.0  # of the other objects
     gate: float = math.inf  # squared Mahalanobis distance beyond which a sighting is not taken
     turns_first: bool = (
         True  # the simulated world turns, then goes straight; else a robot goes along the chord of its turn
     )
+    own: Mapping[str, Sensors] = field(default_factory=dict)  # robot -> its sensors, as `robot/r1`
     joint: Joint = field(default_factory=Joint)
     _before: dict[str, Odometry] = field(default_factory=dict)  # robot -> the odometry of the tick before
     #: robot -> first landmark of a group -> its place
@@ -65,10 +66,13 @@ class Ideal:
 
     # --- inside -------------------------------------------------------------------------------------------------------
 
+    def _sensors(self, robot: str) -> Sensors:
+        return self.own.get(robot, self.sensors)
+
     def _move(self, robot: str, told: Odometry | None) -> Motion:
         if told is None:
             return Motion()
-        wheels = self.sensors.wheels
+        wheels = self._sensors(robot).wheels
         motion = wheels.motion(told, self._before.get(robot))
         self._before[robot] = told
         if robot in self.joint:
@@ -82,16 +86,18 @@ class Ideal:
 
     def _take(self, robot: str, readings: Readings) -> None:
         """The fix and the compass; a robot enters with its first heading, and a flat position if it has no fix."""
+        sensors = self._sensors(robot)
         if robot in self.joint:
-            take_absolute(self.joint, robot, readings, self.sensors.compass)
-        elif (pose := starting_pose(readings, self.sensors.compass)) is not None:
-            self.joint.add(robot, entering(pose, self.sensors.wheels.nuisance))
+            take_absolute(self.joint, robot, readings, sensors.compass)
+        elif (pose := starting_pose(readings, sensors.compass)) is not None:
+            self.joint.add(robot, entering(pose, sensors.wheels.nuisance))
 
     def _sightings(self, readings: Sequence[Readings]) -> list[tuple[Relative, Array | None]]:
         """What was seen in a tick, with its place where that is known: landmarks first, then mates, then objects."""
-        found, camera = [], self.sensors.camera
+        found = []
         for one in readings:
             robot, told = f"robot/{one.robot}", one.odometry
+            camera = self._sensors(robot).camera
             before = self._before.get(robot, told)
             turned = 0.0 if told is None or before is None else max(abs(told.turn), abs(told.turn - before.turn))
             for sighting in newest(one.sightings):
@@ -147,7 +153,8 @@ class Ideal:
 def of_team(scenario: Scenario) -> Ideal:
     """The filter with the sensor models that the robots of a scenario are configured with. UserError: a section that is wrong."""
     settings = scenario.section("robot", RobotSection)
-    return Ideal(sensors_of(settings), {}, settings.objects.drift, quantile(GATE, 2), turns_first=False)
+    own = {f"robot/{name}": sensors_of(settings_of(scenario, name)) for name in scenario.team.robots}
+    return Ideal(sensors_of(settings), {}, settings.objects.drift, quantile(GATE, 2), turns_first=False, own=own)
 
 
 def of_noise(

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from blackboard.config import load
+from blackboard.config import Scenario, load
 from blackboard.judge.intervals import means
 from blackboard.lab import comparison
 from blackboard.lab.cases import Case
@@ -17,9 +17,10 @@ from blackboard.lab.parallel import Beside, judge_team
 from blackboard.lab.team import Team
 from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases, variant
 from blackboard.opinion.belief import uniform
+from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.scores import Score
 from blackboard.wire.messages import Fix, Readings, Sighting
-from robot_agent.gaussian.ideal import Ideal
+from robot_agent.gaussian.ideal import Ideal, of_team
 from robot_agent.gaussian.sensors import simulated
 from sim_world.sources import open_sensor_source
 
@@ -83,6 +84,15 @@ def test_what_it_does_not_know_is_uniform() -> None:
     assert it.belief("robot/lost") is None  # only where both are, relative to each other
     nobody = ideal_beliefs(SMALL.changed("time", seconds=0.5), [(0.5, "object/never")])
     assert np.array_equal(nobody[0.5, "object/never"].p, uniform(SMALL.grid).p)
+
+
+def test_of_a_recording_each_robot_has_the_sensors_that_its_own_tables_say() -> None:
+    """A compass that one robot's table calls bad leaves that robot's heading open, and no other's."""
+    tables = {"r2": {"odometry": {"compass": 0.5}}}
+    it = of_team(Scenario({"team": {"sub_teams": {"a": ["r1", "r2"]}}, "robots": tables}))
+    it.step(0.0, [readings(robot, compass=0.0) for robot in ("r1", "r2")])
+    sigmas = [float(it.joint.moments(f"robot/{robot}").covariance[HEADING, HEADING]) ** 0.5 for robot in ("r1", "r2")]
+    assert sigmas == pytest.approx([0.03, 0.5])
 
 
 def test_it_is_honest_where_it_is_told_the_world_s_noise() -> None:

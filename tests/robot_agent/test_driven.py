@@ -7,6 +7,7 @@ import math
 import pytest
 
 from blackboard.config import Scenario
+from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
@@ -115,9 +116,26 @@ def test_in_a_world_it_does_one_step_a_tick_and_loses_nothing() -> None:
 
 def test_what_the_scenario_says_of_wheels_counts() -> None:
     told = Scenario({"robot": {"odometry": {"along": 0.7}}})
-    assert sensors_in(told).wheels.along == 0.7
-    assert sensors_in(Scenario({"robot": {"vision": {"kind": "range-bearing"}}})).camera.bearing == pytest.approx(0.02)
-    assert sensors_in(None).wheels.nuisance.sigmas[0] > 0  # something may be off, and is found out
+    assert sensors_in(told, "r1").wheels.along == 0.7
+    assert sensors_in(Scenario({"robot": {"vision": {"kind": "range-bearing"}}}), "r1").camera.bearing == pytest.approx(
+        0.02
+    )
+    assert sensors_in(Scenario({}), "r1").wheels.nuisance.sigmas[0] > 0  # something may be off, and is found out
+
+
+def test_the_tables_of_one_robot_count_for_a_program_s_own_robot_too() -> None:
+    tables = {
+        "robot": {"odometry": {"along": 0.7}},
+        "robots": {"r2": {"odometry": {"turn": 0.3}, "localizer": "position"}},
+    }
+    told = Scenario(tables)
+    assert (sensors_in(told, "r1").wheels.along, sensors_in(told, "r1").wheels.heading) == (0.7, 0.02)
+    assert (sensors_in(told, "r2").wheels.along, sensors_in(told, "r2").wheels.heading) == (0.7, 0.3)
+    only = Scenario({"robots": {"r1": {"odometry": {"along": 0.4}}}})
+    assert (sensors_in(only, "r1").wheels.along, robot(scenario=only).settings.localizer) == (0.4, "pose")
+    assert sensors_in(only, "r2") == sensors_in(Scenario({}), "r2")
+    with pytest.raises(UserError, match=r"robots\.r1: give tables"):
+        robot(scenario=Scenario({"robots": {"r1": 3}}))
 
 
 def test_wheels_that_are_off_are_found_out() -> None:
