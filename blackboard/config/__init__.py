@@ -71,7 +71,7 @@ class TeamSection(Section):
 
     def is_guest(self, robot: str) -> bool:
         """Whether a file that names robots does not name this one."""
-        return "sub_teams" in self.model_fields_set and robot not in self.robots
+        return "sub_teams" in self.model_fields_set and not any(robot in robots for robots in self.sub_teams.values())
 
     def of(self, robot: str) -> list[str]:
         """The sub-teams of a robot; one that the file does not name is spread over them by its name."""

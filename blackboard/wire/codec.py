@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TypeVar
 
 from pydantic import ValidationError
@@ -39,8 +40,9 @@ def decode(model: type[M], payload: bytes) -> M:
         raise Refused("fields", f"{field[:200]}: {cure[:200]}") from None
 
 
+@lru_cache(maxsize=1)  # in one process an envelope goes from one service to the next
 def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Message]:
-    """The message in an envelope of kind PUT, with its topic and the parts of its key.
+    """The message in an envelope of kind PUT, with its topic and the parts of its key: shared, so nobody may change them.
 
     Refused: "wild-key", what `decode` refuses, and "impostor" where the message names another sender or subject than its key.
     """

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.relation import NUMBERS, Bias, Relative, measured, triangle
+from blackboard.opinion.gaussian.relation import NUMBERS, Bias, Relative, measured, triangle, upper_indices
 from blackboard.opinion.gaussian.vehicle import POSE, STATES, Motion, Nuisance
 from blackboard.opinion.grid import Array
 from blackboard.wire.types import (
@@ -452,18 +452,22 @@ def _row(values: Array) -> tuple[float, ...]:
 
 
 def _upper(matrix: Array) -> tuple[float, ...]:
-    return _row(matrix[np.triu_indices(len(matrix))])
+    return _row(matrix[upper_indices(len(matrix))])
 
 
 def _whole(row: Sequence[float]) -> Array:
     """The numbers of all states: those that were not sent are exactly 0."""
-    return np.pad(np.array(row), (0, STATES - len(row)))
+    whole = np.zeros(STATES)
+    whole[: len(row)] = row
+    return whole
 
 
 def _symmetric(upper: Sequence[float], field: str) -> Array:
     """The matrix of all states: those that were not sent are exactly 0."""
     matrix = _matrix(upper, field)
-    return np.pad(matrix, (0, STATES - len(matrix)))
+    whole = np.zeros((STATES, STATES))
+    whole[: len(matrix), : len(matrix)] = matrix
+    return whole
 
 
 def _matrix(upper: Sequence[float], field: str) -> Array:

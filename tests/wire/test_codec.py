@@ -228,6 +228,17 @@ def test_a_consensus_on_the_key_of_the_other_level_is_an_impostor() -> None:
     assert refusal.value.reason == "impostor"
 
 
+def test_an_envelope_is_opened_once_for_all_who_hear_it_and_refused_by_each() -> None:
+    parts, report = EXAMPLES["report"]
+    sound = Envelope(TOPICS["report"].key(**parts), encode(report))
+    assert open_envelope(sound)[2] is open_envelope(sound)[2]
+    broken = Envelope(sound.key, sound.payload[:-1])
+    for _ in range(2):
+        with pytest.raises(Refused):
+            open_envelope(broken)
+    assert open_envelope(sound)[2] == report
+
+
 # --- in fewer bytes ------------------------------------------------------------------------------------------------------
 
 

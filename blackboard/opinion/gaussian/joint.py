@@ -7,7 +7,7 @@ mean is the callers' (`vehicle`, `relation`). Units are the callers' too.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -78,7 +78,7 @@ class Factor:
 
     def widened(self, by: float) -> Factor:
         """The same measurement with its noise times a factor."""
-        return replace(self, noise=self.noise * by)
+        return Factor(self.residual, self.jacobians, self.noise * by, self.priors, self.anchors)
 
 
 class Joint:

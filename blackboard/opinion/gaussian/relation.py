@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.vehicle import (
@@ -33,6 +35,7 @@ BiasBlock = tuple[str, str, str, float]  # "bias", observer, group, time constan
 NOTHING = Moments(np.zeros(2), np.eye(2) * FLAT)  # of a subject's place
 STANDARD = Moments(np.zeros(1), np.eye(1))  # of a lasting error
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # for the mean over a normal distribution
+WEIGHT = WEIGHTS.sum()
 
 Kind = Literal["range-bearing", "range", "bearing", "position", "pose"]
 #: How many numbers a sighting of each further kind has: x and y are in the observer's frame, and so is the heading of a pose.
@@ -145,9 +148,17 @@ def measured(
 def triangle(upper: Sequence[float]) -> Array:
     """The symmetric matrix of an upper triangle, row by row."""
     size = math.isqrt(2 * len(upper))
+    rows, columns = upper_indices(size)
     matrix = np.zeros((size, size))
-    matrix[np.triu_indices(size)] = upper
-    return matrix + np.triu(matrix, 1).T
+    matrix[rows, columns] = matrix[columns, rows] = upper
+    return matrix + 0.0  # no negative zeros
+
+
+@lru_cache(maxsize=STATES)
+def upper_indices(size: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """The rows and columns of an upper triangle, row by row; made once for each size."""
+    rows, columns = np.triu_indices(size)
+    return rows, columns
 
 
 def bias_block(observer: str, group: str, seconds: float) -> BiasBlock:
@@ -329,7 +340,8 @@ def _prefers_polar(joint: Joint, sighting: Relative, away: Array, subject: slice
         return False
     at = joint.blocks[sighting.observer]
     heading = float(joint.covariance[at, at][HEADING, HEADING])
-    spread = float(np.trace(_spread(joint, at, subject)))
+    (x, _), (_, y) = _spread(joint, at, subject)
+    spread = float(x + y)
     return heading > EXACT and spread < (heading + 0.01) * distance**2
 
 
@@ -370,12 +382,19 @@ def _variances(joint: Joint, sighting: Relative, away: Array, subject: slice | N
     """Variances of range and bearing; by the profile where there is one, at the distances that joint and range leave open."""
     if not sighting.profile:
         return sighting.range_variance, sighting.bearing_variance
-    distances, variances = np.array(sighting.profile).T
+    distances, variances = _columns(sighting.profile)
     expected = max(float(np.hypot(*away)), NEAREST)
     along = away / expected
     prior = float(along @ _spread(joint, joint.blocks[sighting.observer], subject) @ along)
     own = float(np.interp(sighting.range, distances, variances))
     gain = prior / (prior + own)
     middle, sigma = expected + gain * (sighting.range - expected), math.sqrt(prior * (1 - gain))
-    variance = float(WEIGHTS @ np.interp(middle + sigma * NODES, distances, variances) / WEIGHTS.sum())
+    variance = float(WEIGHTS @ np.interp(middle + sigma * NODES, distances, variances) / WEIGHT)
     return variance, variance / max(sighting.range, float(distances[0]), NEAREST) ** 2
+
+
+@lru_cache(maxsize=64)
+def _columns(profile: tuple[tuple[float, float], ...]) -> tuple[Array, Array]:
+    """The distances and the variances of a profile, shape (pairs,) each; made once, because all sightings of a camera have one."""
+    distances, variances = np.array(profile).T
+    return distances, variances

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -640,6 +641,7 @@ class TeamJoint:
         return draw(grid, self.marginal(subject))
 
 
+@lru_cache(maxsize=256)  # what rests on first-hand evidence alone is the same in all joints of one process
 def claimed(observer: Moments, relative: Relative, motion: Motion | None) -> Claim:
     """Where a sighting that places its subject puts it, by an observer's block and its motion in the tick."""
     alone = Joint()

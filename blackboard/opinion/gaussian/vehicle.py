@@ -98,8 +98,11 @@ def kinds(way: float | Array, turn: float | Array, track: float) -> tuple[Array,
 def meant(state: Array, motion: Motion) -> tuple[float, float, Array]:
     """How far a robot (its state, shape (12,)) has come and turned by its odometry; and the derivatives of both, shape (2, 12)."""
     by = np.zeros((2, STATES))
-    by[0, [FORWARD, SLIP, CURVED_WAY, LAG]] = motion.distance, motion.distance, motion.curved, -motion.faster
-    by[1, [TURN, DRIFT, CURVED_TURN, LAG]] = motion.turn, motion.moving, motion.driven, -motion.quicker
+    of_way, of_turn = by
+    of_way[FORWARD] = of_way[SLIP] = motion.distance
+    of_way[CURVED_WAY], of_way[LAG] = motion.curved, -motion.faster
+    of_turn[TURN], of_turn[DRIFT] = motion.turn, motion.moving
+    of_turn[CURVED_TURN], of_turn[LAG] = motion.driven, -motion.quicker
     way, turn = (by @ state).tolist()
     return way, turn, by
 
@@ -116,7 +119,8 @@ def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance) -> Non
     transition = np.diag(keep)
     by_heading = np.array([-distance * s, distance * c])
     transition[AXES, HEADING] = by_heading
-    transition[AXES] += np.outer([c, s], by[0]) + np.outer(by_heading / 2, by[1])
+    along = np.array([c, s])
+    transition[AXES] += along[:, np.newaxis] * by[0] + (by_heading / 2)[:, np.newaxis] * by[1]
     transition[HEADING] += by[1]
     noise = np.zeros(STATES)
     noise[HEADING] = motion.heading
@@ -126,7 +130,7 @@ def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance) -> Non
     added = np.diag(noise)
     frame = np.array([[c, -s], [s, c]])
     added[AXES, AXES] = (frame * [motion.along, motion.across]) @ frame.T
-    added[AXES, AXES] += np.outer([c, s], [c, s]) * _bent(joint, robot, distance, np.array([c, s]))
+    added[AXES, AXES] += along[:, np.newaxis] * along * _bent(joint, robot, distance, along)
     joint.move(robot, mean, transition, added)
 
 
@@ -139,7 +143,7 @@ def _bent(joint: Joint, robot: Block, distance: float, way: Array) -> float:
     """
     at = joint.blocks[robot].start
     place = joint.covariance[at : at + 2, at : at + 2]
-    if np.trace(place) >= FLAT:
+    if place[0, 0] + place[1, 1] >= FLAT:
         return 0.0
     variance = float(joint.covariance[at + HEADING, at + HEADING])
     undone = 0.5 * math.expm1(-2 * variance) - 2 * math.expm1(-variance / 2)
