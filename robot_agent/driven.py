@@ -42,7 +42,7 @@ UNKNOWN_WHEELS = Wheels(
     across=0.01,
     heading=0.02,
     turning=0.05,
-    given=False,
+    given=(False, False),
     starting=0.0,
 )
 

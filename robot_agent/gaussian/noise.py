@@ -10,7 +10,8 @@ variance of the pose by odometry alone and P' that of the belief afterwards, a c
 of variance P P' / (P - P'). Short spans show jitter soon, and long ones an error that is alike for seconds: the larger counts.
 
 The camera's is judged by landmarks only. The wheels' is never taken for less than a given model, because what is alike over minutes
-looks small over a span, and what the whole team shares looks small to all of them.
+looks small over a span, and what the whole team shares looks small to all of them. Wheels that nobody described guess the noise
+along the way only: a heading that is believed too well turns the whole team, and without landmarks nobody sees it.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ class Span:
     robot: str
     nuisance: Nuisance
     seconds: float  # of motion, at least
-    given: bool = True
+    given: tuple[bool, bool] = (True, True)
     along: NoiseFactor = field(init=False)
     heading: NoiseFactor = field(init=False)
     _led: Joint | None = None  # the robot's block since the span began, by odometry alone
@@ -90,7 +91,7 @@ class Span:
     _by_team: bool = False  # whether the span began with the team's belief
 
     def __post_init__(self) -> None:
-        self.along, self.heading = (NoiseFactor(1.0 if self.given else LEAST, self.given) for _ in range(2))
+        self.along, self.heading = (NoiseFactor(1.0 if given else LEAST, given) for given in self.given)
 
     def give_up(self) -> None:
         """Judge nothing of this span."""
@@ -140,7 +141,7 @@ class WheelNoise:
 
     robot: str
     nuisance: Nuisance
-    given: bool = True  # whether somebody gave the model
+    given: tuple[bool, bool] = (True, True)  # whether somebody gave the model of the way, and of the heading
     spans: tuple[Span, ...] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -19,9 +19,10 @@ from blackboard.opinion.gaussian.vehicle import (
     Nuisance,
 )
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, WheelNoise
-from robot_agent.gaussian.sensors import Sensors, Wheels
+from robot_agent.gaussian.sensors import Sensors, Wheels, sensors_of
 
 SPAN = max(SPANS)
 ALONG = 0.03  # unit / sqrt(s), as the physics say
@@ -41,7 +42,7 @@ def driven(
     true: float, seconds: int, seed: int, by_team: bool = False, heading: float = 0.0, given: bool = True
 ) -> WheelNoise:
     """A robot that is seen in each tick while it drives, with an error along the way of `true` times what the physics say."""
-    rng, noise, way = np.random.default_rng(seed), WheelNoise("robot/r1", Nuisance(), given), 0.0
+    rng, noise, way = np.random.default_rng(seed), WheelNoise("robot/r1", Nuisance(), (given, given)), 0.0
     for _ in range(seconds):
         seen = way + SURE * rng.normal()
         noise.judge(block(seen * math.cos(heading), seen * math.sin(heading), heading), by_team=by_team)
@@ -160,11 +161,12 @@ class Truth:
     range: float = 1.0
     bearing: float = 0.0
     noise: float = 1.0  # times the nominal noise of the camera
+    slip: float = 0.01  # unit / sqrt(s), along the way
 
 
-def simulated(it: Truth, seconds: int, seed: int = 1) -> tuple[FirstHand, float, float]:
+def simulated(it: Truth, seconds: int, seed: int = 1, sensors: Sensors | None = None) -> tuple[FirstHand, float, float]:
     """Its filter after a drive of straight ways, curves and spins, the RMSE (unit) of the second half, and the share within 95 %."""
-    rng, own = np.random.default_rng(seed), FirstHand("robot/r1", Sensors())
+    rng, own = np.random.default_rng(seed), FirstHand("robot/r1", sensors or Sensors())
     x, y, heading, squares, held, before = 0.0, 0.0, 0.0, list[float](), list[bool](), (0.0, 0.0)
     drives = [(0.3, 0.0)] * 8 + [(0.3, 0.5)] * 4 + [(0.3, 0.0)] * 4 + [(0.0, 0.6)] * 3 + [(0.3, -0.4)] * 3
     for tick in range(seconds + 1):
@@ -172,7 +174,7 @@ def simulated(it: Truth, seconds: int, seed: int = 1) -> tuple[FirstHand, float,
         if tick:
             now = [(1 - it.lag) * a + it.lag * b for a, b in zip(told, before, strict=True)]
             turn = now[1] * (it.curve if now[0] > 0.1 else it.spin) + 0.01 * rng.normal()
-            way = now[0] * it.way + 0.01 * rng.normal()
+            way = now[0] * it.way + it.slip * rng.normal()
             x += way * math.cos(heading + turn / 2)
             y += way * math.sin(heading + turn / 2)
             heading += turn
@@ -233,6 +235,25 @@ def test_a_robot_finds_how_noisy_its_camera_is(noise: float, low: float, high: f
     own, _, held = simulated(Truth(noise=noise), 300)
     assert low < math.sqrt(own.camera.range.variance) < high
     assert held > 0.9
+
+
+@pytest.mark.parametrize(("slip", "low", "high", "least"), [(0.01, 0.5, 0.8, 0.9), (0.09, 1.7, 3.6, 0.8)])
+def test_a_robot_that_nobody_described_finds_how_much_its_wheels_slip(
+    slip: float, low: float, high: float, least: float
+) -> None:
+    """The model's noise along the way is 0.03: smaller is found, too, but never less than half of it."""
+    own, _, held = simulated(Truth(slip=slip), 300)
+    assert low < own.found()["along noise"] < high
+    assert held > least
+    assert own.found()["heading noise"] >= 1.0, "the whole team may share a heading's error, and then nobody sees it"
+
+
+def test_a_model_that_was_measured_is_not_taken_for_less() -> None:
+    told = RobotSection.model_validate(
+        {"vision": {"kind": "range-bearing"}, "odometry": {"measured": True, "along": 0.03}}
+    )
+    own, _, _ = simulated(Truth(slip=0.003), 300, sensors=sensors_of(told))
+    assert own.found()["along noise"] == 1.0
 
 
 def test_a_robot_whose_model_leaves_nothing_open_tells_nothing() -> None:
