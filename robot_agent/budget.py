@@ -5,7 +5,8 @@ KL(now || what the board has) - KL(now || what it would have): the first term is
 report loses. What the team knows better than the robot is worth less, by the area that the team's belief covers over that of the
 robot's own. A sighting of a mate is another matter (`_of_mate`, `sightings.py`): two that follow each other differ by their noise,
 which is no news. A token bucket in team time bounds the bytes, and a price in nats per byte, which rises while the bucket is empty and
-falls while it is full, decides whether to spend now or to wait for something better.
+falls while it is full, decides whether to spend now or to wait for something better. Where messages are counted (`slots.py`), one is
+said in each slot.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from robot_agent.coarse import coarser
 from robot_agent.config import SendSection
 from robot_agent.short import shorter
 from robot_agent.sightings import Sightings
+from robot_agent.slots import DATAGRAM, Slots
 
 #: Precisions beside the one that a report has: nats between two levels, and how far below the peak the box reaches.
 FINER, COARSER, COARSEST = (0.2, 8.0), (0.5, 7.0), (1.0, 5.0)
@@ -116,6 +118,8 @@ class Budget:
     robot: str
     drift: float  # of the boards' [board] drift, unit per square root of a second
     size: Callable[[Report], int]
+    slots: Slots | None = None  # where messages are counted
+    copies: int = 1  # of a report: one in each of the robot's sub-teams
     bucket: Bucket = field(init=False)
     price: float = PRICE
     sent: dict[str, LastSent] = field(default_factory=dict)
@@ -139,6 +143,15 @@ class Budget:
             return Choice(list(reports), {})
         reports = [_short(report) for report in reports]
         self.bucket.refill(time)
+        if self.slots is not None:
+            evidence = next((report.evidence for report in reports if report.evidence is not None), None)
+            if not self.slots.due(time):
+                self.slots.wait(time, evidence)
+                silent = {report.subject for report in reports} & self.sent.keys()
+                return Choice([], {subject: self.aged(subject, time, speed) for subject in sorted(silent)})
+            if evidence is not None:
+                told = {"evidence": self.slots.told(time, evidence)}
+                reports = [it if it.evidence is None else it.model_copy(update=told) for it in reports]
         most = math.log(self.grid.size)  # a board may tell an entropy that no belief on this grid has
         team = {subject: replace(it, entropy=min(most, max(0.0, it.entropy))) for subject, it in team.items()}
         subjects = {report.subject for report in reports}
@@ -148,7 +161,10 @@ class Budget:
         options = self.options(reports, stale, time, team)
         full = [options[report.subject][0] for report in reports]
         needed = sum(option.size for option in full)
-        if self.bucket.level - needed >= self.bucket.burst / 2:
+        if self.slots is not None:
+            chosen = self._datagram(options, time)
+            self.slots.said(time)
+        elif self.bucket.level - needed >= self.bucket.burst / 2:
             chosen = {option.report.subject: option for option in full}
             self.bucket.take(needed)
         else:
@@ -182,7 +198,7 @@ class Budget:
     @property
     def saves(self) -> bool:
         """Whether anything is left out at all."""
-        return math.isfinite(self.bucket.rate)
+        return self.slots is not None or math.isfinite(self.bucket.rate)
 
     # --- inside -------------------------------------------------------------------------------------------------------
 
@@ -211,6 +227,18 @@ class Budget:
             and self.bucket.has(more)
         ]:
             self._take(chosen, max(moves, key=lambda move: (move[0], move[1].report.subject))[1])
+        return chosen
+
+    def _datagram(self, options: Mapping[str, list[Option]], time: float) -> dict[str, Option]:
+        """The one message of a slot: what the robot adds to a joint, else what has waited too long, else what is worth most."""
+        own = [subject for subject, it in options.items() if it[0].report.evidence is not None]
+        overdue = [subject for subject in options if time - self._since[subject] >= self.settings.longest]
+        subjects = own or sorted(overdue, key=lambda subject: (self._since[subject], subject))[:1] or list(options)
+        most = DATAGRAM * self.copies
+        fitting = [it for s in subjects for it in options[s] if it.size <= most and self.bucket.has(it.size)]
+        chosen = dict[str, Option]()
+        if fitting:
+            self._take(chosen, max(fitting, key=lambda it: (it.whole, it.worth, -it.size, it.report.subject)))
         return chosen
 
     def _take(self, chosen: dict[str, Option], option: Option) -> None:

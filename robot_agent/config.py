@@ -14,6 +14,7 @@ from pydantic import Field, field_validator
 
 from blackboard.config import Positive, Scenario, Section
 from blackboard.errors import UserError
+from blackboard.process.peer import WHOLE
 from blackboard.wire.mistakes import nearest
 from robot_agent.localizers import known_localizers
 
@@ -122,10 +123,27 @@ class SendSection(Section):
 
     budget: Annotated[float, Field(gt=0)] | None = None
     "[B/s] Bytes a second of team time for reports, keys included, over all its sub-teams; none: everything in every tick."
+    rate: Annotated[float, Field(gt=0)] | None = None
+    "[Hz] Messages a second of the whole team's robots, of which each has the same share; none: they are not counted."
     burst: Positive = 2.0
     "[s] How many seconds of the budget may be saved up."
     longest: Positive = 4.0
     "[s] About what it believes it says something at least so often, as far as the budget allows; less than `[board] max_age`."
+
+    def pace(self, robots: int, sub_teams: int = 1) -> float:
+        """Reports a second of one of so many robots in each of its sub-teams: its share of `rate`, less the statuses.
+
+        UserError: fewer than `longest` asks for.
+        """
+        assert self.rate is not None
+        found = self.rate / robots / sub_teams - 1 / WHOLE
+        least = 1 / self.longest
+        if found < least * (1 - 1e-6):
+            raise UserError(
+                f"robot.send.rate: {self.rate:g} messages a second of {robots} robots are less than one of each "
+                f"in robot.send.longest, {self.longest:g} s; give at least {robots * sub_teams * (least + 1 / WHOLE):.3g}"
+            )
+        return found
 
 
 class RobotSection(Section):
@@ -181,6 +199,12 @@ def check_robots(scenario: Scenario) -> None:
             raise UserError(f"{scenario.where}: robots.{name}: no robot of the team has this name{cure}")
         settings_of(scenario, name)
     scenario.section("robot", RobotSection)
+    for name in known:
+        if (send := settings_of(scenario, name).send).rate is not None:
+            try:
+                send.pace(len(known), len(scenario.team.of(name)))
+            except UserError as error:
+                raise UserError(f"{scenario.where}: {error}") from None
 
 
 def _own_tables(scenario: Scenario) -> dict[str, dict[str, Any]]:

@@ -200,5 +200,6 @@ def driven(
     settings = settings_of(told, robot)
     if "localizer" not in table_of(told, robot):
         settings = settings.model_copy(update={"localizer": "pose"})
-    drift = 1.0 if scenario is None else scenario.board.drift
-    return Driven(news, settings=settings, sensors=sensors_in(told, robot), drift=drift, robot=robot, **arguments)
+    drift, robots = (1.0, 1) if scenario is None else (scenario.board.drift, max(1, len(scenario.team.robots)))
+    arguments |= {"drift": drift, "robot": robot, "robots": robots}
+    return Driven(news, settings=settings, sensors=sensors_in(told, robot), **arguments)

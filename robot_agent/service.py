@@ -29,6 +29,7 @@ from robot_agent.gaussian.sensors import Sensors
 from robot_agent.inputs import Gathered, Sequencer
 from robot_agent.sender import Sender, fastest
 from robot_agent.sensing import PARTS
+from robot_agent.slots import Slots
 
 log = logging.getLogger(__name__)
 
@@ -52,13 +53,17 @@ class AgentService(Around):
         drift: float = 1.0,
         sensors: Sensors | None = None,
         hears_readings: bool = True,
+        robots: int = 1,
     ) -> None:
         """`joint`: the boards keep a joint belief ([board] fusion); `drift`: how they let reports spread ([board] drift).
 
         `sensors` are those of a filter for a joint, where they are not those of the settings. `hears_readings`: from the wire.
+        `robots` share `[robot.send] rate`.
         """
         self.robot, self.grid, self.settings = robot, grid, settings
-        self._saves = settings.send.budget is not None and math.isfinite(settings.send.budget)
+        send = settings.send
+        counted = send.rate is not None
+        self._saves = counted or (send.budget is not None and math.isfinite(send.budget))
         self.peer = Peer(
             team,
             sub_teams,
@@ -67,6 +72,7 @@ class AgentService(Around):
             settings={"localizer": settings.localizer, "feedback": feedback},
             listens=(keys.READING.key(team=team, robot=robot),) if hears_readings else (),
             brief=self._saves,
+            rare=counted,
         )
         super().__init__(self.peer)
         self.clock, self.counters, self.refused = self.peer.clock, self.peer.intake.counters, self.peer.intake.refused
@@ -76,7 +82,8 @@ class AgentService(Around):
             if joint
             else partial(Agent, robot, settings, grid, feedback)
         )
-        self._new_budget = partial(Budget, settings.send, grid, robot, drift, self.peer.size)
+        self._new_budget = partial(Budget, send, grid, robot, drift, self.peer.size)
+        self._pace = send.pace(robots, len(sub_teams)) if counted else None
         self._forget()
 
     def _begin(self, run: str) -> None:
@@ -90,7 +97,9 @@ class AgentService(Around):
         self.rounds.enter("readings", 0.0)
         self._readings, self._agreed = Sequencer(), Gathered()
         self._speeds: deque[float] = deque(maxlen=LATELY)  # unit per second, by the odometry
-        self._sender = None if self.settings.send.budget is None else Sender(self._new_budget(), self.robot)
+        slots = None if self._pace is None else Slots(self._pace)
+        sends_all = self.settings.send.budget is None and slots is None
+        self._sender = None if sends_all else Sender(self._new_budget(slots, len(self.peer.sub_teams)), self.robot)
 
     @property
     def run(self) -> str:

@@ -41,7 +41,7 @@ def shorter(evidence: PackedEvidence) -> PackedEvidence:
         "nuisance": evidence.nuisance.model_copy(update=nuisance),
         "relatives": [_relative(it) for it in evidence.relatives],
         "seen": [_seen(it) for it in evidence.seen],
-        "profile": [(_single(a), _single(b)) for a, b in _thinned(tuple(evidence.profile))],
+        "profile": [(single(a), single(b)) for a, b in _thinned(tuple(evidence.profile))],
     }
     if evidence.state is not None:
         changes["state"] = _state(evidence.state)
@@ -51,22 +51,22 @@ def shorter(evidence: PackedEvidence) -> PackedEvidence:
     return evidence.model_copy(update=changes)
 
 
-def _single(value: float) -> float:
+def single(value: float) -> float:
     return float(np.float32(value))
 
 
 def _sum(value: float) -> float:
-    return _single(value) if abs(value) < ROUNDED else value
+    return single(value) if abs(value) < ROUNDED else value
 
 
 def _singles(value: Any) -> Any:
     """A number, or any sequence of sequences of numbers, as float32."""
-    return _single(value) if isinstance(value, float) else tuple(map(_singles, value))
+    return single(value) if isinstance(value, float) else tuple(map(_singles, value))
 
 
 def _relative(packed: PackedRelative) -> PackedRelative:
-    numbers = {name: _single(getattr(packed, name)) for name in RELATIVE}
-    biases = [(_single(sigma), _single(seconds)) for sigma, seconds in packed.biases]
+    numbers = {name: single(getattr(packed, name)) for name in RELATIVE}
+    biases = [(single(sigma), single(seconds)) for sigma, seconds in packed.biases]
     return packed.model_copy(update={**numbers, "biases": biases})
 
 
@@ -75,7 +75,7 @@ def _seen(packed: Seen) -> Seen:
     wider = triangle(packed.covariance) * (1 + WIDER * np.eye(size)) if packed.covariance else np.zeros((0, 0))
     covariance = _singles(tuple(map(float, wider[np.triu_indices(len(wider))])))
     return packed.model_copy(
-        update={"values": _singles(packed.values), "covariance": covariance, "age": _single(packed.age)}
+        update={"values": _singles(packed.values), "covariance": covariance, "age": single(packed.age)}
     )
 
 
@@ -116,7 +116,7 @@ def _increment(packed: PackedIncrement, covariance: Array | None) -> PackedIncre
     if covariance is not None and _changed(rows.T @ rows - whole, covariance) > CHANGED:
         return packed
     reference = np.rint(packed.reference)
-    reference[HEADING] = _single(packed.reference[HEADING])
+    reference[HEADING] = single(packed.reference[HEADING])
     measured = measured + rows @ (np.array(packed.reference) - reference)
     return PackedIncrement(
         reference=tuple(map(float, reference)),

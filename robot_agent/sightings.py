@@ -49,7 +49,7 @@ class Sightings:
         for it in evidence.relatives:
             along, across = self._known(it, evidence, time, mine, entropies.get(it.subject), grid)
             lasting = sum(sigma**2 for sigma, _ in it.biases)
-            fresh = _fresh(it, evidence)
+            fresh = fresh_error(it, evidence)
             # An error that lasts is in each sighting of a subject, so that nothing reduces it.
             gains = (max(0.0, along - lasting) / (fresh[0] + lasting), across / fresh[1])
             found[it.subject] = 0.5 * sum(math.log1p(gain) for gain in gains)
@@ -93,7 +93,7 @@ class Sightings:
         return min(along, told.along + grown), min(across, told.across + grown + way.heading * span * it.range**2)
 
 
-def _fresh(it: PackedRelative, evidence: PackedEvidence) -> tuple[float, float]:
+def fresh_error(it: PackedRelative, evidence: PackedEvidence) -> tuple[float, float]:
     """Variances of a sighting's fresh error along and across the line of sight, unit^2."""
     if evidence.profile:
         distances, variances = np.array(evidence.profile).T

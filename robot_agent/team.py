@@ -35,6 +35,7 @@ def robot_of(scenario: Scenario, robot: str, *, sub_teams: Sequence[str] | None 
         "feedback": scenario.board.feedback,
         "joint": scenario.board.fusion == "joint",
         "drift": scenario.board.drift,
+        "robots": max(1, len(scenario.team.robots)),
     }
     faults = [fault for fault in faults_of(scenario) if robot in fault.names and not is_of_sensors(fault)]
     if not faults:

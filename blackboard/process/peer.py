@@ -56,16 +56,19 @@ class Peer(Around):
         settings: Mapping[str, str],
         listens: tuple[str, ...] = (),
         brief: bool = False,
+        rare: bool = False,
     ) -> None:
         """`hear` takes what is new at a Unix time, and returns what is to be sent; it may raise Refused.
 
-        `settings` are shown in the status, `listens` are keys that it hears besides; `brief`: in as few bytes as there are.
+        `settings` are shown in the status, `listens` are keys that it hears besides; `brief`: in as few bytes as there are. `rare`:
+        where no world gives the time, and nobody waits for a status, one in `WHOLE` s.
         """
         self.team, self.sub_teams, self.robot = team, tuple(sub_teams), robot
         self.listener = Listener(team, self._hear, sub_teams=self.sub_teams, own=self.tokens[0])
         super().__init__(self.listener)
         self.intake, self.roster, self.clock = self.listener.intake, self.listener.roster, self.listener.clock
         self._owner_hears, self._settings, self._listens, self._brief = hear, dict(settings), listens, brief
+        self._rare, self._rare_due = rare, -math.inf  # Unix seconds
         self._echoes = Echoes()  # of the boards' stamps, where each process goes by its own clock
         self._ahead: dict[str, float] = {}  # sub-team -> seconds that this robot's clock is ahead of its board's
         self._logged: set[tuple[str, str]] = set()  # boards and reasons of refusals
@@ -99,10 +102,10 @@ class Peer(Around):
 
     def wake(self, now: float) -> list[Envelope]:
         out = self.look(now)
-        return out + (self.statuses(now) if now >= self.intake.status_due else [])
+        return out + (self.statuses(now) if now >= self._status_due else [])
 
     def wake_at(self, now: float) -> float:
-        return min(self.intake.status_due, self.listener.wake_at(now))
+        return min(self._status_due, self.listener.wake_at(now))
 
     def look(self, now: float) -> list[Envelope]:
         """See what time has changed; no status is due by that."""
@@ -131,7 +134,10 @@ class Peer(Around):
         return self._repeat(now) if new is None else [*self._sent(new), *self.statuses(now)]
 
     def statuses(self, now: float) -> list[Envelope]:
-        """A status in every sub-team: what was reported last, with the counters as they stand."""
+        """A status in every sub-team: what was reported last, with the counters as they stand; none where they are rare."""
+        if self._is_rare and now < self._status_due:
+            return []
+        self._rare_due = now + WHOLE
         said = self.answers
         status = Status(
             process=self.robot,
@@ -171,6 +177,14 @@ class Peer(Around):
 
     def _encoded(self, message: Message) -> bytes:
         return encode(message, shortest=self._brief)
+
+    @property
+    def _is_rare(self) -> bool:
+        return self._rare and self.clock.pace is Pace.FREE
+
+    @property
+    def _status_due(self) -> float:
+        return self._rare_due if self._is_rare else self.intake.status_due
 
     @property
     def _status_keys(self) -> tuple[str, ...]:

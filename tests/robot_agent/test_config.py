@@ -54,7 +54,7 @@ KEYS: dict[str, tuple[tuple[str, str], Any]] = {
 OTHERS = {"patience", "coding"}
 
 #: Read by `robot_agent.budget`: what is said of the beliefs; each is tried in test_budget.py.
-SAID = {"send.budget", "send.burst", "send.longest"}
+SAID = {"send.budget", "send.rate", "send.burst", "send.longest"}
 
 #: Read by a robot of a joint whose camera measures ranges and bearings.
 MEASURED = {"vision.range_scale": 1.1, "vision.range_bias": 0.1, "vision.bearing_bias": 0.02}

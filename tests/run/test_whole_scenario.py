@@ -78,6 +78,11 @@ def test_a_recording_names_no_objects_and_a_board_alone_reads_no_world(tmp_path:
             "[robot.send]\nbudget = 1000\nlongest = 20\n",
             "robot.send.longest: boards forget what is older than board.max_age, 10 s; give less, not 20",
         ),
+        (
+            "[robot.send]\nrate = 1\n",
+            "robot.send.rate: 1 messages a second of 3 robots are less than one of each in robot.send.longest, 4 s; "
+            "give at least 1.05",
+        ),
     ],
 )
 def test_names_and_times_that_do_not_fit_together_are_told_in_one_line(

@@ -301,9 +301,7 @@ class JointDesk:
     def _consensus(self, subject: str, verdicts: list[Verdict], time: float, make: Make) -> Consensus:
         about = [verdict for verdict in verdicts if verdict.subject == subject]
         taken = sorted({verdict.source for verdict in about if verdict.taken})
-        marginal = self.team.marginal(subject)
-        spread = np.eye(2) * self._ageing.variance(subject, self._age(subject, time))
-        belief = draw(self.grid, Moments(marginal.mean, marginal.covariance + spread))
+        belief = draw(self.grid, self._now(subject, time))
         left_out = {verdict.source: reason(verdict) for verdict in about if not verdict.taken}
         if time < self._barred.get(subject, -math.inf):
             left_out[subject] = "its evidence breaks the joint"
@@ -343,6 +341,14 @@ class JointDesk:
             ),
             camps=camps,
         )
+
+    def _now(self, subject: str, time: float) -> Moments:
+        """Where a subject is at a team time (s): a robot that was heard lately has gone on as it went; after that, who knows where."""
+        age, marginal = self._age(subject, time), self.team.marginal(subject)
+        ahead = self.team.ahead(subject, age) if 0.0 < age <= STALE else None
+        if ahead is not None:
+            return ahead
+        return Moments(marginal.mean, marginal.covariance + np.eye(2) * self._ageing.variance(subject, age))
 
     def _parameters(self, subject: str) -> dict[str, float]:
         """The limit of a sighting's squared distance, and of an object the random walk (unit / sqrt(s)) that its sightings show."""

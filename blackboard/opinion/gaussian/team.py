@@ -7,6 +7,7 @@ its evidence, and no evidence is counted twice.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,16 +28,17 @@ from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.innovations import Innovations, Source
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.limits import Limits
-from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases, linearise
+from blackboard.opinion.gaussian.relation import UNSTEADY, BiasBlock, Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.rings import SURE, Place, Ring, line_of
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, correct, drive, speed
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, Nuisance, correct, drive, speed
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Grid
 
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
 PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
 MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
+LATELY = 2.0  # seconds after which what a robot did counts for 1/e in how fast it is told to go on
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
 FADED = 5.0  # time constants after which a lasting error that no sighting used is dropped: 0.7 % of it is left
 #: Times the covariance of a robot that enters again: its mates keep what they learned of it before. Half of it counts, as in a
@@ -69,13 +71,14 @@ class Objects:
 class Known:
     """What is settled of a robot: its epoch, the sum of its motions, and how many increments in a row were left out.
 
-    `motion` is what was added to the sum last, until a team time (s).
+    `motion` is what was added to the sum last, until a team time (s), `lately` the same of the last seconds (`LATELY`).
     """
 
     epoch: int
     travelled: Motion
     left_out: int = 0
     motion: Motion = field(default_factory=Motion)
+    lately: Motion = field(default_factory=Motion)
     time: float = 0.0
 
 
@@ -140,7 +143,8 @@ class TeamJoint:
         for robot, evidence in news.items():
             known = self._known[robot]
             motion = evidence.travelled.since(known.travelled)
-            self._known[robot] = replace(known, travelled=evidence.travelled, motion=motion, time=evidence.time)
+            lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
+            self._known[robot] = Known(known.epoch, evidence.travelled, known.left_out, motion, lately, evidence.time)
         self._forget_objects()
         self._close_rings()
         return self.tally.verdicts
@@ -620,6 +624,30 @@ class TeamJoint:
         """Mean and covariance of a subject's position; KeyError where it is not in the joint."""
         block = self.joint.moments(subject)
         return Moments(block.mean[AXES], block.covariance[AXES, AXES])
+
+    def ahead(self, robot: str, age: float) -> Moments | None:
+        """Where a robot that was heard last some seconds ago is if it goes on: as fast as lately, and turning as in its last motion.
+
+        None of what is no robot, and of one that has told no motion. KeyError where it is not in the joint.
+        """
+        known = self._known.get(robot)
+        if known is None or known.motion.dt <= 0:
+            return None
+        lately, last = age / known.lately.dt, age / known.motion.dt
+        even = known.lately.times(lately)
+        turning = replace(even, turn=last * known.motion.turn, driven=last * known.motion.driven)
+        # an error of the speed lasts for all of the way that is told by it
+        along = lately * even.along + (UNSTEADY * even.distance) ** 2
+        alone = Joint()
+        alone.add(robot, self.joint.moments(robot))
+        drive(
+            alone,
+            robot,
+            replace(turning, along=along, across=even.across + (UNSTEADY * even.distance) ** 2),
+            Nuisance(),
+        )
+        after = alone.moments(robot)
+        return Moments(after.mean[AXES], after.covariance[AXES, AXES])
 
     def velocity(self, subject: str) -> Moments | None:
         """Velocity (unit / s), and of a robot its rate of turn (rad / s), shape (3,); of an object that rolls shape (2,)."""

@@ -10,7 +10,7 @@ than told the robot moves. Scales, drift and lag are random walks; bias, slip an
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,6 +69,11 @@ class Motion:
     def plus(self, later: Motion) -> Motion:
         """Both spans as one; the shape of the way between is lost."""
         return Motion(*(getattr(self, name) + getattr(later, name) for name in self.__dataclass_fields__))
+
+    def times(self, share: float) -> Motion:
+        """So much of it, at an even speed."""
+        scaled = Motion(*(share * getattr(self, name) for name in self.__dataclass_fields__))
+        return replace(scaled, faster=0.0, quicker=0.0)
 
     def since(self, earlier: Motion) -> Motion:
         """What was added to a sum of motions since it was `earlier`."""

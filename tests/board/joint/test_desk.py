@@ -81,6 +81,25 @@ def test_a_silent_robot_is_believed_less_and_then_not_published() -> None:
     assert means(it.settle(3.2, MAKE)) == {"robot/r1": (11.0, 10.0)}
 
 
+def test_a_robot_that_was_heard_lately_is_believed_to_have_gone_on_as_it_went() -> None:
+    it = desk(max_age=5.0, drift=1.0)
+
+    def say(tick: int, time: float, way: float) -> None:
+        told = at(10, 10, travelled=way)
+        travelled = told.travelled.model_copy(update={"time": time})
+        it.take("r1", tick, time, told.model_copy(update={"travelled": travelled}), own=True)
+
+    for tick in range(5):
+        say(tick, 0.5 * tick, 1.0 * tick)
+        it.settle(0.5 * tick, MAKE)
+    beliefs = [unpack(it.settle(time, MAKE)[0].belief) for time in (2.0, 2.25, 2.5, 4.0)]
+    assert [float(belief.mean()[0]) for belief in beliefs[:3]] == pytest.approx([14.0, 14.5, 15.0], abs=0.1)
+    widths = [float(np.trace(belief.covariance())) for belief in beliefs]
+    assert widths == sorted(widths)
+    say(9, 4.1, 4.0)  # it had stopped after all
+    assert means(it.settle(4.1, MAKE)) == {"robot/r1": (14.0, 10.0)}
+
+
 def test_who_contradicts_the_joint_is_named_with_the_reason() -> None:
     it = desk()
     it.take("r1", 0, 0.0, at(10, 10, sees=sighting("robot/r2", 5.0)), own=True)

@@ -1,0 +1,149 @@
+"""When a robot speaks where messages are counted, and what it saw meanwhile: one datagram in each of its slots. Pure.
+
+Slots are of team time, so all robots of a team speak in the same ticks. A joint then holds a sighting against where both ends were.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.opinion.gaussian.relation import NEAREST, triangle
+from blackboard.opinion.gaussian.vehicle import AXES, wrap
+from blackboard.opinion.grid import Array
+from blackboard.wire.evidence import PackedEvidence, PackedRelative, Seen
+from robot_agent.short import single
+from robot_agent.sightings import fresh_error
+
+DATAGRAM = 1200  # bytes of a message at most, its key included: a packet of UDP on any network
+MOST = 24  # sightings that wait to be told
+EARLY = 1e-6  # of a slot: a tick that ends as it begins must not miss it by rounding
+
+
+@dataclass(frozen=True)
+class Sighted:
+    """A sighting that waits: when it was taken (team time, s), and how far the robot had turned by then (rad, by the odometry)."""
+
+    time: float
+    turned: float
+    seen: PackedRelative | Seen
+
+    @property
+    def what(self) -> tuple[str, str, str]:
+        """What can be averaged has the same of this: the subject, the kind, and with what it shares errors."""
+        return self.seen.subject, "" if isinstance(self.seen, PackedRelative) else self.seen.kind, self.seen.group
+
+
+@dataclass
+class Slots:
+    """Mutable. In each tick either `wait`, or once it is `due` `told` and then `said`."""
+
+    pace: float  # messages a second of team time
+    _last: int | None = None
+    _epoch: int = -1
+    _waiting: list[Sighted] = field(default_factory=list)  # the newest first
+
+    def due(self, time: float) -> bool:
+        """Whether a slot has begun, by a team time (s), in which nothing was said."""
+        return self._slot(time) != self._last
+
+    def wait(self, time: float, evidence: PackedEvidence | None) -> None:
+        """Nothing is said in this tick: what it saw is told in the next slot."""
+        self._epoch, self._waiting = (-1, []) if evidence is None else (evidence.epoch, self._gathered(time, evidence))
+
+    def told(self, time: float, evidence: PackedEvidence) -> PackedEvidence:
+        """The evidence of a tick, with the mean of all sightings of a subject since the last slot."""
+        alike = _alike(self._gathered(time, evidence))
+        profile = [] if any(len(several) > 1 for several in alike) else evidence.profile
+        relatives, seen = list[PackedRelative](), list[Seen]()
+        for several in alike:
+            found = _mean(several, time, evidence, alone=bool(profile))
+            if isinstance(found, Seen):
+                seen.append(found)
+            else:
+                relatives.append(found)
+        return evidence.model_copy(update={"relatives": relatives, "seen": seen, "profile": profile})
+
+    def said(self, time: float) -> None:
+        """Something was said in the slot of a team time (s)."""
+        self._last, self._waiting = self._slot(time), []
+
+    def _slot(self, time: float) -> int:
+        return math.floor(time * self.pace + EARLY)
+
+    def _gathered(self, time: float, evidence: PackedEvidence) -> list[Sighted]:
+        """What waits, and what this tick saw. In an epoch that is over it was seen from a place that is no longer believed."""
+        before = self._waiting if evidence.epoch == self._epoch else []
+        seen: list[PackedRelative | Seen] = [*evidence.relatives, *evidence.seen]
+        new = [Sighted(time - it.age, evidence.travelled.turn, it) for it in seen]
+        return [*new, *before][:MOST]
+
+
+def _alike(waiting: Sequence[Sighted]) -> list[list[Sighted]]:
+    """The sightings that are averaged, the newest first. Several of one moment are of different things: the newest stay as they are."""
+    found: dict[tuple[str, str, str], list[Sighted]] = {}
+    for it in waiting:
+        found.setdefault(it.what, []).append(it)
+    groups = list[list[Sighted]]()
+    for several in found.values():
+        if len({it.time for it in several}) == len(several):
+            groups.append(several)
+        else:
+            groups += [[it] for it in several if it.time == several[0].time]
+    return groups
+
+
+def _mean(several: Sequence[Sighted], time: float, evidence: PackedEvidence, alone: bool) -> PackedRelative | Seen:
+    """The mean of sightings of one subject: what would be seen at their mean time, where both ends move evenly.
+
+    Each is turned into the robot's frame of that time. Their fresh errors are independent, and what lasts is in all of them.
+    `alone`: the profile of the evidence, if it has one, is sent too.
+    """
+    count = len(several)
+    age = max(0.0, time - sum(it.time for it in several) / count)
+    turned = sum(it.turned for it in several) / count
+    told = [(it.seen, it.turned - turned) for it in several]
+    relatives = [(seen, turn) for seen, turn in told if isinstance(seen, PackedRelative)]
+    if not relatives:
+        return _mean_of_kind([(seen, turn) for seen, turn in told if isinstance(seen, Seen)], age)
+    newest, _ = relatives[0]
+    if alone:
+        return newest.model_copy(update={"age": single(age)})
+    x, y = np.mean([_turned(_place(it.range, it.bearing), turn) for it, turn in relatives], axis=0)
+    away = max(math.hypot(x, y), NEAREST)
+    along, across = np.mean([fresh_error(it, evidence) for it, _ in relatives], axis=0) / count
+    numbers = {"range": math.hypot(x, y), "bearing": math.atan2(y, x), "age": age}
+    variances = {"range_variance": along, "bearing_variance": across / away**2}
+    return newest.model_copy(update={name: single(value) for name, value in {**numbers, **variances}.items()})
+
+
+def _mean_of_kind(told: Sequence[tuple[Seen, float]], age: float) -> Seen:
+    """The same of a further kind, each with how far the robot had turned since the mean time."""
+    newest, count = told[0][0], len(told)
+    rows, spreads = list[Array](), list[Array]()
+    for seen, turn in told:
+        values, spread = np.array(seen.values), triangle(seen.covariance)
+        if len(values) > 1:
+            frame = np.eye(len(values))
+            frame[AXES, AXES] = np.stack([_turned(np.array(axis), turn) for axis in ((1.0, 0.0), (0.0, 1.0))], axis=1)
+            values, spread = frame @ values, frame @ spread @ frame.T
+        if seen.kind in ("bearing", "pose"):
+            first = newest.values[-1] + told[0][1]
+            values[-1] = first + wrap(float(values[-1]) + turn - first)
+        rows.append(values)
+        spreads.append(spread)
+    upper = (np.mean(spreads, axis=0) / count)[np.triu_indices(len(rows[0]))]
+    changes = {"values": tuple(map(single, np.mean(rows, axis=0))), "covariance": tuple(map(single, upper))}
+    return newest.model_copy(update={**changes, "age": single(age)})
+
+
+def _place(distance: float, bearing: float) -> Array:
+    return distance * np.array([math.cos(bearing), math.sin(bearing)])
+
+
+def _turned(place: Array, turn: float) -> Array:
+    c, s = math.cos(turn), math.sin(turn)
+    return np.array([c * place[0] - s * place[1], s * place[0] + c * place[1]])
