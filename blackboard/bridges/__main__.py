@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -17,6 +19,7 @@ from blackboard.process.loop import run
 from blackboard.run import door
 from blackboard.run.flags import WhichTeam
 from blackboard.view.source import TeamSource, open_tape
+from blackboard.wire.names import NAME
 
 if TYPE_CHECKING:
     from blackboard.bridges.ros.service import Sources
@@ -73,6 +76,7 @@ def ros(
     odometry: Topics = None,
     fix: Topics = None,
     pose: Topics = None,
+    sees: Topics = None,
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
     """Join a team to the ROS 2 nodes on the same Zenoh router (rmw_zenoh), until it is stopped (extra `ros`).
@@ -93,6 +97,8 @@ def ros(
         ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /initialpose, that becomes an absolute position in these readings.
     pose
         ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /amcl_pose, reported as that robot's own belief, without a `robot-agent`.
+    sees
+        ROBOT:SUBJECT=TOPIC, as r1:object/ball=/r1/ball: a PoseWithCovarianceStamped of what the robot sees, in its own frame.
     """
     with extra("ros", "the bridge to ROS 2"):
         from blackboard.bridges.ros import names
@@ -106,7 +112,7 @@ def ros(
     space = (namespace or names.part(name)).strip("/")
     if not names.is_topic(space):
         raise UserError(f"--namespace {space!r}: use letters, digits, '_' and '/', as in names of ROS")
-    sources = _sources(odometry, fix, pose)
+    sources = _sources(odometry, fix, pose, sees)
     members = {robot: _member(chosen, sub_team, robot) for robot in sources.poses}
     stop, clock = door.Stop(), UnixClock()
     with AttachedLink(flags.link(), "ros", patience=door.PATIENCE, stopped=stop, clock=clock) as link:
@@ -118,17 +124,25 @@ def ros(
     return door.DONE
 
 
-def _sources(odometry: list[str] | None, fix: list[str] | None, pose: list[str] | None) -> Sources:
+def _sources(
+    odometry: list[str] | None, fix: list[str] | None, pose: list[str] | None, sees: list[str] | None
+) -> Sources:
     """What the flags name, each robot and each topic in one way. UserError: what cannot be, or not together."""
     from blackboard.bridges.ros.service import Sources
 
-    sources = Sources(_topics("--odometry", odometry), _topics("--fix", fix), _topics("--pose", pose))
-    if both := sources.poses.keys() & {*sources.odometry, *sources.fixes}:
+    sources = Sources(
+        _topics("--odometry", odometry), _topics("--fix", fix), _topics("--pose", pose), _sightings("--sees", sees)
+    )
+    if both := sources.poses.keys() & sources.driven:
         raise UserError(
-            f"--pose {min(both)}: --odometry and --fix are for a robot with a `robot-agent`, which reports by itself; give one of them"
+            f"--pose {min(both)}: --odometry, --fix and --sees are for a robot with a `robot-agent`, which reports by itself; "
+            "give one of them"
         )
-    if twice := {topic.strip("/") for topic in sources.fixes.values()} & {t.strip("/") for t in sources.poses.values()}:
-        raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix or by --pose")
+    taken = Counter(
+        topic.strip("/") for kind in (sources.fixes, sources.poses, sources.sees) for topic in kind.values()
+    )
+    if twice := [topic for topic, number in taken.items() if number > 1]:
+        raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix, --pose or --sees")
     return sources
 
 
@@ -157,6 +171,27 @@ def _topics(flag: str, given: list[str] | None) -> dict[str, str]:
         if robot in found or topic.strip("/") in {other.strip("/") for other in found.values()}:
             raise UserError(f"{flag} {pair}: this robot or topic was given before")
         found[robot] = topic
+    return found
+
+
+def _sightings(flag: str, given: list[str] | None) -> dict[tuple[str, str], str]:
+    """ROBOT:SUBJECT=TOPIC, each subject of a robot once. UserError: another form."""
+    from blackboard.bridges.ros.names import is_topic
+
+    found: dict[tuple[str, str], str] = {}
+    for text in given or ():
+        left, equals, topic = text.partition("=")
+        robot, _, subject = left.partition(":")
+        if not equals or not is_topic(topic) or not re.fullmatch(f"(robot|object)/{NAME}", subject):
+            raise UserError(
+                f"{flag} {text}: write ROBOT:SUBJECT=TOPIC, as r1:object/ball=/r1/ball; a subject is robot/NAME or object/NAME"
+            )
+        door.check_name(flag, robot)
+        if subject == f"robot/{robot}":
+            raise UserError(f"{flag} {text}: a robot sees others; of itself give --fix")
+        if (robot, subject) in found:
+            raise UserError(f"{flag} {text}: this subject of this robot was given before")
+        found[robot, subject] = topic
     return found
 
 

@@ -1,11 +1,14 @@
-"""A robot's ROS odometry and absolute poses as the Readings of its `robot-agent`. Pure."""
+"""A robot's ROS odometry, absolute poses and sightings as the Readings of its `robot-agent`. Pure."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from blackboard.bridges.ros.convert import Place
 from blackboard.errors import Refused
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings
 
 PERIOD = 0.2  # seconds between two Readings at least
@@ -14,7 +17,10 @@ FASTEST = 50.0  # metres per second: no robot of a team is faster
 
 
 class Driver:
-    """Sums up odometry, which may come faster than Readings go; a fix goes with the next ones. `now` is Unix time in seconds."""
+    """Sums up odometry, which may come faster than Readings go; fixes and sightings go with the next ones.
+
+    `now` is Unix time in seconds.
+    """
 
     def __init__(self, robot: str) -> None:
         self.robot = robot
@@ -23,6 +29,7 @@ class Driver:
         self._last: Place | None = None
         self._distance = self._turn = self._time = 0.0  # since the last Readings
         self._fix: Place | None = None
+        self._seen: dict[str, tuple[float, Seen]] = {}  # by subject, with the Unix time at which it came
         self._sent_at = -math.inf
 
     def move(self, place: Place) -> None:
@@ -45,13 +52,42 @@ class Driver:
         """Take an absolute pose, in the team's frame."""
         self._fix = place
 
+    def see(self, subject: str, place: Place, now: float) -> None:
+        """Take where something is in the robot's own frame, of a robot also its heading; of each subject the newest counts.
+
+        Refused "fields": its covariance is none that a sensor has.
+        """
+        is_pose = subject.startswith("robot/") and place.heading_sigma is not None
+        size = 3 if is_pose else 2
+        upper = place.covariance[:size, :size][np.triu_indices(size)]
+        try:
+            seen = Seen(
+                subject=subject,
+                kind="pose" if is_pose else "position",
+                values=(place.x, place.y, place.yaw)[:size],
+                covariance=tuple(map(float, upper)),
+            )
+        except ValueError:
+            raise Refused("fields", f"{subject}: the covariance of x, y and yaw must be positive definite") from None
+        self._seen[subject] = now, seen
+
     def readings(self, now: float) -> Readings | None:
         """What is to be sent now, or None: nothing came, or too little time has passed."""
-        if now < self._sent_at + PERIOD or (self._time <= 0 and self._fix is None):
+        if now < self._sent_at + PERIOD or not self._waits:
             return None
         self._run = self._run or f"ros since {now:.0f}"
         moved = Odometry(distance=self._distance, turn=self._turn, dt=max(self._time, 1e-6)) if self._time > 0 else None
-        found = Readings(run=self._run, robot=self.robot, tick=self._tick, time=now, odometry=moved, fix=self._fixed())
+        seen = [it.model_copy(update={"age": max(0.0, now - at)}) for at, it in self._seen.values()]
+        found = Readings(
+            run=self._run,
+            robot=self.robot,
+            tick=self._tick,
+            time=now,
+            odometry=moved,
+            fix=self._fixed(),
+            seen=seen,
+        )
+        self._seen = {}
         self._distance = self._turn = self._time = 0.0
         self._fix, self._sent_at = None, now
         self._tick += 1
@@ -59,7 +95,11 @@ class Driver:
 
     def due(self) -> float | None:
         """When the next Readings can go, in Unix seconds; None while nothing waits."""
-        return self._sent_at + PERIOD if self._time > 0 or self._fix is not None else None
+        return self._sent_at + PERIOD if self._waits else None
+
+    @property
+    def _waits(self) -> bool:
+        return self._time > 0 or self._fix is not None or bool(self._seen)
 
     def _fixed(self) -> Fix | None:
         place = self._fix

@@ -1,6 +1,7 @@
 """The bridge as a service (`blackboard.process.service.Service`): a node of ROS that follows a team and speaks for robots.
 
-What is agreed on is published (`publisher`); odometry and fixes become readings of robots (`driver`), poses the reports of others.
+What is agreed on is published (`publisher`). Odometry, fixes and sightings become readings of robots (`driver`), poses the
+reports of others.
 """
 
 from __future__ import annotations
@@ -34,11 +35,17 @@ Take = Callable[[bytes, float], list[Envelope]]
 
 @dataclass(frozen=True)
 class Sources:
-    """What is taken in: robot -> topic."""
+    """What is taken in: robot -> topic; of sightings robot and subject -> topic."""
 
     odometry: Mapping[str, str] = field(default_factory=dict)
     fixes: Mapping[str, str] = field(default_factory=dict)
     poses: Mapping[str, str] = field(default_factory=dict)
+    sees: Mapping[tuple[str, str], str] = field(default_factory=dict)
+
+    @property
+    def driven(self) -> set[str]:
+        """The robots whose readings are made of these."""
+        return {*self.odometry, *self.fixes, *(robot for robot, _ in self.sees)}
 
 
 class RosBridge:
@@ -50,7 +57,7 @@ class RosBridge:
         self.refused: Counter[str] = Counter()  # of what came from ROS, by reason
         self._name, self._fold, self._publisher = team, Fold(most_bytes=0), Publisher(node, namespace)
         self._members = members
-        self._drivers = {robot: Driver(robot) for robot in {*sources.odometry, *sources.fixes}}
+        self._drivers = {robot: Driver(robot) for robot in sources.driven}
         self._takes: dict[str, tuple[str, Take]] = {}  # key -> topic, and what is done with a message
         for robot, topic in sources.odometry.items():
             self._listen(topic, ODOMETRY, partial(self._hear_odometry, robot))
@@ -58,6 +65,8 @@ class RosBridge:
             self._listen(topic, POSE, partial(self._hear_fix, robot))
         for robot, topic in sources.poses.items():
             self._listen(topic, POSE, partial(self._hear_pose, robot))
+        for (robot, subject), topic in sources.sees.items():
+            self._listen(topic, POSE, partial(self._hear_sighting, robot, subject))
         self._logged: set[tuple[str, str]] = set()
         self._status_due = 0.0
         self._counters: dict[str, int] = {}
@@ -140,6 +149,10 @@ class RosBridge:
 
     def _hear_fix(self, robot: str, payload: bytes, now: float) -> list[Envelope]:
         self._drivers[robot].fix(self._framed(convert.place(payload)))
+        return self._drive(self._drivers[robot], now)
+
+    def _hear_sighting(self, robot: str, subject: str, payload: bytes, now: float) -> list[Envelope]:
+        self._drivers[robot].see(subject, convert.place(payload), now)
         return self._drive(self._drivers[robot], now)
 
     def _hear_pose(self, robot: str, payload: bytes, now: float) -> list[Envelope]:

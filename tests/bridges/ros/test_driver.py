@@ -66,6 +66,28 @@ def test_the_way_comes_out_whichever_way_the_robot_looked_at_the_start(
     assert told.odometry.turn == pytest.approx(sum(turn for _, turn in steps), abs=1e-9)
 
 
+@pytest.mark.parametrize("subject", ["object/ball", "robot/r2"])
+@pytest.mark.parametrize("bad", [np.diag([1.0, 0.0, 0.1]), np.ones((3, 3)), np.diag([1.0, -1.0, 0.1])])
+def test_a_sighting_without_a_covariance_is_refused_and_not_told(subject: str, bad: np.ndarray) -> None:
+    driver = Driver("r1")
+    with pytest.raises(Refused, match="must be positive definite"):
+        driver.see(subject, at(0.0, 3.0, 4.0, covariance=bad), 100.0)
+    assert driver.readings(100.0) is None
+    assert driver.due() is None
+
+
+def test_a_sighting_waits_for_the_next_readings_and_says_its_age() -> None:
+    driver = Driver("r1")
+    driver.see("robot/r2", at(0.0, 3.0, 4.0, 0.5, np.diag([0.1, 0.2, ANY_HEADING])), 100.0)
+    assert driver.due() is not None
+    told = driver.readings(100.1)
+    assert told is not None
+    (seen,) = told.seen
+    assert (seen.kind, seen.values) == ("position", (3.0, 4.0))  # nothing is known of the heading
+    assert seen.age == pytest.approx(0.1)
+    assert driver.readings(101.0) is None
+
+
 def test_what_comes_twice_or_late_is_refused_and_moves_nobody() -> None:
     driver = Driver("r1")
     driver.move(at(5.0, 0.0, 0.0))

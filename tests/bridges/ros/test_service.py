@@ -120,6 +120,31 @@ def test_odometry_and_fixes_become_the_readings_of_a_robot() -> None:
     assert sum(it.odometry.dt for it in readings if it.odometry is not None) == pytest.approx(1.0)
 
 
+def test_what_a_robot_sees_goes_with_its_readings_of_a_robot_with_the_heading() -> None:
+    one = bridge(Sources(sees={("r1", "object/ball"): "r1/ball", ("r1", "robot/r2"): "r1/mate"}))
+    run, bus = team(one)
+    run(0.1)
+    bus.send(Envelope(key(0, "r1/ball", POSE), pose(5, 6, 0.5, frame="r1/base_link")))
+    bus.send(Envelope(key(0, "r1/mate", POSE), pose(7, 8)))
+    found = run(0.1)
+    bus.send(Envelope(key(0, "r1/ball", POSE), pose(9, 9)))
+    bus.send(Envelope(key(0, "r1/ball", POSE), pose(4, 3)))  # of each subject the newest counts
+    found += run(1.0)
+    readings = [decode(Readings, it.payload) for it in found if it.key == "cop/t/world/reading/r1"]
+    seen = [it for told in readings for it in told.seen]
+    assert [(it.subject, it.kind) for it in seen] == [
+        ("object/ball", "position"),
+        ("robot/r2", "pose"),
+        ("object/ball", "position"),
+    ]
+    assert seen[0].values == pytest.approx((5, 6), abs=0.1)
+    assert seen[0].covariance == pytest.approx((0.5, 0.0, 0.5), abs=0.2)
+    assert seen[1].values == pytest.approx((7, 8, 0), abs=0.1)
+    assert seen[2].values == pytest.approx((4, 3), abs=0.1)
+    assert all(0.0 <= it.age <= 0.3 for it in seen)
+    assert not one.refused
+
+
 @pytest.mark.parametrize(
     ("topic", "type_name", "payload", "reason"),
     [
