@@ -15,6 +15,7 @@ import numpy as np
 from blackboard.errors import UserError
 from blackboard.opinion.agreement import bhattacharyya_coefficient
 from blackboard.opinion.belief import Belief, blur
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import chernoff
 from blackboard.opinion.weights import entropy
@@ -165,8 +166,8 @@ class Estimator:
 
 
 def newest(sightings: list[Sighting]) -> list[Sighting]:
-    """The last sighting of each subject: frames that follow each other share their error."""
-    return list({sighting.subject: sighting for sighting in sightings}.values())
+    """The last sighting of each subject that is named: frames that follow each other share their error."""
+    return list({it.subject: it for it in sightings if not is_class(it.subject)}.values())
 
 
 def combined(tracked: Belief | None, seen: Belief, fresh: float) -> Belief:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import Seen, unpack_seen
 from blackboard.wire.messages import Odometry, Readings, Sighting
@@ -54,7 +55,7 @@ class Unseen:
 def trackable(readings: Readings, tracked: Collection[str]) -> Readings:
     """The readings without sightings of more mates, or of more objects beside the `tracked` subjects, than a robot tracks."""
     in_view = zip(readings.subjects, readings.landmarks, strict=True)
-    names = {subject for subject, landmark in in_view if landmark is None}
+    names = {subject for subject, landmark in in_view if landmark is None and not is_class(subject)}
     mates = sorted(name for name in names if name.startswith("robot/"))
     objects = sorted(names - set(mates) - set(tracked))
     room = max(0, MAX_TRACKED - sum(not name.startswith("robot/") for name in tracked))

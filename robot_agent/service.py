@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.grid import Grid
 from blackboard.process.peer import Answers, Peer
 from blackboard.process.reactions import Cue
@@ -208,6 +209,8 @@ class AgentService(Around):
         if isinstance(self.agent, Agent):
             parts = sum(it.kind in PARTS and it.landmark is None for it in readings.seen)
             self.counters.update({"unused_parts": parts} if parts else {})
+            if unnamed := sum(is_class(subject) for subject in readings.subjects):
+                self.counters["unused_unnamed"] += unnamed
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         self._failed += 1

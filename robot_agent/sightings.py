@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING
 from blackboard.opinion.grid import Grid
@@ -53,6 +54,8 @@ class Sightings:
             # An error that lasts is in each sighting of a subject, so that nothing reduces it.
             gains = (max(0.0, along - lasting) / (fresh[0] + lasting), across / fresh[1])
             found[it.subject] = 0.5 * sum(math.log1p(gain) for gain in gains)
+            if is_class(it.subject):
+                continue
             self._after[it.subject] = Told(
                 time, max(along / (1 + gains[0]), min(along, lasting)), across / (1 + gains[1])
             )

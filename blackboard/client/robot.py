@@ -16,7 +16,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Sighting
-from blackboard.wire.names import NAME, SUBJECT_KINDS
+from blackboard.wire.names import SIGHTED
 from blackboard.wire.types import LARGEST
 
 if TYPE_CHECKING:
@@ -137,16 +137,20 @@ class Robot(Membership):
         *,
         at: npt.ArrayLike | None = None,
         age: float = 0.0,
+        confidence: float = 1.0,
     ) -> None:
         """The robot sees `robot/r2`, `object/ball`, ...: at a range, a bearing (0: ahead, counter-clockwise), both, or a position.
 
         A `position` (ahead, to the left) is in the robot's own frame, its `covariance` of shape (2, 2). With a third number, the
         heading less the robot's own, it is a pose, and that of shape (3, 3). `at` is where a landmark stands in the team's frame;
-        `age` are seconds since it was seen. Of the ranges with bearings to one subject the newest counts.
+        `age` are seconds since it was seen. Of the ranges with bearings to one subject the newest counts. Where it does not know which
+        one it sees, the subject is a class: `robot/?`, `person/?`, `object/ball?`. `confidence` is how sure the detector is.
         """
         known = _Call("see")
-        if not isinstance(subject, str) or not re.fullmatch(f"({SUBJECT_KINDS})/{NAME}", subject):
-            raise ValueError(f"see(subject={subject!r}): give robot/NAME, object/NAME or landmark/NAME")
+        if not isinstance(subject, str) or not re.fullmatch(SIGHTED, subject):
+            raise ValueError(
+                f"see(subject={subject!r}): give robot/NAME, object/NAME, landmark/NAME, or a class as robot/?"
+            )
         if subject == f"robot/{self.robot}":
             raise ValueError(f"see(subject={subject!r}): is this robot itself")
         if subject.startswith("landmark/") == (at is None):
@@ -156,6 +160,7 @@ class Robot(Membership):
             "subject": subject,
             "landmark": None if at is None else known.numbers("at", at, (2,)),
             "age": known.number("age", age, least=0.0),
+            "confidence": known.share("confidence", confidence),
         }
         if position is not None:
             if not (range is bearing is range_sigma is bearing_sigma is None):
@@ -281,6 +286,12 @@ class _Call:
 
     def angle(self, name: str, value: Any) -> float:
         return math.remainder(self.number(name, value), math.tau)
+
+    def share(self, name: str, value: Any) -> float:
+        found = self._float(value)
+        if not 0.0 < found <= 1.0:
+            raise self.wrong(name, value, "give a number above 0 and at most 1")
+        return found
 
     def sigma(self, name: str, value: Any) -> float | None:
         return None if value is None else self.number(name, value, least=LEAST)

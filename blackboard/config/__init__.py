@@ -175,7 +175,7 @@ class BoardSection(Section):
         Subjects that no pattern names all have the same rule, so one name is tried for them.
         """
         names = {pattern.split("/")[1] for pattern in self.subjects} - {"*"}
-        for kind, name in itertools.product(("robot", "object", "landmark"), sorted(names | {"any-other"})):
+        for kind, name in itertools.product(SUBJECT_KINDS.split("|"), sorted(names | {"any-other"})):
             self.of(f"{kind}/{name}")
         return self
 

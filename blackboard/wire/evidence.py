@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from typing import Annotated, Self
 
 import numpy as np
@@ -25,6 +25,7 @@ from blackboard.wire.types import (
     LARGEST,
     LEAST,
     MAX_OPINIONS,
+    Confidence,
     Finite,
     Listed,
     Message,
@@ -32,7 +33,7 @@ from blackboard.wire.types import (
     NonNegative,
     Part,
     Point,
-    Subject,
+    Sighted,
     Text,
     Tick,
 )
@@ -157,8 +158,8 @@ class PackedRelative(Part):
     angle, a scale, or an error of either above 1000.
     """
 
-    subject: Subject
-    """what is seen"""
+    subject: Sighted
+    """what is seen, or its class"""
     range: NonNegative
     """in the grid's unit"""
     bearing: Finite
@@ -173,6 +174,10 @@ class PackedRelative(Part):
     """errors of the range that last so many seconds"""
     group: Annotated[str, Field(max_length=80)] = ""
     """sightings with one name share these errors; empty: those of the subject"""
+    confidence: Confidence = 1.0
+    """how sure the detector is that something is there"""
+    mark: Tick | None = None
+    """of an unnamed one: its number among those of the tick's Readings, `sightings` first and then `seen`, from 0"""
 
 
 class Seen(Part):
@@ -190,8 +195,8 @@ class Seen(Part):
       is a robot.
     """
 
-    subject: Subject
-    """what is seen"""
+    subject: Sighted
+    """what is seen, or its class"""
     kind: Text
     """one of the above"""
     values: Annotated[tuple[Finite, ...], Field(min_length=1, max_length=MAX_VALUES), Listed]
@@ -207,6 +212,10 @@ class Seen(Part):
     biases: Annotated[list[LastingBias], Field(max_length=4)] = Field(default_factory=list)
     """errors of the range that last so many seconds"""
     group: Annotated[str, Field(max_length=80)] = ""
+    """as in PackedRelative"""
+    confidence: Confidence = 1.0
+    """how sure the detector is that something is there"""
+    mark: Tick | None = None
     """as in PackedRelative"""
 
     @property
@@ -343,6 +352,8 @@ def pack_evidence(
                 age=it.age,
                 biases=[(bias.sigma, bias.seconds) for bias in it.biases],
                 group=it.group,
+                confidence=it.confidence,
+                mark=it.mark,
             )
             for it in told[:MAX_RELATIVES]
         ],
@@ -362,6 +373,8 @@ def _seen(it: Relative) -> Seen:
         age=it.age,
         biases=biases,
         group=it.group,
+        confidence=it.confidence,
+        mark=it.mark,
     )
 
 
@@ -434,6 +447,8 @@ def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, .
             age=it.age,
             biases=tuple(Bias(sigma, seconds) for sigma, seconds in it.biases),
             group=it.group,
+            confidence=it.confidence,
+            mark=it.mark,
             profile=profile,
         )
         for it in packed.relatives
@@ -443,7 +458,8 @@ def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, .
 def unpack_seen(it: Seen, observer: str) -> Relative:
     """A sighting of a further kind that is known here, with its covariance."""
     biases = tuple(Bias(sigma, seconds) for sigma, seconds in it.biases)
-    return measured(it.kind, observer, it.subject, it.values, it.covariance, it.age, biases, it.group)  # type: ignore[arg-type]
+    seen = measured(it.kind, observer, it.subject, it.values, it.covariance, it.age, biases, it.group)  # type: ignore[arg-type]
+    return replace(seen, confidence=it.confidence, mark=it.mark)
 
 
 def _row(values: Array) -> tuple[float, ...]:

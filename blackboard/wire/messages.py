@@ -1,7 +1,8 @@
 """The messages between processes: one model each, unknown fields ignored, everything bounded.
 
 Times are team time in seconds: the world's clock where a world runs, Unix time on real robots. Positions and ranges are
-in the grid's unit, angles in radians, counter-clockwise. Subjects are `robot/<id>`, `object/<name>` or `landmark/<name>`.
+in the grid's unit, angles in radians, counter-clockwise. Subjects are `robot/<id>`, `object/<name>`, `person/<name>` or
+`landmark/<name>`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS
 from blackboard.wire.types import (
     MAX_OPINIONS,
     Ancestors,
+    Confidence,
     Count,
     Counts,
     Finite,
@@ -30,6 +32,7 @@ from blackboard.wire.types import (
     Point,
     Positive,
     Settings,
+    Sighted,
     Subject,
     Subjects,
     Text,
@@ -511,8 +514,8 @@ class Fix(Part):
 class Sighting(Part):
     """Something seen at a range and a bearing from the robot's heading; a landmark comes with its surveyed position."""
 
-    subject: Subject
-    """what is seen"""
+    subject: Sighted
+    """what is seen; or a class, where nobody knows which one: `robot/?`, `person/?`, `object/ball?`"""
     range: NonNegative
     """in the grid's unit"""
     bearing: Finite
@@ -525,6 +528,8 @@ class Sighting(Part):
     """of this range, in the grid's unit; none: by the robot's model. A joint's robots use it"""
     bearing_sigma: Positive | None = None
     """of this bearing, radians; the same"""
+    confidence: Confidence = 1.0
+    """how sure the detector is that something is there"""
 
 
 class Readings(Message):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from blackboard.wire.names import NAME, SUBJECT_KINDS
+from blackboard.wire.names import NAME, SIGHTED, SUBJECT_KINDS
 from blackboard.wire.raw import MAX_ITEMS
 
 MAX_OPINIONS = 256  # the longest list in a message: sources of a consensus, sightings of a tick
@@ -18,10 +18,12 @@ MAX_NAME = 200  # characters of a text for people, or of a name of a counter or 
 
 Name = Annotated[str, Field(pattern=f"^{NAME}$")]
 Subject = Annotated[str, Field(pattern=f"^({SUBJECT_KINDS})/{NAME}$")]
+Sighted = Annotated[str, Field(pattern=f"^({SIGHTED})$")]
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(ge=LEAST, le=LARGEST, allow_inf_nan=False)]
 Text = Annotated[str, Field(max_length=MAX_NAME)]
+Confidence = Annotated[float, Field(gt=0, le=1)]
 Count = Annotated[int, Field(ge=0, lt=1 << 63)]
 Tick = Annotated[int, Field(ge=0, lt=1 << 53)]
 Ancestors = Annotated[dict[Name, Finite], Field(max_length=MAX_OPINIONS)]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
@@ -165,7 +166,11 @@ class JointAgent:
         evidence = told.evidence(self.subject, readings.tick, readings.time, self.filter.sensors.wheels.nuisance)
         self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [evidence])
         known = {subject: self.own.marginal(subject) for subject in {self.subject, *self.own.subjects()}}
-        mates = [r for r in told.relatives if r.places and r.subject.startswith("robot/") and r.subject != self.subject]
+        mates = [
+            r
+            for r in told.relatives
+            if r.places and r.subject.startswith("robot/") and r.subject != self.subject and not is_class(r.subject)
+        ]
         known |= {relative.subject: self.own.projected(relative, told.motion) for relative in mates}
         return {subject: self._drawn(moments) for subject, moments in known.items()}
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
@@ -122,10 +123,10 @@ class FirstHand:
             self.restart(readings.time)
         self._judge_wheels(at)
         motion = self._move(readings)
-        newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age)}
+        newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age) if not is_class(s.subject)}
         relatives = self._relatives(newest, motion.dt)
         places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
-        further = [it for it in readings.seen if it.is_known]
+        further = [it for it in readings.seen if it.is_known and not is_class(it.subject)]
         seen_landmarks = [(relatives[name], np.array(place)) for name, place in sorted(places.items())]
         seen_landmarks += [
             (self.sensors.relative(self.robot, it), np.array(it.landmark)) for it in further if it.landmark
@@ -154,6 +155,8 @@ class FirstHand:
         self._unsent = None
         seen = tuple(r for name, r in relatives.items() if name not in places)
         seen += tuple(self.sensors.relative(self.robot, it) for it in further if not it.landmark)
+        unnamed = self.sensors.unnamed(self.robot, readings, self._turned, motion.dt)
+        seen += tuple(self.camera.scaled(it) if it.kind == "range-bearing" else it for it in unnamed)
         if self.known and _is_absurd(self.joint):
             increment = unsent = None
             self.restart(readings.time)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, MEDIAN, quantile
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.increment import Increment, gained, likelihood
 from blackboard.opinion.gaussian.joint import Block, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import HEADING, POSE, Motion, Nuisance, drive, entering, wrap
@@ -106,11 +107,18 @@ class Given(FirstHand):
         told_of = not self.independence.fed_back
         increment, unsent = (self.gain, self._gained(self._before)) if told_of else (None, None)
         self._unsent = None
-        seen = [s for s in sorted(readings.sightings, key=lambda s: -s.age) if s.landmark is None]
+        seen = [
+            s
+            for s in sorted(readings.sightings, key=lambda s: -s.age)
+            if s.landmark is None and not is_class(s.subject)
+        ]
         relatives = {s.subject: self.sensors.camera.relative(self.robot, s, self._turned, motion.dt) for s in seen}
         further = tuple(
-            self.sensors.relative(self.robot, it) for it in readings.seen if it.is_known and it.landmark is None
+            self.sensors.relative(self.robot, it)
+            for it in readings.seen
+            if it.is_known and it.landmark is None and not is_class(it.subject)
         )
+        further += tuple(self.sensors.unnamed(self.robot, readings, self._turned, motion.dt))
         told = tuple(relatives[name] for name in sorted(relatives)) + further
         return Told(self.epoch, self.travelled, self.belief, increment, told, motion, unsent)
 

@@ -20,10 +20,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, kinds
 from blackboard.wire.evidence import Seen
-from blackboard.wire.messages import Odometry, Sighting
+from blackboard.wire.messages import Odometry, Readings, Sighting
 from robot_agent.config import OdometrySection, RobotSection
 from robot_agent.sensing import SEEN_FROM, SEEN_TO, position_sigma
 
@@ -168,6 +169,20 @@ class Sensors:
         elif not covariance:
             covariance = (camera.bearing**2,)
         return measured(seen.kind, robot, seen.subject, seen.values, covariance, seen.age, biases, seen.group)  # type: ignore[arg-type]
+
+    def unnamed(self, robot: str, readings: Readings, turned: float, dt: float) -> list[Relative]:
+        """The sightings of which only the class is told, all of them; `turned` and `dt` as in `Camera.relative`."""
+        seen_now: list[Sighting | Seen] = [*readings.sightings, *readings.seen]
+        found = []
+        for mark, it in enumerate(it for it in seen_now if is_class(it.subject)):
+            if isinstance(it, Sighting):
+                seen = self.camera.relative(robot, it, turned, dt)
+            elif it.is_known:
+                seen = self.relative(robot, it)
+            else:
+                continue
+            found.append(replace(seen, confidence=it.confidence, mark=mark))
+        return found
 
 
 def sensors_of(settings: RobotSection) -> Sensors:

@@ -12,6 +12,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Odometry, Readings, Report, Sighting
 from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection
@@ -65,6 +66,19 @@ def test_it_reports_itself_what_it_saw_and_its_evidence() -> None:
     for subject, sighting in (("object/ball", BALL), ("robot/r2", MATE)):
         at = place + sighting.range * np.array([math.cos(sighting.bearing), math.sin(sighting.bearing)])
         assert mean(found[subject]) == pytest.approx(at, abs=0.7)
+
+
+def test_every_sighting_of_a_class_is_evidence_and_nobody_is_placed_by_it() -> None:
+    one = Sighting(subject="robot/?", range=6.0, bearing=-0.2, confidence=0.9)
+    other = Seen(subject="object/?", kind="position", values=(1.0, 2.0), covariance=(0.1, 0.0, 0.1))
+    told = readings(0, one, MATE, one, fix=(10, 10)).model_copy(update={"seen": [other]})
+    found = by_subject(agent().tick(told, {})[0])
+    assert set(found) == {"robot/r1", "robot/r2"}
+    evidence = found["robot/r1"].evidence
+    assert evidence is not None
+    unnamed = [(it.subject, it.mark, it.confidence) for it in evidence.relatives if it.mark is not None]
+    assert unnamed == [("robot/?", 0, 0.9), ("robot/?", 1, 0.9)]
+    assert [(it.subject, it.mark) for it in evidence.seen] == [("object/?", 2)]
 
 
 def test_what_it_believes_alone_never_depends_on_the_team() -> None:

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.relation import Bias, Relative
+from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.evidence import (
@@ -46,6 +46,19 @@ def test_evidence_is_read_back_as_it_was() -> None:
         unpack_relatives(EVIDENCE, "robot/r1"),
     )
     assert again == EVIDENCE
+
+
+def test_a_sighting_of_a_class_is_read_back_with_its_confidence_and_its_number() -> None:
+    plain = Relative("robot/r1", "robot/?", 2.0, 0.0, 0.1, 0.1, confidence=0.75, mark=3)
+    place = replace(measured("position", "robot/r1", "person/?", (1.0, 2.0), (0.1, 0.0, 0.1)), confidence=0.5, mark=0)
+    packed = pack_evidence(0, Motion(), Nuisance(), None, None, [plain, place])
+    assert set(unpack_relatives(packed, "robot/r1")) == {plain, place}
+
+
+@pytest.mark.parametrize("subject", ["robot/?r", "landmark/?", "robot?", "robot/??", f"object/{'x' * 64}?"])
+def test_what_is_no_class_is_refused(subject: str) -> None:
+    with pytest.raises(ValidationError):
+        Seen(subject=subject, kind="position", values=(1.0, 2.0), covariance=(0.1, 0.0, 0.1))
 
 
 def test_beside_a_sighting_without_a_profile_the_others_have_the_variances_at_their_ranges() -> None:

@@ -23,6 +23,7 @@ from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.believed import SPACING
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.drawing import draw
@@ -158,14 +159,15 @@ class JointDesk:
         alone = [name for name, seen in self._objects.items() if set(seen) == {robot}]
         known = set(alone[:share]) | {name for name in self._objects if name not in alone}
         room = share - min(share, len(alone))
-        sighted = sorted({it.subject for it in evidence.relatives if not it.subject.startswith("robot/")})
+        others = {it.subject for it in evidence.relatives if it.subject.startswith("robot/") or is_class(it.subject)}
+        sighted = sorted({it.subject for it in evidence.relatives} - others)
         known |= set([name for name in sighted if name not in self._objects][:room])
         for name in sighted:
             if name in known:
                 self._objects.setdefault(name, {})[robot] = time
         several = [name for name, seen in self._objects.items() if len(seen) > 1]
         known -= set(several[MAX_OBJECTS:])
-        kept = tuple(it for it in evidence.relatives if it.subject.startswith("robot/") or it.subject in known)
+        kept = tuple(it for it in evidence.relatives if it.subject in known | others)
         self.counters["joint_dropped"] += len(evidence.relatives) - len(kept)
         return replace(evidence, relatives=kept)
 

@@ -56,6 +56,7 @@ class Tally:
     repeated: int = 0  # reports of a tick that is settled already
     gated: int = 0  # increments and relative beliefs that contradict the joint
     silent: int = 0  # relative beliefs about a robot of which no motion came in the tick, or that say too little alone
+    unnamed: int = 0  # relative beliefs about a class of things, which tell nobody anything yet
     outvoted: int = 0  # predictions of a robot's place that a coalition contradicted
     verdicts: list[Verdict] = field(default_factory=list)  # of the last tick
     #: Of the last tick: robot -> who was believed about its place.

@@ -78,6 +78,8 @@ class Relative:
     kind: Kind = "range-bearing"
     spread: tuple[float, ...] = ()
     heading: float = 0.0  # rad: of a pose, the subject's heading in the observer's frame
+    confidence: float = 1.0  # the detector's, that something is there
+    mark: int | None = None  # of an unnamed one: its number among those of the tick
 
     @property
     def places(self) -> bool:

@@ -19,6 +19,7 @@ import numpy as np
 from blackboard.errors import Degenerate
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.chi_squared import DOUBT, GATE, quantile, wilson_hilferty
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import KNOWN, PREDICTION, Choice, about, choose
 from blackboard.opinion.gaussian.contacts import Claim, Contacts
@@ -181,7 +182,9 @@ class TeamJoint:
                 if robot in known:
                     learned = self.innovations.variance((robot, "increment"))
                     increment = self.limits.increment(robot, increment, learned, it.belief)
-                relatives = tuple(self.limits.sighting(relative, self._distance(relative)) for relative in it.relatives)
+                named = [relative for relative in it.relatives if not is_class(relative.subject)]
+                self.tally.unnamed += len(it.relatives) - len(named)
+                relatives = tuple(self.limits.sighting(relative, self._distance(relative)) for relative in named)
                 bounded[robot] = replace(it, increment=increment, relatives=relatives)
         return bounded
 
