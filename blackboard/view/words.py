@@ -134,8 +134,22 @@ def _joint(level: Table) -> list[str]:
     if level["sources"]:
         each = ", ".join(f"{source['source']} ({source['entropy']:.2f} nats by itself)" for source in level["sources"])
         found.append(f"In this tick it was told of by {each}.")
+    found += _unnamed(level["unnamed"])
     if len(level["components"]) > 1:
         found.append(_coalitions(level["components"]))
+    return found
+
+
+def _unnamed(sightings: Sequence[Table]) -> list[str]:
+    """Whose sightings without a name clearly are this, and with which odds others may be."""
+    clear = dict.fromkeys(one["source"] for one in sightings if one["taken"])
+    found = [f"{_and(list(clear))} saw it without a name, and it clearly is this."] if clear else []
+    for one in sightings:
+        if not one["taken"] and one["probability"] >= LITTLE:
+            share = 100 * one["probability"]
+            found.append(
+                f"Something that {one['source']} saw is this with {share:.0f} %; that is not clear, so it was left out."
+            )
     return found
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from blackboard.errors import Refused
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import NUMBERS, Bias, Relative, measured, triangle, upper_indices
@@ -448,7 +449,7 @@ def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, .
             biases=tuple(Bias(sigma, seconds) for sigma, seconds in it.biases),
             group=it.group,
             confidence=it.confidence,
-            mark=it.mark,
+            mark=it.mark if is_class(it.subject) else None,
             profile=profile,
         )
         for it in packed.relatives
@@ -459,7 +460,7 @@ def unpack_seen(it: Seen, observer: str) -> Relative:
     """A sighting of a further kind that is known here, with its covariance."""
     biases = tuple(Bias(sigma, seconds) for sigma, seconds in it.biases)
     seen = measured(it.kind, observer, it.subject, it.values, it.covariance, it.age, biases, it.group)  # type: ignore[arg-type]
-    return replace(seen, confidence=it.confidence, mark=it.mark)
+    return replace(seen, confidence=it.confidence, mark=it.mark if is_class(it.subject) else None)
 
 
 def _row(values: Array) -> tuple[float, ...]:

@@ -238,6 +238,21 @@ class LeftOut(Part):
     """why, for people"""
 
 
+class UnnamedSighting(Part):
+    """A sighting of a class, as `robot/?`, that may be of the subject of a consensus."""
+
+    source: Name
+    """whose"""
+    time: Finite
+    """team time of the end of its tick, seconds: that of its Readings"""
+    mark: Tick
+    """its number among the unnamed ones of that tick, as in PackedRelative"""
+    probability: Annotated[float, Field(ge=0, le=1)]
+    """that it is of this subject"""
+    taken: bool = False
+    """whether it is clear that it is: from 0.95 on"""
+
+
 class Consensus(Message):
     """A board says what its sub-team (`consensus`) or the whole team (`agreed`) believes about one subject, and why."""
 
@@ -302,6 +317,8 @@ class Consensus(Message):
     """which of its sources keep disagreeing with the others"""
     camps: Annotated[list[Camp], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     """opposed camps of its sources, the heaviest first: nobody can tell which is right"""
+    unnamed: Annotated[list[UnnamedSighting], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
+    """of a joint: the sightings since the last tick that named a class, and may be of this"""
 
 
 class Status(Message):

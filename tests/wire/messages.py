@@ -32,6 +32,7 @@ from blackboard.wire.messages import (
     Solo,
     Status,
     Truth,
+    UnnamedSighting,
     Used,
 )
 from blackboard.wire.types import Message
@@ -74,6 +75,7 @@ CONSENSUS = Consensus(
     conflict=True,
     rule="cooperative",
     parameters={"k": 2.0},
+    unnamed=[UnnamedSighting(source="r1", time=0.6, mark=2, probability=0.995, taken=True)],
 )
 AGREED = CONSENSUS.model_copy(update={"level": "agreed"})
 STATE = Moments(np.arange(9.0), np.diag(np.arange(1.0, 10.0)))

@@ -55,6 +55,12 @@ def test_a_sighting_of_a_class_is_read_back_with_its_confidence_and_its_number()
     assert set(unpack_relatives(packed, "robot/r1")) == {plain, place}
 
 
+def test_who_names_a_robot_cannot_say_that_it_did_not() -> None:
+    named = Relative("robot/r1", "robot/r2", 2.0, 0.0, 0.1, 0.1, mark=3)
+    (found,) = unpack_relatives(pack_evidence(0, Motion(), Nuisance(), None, None, [named]), "robot/r1")
+    assert found.mark is None
+
+
 @pytest.mark.parametrize("subject", ["robot/?r", "landmark/?", "robot?", "robot/??", f"object/{'x' * 64}?"])
 def test_what_is_no_class_is_refused(subject: str) -> None:
     with pytest.raises(ValidationError):

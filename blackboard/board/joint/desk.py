@@ -31,6 +31,7 @@ from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.lost import Lost
+from blackboard.opinion.gaussian.naming import Naming, Unnamed
 from blackboard.opinion.gaussian.rings import Place
 from blackboard.opinion.gaussian.team import Objects, TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
@@ -46,8 +47,8 @@ from blackboard.wire.evidence import (
     pack_state,
     pack_velocity,
 )
-from blackboard.wire.messages import Consensus, LeftOut, Used
-from blackboard.wire.types import MAX_NAME
+from blackboard.wire.messages import Consensus, LeftOut, UnnamedSighting, Used
+from blackboard.wire.types import MAX_NAME, MAX_OPINIONS
 
 log = logging.getLogger(__name__)
 
@@ -96,6 +97,7 @@ class JointDesk:
         self._lost = Lost()
         self._strikes: dict[str, int] = {}  # robot -> how often its evidence broke the joint, as `robot/r1`
         self._barred: dict[str, float] = {}  # robot -> team time until which it is left out
+        self._unnamed: list[Unnamed] = []  # what became of the unnamed sightings that were settled last
         self._failed: set[str] = set()  # the kinds of our own faults that are logged
 
     # --- in -------------------------------------------------------------------------------------------------------------
@@ -107,7 +109,10 @@ class JointDesk:
             told.objects_drift, told.objects_drifts, model=told.objects_motion, models=told.objects_motions
         )
         limits = Limits(self.settings.sharpest or self.grid.cell / FINEST)
-        return TeamJoint(objects, limits=limits, rule=rule if isinstance(rule, Coalition) else Coalition())
+        naming = Naming(self.grid.volume * math.prod(self.grid.shape))
+        return TeamJoint(
+            objects, naming=naming, limits=limits, rule=rule if isinstance(rule, Coalition) else Coalition()
+        )
 
     def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool, skew: float = 0.0) -> None:
         """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.
@@ -212,11 +217,14 @@ class JointDesk:
         elapsed = 0.0 if self._settled_at is None else max(0.0, time - self._settled_at)
         self._settled_at = time
         verdicts: list[Verdict] = []
+        self._unnamed = []
         for _ in range(max(1, steps)):
             number = self.team.tick + 1
             batch = [replace(waiting.popleft(), tick=number) for waiting in self._waiting.values() if waiting]
             batch = [evidence for evidence in batch if self._barred.get(evidence.robot, -math.inf) <= time]
             verdicts += self._settle(number, elapsed / max(1, steps), batch)
+            self._unnamed += self.team.tally.unnamed
+        self.counters.update(f"unnamed_{_became(it)}" for it in self._unnamed)
         self._judge(time, verdicts)
         known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
         doubtful = self.team.doubtful().items()
@@ -342,6 +350,7 @@ class JointDesk:
                 {it.source.removeprefix("robot/") for it in about} | {subject.removeprefix("robot/")}
             ),
             camps=camps,
+            unnamed=self._may_be(subject),
         )
 
     def _now(self, subject: str, time: float) -> Moments:
@@ -351,6 +360,21 @@ class JointDesk:
         if ahead is not None:
             return ahead
         return Moments(marginal.mean, marginal.covariance + np.eye(2) * self._ageing.variance(subject, age))
+
+    def _may_be(self, subject: str) -> list[UnnamedSighting]:
+        """The unnamed sightings that may be of a subject, the likeliest first."""
+        found = [
+            UnnamedSighting(
+                source=it.source.removeprefix("robot/"),
+                time=it.time,
+                mark=it.mark,
+                probability=min(1.0, it.odds[subject]),
+                taken=it.taken == subject,
+            )
+            for it in self._unnamed
+            if it.odds and subject in it.odds
+        ]
+        return sorted(found, key=lambda it: -it.probability)[:MAX_OPINIONS]
 
     def _parameters(self, subject: str) -> dict[str, float]:
         """The limit of a sighting's squared distance, and of an object the random walk (unit / sqrt(s)) that its sightings show."""
@@ -394,6 +418,10 @@ class JointDesk:
         return max(
             0.0, 0.5 * math.log((2 * math.pi * math.e) ** 2 * max(determinant, 1e-300)) - math.log(self.grid.volume)
         )
+
+
+def _became(it: Unnamed) -> str:
+    return "taken" if it.taken is not None else "strange" if it.is_strange else "ambiguous"
 
 
 def _spread(observer: Moments, subject: Moments) -> np.ndarray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.coalitions import Choice
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.naming import Unnamed
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 
@@ -31,6 +33,12 @@ class Evidence:
     increment: Increment | None = None
     relatives: tuple[Relative, ...] = ()
     time: float = 0.0
+
+    def named(self) -> Evidence:
+        """Without the sightings of which only the class is told."""
+        if not any(is_class(it.subject) for it in self.relatives):
+            return self
+        return replace(self, relatives=tuple(it for it in self.relatives if not is_class(it.subject)))
 
 
 @dataclass(frozen=True)
@@ -56,8 +64,8 @@ class Tally:
     repeated: int = 0  # reports of a tick that is settled already
     gated: int = 0  # increments and relative beliefs that contradict the joint
     silent: int = 0  # relative beliefs about a robot of which no motion came in the tick, or that say too little alone
-    unnamed: int = 0  # relative beliefs about a class of things, which tell nobody anything yet
     outvoted: int = 0  # predictions of a robot's place that a coalition contradicted
     verdicts: list[Verdict] = field(default_factory=list)  # of the last tick
+    unnamed: list[Unnamed] = field(default_factory=list)  # what became of those of the last tick
     #: Of the last tick: robot -> who was believed about its place.
     choices: dict[str, Choice] = field(default_factory=dict)

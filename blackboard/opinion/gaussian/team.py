@@ -19,7 +19,7 @@ import numpy as np
 from blackboard.errors import Degenerate
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.chi_squared import DOUBT, GATE, quantile, wilson_hilferty
-from blackboard.opinion.classes import is_class
+from blackboard.opinion.classes import could_be, is_class
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import KNOWN, PREDICTION, Choice, about, choose
 from blackboard.opinion.gaussian.contacts import Claim, Contacts
@@ -29,6 +29,7 @@ from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.innovations import Innovations, Source
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.limits import Limits
+from blackboard.opinion.gaussian.naming import Naming, Unnamed, clear
 from blackboard.opinion.gaussian.relation import UNSTEADY, BiasBlock, Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.rings import SURE, Place, Ring, line_of
 from blackboard.opinion.gaussian.trust import Trust
@@ -95,6 +96,7 @@ class TeamJoint:
     innovations: Innovations = field(default_factory=Innovations)
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
+    naming: Naming = field(default_factory=Naming)
     rings: dict[str, Ring] = field(default_factory=dict)  # of objects of which only ranges or bearings alone are known
     elapsed: float = 0.0  # seconds that were settled
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
@@ -111,12 +113,18 @@ class TeamJoint:
         return replace(
             self,
             joint=self.joint.copy(),
-            tally=replace(self.tally, verdicts=list(self.tally.verdicts), choices=dict(self.tally.choices)),
+            tally=replace(
+                self.tally,
+                verdicts=list(self.tally.verdicts),
+                choices=dict(self.tally.choices),
+                unnamed=list(self.tally.unnamed),
+            ),
             trust=self.trust.copy(),
             contacts=self.contacts.copy(),
             innovations=self.innovations.copy(),
             walks=self.walks.copy(),
             limits=self.limits.copy(),
+            naming=self.naming.copy(),
             rings={subject: ring.copy() for subject, ring in self.rings.items()},
             _known=dict(self._known),
             _seen=dict(self._seen),
@@ -135,7 +143,7 @@ class TeamJoint:
             return []
         self.tick = tick
         news = self._aligned(self._news(tick, reports))
-        self.tally.verdicts = []
+        self.tally.verdicts, self.tally.unnamed = [], []
         refuted = self.contacts.left_out()
         self._refuted |= refuted
         self._leave_out(self.trust.left_out() | refuted)
@@ -154,7 +162,8 @@ class TeamJoint:
         self.limits.pass_time(dt)
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if self._enter(evidence)}
-        news = self._bounded(news, set(motions) - entered)
+        all_news = self._bounded(news, set(motions) - entered)
+        news = {robot: it.named() for robot, it in all_news.items()}
         heard = entered | set(motions)
         entered |= self._compare(news, motions)
         with self._blaming(""):
@@ -172,6 +181,10 @@ class TeamJoint:
                         self._set_aside(relative, motions)
                     elif relative.observer == robot:
                         self._relate(relative, motions, heard)
+        for robot, evidence in all_news.items():
+            with self._blaming(robot):
+                for relative in self._identified(evidence, all_news, motions) if robot in heard else ():
+                    self._relate(relative, motions, heard)
 
     def _bounded(self, news: Mapping[str, Evidence], known: set[str]) -> dict[str, Evidence]:
         """The evidence of a tick, as much of it as its robots' sensors can know; `known` are the robots whose increments count."""
@@ -182,11 +195,49 @@ class TeamJoint:
                 if robot in known:
                     learned = self.innovations.variance((robot, "increment"))
                     increment = self.limits.increment(robot, increment, learned, it.belief)
-                named = [relative for relative in it.relatives if not is_class(relative.subject)]
-                self.tally.unnamed += len(it.relatives) - len(named)
-                relatives = tuple(self.limits.sighting(relative, self._distance(relative)) for relative in named)
+                relatives = tuple(
+                    relative
+                    if is_class(relative.subject)  # how far away it is depends on what it is
+                    else self.limits.sighting(relative, self._distance(relative))
+                    for relative in it.relatives
+                )
                 bounded[robot] = replace(it, increment=increment, relatives=relatives)
         return bounded
+
+    def _identified(
+        self, evidence: Evidence, news: Mapping[str, Evidence], motions: Mapping[str, Motion]
+    ) -> list[Relative]:
+        """Of the unnamed sightings of a robot those that clearly are of a known subject, as sightings of it, the newest of each.
+
+        What an observer sees in one frame, at one age, are different things.
+        """
+        observer, found = evidence.robot, dict[str, Relative]()
+        named = {it.subject for it in evidence.relatives if not is_class(it.subject)}
+        unnamed = [it for it in evidence.relatives if is_class(it.subject) and it.observer == observer]
+        unnamed = [it if it.mark is not None else replace(it, mark=number) for number, it in enumerate(unnamed)]
+        ends = {robot: known.time for robot, known in self._known.items()} | {r: it.time for r, it in news.items()}
+        moved = {robot: known.motion for robot, known in self._known.items()} | dict(motions)
+        for age in sorted({it.age for it in unnamed}):
+            frame = sorted((it for it in unnamed if it.age == age), key=lambda it: it.mark or 0)
+            there = {observer} | {it.subject for it in evidence.relatives if it.age == age}
+            subjects = sorted({*self._known, *self._seen} - there)
+            candidates = []
+            for it in frame:
+                of = [
+                    replace(it, subject=one, ahead=ends.get(one, evidence.time) - evidence.time)
+                    for one in subjects
+                    if could_be(it.subject, one)
+                ]
+                candidates.append({one.subject: self.limits.sighting(one, self._distance(one)) for one in of})
+            odds: list[dict[str, float] | None] = [None] * len(frame)
+            if self.knows(observer):
+                odds = self.naming.judge(self.joint, frame, candidates, moved, self.knows)
+            for it, its, share in zip(frame, candidates, odds, strict=True):
+                taken = clear(share)
+                self.tally.unnamed.append(Unnamed(observer, evidence.time, it.mark or 0, share, taken))
+                if taken is not None and taken not in named:
+                    found.setdefault(taken, its[taken])
+        return [found[subject] for subject in sorted(found)]
 
     def _aside(self) -> frozenset[str]:
         """The objects that one robot alone has seen, but for the first `ALONE` of each robot."""
@@ -515,7 +566,7 @@ class TeamJoint:
         ):  # of two robots that contradict each other, the one that placed the object first is believed about it
             agrees = agrees and not any(self.contacts.contradict(observer, o) for o in self.trust.observers(subject))
         taken = agrees and not {observer, subject} & self._left_out
-        if taken or subject in self.joint:
+        if relative.mark is None and (taken or subject in self.joint):  # a wrong name is held against nobody
             self.trust.judge(observer, subject, agrees)
         self._judge(Verdict(observer, subject, "relative", squared, freedom, taken, by))
         if taken:

@@ -37,6 +37,19 @@ def test_robots_enter_by_their_states_and_objects_by_their_sightings() -> None:
     assert set(r1.ancestors) == {"r1", "r2"}
 
 
+def test_of_an_unnamed_sighting_a_consensus_says_whose_it_may_be() -> None:
+    it, seen = desk(), sighting("robot/?", 10.0).model_copy(update={"mark": 4})
+    for tick, sees in enumerate((None, seen, seen.model_copy(update={"range": 25.0}))):
+        it.take("r1", tick, 0.2 * tick, at(10, 10, sees=sees), own=True)
+        it.take("r2", tick, 0.2 * tick, at(20, 10), own=True)
+        found = {one.subject: one for one in it.settle(0.2 * tick, MAKE)}
+        odds = [(one.source, one.time, one.mark, one.probability > 0.9) for one in found["robot/r2"].unnamed]
+        assert odds == ([("r1", 0.2, 4, True)] if tick == 1 else [])
+        assert found["robot/r1"].unnamed == []
+    assert it.counters["unnamed_strange"] == 1
+    assert it.counters["unnamed_taken"] + it.counters["unnamed_ambiguous"] == 1
+
+
 def test_the_same_evidence_counts_once_whoever_passes_it_on() -> None:
     plain, echoed = desk(), desk()
     for tick in range(4):

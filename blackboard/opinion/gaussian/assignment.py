@@ -1,0 +1,96 @@
+"""Who was seen: the posterior over all assignments of one frame's unnamed sightings to subjects, each seen once at most.
+
+All joint events count, as in Fortmann, Bar-Shalom, Scheffe, *Sonar tracking of multiple targets using joint probabilistic data
+association*, IEEE J. Oceanic Eng. 8(3), 1983. Their sum is that of all matchings. It is taken subject set by subject set, which costs
+m 2^n for m sightings of n subjects and not n!, and separately for each cluster of pairs that share a sighting or a subject.
+How often something is seen that is no known subject is found out for each observer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from blackboard.opinion.grid import Array
+
+CLEAR = 0.95  # of a posterior; of all that are taken fewer are wrong than one in twenty, because most are clearer
+MAX_CLUSTER = 10  # sightings, or subjects, whichever are fewer; of a larger cluster nothing is worked out
+MOST = 1e20  # of a weight, so that the products of `MAX_CLUSTER` are finite
+STRANGE, FRAMES = (
+    1.0,
+    10.0,
+)  # things that are no known subject, in so many frames: what is expected before anything was seen
+REMEMBERED = 100.0  # frames after which what was seen is half forgotten, and more
+
+
+@dataclass(frozen=True)
+class Strangers:
+    """How many things that are no known subject an observer sees in a frame: a mean over its last frames."""
+
+    seen: float = STRANGE
+    frames: float = FRAMES
+
+    @property
+    def rate(self) -> float:
+        return self.seen / self.frames
+
+    def plus(self, seen: float) -> Strangers:
+        """After one more frame with so many, in the mean."""
+        kept = 1.0 - 1.0 / REMEMBERED
+        return Strangers(kept * self.seen + seen, kept * self.frames + 1.0)
+
+
+def posterior(weights: Array) -> Array:
+    """The probability that each sighting is of each subject, shape (m, n); NaN in clusters that are too large.
+
+    `weights`, shape (m, n), are how much likelier a pair is than that the sighting is of something else and the subject is not seen;
+    0: it cannot be. Whether a subject is in view is not known, so that it is seen or not with equal probability.
+    """
+    weights = np.minimum(weights, MOST)
+    found = np.zeros_like(weights)
+    for rows, columns in _clusters(weights > 0):
+        part = weights[np.ix_(rows, columns)]
+        if min(part.shape) > MAX_CLUSTER:
+            found[np.ix_(rows, columns)] = np.nan
+        else:
+            wide = part.shape[1] > part.shape[0]
+            found[np.ix_(rows, columns)] = _marginals(part.T).T if wide else _marginals(part)
+    return found
+
+
+def _clusters(pairs: Array) -> list[tuple[list[int], list[int]]]:
+    """The connected rows and columns of a matrix of booleans."""
+    found, left = [], set(np.flatnonzero(pairs.any(axis=1)).tolist())
+    while left:
+        rows, columns, new = set[int](), set[int](), {min(left)}
+        while new:
+            rows |= new
+            columns |= set(np.flatnonzero(pairs[sorted(new)].any(axis=0)).tolist())
+            new = set(np.flatnonzero(pairs[:, sorted(columns)].any(axis=1)).tolist()) - rows
+        left -= rows
+        found.append((sorted(rows), sorted(columns)))
+    return found
+
+
+def _marginals(weights: Array) -> Array:
+    """`posterior` of one cluster, by all sets of columns that the rows before, and those behind, may have taken."""
+    number, width = weights.shape
+    sets = np.arange(1 << width)
+    free = [sets[sets >> column & 1 == 0] for column in range(width)]
+    before = [(sets == 0).astype(float)]
+    for row in weights:
+        after = before[-1].copy()
+        for column in range(width):
+            after[free[column] | 1 << column] += row[column] * before[-1][free[column]]
+        before.append(after)
+    total, behind = before[-1].sum(), np.ones(len(sets))
+    found = np.zeros((number, width))
+    for i in reversed(range(number)):
+        earlier = behind.copy()
+        for column in range(width):
+            rest = weights[i, column] * behind[free[column] | 1 << column]
+            found[i, column] = (before[i][free[column]] * rest).sum() / total
+            earlier[free[column]] += rest
+        behind = earlier
+    return found

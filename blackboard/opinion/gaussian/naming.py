@@ -1,0 +1,98 @@
+"""Which known subject an unnamed sighting is of, by where the joint expects each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Strangers, posterior
+from blackboard.opinion.gaussian.joint import Joint
+from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.vehicle import Motion
+
+FAINT = 0.001  # odds below this are not told
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """What became of an unnamed sighting: the `mark`-th of those of a robot's tick that ended at a team time (s).
+
+    `odds` are the subjects that it may be of, with their probabilities, by name; the rest is that of something else. None: they were
+    not worked out. `taken` is the subject that it was taken for; None where that is not clear.
+    """
+
+    source: str
+    time: float
+    mark: int
+    odds: Mapping[str, float] | None = None
+    taken: str | None = None
+
+    @property
+    def is_strange(self) -> bool:
+        """Whether it is clear that it is of no known subject."""
+        return self.odds is not None and sum(self.odds.values()) <= 1.0 - CLEAR
+
+
+@dataclass
+class Naming:
+    """Mutable; `judge` once per frame. `area` is that of the team's map (unit^2), over which what is nobody known is spread evenly."""
+
+    area: float = 1000.0
+    _strangers: dict[tuple[str, str], Strangers] = field(default_factory=dict)  # by observer and class
+
+    def copy(self) -> Naming:
+        """The same, which may be changed without changing this one."""
+        return Naming(self.area, dict(self._strangers))
+
+    def judge(
+        self,
+        joint: Joint,
+        frame: Sequence[Relative],
+        candidates: Sequence[Mapping[str, Relative]],
+        motions: Mapping[str, Motion],
+        knows: Callable[[str], bool],
+    ) -> list[dict[str, float] | None]:
+        """The odds of each sighting of a frame, which are different things; None where they are not worked out.
+
+        `candidates` are of each sighting the subjects that it may be of, with the sighting as one of that subject. Of a subject that
+        somebody `knows` not to be anywhere in particular, any place is as likely.
+        """
+        subjects = sorted({subject for its in candidates for subject in its})
+        weights = np.zeros((len(frame), len(subjects)))
+        for row, (seen, its) in enumerate(zip(frame, candidates, strict=True)):
+            strange = seen.confidence * self._rate(seen) + 1.0 - seen.confidence
+            for subject, one in its.items():
+                density = self._density(joint, one, motions) if knows(subject) else 1.0
+                weights[row, subjects.index(subject)] = min(MOST, seen.confidence * density / strange)
+        found: list[dict[str, float] | None] = []
+        strangers: dict[tuple[str, str], float] = {}
+        for seen, shares in zip(frame, posterior(weights).tolist(), strict=True):
+            known = not any(math.isnan(share) for share in shares)
+            found.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT} if known else None)
+            rest = max(0.0, 1.0 - sum(shares)) if known else 0.0
+            key = seen.observer, seen.subject
+            strangers[key] = strangers.get(key, 0.0) + seen.confidence * rest
+        for key, seen_so in strangers.items():
+            self._strangers[key] = self._strangers.get(key, Strangers()).plus(seen_so)
+        return found
+
+    def _rate(self, seen: Relative) -> float:
+        return self._strangers.get((seen.observer, seen.subject), Strangers()).rate
+
+    def _density(self, joint: Joint, one: Relative, motions: Mapping[str, Motion]) -> float:
+        """How much likelier a sighting is of its subject than at any place of the map; 0 beyond the gate."""
+        it = joint.innovation(linearise(joint, one, motions))
+        if it.squared > quantile(GATE, it.freedom):
+            return 0.0
+        anywhere = self.area ** -(min(it.freedom, 2) / 2) / (2 * math.pi if it.freedom > 2 else 1.0)
+        determinant = float(np.linalg.det(2 * math.pi * it.covariance))
+        return MOST if determinant <= 0 else min(MOST, math.exp(-it.squared / 2) / math.sqrt(determinant) / anywhere)
+
+
+def clear(odds: Mapping[str, float] | None) -> str | None:
+    """The subject that a sighting clearly is of."""
+    return next((subject for subject, share in (odds or {}).items() if share >= CLEAR), None)
