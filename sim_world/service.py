@@ -40,8 +40,9 @@ SHOWN_TICKS = 1000  # a run without end logs its progress ten times in so many t
 def world_of(scenario: Scenario, record: Keep | None = None) -> WorldService:
     """The world of a scenario with its referee; `record` is given every sample that counts. UserError: a mistake in the scenario."""
     sensors = open_sensor_source(scenario)
-    check = scenario.section("world", WorldSection).check
-    referee = Referee(scenario.grid, check, sensors.robots, record, faulty=faulty_robots(scenario))
+    world = scenario.section("world", WorldSection)
+    faulty, unnamed = faulty_robots(scenario), world.detector.anonymous
+    referee = Referee(scenario.grid, world.check, sensors.robots, record, faulty=faulty, unnamed=unnamed)
     return WorldService(scenario, sensors, referee)
 
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.config.pyfg import read_graph
-from blackboard.config.world import WorldSection
+from blackboard.config.world import DetectorSection, WorldSection
 from blackboard.faults import faults_of, is_of_sensors
+from sim_world.detector import Detected
 from sim_world.faults import Faulted
 from sim_world.mrclam.files import read_recording
 from sim_world.mrclam.replay import Replay
@@ -26,8 +27,13 @@ def open_sensor_source(scenario: Scenario, streams: Streams | None = None) -> Se
 
     UserError: a section or a recording that is wrong, or robots and times that do not fit it.
     """
-    source, faults = _sound_source(scenario, streams), [fault for fault in faults_of(scenario) if is_of_sensors(fault)]
-    return Faulted(source, faults) if faults else source
+    source: SensorSource = _sound_source(scenario, streams)
+    if faults := [fault for fault in faults_of(scenario) if is_of_sensors(fault)]:
+        source = Faulted(source, faults)
+    settings = scenario.section("world", WorldSection)
+    if not settings.people.count and settings.detector == DetectorSection():
+        return source
+    return Detected(source, settings.detector, settings.vision, streams or seeded_streams(settings.seed))
 
 
 def replayed_from(scenario: Scenario) -> float | None:

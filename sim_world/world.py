@@ -1,9 +1,9 @@
 """The simulated world: where robots and objects really are, and what the sensors measure. Random numbers are an argument.
 
-Robots travel at constant speed from waypoint to waypoint, turning at most `turn_rate`: in a step they turn, then go
+Robots and people travel at constant speed from waypoint to waypoint, turning at most `turn_rate`: in a step they turn, then go
 straight along the new heading. Objects stand or do a random walk, reflected half a unit before the walls.
 
-Every robot and object has random streams of its own, drawn from the seed by name (a sighting's by observer and
+Every robot, object and person has random streams of its own, drawn from the seed by name (a sighting's by observer and
 subject), so one more robot changes nothing about the others, except that they may see it.
 """
 
@@ -29,20 +29,27 @@ WALL = 0.5  # unit: objects turn back this far from the edge
 
 
 @dataclass
-class Body:
-    """A robot as it really is."""
+class Walker:
+    """Somebody who goes from waypoint to waypoint, as they really are."""
 
     x: float
     y: float
     heading: float
     waypoint: Place
+    speed: float  # unit/s
     rng: np.random.Generator
-    odometer: Odometer
-    start_fix_due: bool  # whether its next readings hold a fix of the place where it starts; never for a lost robot
 
     @property
     def place(self) -> Place:
         return self.x, self.y
+
+
+@dataclass
+class Body(Walker):
+    """A robot as it really is."""
+
+    odometer: Odometer
+    start_fix_due: bool  # whether its next readings hold a fix of the place where it starts; never for a lost robot
 
 
 class World:
@@ -53,11 +60,13 @@ class World:
         self.settings, self.grid, self.dt, self.streams = settings, grid, dt, streams
         self.lower = grid.origin
         self.upper = tuple(o + n * grid.cell for o, n in zip(grid.origin, grid.shape, strict=True))
-        self.radius = settings.speed / settings.turn_rate  # of the tightest turn
-        if min(u - o for o, u in zip(self.lower, self.upper, strict=True)) < 8 * self.radius:
-            raise UserError(
-                f"world.speed: robots that turn on {self.radius:g} have no room on this grid; lower the speed"
-            )
+        speeds = {"world.speed: robots": settings.speed}
+        if settings.people.count:
+            speeds["world.people.speed: people"] = settings.people.speed
+        for who, speed in speeds.items():
+            radius = self._radius(speed)
+            if min(u - o for o, u in zip(self.lower, self.upper, strict=True)) < 8 * radius:
+                raise UserError(f"{who} that turn on {radius:g} have no room on this grid; lower the speed")
         self.bodies: dict[str, Body] = {}
         self.objects: dict[str, Place] = {}
         self.velocities: dict[str, Place] = {}  # of the objects that roll
@@ -66,6 +75,8 @@ class World:
             self.objects[name] = self._start(name, thing)
             if thing.rolls:
                 self.velocities[name] = _along(streams(f"way/{name}").uniform(-math.pi, math.pi), thing.rolls)
+        names = [f"p{i + 1}" for i in range(settings.people.count)]
+        self.people = {name: self._walker(f"person/{name}", settings.people.speed) for name in names}
         for robot in robots:
             self.admit(robot)
 
@@ -75,12 +86,10 @@ class World:
 
     def admit(self, robot: str) -> bool:
         if robot not in self.bodies and len(self.bodies) < MAX_ROBOTS:
-            rng = self.streams(f"robot/{robot}")
-            (x, y), waypoint = self._random_place(rng), self._random_place(rng)
-            heading = math.atan2(waypoint[1] - y, waypoint[0] - x)  # towards the inside, so that it never leaves
             odometer = Odometer(self.settings.odometry, self.streams(f"odometer/{robot}"))
             start_fix_due = robot not in self.settings.lost
-            self.bodies[robot] = Body(x, y, heading, waypoint, rng, odometer, start_fix_due)
+            walker = self._walker(f"robot/{robot}", self.settings.speed)
+            self.bodies[robot] = Body(**vars(walker), odometer=odometer, start_fix_due=start_fix_due)
         return robot in self.bodies
 
     def judged(self, tick: int) -> bool:
@@ -90,8 +99,11 @@ class World:
         moved = {name: self._move(body) for name, body in sorted(self.bodies.items())} if tick else {}
         if tick:
             self.objects = {name: self._walk(name, self._roll(name, place)) for name, place in self.objects.items()}
+            for _, person in sorted(self.people.items()):
+                self._move(person)
         places = {f"robot/{name}": body.place for name, body in sorted(self.bodies.items())}
         places |= {f"object/{name}": place for name, place in self.objects.items()}
+        places |= {f"person/{name}": person.place for name, person in self.people.items()}
         headings = {f"robot/{name}": body.heading for name, body in sorted(self.bodies.items())}
         ways = {name: way / self.dt for name, (way, _) in moved.items()}
         velocities = {f"robot/{name}": _along(self.bodies[name].heading, speed) for name, speed in ways.items()}
@@ -103,17 +115,19 @@ class World:
 
     # --- motion -------------------------------------------------------------------------------------------------------
 
-    def _move(self, body: Body) -> tuple[float, float]:
+    def _move(self, body: Walker) -> tuple[float, float]:
         """Turn towards the waypoint and go; the distance and the turn of this step."""
         most = self.settings.turn_rate * self.dt
         wanted = wrap(math.atan2(body.waypoint[1] - body.y, body.waypoint[0] - body.x) - body.heading)
         turn = min(most, max(-most, wanted))
-        distance = self.settings.speed * self.dt
+        distance = body.speed * self.dt
         body.heading = wrap(body.heading + turn)
         body.x += distance * math.cos(body.heading)
         body.y += distance * math.sin(body.heading)
-        if math.dist(body.place, body.waypoint) < 2 * self.radius:  # a nearer waypoint might be circled for ever
-            body.waypoint = self._random_place(body.rng)
+        if math.dist(body.place, body.waypoint) < 2 * self._radius(
+            body.speed
+        ):  # a nearer waypoint might be circled for ever
+            body.waypoint = self._random_place(body.rng, body.speed)
         return distance, turn
 
     def _roll(self, name: str, place: Place) -> Place:
@@ -171,15 +185,25 @@ class World:
             self._noises[name] = self.streams(name)
         return self._noises[name]
 
-    def _random_place(self, rng: np.random.Generator) -> Place:
-        """A place with room to turn on all sides."""
-        margin = 3 * self.radius
+    def _walker(self, stream: str, speed: float) -> Walker:
+        rng = self.streams(stream)
+        (x, y), waypoint = self._random_place(rng, speed), self._random_place(rng, speed)
+        heading = math.atan2(waypoint[1] - y, waypoint[0] - x)  # towards the inside, so that it never leaves
+        return Walker(x, y, heading, waypoint, speed, rng)
+
+    def _radius(self, speed: float) -> float:
+        """Of the tightest turn."""
+        return speed / self.settings.turn_rate
+
+    def _random_place(self, rng: np.random.Generator, speed: float) -> Place:
+        """A place with room to turn on all sides, for who walks at this speed."""
+        margin = 3 * self._radius(speed)
         x, y = (float(rng.uniform(lo + margin, hi - margin)) for lo, hi in zip(self.lower, self.upper, strict=True))
         return x, y
 
     def _start(self, name: str, thing: ObjectSection) -> Place:
         if thing.start is None:
-            return self._random_place(self.streams(f"start/{name}"))
+            return self._random_place(self.streams(f"start/{name}"), self.settings.speed)
         if self.grid.index(thing.start) is None:
             raise UserError(f"world.objects.{name}.start: {thing.start} is outside the grid; give a place inside")
         return thing.start

@@ -94,7 +94,7 @@ ROOMS = (
     Room(
         "judge",
         "what is scored (pure): instant, traffic, attendance, referee, sums (tally, distances, calibration), "
-        "intervals, causes, the card, samples and their files, paired",
+        "intervals, unnamed things (gospa, tracks), causes, the card, samples and their files, paired",
         "shared config.world",
         "pyarrow@files",
     ),
@@ -144,7 +144,7 @@ ROOMS = (
     Room("robot_agent.__main__", "`robot-agent`", "shared robot_agent run cyclopts"),
     Room(
         "sim_world",
-        "world, sensors, sources, mrclam/ and pyfg (recordings), members, faults (all pure), service, scenarios/*.toml",
+        "world, sensors, sources, mrclam/ and pyfg (recordings), detector, members, faults (all pure), service, scenarios/*.toml",
         "shared config.world judge",
     ),
     Room("sim_world.__main__", "`sim-world`", "shared judge sim_world run"),

@@ -66,6 +66,30 @@ class ObjectSection(Section):
     "[unit/s] How fast it rolls, in a direction drawn from the seed; the walls throw it back."
 
 
+class PeopleSection(Section):
+    """People, or whatever else walks about as robots do and is in no team: `person/p1`, `person/p2`, ..."""
+
+    count: Annotated[int, Field(ge=0, le=64)] = 0
+    "How many there are."
+    speed: Positive = 1.0
+    "[unit/s] How fast they walk, from one random place to the next; they turn as fast as robots."
+
+
+class DetectorSection(Section):
+    """What a detector makes of what the sensors see. Each robot's is independent of the others'."""
+
+    anonymous: tuple[Literal["robot", "object", "person"], ...] = ("person",)
+    "Kinds of which only the class is told: `robot/?` instead of `robot/r2`, `object/ball?` instead of `object/ball1`."
+    missed: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    "[share] Of the sightings, but for those of landmarks, so many are lost."
+    exchanged: Annotated[float, Field(ge=0, le=1)] = 0.0
+    "[share] In so many of the ticks in which a robot sees several mates by name, two of them have each other's."
+    clutter: Annotated[float, Field(ge=0, le=16)] = 0.0
+    "Sightings of nothing, of each robot in each tick in the mean; anywhere in the camera's field, of any unnamed class (simulated)."
+    body: Sigma = 0.0
+    "[unit] Radius of robots and people, who hide what is behind them; 0 hides nothing (simulated)."
+
+
 class CheckSection(Section):
     """What a run must show to PASS, of robots and objects alike unless it says otherwise."""
 
@@ -85,6 +109,8 @@ class CheckSection(Section):
     "[factor] Solo RMSE of the robots, and of each one, at most so many times what its beliefs claim."
     solo: Positive | None = None
     "[unit] Solo RMSE of the robots, at most; anything where it is not given."
+    track: Positive = 3.0
+    "[unit] A track farther than this from a thing is not of it: the cut-off of GOSPA."
 
 
 class WorldSection(Section):
@@ -110,6 +136,10 @@ class WorldSection(Section):
     "The physics of the cameras (simulated)."
     odometry: OdometrySection = Field(default_factory=OdometrySection)
     "The physics of odometry, compass and fixes (simulated)."
+    people: PeopleSection = Field(default_factory=PeopleSection)
+    "Who walks about and is in no team (simulated)."
+    detector: DetectorSection = Field(default_factory=DetectorSection)
+    "What is told of what the sensors see."
 
     # mrclam
     dir: str | None = None
@@ -164,6 +194,9 @@ def check_world(scenario: Scenario) -> list[str]:
     if world.kind != "simulated":
         if world.kind == "mrclam":
             recording_folder(world.dir)
+        for key in ("clutter", "body"):
+            if getattr(world.detector, key):
+                raise UserError(f"{scenario.where}: world.detector.{key}: a recording has its own; leave the key out")
         return []
     for robot in world.lost:
         if robot not in scenario.team.robots:
@@ -172,6 +205,10 @@ def check_world(scenario: Scenario) -> list[str]:
             raise UserError(
                 f"{scenario.where}: world.lost: {robot}: no sub-team has such a robot{cure}; known are {known}"
             )
+    if world.detector.clutter and not world.detector.anonymous:
+        raise UserError(
+            f"{scenario.where}: world.detector.clutter: what is nothing has no name; give a kind in world.detector.anonymous"
+        )
     return _unknown_objects(scenario, world)
 
 

@@ -61,6 +61,7 @@ def scorecard(result: RunResult) -> dict[str, Any]:
         "honesty": found.honesty,
         "motion": found.motion,
         "lost": found.lost,
+        "tracks": found.tracks,
         "causes": found.causes,
     }
 
@@ -95,6 +96,7 @@ def text(card: dict[str, Any]) -> str:
     lines = [
         *columns(rows, numbers=range(1, 2 + len(COLUMNS))),
         *_moving(card),
+        *_tracked(card),
         *_dishonest(card),
         "",
         f"{card['ticks']} ticks, {card['simulated_s']:g} s of team time in {card['wall_s']:.1f} s",
@@ -129,6 +131,19 @@ def _moving(card: dict[str, Any]) -> list[str]:
         lines.append(
             f"robots were lost {100 * lost['share']:.1f} % of the time: forecast with an AUROC of {lost['auroc']:.3f}, "
             f"Brier score {lost['brier']:.4f}"
+        )
+    return ["", *lines] if lines else []
+
+
+def _tracked(card: dict[str, Any]) -> list[str]:
+    """A line for each kind of thing that nobody named."""
+    lines = []
+    for what, it in card["tracks"].items():
+        parts = ", ".join(f"{name} {it[name]:.3f}" for name in ("localisation", "missed", "false"))
+        sure = f", existence Brier score {it['existence']['brier']:.4f}" if it["existence"] else ""
+        lines.append(
+            f"tracks of {what}: GOSPA {it['gospa']:.3f} {card['unit']} (its square is {parts}), "
+            f"{it['switches']} switches, {it['false_tracks']} false tracks{sure}"
         )
     return ["", *lines] if lines else []
 

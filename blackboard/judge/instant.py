@@ -99,3 +99,9 @@ class Instant:
         """What the first board of a sub-team by name said about a subject."""
         names = [(sub_team, level, subject, board) for board in sorted(self.boards.get(sub_team, ()))]
         return next((self.consensuses[name][1] for name in names if name in self.consensuses), None)
+
+    def agreed_by(self, sub_team: str) -> list[Consensus]:
+        """What the first board of a sub-team by name agreed on, about each subject once."""
+        subjects = {subject for name, level, subject, _ in self.consensuses if (name, level) == (sub_team, "agreed")}
+        found = (self.consensus(sub_team, "agreed", subject) for subject in sorted(subjects))
+        return [it for it in found if it is not None]

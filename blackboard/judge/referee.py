@@ -28,6 +28,7 @@ from blackboard.judge.instant import Instant
 from blackboard.judge.motions import Motions
 from blackboard.judge.samples import AREA_OF, GROUPS, LEVELS, Keep, Sample, sample_of
 from blackboard.judge.tally import Tally
+from blackboard.judge.unnamed import Unnamed
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import Score, region_area
@@ -54,6 +55,7 @@ class Judgement:
     honesty: dict[str, dict[str, Any]] = field(default_factory=dict)  # the scorecard's block "honesty"
     motion: dict[str, dict[str, Any]] = field(default_factory=dict)  # the scorecard's block "motion"
     lost: dict[str, Any] = field(default_factory=dict)  # the scorecard's block "lost"
+    tracks: dict[str, Any] = field(default_factory=dict)  # the scorecard's block "tracks"
     causes: list[str] = field(default_factory=list)  # what would explain a FAIL; empty where none fits, and of a PASS
 
 
@@ -68,9 +70,11 @@ class Referee:
         record: Keep | None = None,
         *,
         faulty: Collection[str] = (),
+        unnamed: Collection[str] = (),
     ) -> None:
         """`robots` are those of the scenario: each must have been heard for a PASS, but for those that are `faulty`.
 
+        What is of a kind that is `unnamed` is judged by its tracks, and so are robots of no team.
         `record` is given every sample that counts.
         """
         self.grid, self.check, self.robots, self._record = grid, check, tuple(robots), record
@@ -84,6 +88,7 @@ class Referee:
         self._calibrations: dict[tuple[str, str], Calibration] = {}  # subject and level
         self._motions = Motions()
         self._lost = Forecasts()
+        self._unnamed = Unnamed(grid, check.track, unnamed)
         self._landmark_at: dict[str, float] = {}  # robot -> team time of the newest tick in which it saw a landmark
 
     @property
@@ -100,7 +105,7 @@ class Referee:
         if not judged:
             return
         known: Known = {}
-        objects = [subject for subject in instant.truth.positions if subject.startswith("object/")]
+        objects = [s for s in instant.truth.positions if s.startswith("object/") and not self._unnamed.is_unnamed(s)]
         sub_team_of = {robot: name for name in sorted(instant.teams, reverse=True) for robot in instant.teams[name]}
         self._took_part |= sub_team_of.keys()
         for robot in sorted(set(self.robots) - sub_team_of.keys()):
@@ -110,6 +115,7 @@ class Referee:
                 if subject in instant.truth.positions:
                     self._sample(instant, robot, sub_team_of[robot], subject, known)
         self._judge_motions(instant, sub_team_of)
+        self._unnamed.hear(instant, {*self.robots, *sub_team_of})
 
     def _judge_motions(self, instant: Instant, sub_team_of: Mapping[str, str]) -> None:
         """Each robot's by its sub-team, but for those that are faulty, and each object's by the first sub-team."""
@@ -201,8 +207,8 @@ class Referee:
         robots = {robot: robot in self._took_part for robot in self.robots if robot not in self.faulty}
         causes = [] if passed else likely_causes(scores, honesty, missing, company, robots, unit)
         refused = dict(sorted(self.refused.items()))
-        motion, lost = self._motions.summary(), self._lost.summary()
-        return Judgement(passed, reasons, scores, missing, self.hash, unit, refused, honesty, motion, lost, causes)
+        blocks = (honesty, self._motions.summary(), self._lost.summary(), self._unnamed.summary())
+        return Judgement(passed, reasons, scores, missing, self.hash, unit, refused, *blocks, causes)
 
     def scores(self) -> dict[str, Any]:
         """The scorecard's block "scores": for robots and objects, each level, together and by name; `faulty` where there are any."""

@@ -9,6 +9,7 @@ import logging
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -88,7 +89,7 @@ def scenarios(recording: RecordingFlags, seconds: float | None) -> list[tuple[st
     names = list(PROTOCOLS) if asked == "all" else list(FAMILIES.get(asked or "", [asked]))
     found = []
     for name in names:
-        one = RecordingFlags(recording.mrclam, recording.start, name).scenario().changed("time", seconds=seconds)
+        one = replace(recording, protocol=name).scenario().changed("time", seconds=seconds)
         _ = one.time
         for fusion in bench.FUSIONS:
             protocol = one.section("world", WorldSection).protocol

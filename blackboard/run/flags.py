@@ -35,6 +35,8 @@ class RecordingFlags:
     "Which of its landmark sightings may be used, as A_all or C_blind12; score also takes all."
     pyfg: str | None = None
     "Replay the recorded team in this file (a factor graph in PyFG format)."
+    anonymous: Literal["mates", "all"] | None = None
+    "Strip the barcodes of mates: robots see `robot/?`, and only the referee knows whom."
 
     @property
     def given(self) -> bool:
@@ -50,9 +52,16 @@ class RecordingFlags:
             raise UserError("--mrclam and --pyfg: give one of the two")
         recorded = None if self.mrclam is None else "mrclam"
         scenario = load(name or recorded or ("pyfg" if self.pyfg else "demo"))
+        if self.anonymous == "all":
+            raise UserError("--anonymous all: a robot cannot find out which landmark it sees; use --anonymous mates")
         if self.pyfg is not None:
             scenario = read_graph(self.pyfg).applied(scenario)
-        scenario = scenario.changed("world", kind=recorded, dir=self.mrclam, start=self.start, protocol=self.protocol)
+        detector = {"anonymous": ["robot"]} if self.anonymous else None
+        scenario = scenario.changed(
+            "world", kind=recorded, dir=self.mrclam, start=self.start, protocol=self.protocol, detector=detector
+        )
+        if self.anonymous and scenario.tables["world"].get("kind") not in ("mrclam", "pyfg"):
+            raise UserError("--anonymous is about a recording; for a simulated world set world.detector.anonymous")
         about = {"mrclam"} | ({"pyfg"} if self.protocol is None else set())
         if self.given and scenario.tables["world"].get("kind") not in about:
             raise UserError("--start and --protocol are about a recording: name its folder with --mrclam")

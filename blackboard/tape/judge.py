@@ -112,7 +112,8 @@ def judge(
     """
     settings = scenario.section("world", WorldSection)
     robots = [robot for robot in scenario.team.robots if robot not in without]
-    referee = Referee(scenario.grid, settings.check, robots, record, faulty=faulty_robots(scenario))
+    faulty, unnamed = faulty_robots(scenario), settings.detector.anonymous
+    referee = Referee(scenario.grid, settings.check, robots, record, faulty=faulty, unnamed=unnamed)
     every = round(JUDGED_EVERY / scenario.time.tick) if settings.kind != "simulated" else 1
     instants = _instants(story, output, without)
     for tick in sorted(instants):

@@ -599,6 +599,10 @@ class Truth(Message):
     """of robots, radians, where they are known"""
     velocities: Annotated[dict[Subject, Point], Field(max_length=MAX_ITEMS)] = Field(default_factory=dict)
     """units per second, where they are known"""
+    unnamed: Annotated[dict[Name, list[Subject | Literal[""]]], Field(max_length=MAX_ITEMS)] = Field(
+        default_factory=dict
+    )
+    """robot -> whom the unnamed sightings of its Readings show, in their order; empty: nothing is there"""
 
 
 class Solo(Message):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -69,5 +69,5 @@ def both(
     consensus(it, sub_team, "agreed", subject, agreed, **more)
 
 
-def referee(**check: object) -> Referee:
-    return Referee(GRID, CheckSection.model_validate(check), ("r1", "r2"))
+def referee(unnamed: Collection[str] = (), **check: object) -> Referee:
+    return Referee(GRID, CheckSection.model_validate(check), ("r1", "r2"), unnamed=unnamed)

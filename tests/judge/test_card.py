@@ -35,6 +35,7 @@ def test_it_is_the_agreed_json() -> None:
         "honesty": JUDGEMENT.honesty,
         "motion": JUDGEMENT.motion,
         "lost": JUDGEMENT.lost,
+        "tracks": JUDGEMENT.tracks,
         "causes": ["r3 is off"],
     }
     assert json.loads(json.dumps(card)) == card

@@ -18,14 +18,18 @@ from tests.judge.results import RESULT
 PAGE = page("scorecard.md")
 BLOCK = {"n", "rmse", "mean", "p95", "max", "entropy", "log_score", "coverage"}
 #: Names that differ from run to run, below these paths.
-NAMED = ("messages.refused", "counters", "missing", "scores.GROUP.by_name", "motion.velocities.GROUP.by_name")
+NAMED = ("tracks", "messages.refused", "counters", "missing", "scores.GROUP.by_name", "motion.velocities.GROUP.by_name")
 
 
 def real_card() -> dict[str, Any]:
     """The scorecard of 30 s in which every block has something."""
-    judge = referee()
+    judge = referee(unnamed=["person"])
     for tick in (50, 100, 150):
-        it = instant({"robot/r1": (2.5, 2.5), "object/ball": (5.5, 5.5)}, tick, velocities={"robot/r1": (1, 0)})
+        it = instant(
+            {"robot/r1": (2.5, 2.5), "object/ball": (5.5, 5.5), "person/p1": (8.5, 8.5)},
+            tick,
+            velocities={"robot/r1": (1, 0)},
+        )
         solo(it, "r1", {"robot/r1": at(2, 4), "object/ball": at(5, 5)})
         for subject, place in (("robot/r1", (2, 3)), ("object/ball", (5, 5))):
             velocity = PackedVelocity(mean=(1.0, 0.0), covariance=(1.0, 0.0, 1.0))

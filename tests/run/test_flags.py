@@ -8,6 +8,7 @@ from cyclopts import App
 import blackboard.__main__
 import sim_world.__main__
 from blackboard.config import Scenario, load
+from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.run.flags import RecordingFlags, RunFlags, TeamFlags
 
@@ -74,6 +75,15 @@ def test_where_nothing_is_replayed_its_flags_are_a_mistake(flags: RecordingFlags
     for name in (None, "paper"):
         with pytest.raises(UserError, match="--start and --protocol are about a recording"):
             flags.scenario(name)
+
+
+def test_the_barcodes_of_mates_are_stripped_where_a_recording_is_replayed() -> None:
+    scenario = RecordingFlags("folder", anonymous="mates").scenario()
+    assert scenario.section("world", WorldSection).detector.anonymous == ("robot",)
+    with pytest.raises(UserError, match="--anonymous is about a recording; for a simulated world set world.detector"):
+        RecordingFlags(anonymous="mates").scenario()
+    with pytest.raises(UserError, match="--anonymous all: .*; use --anonymous mates"):
+        RecordingFlags("folder", anonymous="all").scenario()
 
 
 COMMANDS = [

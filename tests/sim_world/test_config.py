@@ -29,13 +29,18 @@ SIMULATED: dict[str, Any] = {
     "odometry.compass": 0.1,
     "odometry.reset_after": 1.0,
     "odometry.fix": 0.1,
+    "people.count": 2,
+    "detector.anonymous": ["robot"],
+    "detector.missed": 0.5,
+    "detector.clutter": 2.0,
 }
 RECORDED: dict[str, Any] = {"start": 1001.0, "protocol": "G_wake", "odometry_lag": 0.0, "sighting_latency": 0.1}
 
-#: What is tested elsewhere: which source (test_sources), where a robot of a factor graph starts (test_pyfg), the referee's limits (test_referee), seconds of waiting (test_world_service).
+#: What is tested elsewhere: which source (test_sources), where a robot of a factor graph starts (test_pyfg), the referee's limits (test_referee), the rest of the detector (test_detector), seconds of waiting (test_world_service).
 ELSEWHERE = {
     *("kind", "dir", "gather", "patience", "give_up", "grace", "comeback", "linger"),
     *("start_sigma", "start_heading"),
+    *("people.speed", "detector.exchanged", "detector.body"),
     *(f"check.{name}" for name in CheckSection.model_fields),
 }
 

@@ -46,7 +46,7 @@ def test_the_demo_is_the_demo() -> None:
 @pytest.mark.parametrize(
     ("table", "text"),
     [
-        ({"sed": 1}, r"it\.toml: world\.sed: no such key; did you mean seed\?; known are check, comeback, dir"),
+        ({"sed": 1}, r"it\.toml: world\.sed: no such key; did you mean seed\?; known are check, comeback, detector"),
         (
             {"vision": {"presett": "paper"}},
             r"it\.toml: world\.vision\.presett: no such key; did you mean preset\?; known are floor, gain, half_angle",

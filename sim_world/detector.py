@@ -1,0 +1,140 @@
+"""What a detector makes of what the sensors see: [world.detector] of a scenario. Random numbers are an argument. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blackboard.config.world import DetectorSection, VisionSection
+from blackboard.wire.evidence import Seen
+from blackboard.wire.messages import Readings, Sighting, Truth
+from blackboard.wire.types import MAX_OPINIONS
+from sim_world.sensor_source import SensorSource
+from sim_world.sensors import FAR, NEAR
+from sim_world.world import Place, Streams
+
+NOTHING = ""  # who is seen where nobody is
+
+
+@dataclass
+class Detected:
+    """A `SensorSource` whose sightings went through each robot's detector; the truth says who the unnamed ones show.
+
+    Each robot has random streams of its own, so one more changes nothing about the others.
+    """
+
+    source: SensorSource
+    settings: DetectorSection
+    vision: VisionSection
+    streams: Streams
+    _noises: dict[str, np.random.Generator] = field(default_factory=dict)
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        return self.source.robots
+
+    def admit(self, robot: str) -> bool:
+        return self.source.admit(robot)
+
+    def judged(self, tick: int) -> bool:
+        return self.source.judged(tick)
+
+    def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
+        truth, readings = self.source.advance(run, tick)
+        told = [self._detected(it, truth) for it in readings]
+        unnamed = {it.robot: shown for it, shown in told if shown}
+        return truth.model_copy(update={"unnamed": unnamed}), [it for it, _ in told]
+
+    def _detected(self, readings: Readings, truth: Truth) -> tuple[Readings, list[str]]:
+        """The readings of a robot as its detector tells them, and whom its unnamed sightings show, in their order."""
+        sightings = [it for it in readings.sightings if self._is_detected(readings.robot, it, truth)]
+        seen = [it for it in readings.seen if self._is_detected(readings.robot, it, truth)]
+        sightings = self._exchanged(readings.robot, sightings)
+        named = [it for it in sightings if not self._is_unnamed(it.subject)]
+        others = [(it.subject, it) for it in sightings if self._is_unnamed(it.subject)]
+        others += [(NOTHING, it) for it in self._clutter(readings.robot, truth)]
+        # The order that things have in the world would tell who they are.
+        others = sorted(others, key=lambda pair: (-pair[1].age, pair[1].bearing, pair[1].range))[
+            : MAX_OPINIONS - len(named)
+        ]
+        further = sorted((it for it in seen if self._is_unnamed(it.subject)), key=lambda it: (-it.age, it.values))
+        unnamed = [it.model_copy(update={"subject": class_of(it.subject)}) for _, it in others]
+        unnamed_seen = [it.model_copy(update={"subject": class_of(it.subject)}) for it in further]
+        kept = [it for it in seen if not self._is_unnamed(it.subject)]
+        told = readings.model_copy(update={"sightings": [*named, *unnamed], "seen": [*kept, *unnamed_seen]})
+        return told, [*(who for who, _ in others), *(it.subject for it in further)]
+
+    def _is_unnamed(self, subject: str) -> bool:
+        return kind_of(subject) in self.settings.anonymous
+
+    def _is_detected(self, robot: str, it: Sighting | Seen, truth: Truth) -> bool:
+        if kind_of(it.subject) == "landmark":
+            return True
+        if self.settings.missed and self._noise(f"{robot} misses {it.subject}").random() < self.settings.missed:
+            return False
+        return not (self.settings.body and is_hidden(f"robot/{robot}", it.subject, truth, self.settings.body))
+
+    def _exchanged(self, robot: str, sightings: list[Sighting]) -> list[Sighting]:
+        """The sightings, in which two mates may have each other's names."""
+        mates = [
+            i for i, it in enumerate(sightings) if kind_of(it.subject) == "robot" and not self._is_unnamed(it.subject)
+        ]
+        if not self.settings.exchanged or len({sightings[i].subject for i in mates}) < 2:
+            return sightings
+        noise = self._noise(f"{robot} exchanges")
+        if noise.random() >= self.settings.exchanged:
+            return sightings
+        names = sorted({sightings[i].subject for i in mates})
+        one, other = (names[i] for i in noise.choice(len(names), 2, replace=False))
+        instead = {one: other, other: one}
+        return [it.model_copy(update={"subject": instead.get(it.subject, it.subject)}) for it in sightings]
+
+    def _clutter(self, robot: str, truth: Truth) -> list[Sighting]:
+        """Sightings of nothing, uniform in the field of the camera."""
+        if not self.settings.clutter:
+            return []
+        noise = self._noise(f"{robot} clutter")
+        classes = sorted({f"{kind}/?" for kind in self.settings.anonymous if kind != "object"} | self._classes(truth))
+        found = []
+        for _ in range(int(noise.poisson(self.settings.clutter)) if classes else 0):
+            distance = math.sqrt(noise.uniform(NEAR**2, FAR**2))
+            bearing = noise.uniform(-self.vision.half_angle, self.vision.half_angle)
+            found.append(Sighting(subject=str(noise.choice(classes)), range=distance, bearing=bearing))
+        return found
+
+    def _classes(self, truth: Truth) -> set[str]:
+        return {class_of(subject) for subject in truth.positions if self._is_unnamed(subject)}
+
+    def _noise(self, name: str) -> np.random.Generator:
+        if name not in self._noises:
+            self._noises[name] = self.streams(name)
+        return self._noises[name]
+
+
+def kind_of(subject: str) -> str:
+    return subject.partition("/")[0]
+
+
+def class_of(subject: str) -> str:
+    """What a detector tells of a thing that it cannot name: of an object its name without a number at the end."""
+    kind, _, name = subject.partition("/")
+    return f"{kind}/{name.rstrip('0123456789?') if kind == 'object' else ''}?"
+
+
+def is_hidden(observer: str, subject: str, truth: Truth, radius: float) -> bool:
+    """Whether the body of another robot or person, a disc of some radius (unit), is between the two."""
+    places = truth.positions
+    if observer not in places or subject not in places:
+        return False
+    others = [s for s in places if kind_of(s) in ("robot", "person") and s not in (observer, subject)]
+    return any(is_between(places[observer], places[subject], places[other], radius) for other in others)
+
+
+def is_between(start: Place, end: Place, middle: Place, radius: float) -> bool:
+    """Whether the way from `start` to `end` meets the disc around `middle`, whose centre is neither before nor behind it."""
+    way, off = np.subtract(end, start), np.subtract(middle, start)
+    length = math.hypot(*way)
+    along = float(way @ off) / length if length else 0.0
+    return 0.0 < along < length and math.hypot(*off) ** 2 - along**2 < radius**2

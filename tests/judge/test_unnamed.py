@@ -1,0 +1,60 @@
+"""The referee on things that nobody names: what was agreed on is compared with whatever is there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from blackboard.judge.card import scorecard, text
+from blackboard.judge.referee import Referee
+from tests.judge.instants import at, both, instant, referee
+from tests.judge.results import RESULT
+
+PLACES = {"robot/r1": (2.5, 2.5), "robot/r9": (9.5, 2.5), "object/ball": (5.5, 5.5), "person/p1": (8.5, 8.5)}
+
+
+def shown(judge: Referee) -> list[str]:
+    """The lines of the scorecard that are about tracks."""
+    card = scorecard(replace(RESULT, judgement=judge.judgement()))
+    return [line for line in text(card).splitlines() if line.startswith("tracks of")]
+
+
+def test_tracks_are_compared_with_things_of_their_kind_alone() -> None:
+    judge = referee(unnamed=["person"])
+    it = instant(PLACES)
+    both(it, "a", "person/1", at(8, 8), at(8, 8))
+    both(it, "a", "object/ball", at(5, 5), at(5, 5))
+    judge.hear(it, judged=True)
+    (found,) = judge.judgement().tracks.values()
+    assert (found["gospa"], found["missed"], found["false"]) == (0.0, 0.0, 0.0)
+
+
+def test_of_robots_those_of_the_team_are_no_tracks_and_strangers_are() -> None:
+    judge = referee(unnamed=["robot"])
+    it = instant(PLACES)
+    both(it, "a", "robot/r1", at(2, 2), at(2, 2))
+    both(it, "a", "robot/1", at(0, 9), at(0, 9))
+    judge.hear(it, judged=True)
+    found = judge.judgement().tracks["robot"]
+    assert (found["missed_share"], found["false_tracks"]) == (1.0, 1), "r9 is of no team, and nobody is at (0, 9)"
+
+
+def test_an_unnamed_object_is_missing_nowhere() -> None:
+    for unnamed, missing in ((["object"], False), (["person"], True)):
+        judge = referee(unnamed=unnamed)
+        judge.hear(instant(PLACES, tick=100), judged=True)
+        assert ("object/ball" in judge.missing()) == missing
+
+
+def test_where_all_is_named_there_is_no_entry_and_no_line() -> None:
+    judge = referee(unnamed=["person"])
+    judge.hear(instant({"robot/r1": (2.5, 2.5)}), judged=True)
+    assert judge.judgement().tracks == {}
+    assert shown(judge) == []
+
+
+def test_the_line_has_the_distance_and_its_parts() -> None:
+    judge = referee(unnamed=["person"])
+    judge.hear(instant(PLACES), judged=True)
+    (line,) = shown(judge)
+    assert "tracks of person: GOSPA 2.121 cell (its square is localisation 0.000, missed 4.500, false 0.000)" in line
+    assert line.endswith("0 switches, 0 false tracks")
