@@ -14,12 +14,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import ClassVar
 
-from blackboard.errors import Refused
-from blackboard.wire import keys
-from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.falsified import displaced, overconfident
-from blackboard.wire.messages import Report
 
 STEP = 0.5  # seconds between two changes of a clock that drifts
 
@@ -78,9 +73,9 @@ class Fault:
         """The delays in seconds of the copies that arrive of an envelope; none of them: it is lost."""
         return delays
 
-    def says(self, process: str, envelope: Envelope) -> Envelope:
-        """What a process sends instead of an envelope."""
-        return envelope
+    def astray(self, way: Way, chance: Random) -> Sequence[float]:
+        """The delays in seconds of further copies, which need not keep the order of their key."""
+        return ()
 
     def adds(self) -> str | None:
         """A process that runs only meanwhile."""
@@ -132,6 +127,17 @@ class Doubled(OnWay):
         if not delays or not self.concerns(way) or chance.random() >= self.share:
             return delays
         return [*delays, delays[-1] + self.seconds * chance.random()]
+
+
+@dataclass(frozen=True)
+class Stale(OnWay):
+    """A share of the messages comes again by another way, up to so many seconds later: also after newer ones on its key."""
+
+    share: float
+    seconds: float
+
+    def astray(self, way: Way, chance: Random) -> Sequence[float]:
+        return (self.seconds * chance.random(),) if self.concerns(way) and chance.random() < self.share else ()
 
 
 @dataclass(frozen=True)
@@ -255,11 +261,13 @@ class ClockOff(Fault):
     A clock never jumps while its process runs (`blackboard.process.clock`).
     """
 
-    recovery = 8.0
-
     who: str
     seconds: float
     rate: float = 0.0
+
+    @property
+    def recovery(self) -> float:  # type: ignore[override]
+        return WorldKilled.recovery if self.who == "world" else 8.0
 
     def moments(self) -> Iterator[float]:
         yield from _steps(self.begin, self.end, STEP) if self.rate else (self.begin, self.end)
@@ -299,13 +307,17 @@ class SecondWorld(Fault):
 
 @dataclass(frozen=True)
 class AnotherBoard(Fault):
-    """Somebody starts another board of a sub-team, and stops it."""
+    """Somebody starts another board of a sub-team, and stops it; one that hangs holds its token and says nothing."""
 
     sub_team: str
     name: str
+    hangs: bool = False
 
     def adds(self) -> str:
         return f"board/{self.sub_team}/{self.name}"
+
+    def freezes(self, process: str, at: float) -> bool:
+        return self.hangs and process == self.adds()
 
 
 @dataclass(frozen=True)
@@ -314,37 +326,11 @@ class FullDisk(Fault):
 
 
 @dataclass(frozen=True)
-class Displaced(Fault):
-    """A liar: all places that a robot reports are off by an offset, in the grid's unit."""
+class Lies(Fault):
+    """A robot tells a lie of the catalogue (`blackboard.chaos.lies`)."""
 
     who: str
-    offset: tuple[float, float]
-
-    def says(self, process: str, envelope: Envelope) -> Envelope:
-        return _changed(envelope, lambda it: displaced(it, self.offset)) if process == self.who else envelope
-
-
-@dataclass(frozen=True)
-class Overconfident(Fault):
-    """A liar: the sigmas that a robot reports are smaller by a factor."""
-
-    who: str
-    factor: float
-
-    def says(self, process: str, envelope: Envelope) -> Envelope:
-        return _changed(envelope, lambda it: overconfident(it, self.factor)) if process == self.who else envelope
-
-
-LIARS = (Displaced, Overconfident)
-
-
-def _changed(envelope: Envelope, change) -> Envelope:  # type: ignore[no-untyped-def]
-    if keys.REPORT.match(envelope.key) is None:
-        return envelope
-    try:
-        return Envelope(envelope.key, encode(change(decode(Report, envelope.payload))))
-    except Refused:
-        return envelope
+    lie: str
 
 
 def _steps(begin: float, end: float, step: float) -> Iterator[float]:

@@ -86,7 +86,8 @@ class EvidenceCountsOnce(Oracle):
     def see(self, event: Event) -> None:
         assert isinstance(event, Stepped)
         taken, newest = self._taken.setdefault(event.board, {}), self._newest.setdefault(event.board, {})
-        for piece in map(name_of, event.batch):
+        honest = [it for it in event.batch if it.robot not in self.night.liars]
+        for piece in map(name_of, honest):
             if taken.setdefault(piece, event.number) != event.number:
                 self.breaks(
                     event.at, f"{event.process} takes {piece} in step {taken[piece]} and in step {event.number}"

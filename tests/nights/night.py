@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from blackboard import POOLS
+from blackboard.chaos.lies.catalogue import CATALOGUE
 from blackboard.config import Scenario
 from tests.nights import faults
 from tests.nights.faults import Fault
@@ -19,8 +20,13 @@ from tests.nights.faults import Fault
 T = TypeVar("T")
 
 CELLS = 20  # of the grid along each axis
+#: A simulated world goes straight on after it has turned, which is a curve only where a tick's turn is small.
+SPEED, TURN_RATE = 0.5, 0.3  # units and rad a second
+#: What robots believe of their odometry: the physics of such a world, because regions are judged.
+ODOMETRY = {"along": 0.3 * SPEED**0.5, "turn": 0.0, "turning": 0.01, "compass": 0.01}
 FIRST = 2.0  # seconds: no fault begins earlier, so that the team has met
 LAST = 8.5  # seconds: every fault has ended
+LIES = sorted(name for name, lie in CATALOGUE.items() if lie.liars == 1)
 CALM = 4.0  # seconds in which it is watched whether the team is well again
 
 
@@ -31,6 +37,7 @@ class Team:
     sub_teams: dict[str, tuple[str, ...]]  # with their robots; a robot may be in several
     mode: Literal["lockstep", "realtime", "free"]  # free: there is no world
     boards: int = 1  # of each sub-team
+    patience: float = 2.0  # seconds that a board waits in each phase of a tick
     tick: float = 0.5  # seconds
     latency: float = 0.01  # seconds that each message takes
     fusion: Literal["opinions", "joint"] = "opinions"
@@ -59,6 +66,7 @@ class Team:
     def scenario(self, seed: int) -> Scenario:
         """The scenario of such a team in a world of a seed."""
         board: dict[str, Any] = {"fusion": self.fusion, "rule": self.rule, "feedback": self.feedback}
+        board["patience"] = self.patience
         if self.rule == "coalition" and not self.is_learning:
             board["independence"] = 0.5
         return Scenario(
@@ -77,8 +85,14 @@ class Team:
                     "mode": "realtime" if self.mode == "free" else self.mode,
                 },
                 "board": {**board, "period": self.tick},
-                "robot": {"send": {"budget": self.budget}} if self.budget else {},
-                "world": {"seed": seed, "objects": {"ball": {"drift": 0.2}}, "gather": 30.0},
+                "robot": {"odometry": ODOMETRY, **({"send": {"budget": self.budget}} if self.budget else {})},
+                "world": {
+                    "seed": seed,
+                    "speed": SPEED,
+                    "turn_rate": TURN_RATE,
+                    "objects": {"ball": {"drift": 0.2}},
+                    "gather": 30.0,
+                },
             },
             "a night",
         )
@@ -109,9 +123,14 @@ class Night:
         return round(self.well + CALM, 6)
 
     @property
+    def liars(self) -> frozenset[str]:
+        """The processes that lie."""
+        return frozenset(it.who for it in self.faults if isinstance(it, faults.Lies))
+
+    @property
     def is_honest(self) -> bool:
         """Whether nobody lies."""
-        return not any(isinstance(it, faults.LIARS) for it in self.faults)
+        return not self.liars
 
     def without(self, fault: Fault) -> Night:
         return replace(self, faults=tuple(it for it in self.faults if it is not fault))
@@ -146,6 +165,8 @@ def draw_night(seed: int, number: int) -> Night:
     team = draw_team(draw)
     count = draw.one([0, 1, 2, 3, 4, 5, 6], [0.04, 0.2, 0.24, 0.22, 0.15, 0.1, 0.05])
     found = [draw_fault(draw, team) for _ in range(count)]
+    liars = [it for it in found if isinstance(it, faults.Lies)]
+    found = [it for it in found if it not in liars[1:]]  # one at most
     return Night(team, tuple(found), int(draw.rng.integers(1, 1 << 31)), f"{seed}/{number}")
 
 
@@ -168,6 +189,7 @@ def draw_team(draw: Draw) -> Team:
         sub_teams={name: tuple(robots) for name, robots in members.items()},
         mode=mode,
         boards=draw.one([1, 2], [0.6, 0.4]),
+        patience=draw.one([1.0, 2.0]),
         tick=tick,
         latency=round(tick / 5, 4) if mode == "lockstep" else draw.one([0.001, 0.02, 0.05]),
         fusion=draw.one(("opinions", "joint")),
@@ -219,6 +241,10 @@ def doubled(draw: Draw, team: Team) -> Fault:
     return faults.Doubled(*span(draw), anybody(draw, team), draw.one([0.1, 0.5, 1.0]), draw.one([0.0, 0.2, 2.0]))
 
 
+def stale(draw: Draw, team: Team) -> Fault:
+    return faults.Stale(*span(draw), anybody(draw, team), draw.one([0.1, 0.5]), draw.one([0.5, 2.0]))
+
+
 def too_large(draw: Draw, team: Team) -> Fault:
     return faults.TooLarge(*span(draw), anybody(draw, team), draw.one([300, 800, 2000]))
 
@@ -259,6 +285,11 @@ def frozen(draw: Draw, team: Team) -> Fault:
     return faults.Frozen(*span(draw, 6.0), draw.one(team.processes))
 
 
+def hung(draw: Draw, team: Team) -> Fault:
+    begin = draw.between(FIRST, FIRST + 0.5)
+    return faults.Frozen(begin, LAST, draw.one(boards_of(team)))
+
+
 def slow(draw: Draw, team: Team) -> Fault:
     return faults.Slow(*span(draw), draw.one(team.processes), draw.one([0.3, 1.0]))
 
@@ -277,19 +308,18 @@ def second_world(draw: Draw, team: Team) -> Fault:
 
 
 def another_board(draw: Draw, team: Team) -> Fault:
-    sub_team = draw.one(list(team.sub_teams))
-    return faults.AnotherBoard(*span(draw), sub_team, draw.one(["a-first", "z-last"]))
+    sub_team, name = draw.one(list(team.sub_teams)), draw.one(["a-first", "z-last"])
+    if draw.chance(0.3):
+        return faults.AnotherBoard(draw.one([0.0, FIRST]), LAST, sub_team, name, hangs=True)
+    return faults.AnotherBoard(*span(draw), sub_team, name)
 
 
 def full_disk(draw: Draw, team: Team) -> Fault:
     return faults.FullDisk(*span(draw))
 
 
-def liar(draw: Draw, team: Team) -> Fault:
-    who = draw.one(robots_of(team))
-    if draw.chance(0.5):
-        return faults.Overconfident(*span(draw), who, draw.one([2.0, 10.0]))
-    return faults.Displaced(*span(draw), who, (draw.one([-6.0, 3.0]), draw.one([0.0, 5.0])))
+def lies(draw: Draw, team: Team) -> Fault:
+    return faults.Lies(*span(draw), draw.one(robots_of(team)), draw.one(LIES))
 
 
 Maker = Callable[[Draw, Team], Fault]
@@ -297,10 +327,11 @@ Maker = Callable[[Draw, Team], Fault]
 #: What can go wrong, and for which teams.
 MAKERS: dict[Maker, Callable[[Team], bool]] = {
     **dict.fromkeys(
-        (lost, late, doubled, too_large, one_way, parted, cut_off, routerless, flapping, killed, frozen, slow),
+        (lost, late, doubled, stale, too_large, one_way, parted, cut_off, routerless, flapping, killed, frozen, slow),
         lambda team: True,
     ),
     **dict.fromkeys((clock_off, suspended, another_board, full_disk), lambda team: True),
     **dict.fromkeys((new_world, second_world), lambda team: team.mode != "free"),
-    liar: lambda team: len(team.robots) >= 3,
+    hung: lambda team: team.boards > 1,
+    lies: lambda team: len(team.robots) >= 3,
 }

@@ -21,6 +21,7 @@ from tests.nights.events import Began, Died, Ended, Event, Moved, Recovered, Sai
 from tests.nights.night import Night
 
 SCORED = 3  # of so many ticks one is scored
+SHARES = (0.5, 0.95)  # of the mass, of the regions that are scored
 SLACK = 0.5  # seconds by which a phase may be open longer than its wait: it ends when its process is woken
 
 
@@ -125,7 +126,7 @@ class StatusesAreTrue(Oracle):
         if isinstance(event, Began):
             for key in [key for key in self._sent if key[0] == event.process]:
                 del self._sent[key]
-        elif isinstance(event, Said) and event.topic is not None:
+        elif isinstance(event, Said) and event.topic is not None and event.process not in self.night.liars:
             it = event.message
             if isinstance(it, Consensus):
                 self._sent[event.process, it.level][it.subject] = it.tick
@@ -148,9 +149,12 @@ class ProvenanceIsWhole(Oracle):
     sees = (Said,)
 
     def see(self, event: Event) -> None:
-        it = event.message if isinstance(event, Said) else None
+        assert isinstance(event, Said)
+        it = event.message
         if isinstance(it, Consensus):
             self._judge(event.at, it)
+        elif event.process in self.night.liars:
+            return
         elif isinstance(it, Report) and it.informed is not None and it.source not in it.informed.ancestors:
             self.breaks(event.at, f"what {it.source} believes of {it.subject} does not name it")
 
@@ -159,7 +163,7 @@ class ProvenanceIsWhole(Oracle):
         multiplied = [used.source for used in it.used if used.how == "independent"]
         if len(multiplied) > len(set(multiplied)) and self.night.team.feedback != "paper":
             self.breaks(at, f"{what} multiplies {max(multiplied, key=multiplied.count)} twice")
-        for used in it.used:
+        for used in it.used if self.night.is_honest else ():
             sub_team = self.night.team.sub_teams.get(used.source, ()) if it.rule != "joint" else ()
             members = {used.source, *sub_team, "g1"}
             if used.weight > 0 and not members & it.ancestors.keys():
@@ -260,7 +264,8 @@ class Coverage(Oracle):
     def __init__(self, night: Night) -> None:
         super().__init__(night)
         self._truths: dict[int, Truth] = {}  # by tick, which every world of a seed repeats
-        self._sums = Counter[str]()
+        #: subject and tick -> how far the regions of each board hold the truth
+        self._scores: dict[tuple[str, int], list[list[float]]] = defaultdict(list)
 
     def see(self, event: Event) -> None:
         if isinstance(event, Sensed):
@@ -285,9 +290,11 @@ class Coverage(Oracle):
         if team.feedback == "paper" or it.rule not in ("joint", "coalition"):
             return  # other rules, and Table I to the letter, claim what they claim
         denser, border = hdr_level(belief.p, index), border_mass(belief.p, index)
-        self._sums["coverage n"] += 1
-        for share in (0.5, 0.95):
-            self._sums[f"coverage {share}"] += float(held(denser, border, share))  # type: ignore[assignment]
+        self._scores[it.subject, tick].append([float(held(denser, border, share)) for share in SHARES])
 
     def sums(self) -> Counter[str]:
-        return self._sums
+        found = Counter[str]({"coverage n": len(self._scores)})
+        for scores in self._scores.values():  # the boards of a team err together: they count once
+            for share, all_held in zip(SHARES, zip(*scores, strict=True), strict=True):
+                found[f"coverage {share}"] += sum(all_held) / len(all_held)  # type: ignore[assignment]
+        return found

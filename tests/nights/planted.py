@@ -12,10 +12,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from tests.files import ROOT
+from tests.nights.night import Night
 
 COPIED = ("blackboard", "robot_agent", "sim_world", "tests")
 
@@ -167,25 +170,42 @@ BUGS = {
 FOUND = re.compile(r"night \d+/(\d+) of [^:]*: (.*)")
 
 
-def notice(bug: Bug, count: int, seed: int) -> str | None:
-    """Live through nights with a bug: the first that fails, and what it breaks; None: none of them does."""
+LIVE = """
+from tests.nights.faults import *
+from tests.nights.night import Night, Team
+from tests.nights.run import live
+print(live({night!r}) or "")
+"""
+
+
+@contextmanager
+def planted(bug: Bug) -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
+    """Meanwhile what is given runs Python with some arguments, in a copy of the project that has a bug."""
     with tempfile.TemporaryDirectory(prefix="planted-") as folder:
         root = Path(folder)
         for name in COPIED:
             shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
         bug.plant(root)
-        nights = [sys.executable, "-m", "tests.nights", "--no-shrink", "--first-failure"]
-        ran = subprocess.run(
-            [*nights, "--count", str(count), "--seed", str(seed), "--workers", "1"],
-            cwd=root,
-            env={**os.environ, "PYTHONPATH": folder},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        settings = {"cwd": root, "env": {**os.environ, "PYTHONPATH": folder}, "capture_output": True, "text": True}
+        yield lambda *arguments: subprocess.run([sys.executable, *arguments], check=False, **settings)  # type: ignore[call-overload,no-any-return]
+
+
+def notice(bug: Bug, count: int, seed: int) -> str | None:
+    """Live through nights with a bug: the first that fails, and what it breaks; None: none of them does."""
+    nights = ["-m", "tests.nights", "--no-shrink", "--first-failure", "--workers", "1"]
+    with planted(bug) as python:
+        ran = python(*nights, "--count", str(count), "--seed", str(seed))
     if found := FOUND.search(ran.stdout):
         return f"after {int(found[1]) + 1} nights: {found[2]}"
     return None if ran.returncode == 0 else f"the coverage: {ran.stdout.strip().splitlines()[0]}"
+
+
+def breaks(bug: Bug, night: Night) -> str:
+    """What a night breaks with a bug; "": nothing."""
+    with planted(bug) as python:
+        ran = python("-c", LIVE.format(night=night))
+    ran.check_returncode()
+    return ran.stdout.strip()
 
 
 def main() -> int:

@@ -28,12 +28,13 @@ from tests.nights.oracles import (
     StatusesAreTrue,
     TheNewestCounts,
 )
+from tests.nights.parts import SomebodySpeaks, TheHonestCount
 from tests.nights.rosters import RostersAreTrue
 from tests.nights.stage import Stage
 
 ORACLES: tuple[type[Oracle], ...] = (
     NobodyDies, InvariantsHold, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
-    SameEvidenceSameBits, TheNewestCounts, RostersAreTrue, NobodyWaits, Coverage,
+    SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, SomebodySpeaks, NobodyWaits, Coverage,
 )  # fmt: skip
 
 REPLAYED = 8  # of so many nights one is recorded, and its tape replayed
@@ -126,7 +127,7 @@ def recorded(night: Night) -> bytes:
 
 #: Between which shares the regions of 50 and of 95 % hold the truth, over all nights together.
 CALIBRATED = {"0.5": (0.45, 0.55), "0.95": (0.93, 0.97)}
-ENOUGH = 20_000  # beliefs; those of a night err together, so that fewer say little
+ENOUGH = 10_000  # beliefs; those of a night err together, so that fewer say little
 
 
 def coverage(sums: Counter[str]) -> dict[str, float]:

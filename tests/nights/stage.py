@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,9 +15,14 @@ from io import BytesIO
 from random import Random
 from typing import Any
 
+import numpy as np
+
 from blackboard.board.service import BoardService, board_of
+from blackboard.chaos.lies.catalogue import CATALOGUE
+from blackboard.chaos.lies.changes import Scene
+from blackboard.chaos.lies.liar import Liar
 from blackboard.client.member import Member
-from blackboard.errors import Refused
+from blackboard.errors import Refused, RunFailed
 from blackboard.net.bus import intersects
 from blackboard.net.scheduler import AT_ONCE, Scheduler
 from blackboard.opinion.belief import gaussian
@@ -31,6 +37,7 @@ from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Readings, Truth
+from robot_agent.service import AgentService
 from robot_agent.team import robot_of
 from sim_world.sensor_source import SensorSource
 from sim_world.service import WorldService
@@ -54,6 +61,7 @@ from tests.nights.night import CELLS, Night
 
 CHECKED = 1.0  # seconds between two looks at the invariants of all machines
 RECORDER = "recorder"
+OFTEN = 5000  # times that a process is woken in a second after which it does nothing else
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +75,7 @@ class Watched(Around):
     def __init__(self, name: str, service: Service, stage: Stage) -> None:
         super().__init__(service)
         self.name, self._stage = name, stage
+        self._woken: deque[float] = deque(maxlen=OFTEN)  # when it was woken last, seconds of the night
 
     @property
     def done(self) -> bool:
@@ -76,7 +85,14 @@ class Watched(Around):
         return self._done(lambda: self.inner.receive(envelope, now))
 
     def wake(self, now: float) -> list[Envelope]:
+        self._woken.append(self._stage.at)
         return self._done(lambda: self.inner.wake(now))
+
+    def wake_at(self, now: float) -> float | None:
+        if len(self._woken) < OFTEN or self._stage.at - self._woken[0] > 1.0:
+            return self.inner.wake_at(now)
+        self._stage.tell(Died(self._stage.at, self.name, RunFailed(f"it is woken {OFTEN} times in a second")))
+        return None  # else the night would never end
 
     def check(self) -> None:
         """Tell which invariant does not hold."""
@@ -89,17 +105,19 @@ class Watched(Around):
     @property
     def machine(self) -> Service:
         """The service itself, without its journal."""
-        return self.inner.inner if isinstance(self.inner, Journaled) else self.inner
+        return self.inner.inner if isinstance(self.inner, Journaled | Liar) else self.inner
 
     def _done(self, act: Callable[[], list[Envelope]]) -> list[Envelope]:
         stage, self._stage.acting = self._stage, self.name
         try:
-            out = [stage.spoken(self.name, envelope) for envelope in act()]
+            out = act()
         except Exception as error:
             stage.tell(Died(stage.at, self.name, error))
             return []
         for envelope in out:
-            stage.tell(said(stage.at, self.name, envelope))
+            stage.tell(event := said(stage.at, self.name, envelope))
+            if isinstance(event.message, Truth) and self.name == "world":
+                stage.truth = event.message
         stage.tell(Moved(stage.at, self.name, self.machine))
         return out
 
@@ -228,6 +246,7 @@ class Stage(Scheduler):
             if frozen and name not in self._frozen:
                 self._frozen.add(name)
                 self.freeze(watched)
+        self._tell_to_lie()
         self.disk.full = any(isinstance(fault, faults.FullDisk) for fault in self._active)
         self._show_tokens()
         for name in sorted(self._frozen):
@@ -251,7 +270,7 @@ class Stage(Scheduler):
     def _made(self, name: str) -> Service:
         kind, *rest = name.split("/")
         if kind == "robot":
-            return robot_of(self.scenario, rest[0])
+            return self._robot(rest[0])
         if kind == "world":
             unjudged: Any = Unjudged()
             return WorldService(self.scenario, open_sensor_source(self.scenario), unjudged)
@@ -265,18 +284,33 @@ class Stage(Scheduler):
         it = board_of(self.scenario, *rest)
         return Journaled(it, team="t", sub_team=rest[0], board=rest[1]) if self.records else it
 
+    def _robot(self, robot: str) -> Service:
+        """A robot; one that lies does so as long as `_update` says."""
+        it, name = robot_of(self.scenario, robot), f"robot/{robot}"
+        lie = next(
+            (fault.lie for fault in self.night.faults if isinstance(fault, faults.Lies) and fault.who == name), None
+        )
+        if lie is None:
+            return it
+        mates = sorted(set(self.night.team.robots) - {robot})
+        scene = Scene(robot, self.scenario.grid, mates, np.random.default_rng(self.night.seed))
+        return Liar(it, scene, CATALOGUE[lie], math.inf, math.inf)
+
+    def _tell_to_lie(self) -> None:
+        """Let whoever lies begin and end, in its own team time."""
+        for name in self.night.liars & self.running.keys():
+            liar = self.running[name].inner
+            assert isinstance(liar, Liar)
+            agent = liar.inner
+            assert isinstance(agent, AgentService)
+            lies = any(isinstance(fault, faults.Lies) for fault in self._active)
+            if lies != (liar.begin < math.inf):
+                liar.begin = agent.clock.time(self.now + self._ahead(name)) if lies else math.inf
+
     def _ahead(self, name: str) -> float:
         return sum(fault.ahead(name, self.at) for fault in self.night.faults)
 
     # --- who hears whom ---------------------------------------------------------------------------------------------------
-
-    def spoken(self, process: str, envelope: Envelope) -> Envelope:
-        """What a process sends instead of an envelope, if it lies."""
-        for fault in self._active:
-            envelope = fault.says(process, envelope)
-        if keys.TRUTH.match(envelope.key) and process == "world":
-            self.truth = said(self.at, process, envelope).message  # type: ignore[assignment]
-        return envelope
 
     def _are_parted(self, one: str, other: str) -> bool:
         return any(fault.parts(one, other) for fault in self._active)
@@ -318,7 +352,8 @@ class Stage(Scheduler):
         delays: Sequence[float] = (latency,)
         for fault in self._active:
             delays = fault.copies(way, delays, self._chance[fault])
-        return self._in_order(way, delays)
+        astray = [latency + more for fault in self._active for more in fault.astray(way, self._chance[fault])]
+        return [*self._in_order(way, delays), *astray]
 
     def _in_order(self, way: faults.Way, delays: Sequence[float]) -> Sequence[float]:
         """Delays such that what is sent on one key arrives in the order of sending, as a network keeps it."""

@@ -153,7 +153,7 @@ def test_the_clock_of_a_machine_that_slept_stays_behind() -> None:
 
 def test_liars_say_something_else() -> None:
     honest = Played(team=replace(TEAM, mode="free"))
-    liar = Played(faults.Displaced(3.0, 5.0, "robot/r2", (4.0, 0.0)), team=replace(TEAM, mode="free"))
+    liar = Played(faults.Lies(3.0, 5.0, "robot/r2", "off-8"), team=replace(TEAM, mode="free"))
 
     def payloads(played: Played, begin: float, end: float) -> list[bytes]:
         return [it.envelope.payload for it in played.said("robot/r2", begin, end) if isinstance(it.message, Report)]

@@ -1,0 +1,85 @@
+"""Whether somebody speaks for each sub-team, also while a board hangs, and whether an honest robot counts, whoever lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from blackboard.board.lead import HOLD, PHASES
+from blackboard.board.service import BoardService
+from blackboard.wire.messages import Consensus, Status
+from tests.nights.events import Began, Event, Moved, Said
+from tests.nights.night import Night
+from tests.nights.oracles import Oracle
+
+ASLEEP = 1.5  # seconds without being woken after which a board may have been frozen
+BARRED = "its evidence breaks the joint"
+LATE = 1.0  # seconds by which a board may be woken later than it asks, because it is slow
+
+
+@dataclass
+class Silence:
+    """What a board has settled that nobody publishes. Times are seconds of the night."""
+
+    looked: float
+    knows: tuple[object, ...]  # its run, who leads, and which boards are there
+    since: float | None = None
+
+
+class SomebodySpeaks(Oracle):
+    """What a board settles is published by its leader, or by itself: where it knows of none after `HOLD`, else after `silent`."""
+
+    sees = (Began, Said, Moved)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._silences: dict[str, Silence] = {}
+        self._done: dict[str, tuple[float, int]] = {}  # process -> team time and phase of its newest status
+        self._published: dict[str, tuple[float, int]] = {}  # sub-team -> those of the newest of its leader
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Began):
+            self._silences.pop(event.process, None)
+            self._done.pop(event.process, None)
+        elif isinstance(event, Said) and isinstance(event.message, Status) and event.message.kind == "board":
+            self._hear(event, event.message)
+        elif isinstance(event, Moved) and isinstance(event.service, BoardService):
+            self._look(event, event.service)
+
+    def _hear(self, event: Said, status: Status) -> None:
+        if status.phase not in PHASES:
+            return
+        sub_team, done = event.parts["sub_team"], (status.time, PHASES.index(status.phase))
+        is_new, self._done[event.process] = self._done.get(event.process) != done, done
+        mine = self._silences.get(event.process)
+        if not status.follows:
+            self._published[sub_team] = done
+            for process, silence in self._silences.items():
+                if process.split("/")[1] == sub_team and (is_new or done >= self._done.get(process, done)):
+                    silence.since = None
+        elif is_new and mine is not None and mine.since is None and done > self._published.get(sub_team, (-1.0, 0)):
+            mine.since = event.at
+
+    def _look(self, event: Moved, board: BoardService) -> None:
+        knows = board.clock.run, board.clock.pace, board.lead.leader, tuple(board.roster.boards.get(board.sub_team, ()))
+        it = self._silences.setdefault(event.process, Silence(event.at, knows))
+        slept, it.looked = event.at - it.looked > ASLEEP, event.at
+        if slept or board.roster.away or board.lead.leads or it.knows != knows:
+            it.since, it.knows = None, knows
+        elif it.since is not None:
+            most = HOLD if board.lead.leader is None else board.lead.silent
+            if event.at - it.since > most + LATE:
+                self.breaks(
+                    event.at, f"nobody publishes what {event.process} settled {event.at - it.since:.1f} s before"
+                )
+
+
+class TheHonestCount(Oracle):
+    """No honest robot is barred because its evidence breaks a joint, whoever lies."""
+
+    sees = (Said,)
+
+    def see(self, event: Event) -> None:
+        assert isinstance(event, Said)
+        for out in event.message.left_out if isinstance(event.message, Consensus) else ():
+            if out.reason == BARRED and f"robot/{out.source}" not in self.night.liars:
+                self.breaks(event.at, f"{event.process} bars {out.source}, which is honest")
