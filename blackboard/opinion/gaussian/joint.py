@@ -6,8 +6,8 @@ mean is the callers' (`vehicle`, `relation`). Units are the callers' too.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -210,9 +210,10 @@ class Joint:
         for block, anchor in (anchors or {}).items():
             self.mean[self.blocks[block]] = anchor
 
-    def update(self, factor: Factor) -> Array:
+    def update(self, factor: Factor, only: Collection[Block] | None = None) -> Array:
         """Kalman's update, as P - W^T W with W = L^-1 H P, where L L^T is the innovation's covariance H P H^T + R.
 
+        Of `only` some blocks, if given: the others are considered (Schmidt 1966), their means and covariances stay.
         Returned is by how much the mean moved. LinAlgError: that covariance is not positive.
         """
         self.begin(factor.priors, factor.anchors)
@@ -228,6 +229,8 @@ class Joint:
         root = np.linalg.cholesky(spread)
         white = np.linalg.solve(root, cross)
         gained = white[:, :-1]
+        if only is not None:
+            return self._consider(white[:, -1], gained, only)
         self.mean = before + white[:, -1] @ gained
         variances = self.covariance.diagonal()
         if (variances - np.square(gained).sum(axis=0) < CANCELLED * variances).any():
@@ -235,6 +238,16 @@ class Joint:
         else:
             self.covariance -= gained.T @ gained  # of which NumPy computes one triangle
         return self.mean - before
+
+    def _consider(self, residual: Array, gained: Array, only: Collection[Block]) -> Array:
+        """The update of some blocks alone, and of their covariances with all; by the white residual (m,) and W, (m, n)."""
+        mine = np.zeros(len(self.mean), dtype=bool)
+        for block in only:
+            mine[self.blocks[block]] = True
+        moved = np.where(mine, residual @ gained, 0.0)
+        self.mean = self.mean + moved
+        self.covariance -= np.where(mine | mine[:, np.newaxis], gained.T @ gained, 0.0)
+        return moved
 
     def _by_josephs_form(self, cross: Array, gain: Array, places: Sequence[tuple[slice, Array]], noise: Array) -> Array:
         """The covariance after an update, as (I - K H) P (I - K H)^T + K R K^T: exact also where hardly any of P is left.

@@ -27,9 +27,10 @@ from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Tally, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.innovations import Innovations, Source
-from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.naming import Naming, Unnamed, clear
+from blackboard.opinion.gaussian.offsets import Offsets
 from blackboard.opinion.gaussian.relation import UNSTEADY, BiasBlock, Relative, forget_biases, linearise
 from blackboard.opinion.gaussian.rings import SURE, Place, Ring, line_of
 from blackboard.opinion.gaussian.trust import Trust
@@ -94,6 +95,7 @@ class TeamJoint:
     trust: Trust = field(default_factory=Trust)
     contacts: Contacts = field(default_factory=Contacts)
     innovations: Innovations = field(default_factory=Innovations)
+    offsets: Offsets = field(default_factory=Offsets)
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
     naming: Naming = field(default_factory=Naming)
@@ -122,6 +124,7 @@ class TeamJoint:
             trust=self.trust.copy(),
             contacts=self.contacts.copy(),
             innovations=self.innovations.copy(),
+            offsets=self.offsets.copy(),
             walks=self.walks.copy(),
             limits=self.limits.copy(),
             naming=self.naming.copy(),
@@ -174,6 +177,7 @@ class TeamJoint:
         aside = self._aside() if self.limits.sharpest else frozenset()
         for robot, evidence in news.items():
             with self._blaming(robot):
+                self._hear(evidence, motions, heard)
                 for relative in sorted(
                     evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind)
                 ):
@@ -185,6 +189,16 @@ class TeamJoint:
             with self._blaming(robot):
                 for relative in self._identified(evidence, all_news, motions) if robot in heard else ():
                     self._relate(relative, motions, heard)
+
+    def _hear(self, evidence: Evidence, motions: Mapping[str, Motion], heard: set[str]) -> None:
+        """Hold all that a robot sees of its mates in a tick against where the joint has them, before any of it moves them."""
+        robot, noise = evidence.robot, self.innovations.variance((evidence.robot, "relative"))
+        if robot not in heard or robot in self._left_out or not self.knows(robot):
+            return
+        mates = {mate for mate in heard - {robot} if self.knows(mate)}
+        seen = [it for it in evidence.relatives if it.observer == robot and it.subject in mates]
+        found = [(it.subject, linearise(self.joint, it, motions).widened(noise)) for it in seen]
+        self.offsets.hear(robot, self.joint, found)
 
     def _bounded(self, news: Mapping[str, Evidence], known: set[str]) -> dict[str, Evidence]:
         """The evidence of a tick, as much of it as its robots' sensors can know; `known` are the robots whose increments count."""
@@ -314,6 +328,7 @@ class TeamJoint:
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self._forget_errors(dt)
+        self.offsets.pass_time(dt)
         self.elapsed += dt
         for name in self._seen:
             self._shift(name, self.walks.pass_time(name, self.objects.drift_of(name), dt, self.objects.model_of(name)))
@@ -383,6 +398,7 @@ class TeamJoint:
         self._refuted -= back
         for robot in sorted(back):
             self.trust.forget(robot)
+            self.offsets.forget(robot)
         again = {robot for robot in parted | back if robot in self.joint}
         for robot in sorted(again):
             self._drop(robot)
@@ -423,6 +439,7 @@ class TeamJoint:
                     self._widen(robot, float(np.hypot(*np.mean(away, axis=0))))
                     made.clear()
                     self.trust.forget(robot)
+                    self.offsets.forget(robot)
                     self.tally.outvoted += 1
         return found
 
@@ -508,12 +525,19 @@ class TeamJoint:
         taken = squared <= quantile(GATE, freedom) and not by
         self._judge(Verdict(robot, robot, "increment", squared, freedom, taken, by))
         if taken:
-            correct(self.joint, factor)
+            correct(self.joint, factor, self._moved_by(robot))
         left_out = 0 if taken else self._known[robot].left_out + 1
         if left_out >= PATIENCE:
             self._widen(robot)
             left_out = 0
         self._known[robot] = replace(self._known[robot], left_out=left_out)
+
+    def _moved_by(self, *robots: str) -> list[Block] | None:
+        """What evidence about some robots moves: places and lasting errors of those whose sightings are doubted; None: all."""
+        doubted = {robot for robot in robots if self.offsets.doubts(robot)}
+        if not doubted:
+            return None
+        return [it for it in self.joint.blocks if (it[1] if isinstance(it, tuple) else it) in doubted]
 
     def _weighed(self, source: Source, factor: Factor) -> tuple[Factor, float]:
         """A factor with the noise that its source's evidence has shown to have, and the squared distance of that."""
@@ -570,7 +594,7 @@ class TeamJoint:
             self.trust.judge(observer, subject, agrees)
         self._judge(Verdict(observer, subject, "relative", squared, freedom, taken, by))
         if taken:
-            correct(self.joint, factor)
+            correct(self.joint, factor, self._moved_by(observer, subject))
             self._note_errors(relative)
             if not robot:
                 self._seen[subject] = 0.0

@@ -10,6 +10,7 @@ than told the robot moves. Scales, drift and lag are random walks; bias, slip an
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -187,14 +188,14 @@ def speed(state: Moments, motion: Motion) -> Moments | None:
     return Moments(mean / motion.dt, (rows @ state.covariance @ rows.T + noise) / motion.dt**2)
 
 
-def correct(joint: Joint, factor: Factor) -> None:
-    """`Joint.update` with the errors of all robots' poses kept in coordinates that turn with the heading's error.
+def correct(joint: Joint, factor: Factor, only: Collection[Block] | None = None) -> None:
+    """`Joint.update`, of all blocks or `only` of some, where poses' errors are kept in coordinates that turn with the heading's.
 
     A position's error is held as what is left after the world is turned by the heading's error, so that moving the mean
     moves the tie between both along. Else the filter takes its changes of mind for knowledge of the heading
     (Barrau and Bonnabel, IEEE TAC 62(4), 2017; for teams Huang, Trawny, Mourikis, Roumeliotis, RSS 2009).
     """
-    moved = joint.update(factor)
+    moved = joint.update(factor, only)
     first = joint.firsts(STATES)
     dx, dy = moved[first + X], moved[first + Y]
     first, dx, dy = (it[(dx != 0) | (dy != 0)] for it in (first, dx, dy))

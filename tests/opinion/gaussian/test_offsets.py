@@ -1,0 +1,105 @@
+"""Who keeps seeing its mates off moves itself alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.offsets import MEMORY
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance
+from blackboard.opinion.grid import Array
+from tests.opinion.gaussian import driving
+
+LIAR, BEGIN, END = "robot/r2", 5, 40
+PLACES = {f"robot/r{k}": 10.0 * np.array([math.cos(k), math.sin(k)]) for k in range(6)}
+FIX = 3.0  # the sigma of what each robot is told of its place in each tick
+
+
+def told(team: TeamJoint, robot: str, at: Array, lie: float) -> tuple[Relative, ...]:
+    """It sees every mate `lie` to the side of where the team has it, from where it is by its own evidence."""
+    apart = {it: team.marginal(it).mean + [lie, 0.0] - at for it in sorted(set(team.subjects()) - {robot})}
+    return tuple(
+        Relative(robot, mate, math.hypot(x, y), math.atan2(y, x), 0.25, 0.0025) for mate, (x, y) in apart.items()
+    )
+
+
+def says(robot: str, tick: int, seen: tuple[Relative, ...] = ()) -> Evidence:
+    """A robot that stands, entered near to where it is, and is told its place without an error in each tick."""
+    mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
+    mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
+    belief = Moments(mean, np.diag([0.3, 0.3, *[1e-4] * (STATES - 2)]))
+    increment = Increment(mean, information, np.zeros(STATES)) if tick else None
+    return Evidence(robot, 0, tick, Motion(), Nuisance(), belief if not tick else None, increment, seen)
+
+
+def worst(lie: float, ticks: int = END) -> tuple[float, set[str]]:
+    """How far the farthest mate of a liar was taken along, and who was doubted."""
+    team, farthest, doubted = TeamJoint(), 0.0, set[str]()
+    for tick in range(ticks):
+        lies = told(team, LIAR, PLACES[LIAR], lie) if tick >= BEGIN else ()
+        team.settle(tick, 0.2, [says(it, tick, lies if it == LIAR else ()) for it in PLACES])
+        doubted |= {it for it in PLACES if team.offsets.doubts(it)}
+        away = [float(np.hypot(*(team.marginal(it).mean - at))) for it, at in PLACES.items() if it != LIAR]
+        farthest = max(farthest, *away)
+    return farthest, doubted
+
+
+def test_who_sees_its_mates_aside_of_where_they_are_believed_to_be_does_not_take_them_along() -> None:
+    assert worst(0.0) == (pytest.approx(0.0, abs=0.01), set())
+    farthest, doubted = worst(3.5)
+    assert farthest < 0.1
+    assert doubted == {LIAR}
+
+
+@pytest.mark.parametrize("lie", [2.0, 2.5, 3.0, 4.0, 6.0])
+def test_smaller_lies_move_mates_by_less_and_larger_ones_are_refused(lie: float) -> None:
+    farthest, doubted = worst(lie)
+    assert farthest < 0.9
+    assert doubted <= {LIAR}
+
+
+def test_of_honest_robots_none_is_doubted() -> None:
+    for seed in range(3):
+        robots, team = driving.team(4, seed), TeamJoint()
+        for tick in range(60):
+            team.settle(tick, 1.0, driving.told(robots, tick))
+            assert not [robot.name for robot in robots if team.offsets.doubts(robot.name)]
+
+
+def test_one_that_stops_is_believed_again() -> None:
+    team, doubts = TeamJoint(), []
+    for tick in range(END + round(5 * 5 * MEMORY)):
+        lies = told(team, LIAR, PLACES[LIAR], 3.5) if BEGIN <= tick < END else ()
+        team.settle(tick, 0.2, [says(it, tick, lies if it == LIAR else ()) for it in PLACES])
+        doubts.append(team.offsets.doubts(LIAR))
+    assert any(doubts)
+    assert not doubts[-1]
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 1000), st.floats(0.01, 10.0))
+def test_what_is_considered_alone_stays_to_the_bit_and_the_rest_moves_as_ever(seed: int, noise: float) -> None:
+    chance, whole = np.random.default_rng(seed), Joint()
+    for name in ("a", "b", "c"):
+        whole.add(name, Moments(chance.normal(size=3), np.eye(3)))
+    root = chance.normal(size=(9, 12))
+    whole.covariance = root @ root.T / 9
+    part, before = whole.copy(), whole.copy()
+    rows: dict[object, Array] = {"a": chance.normal(size=(2, 3)), "b": chance.normal(size=(2, 3))}
+    factor = Factor(chance.normal(size=2), rows, noise * np.eye(2))
+    whole.update(factor)
+    part.update(factor, ["a"])
+    assert np.array_equal(part.moments("b", "c").mean, before.moments("b", "c").mean)
+    assert np.array_equal(part.moments("b", "c").covariance, before.moments("b", "c").covariance)
+    assert part.moments("a").mean == pytest.approx(whole.moments("a").mean)
+    assert part.moments("a").covariance == pytest.approx(whole.moments("a").covariance)
+    assert float(np.linalg.eigvalsh(part.covariance)[0]) > -1e-9
