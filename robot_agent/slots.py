@@ -83,7 +83,7 @@ class Slots:
 
 
 def _alike(waiting: Sequence[Sighted]) -> list[list[Sighted]]:
-    """The sightings that are averaged, the newest first. Several of one moment are of different things: the newest stay as they are."""
+    """The sightings that are averaged, the newest first. Several of one moment are different things: the newest stay as they are."""
     found: dict[tuple[str, str, str], list[Sighted]] = {}
     for it in waiting:
         found.setdefault(it.what, []).append(it)

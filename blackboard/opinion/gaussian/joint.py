@@ -7,7 +7,7 @@ mean is the callers' (`vehicle`, `relation`). Units are the callers' too.
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
