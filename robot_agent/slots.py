@@ -83,13 +83,17 @@ class Slots:
 
 
 def _alike(waiting: Sequence[Sighted]) -> list[list[Sighted]]:
-    """The sightings that are averaged, the newest first. Several of one moment are different things: the newest stay as they are."""
+    """The sightings that are averaged, the newest first.
+
+    Several of one moment are different things, and so may those of a class be (`robot/?`): the newest stay as they are.
+    """
     found: dict[tuple[str, str, str], list[Sighted]] = {}
     for it in waiting:
         found.setdefault(it.what, []).append(it)
     groups = list[list[Sighted]]()
     for several in found.values():
-        if len({it.time for it in several}) == len(several):
+        is_class = several[0].seen.subject.endswith("?")
+        if len({it.time for it in several}) == len(several) and not is_class:
             groups.append(several)
         else:
             groups += [[it] for it in several if it.time == several[0].time]

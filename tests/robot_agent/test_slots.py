@@ -91,6 +91,16 @@ def test_several_sightings_of_one_moment_are_different_things_and_have_no_mean()
     assert [it.values for it in told.seen] == [(1.0, 0.0), (5.0, 0.0)]
 
 
+def test_of_a_class_the_newest_is_told_because_the_one_before_may_be_another_thing() -> None:
+    def unnamed(told: PackedEvidence) -> PackedEvidence:
+        return told.model_copy(update={"seen": [told.seen[0].model_copy(update={"subject": "robot/?"})]})
+
+    slots = Slots(2.0)
+    slots.wait(0.0, unnamed(evidence(0.0, 0.0, (1.0, 0.0), "position")))
+    told = slots.told(TICK, unnamed(evidence(TICK, 0.0, (5.0, 0.0), "position")))
+    assert [(it.values, it.age) for it in told.seen] == [((5.0, 0.0), 0.0)]
+
+
 def test_a_sighting_is_told_once() -> None:
     slots = Slots(2.0)
     slots.wait(0.0, evidence(0.0, 0.0, (1.0, 0.0), "position"))
