@@ -61,6 +61,7 @@ def _tables(it: Sensors) -> dict[str, dict[str, Any]]:
         "curve_distance_scale": it.numbers["way, arc"],
         "turn_scale": it.numbers["turn, spin"],
         "curve_turn_scale": it.numbers["turn, arc"],
+        "drift": it.numbers["drift"],
         "lag": it.numbers["lag"],
         **{name: _larger(it.numbers[f"moving, {name}"], it.numbers[f"over {LONG:g} s, {name}"]) for name in AXES},
     }

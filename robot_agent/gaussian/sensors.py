@@ -60,6 +60,7 @@ class Wheels:
     curved: float = 1.0  # the scale of a way on a curve, over that straight ahead
     driven: float = 1.0  # the scale of a turn while it drives, over that on the spot
     lag: float = 0.0  # seconds by which it moves later than told
+    drift: float = 0.0  # rad/s by which it turns more than told while it moves
 
     def motion(self, told: Odometry, before: Odometry | None) -> Motion:
         """A tick's motion with its noise; `before` is the odometry of the tick before.
@@ -78,6 +79,8 @@ class Wheels:
         by_way, by_turn = 1 + (self.curved - 1) * curved, 1 + (self.driven - 1) * driven
         rise, change = by_way * rise, by_turn * change
         distance, turn = by_way * told.distance - self.lag * rise, by_turn * told.turn - self.lag * change
+        driven *= turn
+        turn += self.drift * told.dt if moving else 0.0
         return Motion(
             distance=distance,
             turn=turn,
@@ -87,7 +90,7 @@ class Wheels:
             across=self.across**2 * time if told.distance_sigma is None else 0.0,
             heading=heading if told.turn_sigma is None else told.turn_sigma**2,
             curved=curved * distance,
-            driven=driven * turn,
+            driven=driven,
             faster=rise,
             quicker=change,
         )
@@ -231,6 +234,7 @@ def wheels_of(odometry: OdometrySection, scale: float = 0.0) -> Wheels:
         curved=1.0 if odometry.curve_distance_scale is None else odometry.curve_distance_scale / way,
         driven=1.0 if odometry.curve_turn_scale is None else odometry.curve_turn_scale / turn,
         lag=odometry.lag,
+        drift=odometry.drift,
     )
 
 

@@ -89,7 +89,13 @@ def test_what_the_recorded_robots_do_of_what_they_are_told_is_found() -> None:
     flags = ("--mrclam", str(DATASET9), "--start", "1288972460", "--seconds", "400", "--json")
     run = blackboard("calibrate", *flags, timeout=300)
     assert run.returncode == 0, run.stderr
-    numbers = [robot["numbers"] for robot in json.loads(run.stdout)["robots"].values()]
+    found = json.loads(run.stdout)
+    numbers = [robot["numbers"] for robot in found["robots"].values()]
+    drifts = [one["drift"]["value"] for one in numbers]
+    pasted = [tables["odometry"]["drift"] for tables in found["scenario"]["robots"].values()]
+    assert pasted == pytest.approx(drifts, abs=1e-4), (
+        "all robots drift to one side: a team without landmarks cannot see it"
+    )
     for name, low, high in (("turn, arc", 0.58, 0.66), ("turn, spin", 1.02, 1.06), ("way, straight", 1.02, 1.05)):
         told = [one[name]["value"] for one in numbers if one[name] is not None and one[name]["within"] < 0.1]
         assert told, name

@@ -66,6 +66,7 @@ JOINT: dict[str, Any] = {
     "odometry.curve_distance_scale": 0.8,
     "odometry.curve_turn_scale": 0.6,
     "odometry.lag": 0.2,
+    "odometry.drift": 0.01,
     "odometry.measured": True,
     "odometry.turning": 0.1,
     "odometry.compass": 0.1,

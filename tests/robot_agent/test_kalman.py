@@ -283,6 +283,12 @@ def test_noise_depends_on_the_command() -> None:
     assert still.moving == 0.0
 
 
+def test_wheels_that_drift_turn_more_than_told_while_they_move() -> None:
+    wheels = Wheels(drift=0.01)
+    assert wheels.motion(Odometry(distance=0.2, turn=0.0, dt=2.0), None).turn == pytest.approx(0.02)
+    assert wheels.motion(Odometry(distance=0.0, turn=0.0, dt=2.0), None).turn == 0.0
+
+
 def test_a_camera_turning_within_the_tick_is_less_sure_of_the_bearing() -> None:
     sighting = Sighting(subject="robot/r2", range=2.0, bearing=0.0, age=0.5)
     camera = Camera()
