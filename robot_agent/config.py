@@ -92,8 +92,8 @@ class OdometrySection(Section):
     "[factor] True turn over the measured one while it drives, in a joint; none: as on the spot."
     lag: Annotated[float, Field(ge=-5, le=5)] = 0.0
     "[s] How much later than the odometry says it moves, in a joint."
-    drift: Annotated[float, Field(ge=-1, le=1)] = 0.0
-    "[rad/s] How much more it turns than the odometry says while it moves, in a joint."
+    drift: Annotated[float, Field(ge=-1, le=1)] | None = None
+    "[rad/s] How much more it turns than the odometry says while it moves, in a joint; none: not known."
     measured: bool = False
     "Whether these numbers are this robot's own (`blackboard calibrate`), so that in a joint it begins with them; else it begins wide."
 

@@ -37,8 +37,8 @@ WHEELED = Nuisance(
 )
 ALIKE = 4 / 3  # times the sigma of a frame: bearings that follow each other err alike (correlation .60, after 8 s .28)
 MAX_GROUPS = 1024  # of landmarks that stand together
-#: Sigmas that are left once a robot was measured: of drift (rad/s), bearing, slip, range; of the lag, seconds.
-MEASURED, MEASURED_LAG = (0.002, 0.01, 0.0, 0.02), 0.03
+#: Sigmas that are left once a robot was measured: of bearing, slip, range; of the drift, rad/s; of the lag, seconds.
+MEASURED, MEASURED_DRIFT, MEASURED_LAG = (0.01, 0.0, 0.02), 0.002, 0.03
 STILL = 1e-9  # unit or radians: less is no motion
 
 
@@ -220,7 +220,8 @@ def wheels_of(odometry: OdometrySection, scale: float = 0.0) -> Wheels:
     sigmas = (odometry.distance_lasting, odometry.turn_lasting, 0.0, 0.0, 0.0, scale, 0.0, 0.0, 0.0)
     nuisance = Nuisance(forward=way, turn=turn, sigmas=sigmas)
     if odometry.measured:  # once; and then these errors change slowly
-        sigmas = (*sigmas[:2], *MEASURED, odometry.distance_lasting, odometry.turn_lasting, MEASURED_LAG)
+        drift = WHEELED.sigmas[2] if odometry.drift is None else MEASURED_DRIFT
+        sigmas = (*sigmas[:2], drift, *MEASURED, odometry.distance_lasting, odometry.turn_lasting, MEASURED_LAG)
         nuisance = Nuisance(way, turn, sigmas, WHEELED.walks)
     return Wheels(
         nuisance,
@@ -234,7 +235,7 @@ def wheels_of(odometry: OdometrySection, scale: float = 0.0) -> Wheels:
         curved=1.0 if odometry.curve_distance_scale is None else odometry.curve_distance_scale / way,
         driven=1.0 if odometry.curve_turn_scale is None else odometry.curve_turn_scale / turn,
         lag=odometry.lag,
-        drift=odometry.drift,
+        drift=odometry.drift or 0.0,
     )
 
 

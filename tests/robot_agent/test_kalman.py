@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES
+from blackboard.opinion.gaussian.vehicle import AXES, DRIFT, FORWARD, HEADING, STATES
 from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from robot_agent.config import OdometrySection
 from robot_agent.gaussian.filter import LOST, FirstHand
-from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated
+from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated, wheels_of
 from tests.robot_agent.robots import Pose, seen
 
 ROBOT = "robot/r1"
@@ -287,6 +288,15 @@ def test_wheels_that_drift_turn_more_than_told_while_they_move() -> None:
     wheels = Wheels(drift=0.01)
     assert wheels.motion(Odometry(distance=0.2, turn=0.0, dt=2.0), None).turn == pytest.approx(0.02)
     assert wheels.motion(Odometry(distance=0.0, turn=0.0, dt=2.0), None).turn == 0.0
+
+
+def test_a_drift_that_was_not_measured_stays_as_open_as_of_any_wheels() -> None:
+    sigma = DRIFT - FORWARD
+    measured = OdometrySection(measured=True)
+    assert wheels_of(measured).nuisance.sigmas[sigma] == Wheels().nuisance.sigmas[sigma]
+    told = wheels_of(measured.model_copy(update={"drift": 0.005}))
+    assert told.drift == 0.005
+    assert told.nuisance.sigmas[sigma] < Wheels().nuisance.sigmas[sigma]
 
 
 def test_a_camera_turning_within_the_tick_is_less_sure_of_the_bearing() -> None:
