@@ -148,7 +148,7 @@ def _unnamed(sightings: Sequence[Table]) -> list[str]:
         if not one["taken"] and one["probability"] >= LITTLE:
             share = 100 * one["probability"]
             found.append(
-                f"Something that {one['source']} saw is this with {share:.0f} %; that is not clear, so it was left out."
+                f"Something that {one['source']} saw is this with {share:.0f} %; that is not clear, and it counts by that share."
             )
     return found
 

@@ -51,6 +51,11 @@ ALONE = 4  # objects that one robot alone has seen and that tell it how it moved
 WIDENED = (3.0, 0.3)  # sigmas added then: of the position, times its own; of the heading, radians
 
 
+Doubt = dict[
+    str, tuple[float, Relative]
+]  # subjects that a sighting may be of, with their odds and the sighting as one of them
+
+
 @dataclass(frozen=True)
 class Objects:
     """How objects move: random walks (unit / sqrt(s)) before they are seen, then by a model. `kept`: seconds without a sighting."""
@@ -185,10 +190,17 @@ class TeamJoint:
                         self._set_aside(relative, motions)
                     elif relative.observer == robot:
                         self._relate(relative, motions, heard)
+        unclear: dict[str, list[Doubt]] = {}
         for robot, evidence in all_news.items():
             with self._blaming(robot):
-                for relative in self._identified(evidence, all_news, motions) if robot in heard else ():
+                unclear[robot] = []
+                clearly = self._identified(evidence, all_news, motions, unclear[robot]) if robot in heard else []
+                for relative in clearly:
                     self._relate(relative, motions, heard)
+        for robot, doubts in unclear.items():
+            with self._blaming(robot):
+                for doubt in doubts:
+                    self._take_in_the_mean(doubt, motions)
 
     def _hear(self, evidence: Evidence, motions: Mapping[str, Motion], heard: set[str]) -> None:
         """Hold all that a robot sees of its mates in a tick against where the joint has them, before any of it moves them."""
@@ -219,13 +231,14 @@ class TeamJoint:
         return bounded
 
     def _identified(
-        self, evidence: Evidence, news: Mapping[str, Evidence], motions: Mapping[str, Motion]
+        self, evidence: Evidence, news: Mapping[str, Evidence], motions: Mapping[str, Motion], unclear: list[Doubt]
     ) -> list[Relative]:
         """Of the unnamed sightings of a robot those that clearly are of a known subject, as sightings of it, the newest of each.
 
-        What an observer sees in one frame, at one age, are different things.
+        What an observer sees in one frame, at one age, are different things. `unclear` gets those that may be of several, and which
+        these are, where no clearer or newer one of the tick is of any of them.
         """
-        observer, found = evidence.robot, dict[str, Relative]()
+        observer, found, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
         named = {it.subject for it in evidence.relatives if not is_class(it.subject)}
         unnamed = [it for it in evidence.relatives if is_class(it.subject) and it.observer == observer]
         unnamed = [it if it.mark is not None else replace(it, mark=number) for number, it in enumerate(unnamed)]
@@ -251,7 +264,40 @@ class TeamJoint:
                 self.tally.unnamed.append(Unnamed(observer, evidence.time, it.mark or 0, share, taken))
                 if taken is not None and taken not in named:
                     found.setdefault(taken, its[taken])
+                elif taken is None and share:
+                    doubts.append((age, {one: (p, its[one]) for one, p in share.items()}))
+        used = named | set(found)
+        for age in sorted({age for age, _ in doubts}):
+            fresh = [doubt for its_age, doubt in doubts if its_age == age and not used & set(doubt)]
+            used |= {one for doubt in fresh for one in doubt}
+            unclear += fresh
         return [found[subject] for subject in sorted(found)]
+
+    def _take_in_the_mean(self, doubt: Doubt, motions: Mapping[str, Motion]) -> None:
+        """Take a sighting of which it is not clear whose it is: the joint is the mean over all that it may be of, or nobody known.
+
+        Mean and covariance are those of the mixture, so that the doubt widens what is believed (the probabilistic data association
+        filter, Bar-Shalom and Tse, Automatica 11(5), 1975).
+        """
+        observer = next(iter(doubt.values()))[1].observer
+        if observer in self._left_out or not all(self.knows(one) and one in {*motions, *self._seen} for one in doubt):
+            return
+        for _, relative in doubt.values():
+            self.joint.begin(linearise(self.joint, relative, motions).priors)
+        parts = []
+        for share, relative in doubt.values():
+            after = self.joint.copy()
+            if relative.subject not in self._left_out and not self._contradict(observer, relative.subject):
+                correct(after, linearise(after, relative, motions))
+            parts.append((share, after))
+        parts.append((max(0.0, 1.0 - sum(share for share, _ in parts)), self.joint.copy()))
+        mean = sum((share * part.mean for share, part in parts), np.zeros_like(self.joint.mean))
+        covariance = np.zeros_like(self.joint.covariance)
+        for share, part in parts:
+            covariance += share * (part.covariance + np.outer(part.mean - mean, part.mean - mean))
+        self.joint.mean, self.joint.covariance = mean, 0.5 * (covariance + covariance.T)
+        for _, relative in doubt.values():
+            self._note_errors(relative)
 
     def _aside(self) -> frozenset[str]:
         """The objects that one robot alone has seen, but for the first `ALONE` of each robot."""

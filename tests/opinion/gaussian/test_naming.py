@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from blackboard.opinion.gaussian.evidence import Evidence
-from blackboard.opinion.gaussian.naming import Naming, Unnamed
+from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.relation import Relative, measured
 from blackboard.opinion.gaussian.team import TeamJoint
 from tests.opinion.gaussian.driving import Own, team, told
@@ -49,31 +49,59 @@ def test_where_it_is_clear_who_was_seen_names_change_nothing_much(seed: int) -> 
         assert np.trace(both[1].covariance) < 1.2 * np.trace(both[0].covariance)
 
 
-def beside(robots: list[Own], bearing: float) -> tuple[TeamJoint, list[Unnamed]]:
-    """Two robots 0.3 beside each other, and what the first one sees at a bearing from one of them."""
+def beside(robots: list[Own], bearing: float) -> tuple[TeamJoint, Relative, list[Evidence]]:
+    """Two robots 0.3 beside each other, what the first one sees at a bearing from one of them, and the evidence of that tick."""
     robots[2].place = robots[1].place + [0.0, 0.3]
     it = TeamJoint(naming=Naming(400.0))
     for tick in range(3):
         it.settle(tick, 1.0, [replace(one, relatives=()) for one in told(robots, tick)])
     away = robots[1].place - robots[0].place
     ahead = float(np.arctan2(*away[::-1]))
-    seen = Relative(robots[0].name, "robot/?", float(np.hypot(*away)), ahead + bearing, 0.04, 0.01)
-    first, *others = told(robots, 3)
-    it.settle(3, 1.0, [replace(first, relatives=(seen,)), *(replace(one, relatives=()) for one in others)])
-    return it, it.tally.unnamed
+    seen = Relative(robots[0].name, "robot/?", float(np.hypot(*away)), ahead + bearing, 0.04, 0.01, mark=0)
+    return it, seen, [replace(one, relatives=()) for one in told(robots, 3)]
 
 
-def test_where_it_is_not_clear_nobody_is_told_anything() -> None:
-    it, (found,) = beside(team(3, 1), 0.0)
+def settled(before: TeamJoint, reports: list[Evidence], *seen: Relative) -> TeamJoint:
+    after = before.copy()
+    after.settle(3, 1.0, [replace(reports[0], relatives=seen), *reports[1:]])
+    return after
+
+
+def test_where_it_is_not_clear_the_belief_is_the_mean_over_all_that_were_seen_perhaps() -> None:
+    before, seen, reports = beside(team(3, 1), 0.0)
+    it = settled(before, reports, seen)
+    (found,) = it.tally.unnamed
     assert found.taken is None
     assert not found.is_strange
     assert found.odds is not None
     assert set(found.odds) == {"robot/r1", "robot/r2"}
-    assert not [verdict for verdict in it.tally.verdicts if verdict.kind == "relative"]
+    parts = [
+        (share, settled(before, reports, replace(seen, subject=one, mark=None))) for one, share in found.odds.items()
+    ]
+    parts.append((1.0 - sum(found.odds.values()), settled(before, reports)))
+    for robot in it.subjects():
+        means = [part.marginal(robot).mean for _, part in parts]
+        mean = sum(share * its for (share, _), its in zip(parts, means, strict=True))
+        spread = sum(
+            share * (part.marginal(robot).covariance + np.outer(its - mean, its - mean))
+            for (share, part), its in zip(parts, means, strict=True)
+        )
+        assert it.marginal(robot).mean == pytest.approx(mean, abs=1e-3)
+        assert it.marginal(robot).covariance == pytest.approx(spread, abs=1e-3)
+
+
+def test_an_older_frame_of_what_is_not_clear_counts_no_second_time() -> None:
+    before, seen, reports = beside(team(3, 1), 0.0)
+    once = settled(before, reports, seen)
+    twice = settled(before, reports, seen, replace(seen, age=0.3, mark=1))
+    assert (once.joint.covariance == twice.joint.covariance).all()
+    assert len(twice.tally.unnamed) == 2
 
 
 def test_what_is_far_from_everybody_is_nobody_known() -> None:
-    it, (found,) = beside(team(3, 1), 2.5)
+    before, seen, reports = beside(team(3, 1), 2.5)
+    it = settled(before, reports, seen)
+    (found,) = it.tally.unnamed
     assert found.is_strange
     assert found.taken is None
     assert it.subjects() == ["robot/r0", "robot/r1", "robot/r2"]
