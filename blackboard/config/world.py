@@ -85,7 +85,7 @@ class DetectorSection(Section):
     exchanged: Annotated[float, Field(ge=0, le=1)] = 0.0
     "[share] In so many of the ticks in which a robot sees several mates by name, two of them have each other's."
     clutter: Annotated[float, Field(ge=0, le=16)] = 0.0
-    "Sightings of nothing, of each robot in each tick in the mean; anywhere in the camera's field, of any unnamed class (simulated)."
+    "[sightings] Of nothing, by each robot in each tick in the mean; anywhere in the camera's field, of any unnamed class (simulated)."
     body: Sigma = 0.0
     "[unit] Radius of robots and people, who hide what is behind them; 0 hides nothing (simulated)."
 

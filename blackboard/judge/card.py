@@ -62,6 +62,7 @@ def scorecard(result: RunResult) -> dict[str, Any]:
         "motion": found.motion,
         "lost": found.lost,
         "tracks": found.tracks,
+        "identities": found.identities,
         "causes": found.causes,
     }
 
@@ -136,8 +137,13 @@ def _moving(card: dict[str, Any]) -> list[str]:
 
 
 def _tracked(card: dict[str, Any]) -> list[str]:
-    """A line for each kind of thing that nobody named."""
+    """A line about the sightings without a name, and one for each kind of thing that nobody named."""
     lines = []
+    if it := card["identities"]:
+        odds = f", Brier score of the odds {it['odds']['brier']:.4f}" if it["odds"] else ""
+        lines.append(
+            f"sightings without a name: {it['n']}, taken for a known subject {it['taken']}, wrongly {it['wrong']}{odds}"
+        )
     for what, it in card["tracks"].items():
         parts = ", ".join(f"{name} {it[name]:.3f}" for name in ("localisation", "missed", "false"))
         sure = f", existence Brier score {it['existence']['brier']:.4f}" if it["existence"] else ""

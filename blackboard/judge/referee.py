@@ -56,6 +56,7 @@ class Judgement:
     motion: dict[str, dict[str, Any]] = field(default_factory=dict)  # the scorecard's block "motion"
     lost: dict[str, Any] = field(default_factory=dict)  # the scorecard's block "lost"
     tracks: dict[str, Any] = field(default_factory=dict)  # the scorecard's block "tracks"
+    identities: dict[str, Any] = field(default_factory=dict)  # the scorecard's block "identities"
     causes: list[str] = field(default_factory=list)  # what would explain a FAIL; empty where none fits, and of a PASS
 
 
@@ -207,7 +208,8 @@ class Referee:
         robots = {robot: robot in self._took_part for robot in self.robots if robot not in self.faulty}
         causes = [] if passed else likely_causes(scores, honesty, missing, company, robots, unit)
         refused = dict(sorted(self.refused.items()))
-        blocks = (honesty, self._motions.summary(), self._lost.summary(), self._unnamed.summary())
+        unnamed = self._unnamed.tracks(), self._unnamed.identities()
+        blocks = (honesty, self._motions.summary(), self._lost.summary(), *unnamed)
         return Judgement(passed, reasons, scores, missing, self.hash, unit, refused, *blocks, causes)
 
     def scores(self) -> dict[str, Any]:

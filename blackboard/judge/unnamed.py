@@ -1,4 +1,4 @@
-"""What a team makes of things that nobody names to it: its tracks against the truth, kind by kind. Pure."""
+"""What a team makes of sightings without a name: whom it took them for, and its tracks of things that have none. Pure."""
 
 from __future__ import annotations
 
@@ -6,22 +6,27 @@ from collections.abc import Collection, Iterable
 from typing import Any, TypeVar
 
 from blackboard.errors import Refused
+from blackboard.judge.forecasts import Forecasts
 from blackboard.judge.instant import Instant
 from blackboard.judge.tracks import Track, Tracks
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
-from blackboard.wire.messages import Consensus
+from blackboard.wire.messages import Consensus, UnnamedSighting
 
 T = TypeVar("T")
 
 
 class Unnamed:
-    """Takes each judged instant once; `summary` is the scorecard's block "tracks"."""
+    """Takes each judged instant once; its `tracks` and `identities` are the blocks of the scorecard of these names."""
 
     def __init__(self, grid: Grid, cut: float, kinds: Iterable[str]) -> None:
         """`kinds` are those that sightings do not name; a track farther than `cut` (unit) from a thing is not of it."""
         self._grid = grid
         self._tracks = {kind: Tracks(cut) for kind in kinds}
+        self._seen = self._taken = self._wrong = (
+            0  # sightings without a name; taken for a known subject; and for a wrong one
+        )
+        self._odds = Forecasts()
 
     def is_unnamed(self, subject: str) -> bool:
         """Whether a subject is of a kind that nobody names."""
@@ -39,6 +44,25 @@ class Unnamed:
         tracks = {c.subject: track for c in told if (track := self._track(c)) is not None}
         for kind, judge in self._tracks.items():
             judge.hear(_of(kind, things), _of(kind, tracks))
+        self._identify(instant)
+
+    def _identify(self, instant: Instant) -> None:
+        """Whom the boards took this tick's sightings for; of what has no name in the truth nobody can be right or wrong."""
+        shown = instant.truth.unnamed
+        self._seen += sum(len(who) for who in shown.values())
+        if not shown:
+            return
+        told: dict[tuple[str, int, str], UnnamedSighting] = {}
+        for consensus in (it for sub_team in sorted(instant.teams) for it in instant.agreed_by(sub_team)):
+            if consensus.subject in instant.truth.positions:
+                for one in consensus.unnamed:
+                    if one.time == instant.truth.time and one.mark < len(shown.get(one.source, ())):
+                        told.setdefault((one.source, one.mark, consensus.subject), one)
+        for (source, mark, subject), one in told.items():
+            right = shown[source][mark] == subject
+            self._odds.add(one.probability, right)
+            self._taken += one.taken
+            self._wrong += one.taken and not right
 
     def _track(self, told: Consensus) -> Track | None:
         try:
@@ -47,7 +71,16 @@ class Unnamed:
             return None
         return Track((float(x), float(y)))
 
-    def summary(self) -> dict[str, dict[str, Any]]:
+    def identities(self) -> dict[str, Any]:
+        """How many sightings had no name, were taken for a known subject, and for a wrong one; and the odds that were told.
+
+        Empty where all were named.
+        """
+        if not self._seen:
+            return {}
+        return {"n": self._seen, "taken": self._taken, "wrong": self._wrong, "odds": self._odds.summary()}
+
+    def tracks(self) -> dict[str, dict[str, Any]]:
         """Kind -> what `Tracks.summary` says, as far as there was a thing or a track of it."""
         return {kind: found for kind, judge in sorted(self._tracks.items()) if (found := judge.summary())}
 

@@ -36,8 +36,11 @@ def instant(
     tick: int = 1,
     teams: Mapping[str, Sequence[str]] = TEAMS,
     velocities: Mapping[str, tuple[float, float]] | None = None,
+    unnamed: Mapping[str, Sequence[str]] | None = None,
 ) -> Instant:
-    truth = Truth(run="x", tick=tick, time=tick / 5, positions=dict(positions), velocities=dict(velocities or {}))
+    shown = {robot: list(who) for robot, who in (unnamed or {}).items()}
+    where = {"positions": dict(positions), "velocities": dict(velocities or {}), "unnamed": shown}
+    truth = Truth.model_validate({"run": "x", "tick": tick, "time": tick / 5, **where})
     return Instant(truth, {sub_team: list(robots) for sub_team, robots in teams.items()})
 
 

@@ -36,6 +36,7 @@ def test_it_is_the_agreed_json() -> None:
         "motion": JUDGEMENT.motion,
         "lost": JUDGEMENT.lost,
         "tracks": JUDGEMENT.tracks,
+        "identities": JUDGEMENT.identities,
         "causes": ["r3 is off"],
     }
     assert json.loads(json.dumps(card)) == card

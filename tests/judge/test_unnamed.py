@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from blackboard.judge.card import scorecard, text
 from blackboard.judge.referee import Referee
+from blackboard.wire.messages import UnnamedSighting
 from tests.judge.instants import at, both, instant, referee
 from tests.judge.results import RESULT
 
@@ -43,6 +46,32 @@ def test_an_unnamed_object_is_missing_nowhere() -> None:
         judge = referee(unnamed=unnamed)
         judge.hear(instant(PLACES, tick=100), judged=True)
         assert ("object/ball" in judge.missing()) == missing
+
+
+def test_whom_a_sighting_was_taken_for_is_compared_with_whom_it_shows() -> None:
+    judge = referee(unnamed=["robot"])
+    it = instant({"robot/r1": (2.5, 2.5), "robot/r2": (5.5, 5.5)}, unnamed={"r1": ["robot/r2", "robot/r2", ""]})
+
+    def said(mark: int, probability: float, time: float = it.truth.time) -> UnnamedSighting:
+        return UnnamedSighting(source="r1", time=time, mark=mark, probability=probability, taken=probability > 0.95)
+
+    both(
+        it, "a", "robot/r2", at(5, 5), at(5, 5), unnamed=[said(0, 0.97), said(1, 0.4), said(2, 1.0), said(0, 1.0, 9.0)]
+    )
+    both(it, "b", "robot/r2", at(5, 5), at(5, 5), unnamed=[said(0, 0.97)])  # of the same sighting
+    judge.hear(it, judged=True)
+    found = judge.judgement().identities
+    assert (found["n"], found["taken"], found["wrong"]) == (3, 2, 1)
+    assert found["odds"]["brier"] == pytest.approx((0.03**2 + 0.6**2 + 1.0) / 3)
+
+
+def test_of_a_track_nobody_says_that_it_is_a_wrong_person() -> None:
+    judge = referee(unnamed=["person"])
+    it = instant(PLACES, unnamed={"r1": ["person/p1"]})
+    said = UnnamedSighting(source="r1", time=it.truth.time, mark=0, probability=1.0, taken=True)
+    both(it, "a", "person/1", at(8, 8), at(8, 8), unnamed=[said])
+    judge.hear(it, judged=True)
+    assert judge.judgement().identities == {"n": 1, "taken": 0, "wrong": 0, "odds": {}}
 
 
 def test_where_all_is_named_there_is_no_entry_and_no_line() -> None:
