@@ -54,7 +54,7 @@ def board(**table: Any) -> BoardSection:
         ),
         (
             {"subjects": {"ball": {}}},
-            'board.subjects.ball: give a subject as "robot/r1" (robot, object, landmark), or with * as "object/*" (got \'ball\')',
+            'board.subjects.ball: give a subject as "robot/r1" (robot, object, landmark, person), or with * as "object/*" (got \'ball\')',
         ),
         ({"objects_drifts": {"can": 1e200}}, "board.objects_drifts.can: give a number from 0 to 1000 (got 1e+200)"),
         ({"objects_drift": float("inf")}, "board.objects_drift: give a number from 0 to 1000 (got inf)"),
