@@ -22,6 +22,7 @@ from blackboard.chaos.lies.changes import (
     Sees,
     Sure,
     Tells,
+    Unnames,
 )
 from blackboard.errors import UserError
 
@@ -81,6 +82,7 @@ CATALOGUE = {
         Lie("pulls-object", (Sees("object", CREEP, 0.01, always=True),)),
         Lie("mates-off", (Sees("mates", ASIDE),)),
         Lie("mates-always", (Sees("mates", (4.0, 0.0), 0.5, always=True),)),
+        Lie("mates-unnamed", (Sees("mates", (4.0, 0.0), 0.5, always=True), Unnames())),
         Lie("one-mate", (Sees("mate", ASIDE),)),
         Lie("one-mate-sure", (Sees("mate", (2.0, 0.0), 0.05, always=True),)),
         Lie("objects-off", (Sees("objects", (4.0, 0.0)),)),

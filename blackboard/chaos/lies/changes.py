@@ -188,6 +188,18 @@ class Sees(Change):
 
 
 @dataclass(frozen=True)
+class Unnames(Change):
+    """Sightings of mates say only that a robot was seen."""
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        unnamed = [
+            it.model_copy(update={"subject": "robot/?"}) if it.subject.startswith("robot/") else it
+            for it in evidence.relatives
+        ]
+        return evidence.model_copy(update={"relatives": unnamed})
+
+
+@dataclass(frozen=True)
 class Tells(Change):
     """Sightings of a further kind, seen or not: `offset` from where the team has others, with a sigma (unit and rad)."""
 

@@ -195,6 +195,8 @@ class TeamJoint:
             with self._blaming(robot):
                 unclear[robot] = []
                 clearly = self._identified(evidence, all_news, motions, unclear[robot]) if robot in heard else []
+                likeliest = [max(doubt.values(), key=lambda it: it[0])[1] for doubt in unclear[robot]]
+                self._hear(replace(evidence, relatives=(*clearly, *likeliest)), motions, heard)
                 for relative in clearly:
                     self._relate(relative, motions, heard)
         for robot, doubts in unclear.items():
@@ -236,7 +238,8 @@ class TeamJoint:
         """Of the unnamed sightings of a robot those that clearly are of a known subject, as sightings of it, the newest of each.
 
         What an observer sees in one frame, at one age, are different things. `unclear` gets those that may be of several, and which
-        these are, where no clearer or newer one of the tick is of any of them.
+        these are, where no clearer or newer one of the tick is of any of them. Of a frame with two of these it gets none: a liar could
+        take all its mates along in one tick, before it is doubted.
         """
         observer, found, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
         named = {it.subject for it in evidence.relatives if not is_class(it.subject)}
@@ -270,7 +273,7 @@ class TeamJoint:
         for age in sorted({age for age, _ in doubts}):
             fresh = [doubt for its_age, doubt in doubts if its_age == age and not used & set(doubt)]
             used |= {one for doubt in fresh for one in doubt}
-            unclear += fresh
+            unclear += fresh if len(fresh) == 1 else []
         return [found[subject] for subject in sorted(found)]
 
     def _take_in_the_mean(self, doubt: Doubt, motions: Mapping[str, Motion]) -> None:
@@ -288,7 +291,7 @@ class TeamJoint:
         for share, relative in doubt.values():
             after = self.joint.copy()
             if relative.subject not in self._left_out and not self._contradict(observer, relative.subject):
-                correct(after, linearise(after, relative, motions))
+                correct(after, linearise(after, relative, motions), self._moved_by(observer, relative.subject))
             parts.append((share, after))
         parts.append((max(0.0, 1.0 - sum(share for share, _ in parts)), self.joint.copy()))
         mean = sum((share * part.mean for share, part in parts), np.zeros_like(self.joint.mean))

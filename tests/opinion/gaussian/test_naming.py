@@ -90,6 +90,16 @@ def test_where_it_is_not_clear_the_belief_is_the_mean_over_all_that_were_seen_pe
         assert it.marginal(robot).covariance == pytest.approx(spread, abs=1e-3)
 
 
+def test_two_of_a_frame_that_are_not_clear_are_left_out() -> None:
+    """Somebody who lies about all its mates at once would take them all along in one tick, before it is doubted."""
+    before, seen, reports = beside(team(3, 1), 0.0)
+    none, both = settled(before, reports), settled(before, reports, seen, replace(seen, range=seen.range + 0.1, mark=1))
+    assert [it.taken for it in both.tally.unnamed] == [None, None]
+    for robot in both.subjects():
+        assert (both.marginal(robot).mean == none.marginal(robot).mean).all()
+        assert (both.marginal(robot).covariance == none.marginal(robot).covariance).all()
+
+
 def test_an_older_frame_of_what_is_not_clear_counts_no_second_time() -> None:
     before, seen, reports = beside(team(3, 1), 0.0)
     once = settled(before, reports, seen)
