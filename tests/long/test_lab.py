@@ -23,7 +23,8 @@ def test_the_lab_twice_with_one_seed_says_the_same(tmp_path: Path) -> None:
     picture = tmp_path / "lab.svg"
     arguments = ("lab", small, "--runs", "3", "--variants", "2", "--json", "--picture", str(picture))
     first, second = (blackboard(*arguments) for _ in range(2))
-    assert (first.returncode, first.stderr) == (0, "")
+    assert first.returncode == 0, first.stderr
+    assert [line.split(" (")[0] for line in first.stderr.splitlines()] == [f"lab: {n} of 5" for n in range(1, 6)]
     found = json.loads(first.stdout)
     assert without_time(found) == without_time(json.loads(second.stdout))
     assert len(found["trials"]) == 8  # five trials, the team, its robots, its objects
