@@ -51,6 +51,7 @@ def draw_change(rng: np.random.Generator) -> Change:
         changes.Gains(offset(), size(-1, 9)),
         changes.Sees(whom, offset(), sigma, always=bool(rng.random() < 0.6)),  # type: ignore[arg-type]
         changes.Tells(str(rng.choice(list(NUMBERS))), whom, offset(), size(-4, 0.5)),  # type: ignore[arg-type]
+        changes.Unnames(),
         changes.Knows(whom, offset(), size(-1, 1)),  # type: ignore[arg-type]
         changes.Echoes(size(-1, 1)),
         changes.Invents(int(rng.integers(1, 64)), bool(rng.random() < 0.5), bool(rng.random() < 0.5)),
