@@ -55,7 +55,7 @@ class Drives:
     landmarks: tuple[str, ...]
     places: Array  # (L, 2): where the map has the landmarks
     times: Array  # (K,): of the ends of the ticks
-    told: Array  # (K, N, 2): way and turn in the tick, by the odometry
+    told: Array  # (K, N, 2): distance and turn in the tick, by the odometry
     measured: Array  # (K, N): whether the odometry measured all of the tick
     sightings: Sightings
     fixes: Absolute

@@ -137,7 +137,7 @@ def _moving(card: dict[str, Any]) -> list[str]:
 
 
 def _tracked(card: dict[str, Any]) -> list[str]:
-    """A line about the sightings without a name, and one for each kind of thing that nobody named."""
+    """One line about unnamed sightings, and one for each kind of unnamed thing."""
     lines = []
     if it := card["identities"]:
         odds = f", Brier score of the odds {it['odds']['brier']:.4f}" if it["odds"] else ""

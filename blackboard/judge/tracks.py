@@ -1,4 +1,4 @@
-"""Tracks of things that nobody named, against the things that are there. Pure; running sums.
+"""Tracks of unnamed things, compared with the true things. Pure; running sums.
 
 Two pairings answer two questions. How far the tracks are from the things at this time is GOSPA's, the best of this tick. Which
 track is which thing lasts: a pair stays until it is farther apart than the cut, and only what is left over is paired anew
@@ -26,7 +26,7 @@ class Track:
     """One track at one time."""
 
     place: Place  # in the grid's unit
-    existence: float | None = None  # the probability that it is of a thing; None where none is told
+    existence: float | None = None  # the probability that the track is of a real thing; None where the board gives none
 
 
 class Tracks:

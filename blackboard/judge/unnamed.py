@@ -29,7 +29,7 @@ class Unnamed:
         self._odds = Forecasts()
 
     def is_unnamed(self, subject: str) -> bool:
-        """Whether a subject is of a kind that nobody names."""
+        """Whether a subject is of a kind that sightings do not name."""
         return subject.partition("/")[0] in self._tracks
 
     def hear(self, instant: Instant, team: Collection[str]) -> None:
@@ -47,7 +47,7 @@ class Unnamed:
         self._identify(instant)
 
     def _identify(self, instant: Instant) -> None:
-        """Whom the boards took this tick's sightings for; of what has no name in the truth nobody can be right or wrong."""
+        """Which subjects the boards took this tick's sightings for. Only sightings of things that the truth names are counted."""
         shown = instant.truth.unnamed
         self._seen += sum(len(who) for who in shown.values())
         if not shown:
