@@ -86,6 +86,7 @@ nights: $(VENV)/.dev ## whole teams in virtual time under faults that a seed dra
 soak: $(VENV)/.run ## a team in real time that is killed, frozen, restarted and cut off, and must stay as it is: MINUTES=10 SEED=1
 	@$(BIN)/python -m blackboard.chaos soak --minutes $(MINUTES) --seed $(SEED)
 
+bench: export OPENBLAS_NUM_THREADS := 1
 bench: $(VENV)/.dev ## one table of ratios, pools, wire, team and processes, in about two minutes; python benchmarks/bench.py --json
 	@$(BIN)/python benchmarks/bench.py
 

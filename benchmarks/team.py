@@ -4,18 +4,20 @@ The demo's robots, boards and world as services in one process, without Zenoh: p
 which is what the machine has to do, however many cores it has. Two sub-teams, joint fusion, as `blackboard demo`.
 
 In one arena more robots also see more of each other, so that what they say grows faster than they do. So the growth is told twice: in
-the arena of the demo, and in one that has as much room for each robot.
+the arena of the demo, and in one that has as much room for each robot. What a board does is told alone, too, because each one takes
+the sightings of all robots; its growth is by their number.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from ratios import Row, show
 
+from blackboard.board.service import BoardService
 from blackboard.config import Scenario, load
 from blackboard.lab.team import Team
 from blackboard.wire import keys
@@ -41,6 +43,7 @@ class Tick:
     """The means over the ticks of a run, all processes together."""
 
     ms: float  # processor time
+    board: float  # of it, of one board: the mean of the two
     messages: float  # that were sent
     seen: float  # sightings of robots and objects, of which each board takes all
 
@@ -54,9 +57,35 @@ def tick(scenario: Scenario) -> Tick:
             seen[0] += sum(it.landmark is None for it in decode(Readings, envelope.payload).sightings)
 
     team.bus.spies.append(count)
+    spent = [stopwatch(board) for board in team.boards.values()]
     begin = time.process_time()
     ticks = team.run()["ticks"]
-    return Tick(1e3 * (time.process_time() - begin) / ticks, sent[0] / ticks, seen[0] / ticks)
+    per_tick = 1e3 / ticks
+    board = sum(sum(each) for each in spent) / len(spent)
+    return Tick(per_tick * (time.process_time() - begin), per_tick * board, sent[0] / ticks, seen[0] / ticks)
+
+
+def stopwatch(board: BoardService) -> list[float]:
+    """The seconds of processor time of each call of a board from now on."""
+    spent: list[float] = []
+
+    def timed(call: Callable[..., list[Envelope]]) -> Callable[..., list[Envelope]]:
+        def measured(*arguments: object) -> list[Envelope]:
+            begin = time.process_time()
+            out = call(*arguments)
+            spent.append(time.process_time() - begin)
+            return out
+
+        return measured
+
+    board.receive, board.wake = timed(board.receive), timed(board.wake)  # type: ignore[method-assign]
+    return spent
+
+
+def growth(measured: Sequence[tuple[float, float]]) -> float:
+    """The power of the first to which the second of each pair grows."""
+    sizes, costs = np.log(measured).T
+    return float(np.polyfit(sizes, costs, 1)[0])
 
 
 def rows() -> Iterator[Row]:
@@ -71,8 +100,13 @@ def rows() -> Iterator[Row]:
             yield Row(f"its sightings / {share:g} times those of {FIRST}", it.seen / first.seen / share)
         for last in (24, 48):
             some = [n for n in ROBOTS if n <= last]
-            power = float(np.polyfit(np.log(some), np.log([measured[n].ms for n in some]), 1)[0])
+            power = growth([(n, measured[n].ms) for n in some])
             yield Row(f"a tick grows as the robots to the power of, {where}, {FIRST} to {last}", power, "", most=1.0)
+        if where == "in the same arena":
+            board = [(it.seen, it.board) for it in measured.values()]
+            yield Row(f"a board grows as the sightings to the power of, {where}", growth(board), "", most=1.2)
+            question = f"a tick of one board of {ROBOTS[-1]} robots, {where}, at 5 Hz on one core"
+            yield Row(question, measured[ROBOTS[-1]].board, "ms", most=200.0)
     large = tick(demo(FIRST, 200)).ms
     yield Row(f"a tick of {FIRST} robots on 200 x 200 / on 50 x 50", large / first.ms)
     yield Row(

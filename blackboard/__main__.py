@@ -16,6 +16,7 @@ COMMANDS = {
         "router": "Run a Zenoh router until it is stopped.",
         "scenario": "Print all keys of a scenario file with default, unit and meaning (Markdown).",
     },
+    "blackboard.run.plan": {"plan": "Say how many teams, boards and levels a fleet needs, and what binds."},
     "blackboard.run.health": {"health": "Ask a process over Zenoh whether it does its work; exit status 1 where not."},
     "blackboard.lab.__main__": {
         "lab": "Fuse the same opinions with every rule and score the results.",

@@ -1,6 +1,6 @@
 """A packed belief in fewer bytes: wider steps between its levels, and a smaller box. Pure.
 
-The coding stays "log8" (docs/wire.md), so that every reader reads it.
+The coding stays "log8" (docs/bytes.md), so that every reader reads it.
 """
 
 from __future__ import annotations

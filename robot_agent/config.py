@@ -12,12 +12,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from blackboard.config import Positive, Scenario, Section
+from blackboard.config import Name, Positive, Scenario, Section
 from blackboard.errors import UserError
 from blackboard.process.peer import WHOLE
 from blackboard.wire.mistakes import nearest
 from robot_agent.localizers import known_localizers
 
+Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, lt=1)]
 
@@ -70,7 +71,7 @@ class OdometrySection(Section):
     "[factor] True distance over the measured one."
     turn_scale: Positive = 1.0
     "[factor] True turn over the measured one."
-    along: Sigma = 0.2
+    along: Sigma = 0.3
     "[unit/sqrt(s)] Sigma of the motion along the way, in motion."
     across: Sigma = 0.05
     "[unit/sqrt(s)] Sigma of the motion across the way, in motion."
@@ -163,10 +164,12 @@ class RobotSection(Section):
     "Its model of the odometry."
     ranging: RangingSection = Field(default_factory=RangingSection)
     "Its model of ranges alone."
+    landmarks: dict[Name, tuple[Coordinate, Coordinate]] = Field(default_factory=dict, max_length=1000)
+    "[unit] The map: where landmarks stand, by name, for sightings of `landmark/?`; in a joint."
     objects: ObjectsSection = Field(default_factory=ObjectsSection)
     "How it tracks what is neither robot nor landmark."
     coding: Literal["log8", "log16"] = "log8"
-    "How it writes beliefs: log16 once every member and viewer of the team reads it (docs/wire.md, Versions)."
+    "How it writes beliefs: log16 once every member and viewer of the team reads it (docs/bytes.md)."
     send: SendSection = Field(default_factory=SendSection)
     "What it says on a poor link."
 

@@ -60,8 +60,8 @@ class Detected:
             : MAX_OPINIONS - len(named)
         ]
         further = sorted((it for it in seen if self._is_unnamed(it.subject)), key=lambda it: (-it.age, it.values))
-        unnamed = [it.model_copy(update={"subject": class_of(it.subject)}) for _, it in others]
-        unnamed_seen = [it.model_copy(update={"subject": class_of(it.subject)}) for it in further]
+        unnamed = [it.model_copy(update={"subject": class_of(it.subject), "landmark": None}) for _, it in others]
+        unnamed_seen = [it.model_copy(update={"subject": class_of(it.subject), "landmark": None}) for it in further]
         kept = [it for it in seen if not self._is_unnamed(it.subject)]
         told = readings.model_copy(update={"sightings": [*named, *unnamed], "seen": [*kept, *unnamed_seen]})
         return told, [*(who for who, _ in others), *(it.subject for it in further)]

@@ -130,7 +130,7 @@ ROOMS = (
     Room(
         "run",
         "door, terminal (what is printed), logs, flags, overrides (`--set`), launch, supervisor, lifeline, health, progress, "
-        "browser; gate: a router with keys; keys: `blackboard keys`; reference: docs/scenario.md",
+        "browser; gate: a router with keys; keys: `blackboard keys`; plan: `blackboard plan`; reference: docs/scenario.md",
         "shared net@door,gate,health,launch process.clock@door,gate,health,keys,launch,progress process.loop@door access@gate,keys "
         "state@launch blackboard@door cyclopts pydantic@reference",
         "rich@progress",

@@ -26,6 +26,7 @@ ROBOTS = "tests/system/test_client_page.py::test_every_line_of_the_page_does_wha
 OWN_TEAM = "tests/system/test_newcomer.py::test_the_tutorial_s_own_team_runs_is_explained_and_swept"
 TAPE = "tests/view/test_tutorial.py::test_a_command_of_the_tutorial_does_what_it_says"
 RESEARCH = "tests/long/test_research_page.py::test_every_command_of_the_page_does_what_it_says"
+PLAN = "tests/run/test_plan.py::test_the_page_shows_what_is_printed"
 PLUGINS = "tests/opinion/test_plugins.py::test_the_page_s_example_is_short_and_keeps_the_laws"
 SETTINGS = "tests/test_page_settings.py"
 WIRE = "tests/wire/test_docs.py::test_the_worked_example_is_true"
@@ -119,6 +120,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("export RMW_IMPLEMENTATION", NotRun("a full ROS 2, which no machine of ours has")),
         ("blackboard serve", NotRun("a node of ROS 2; tests/bridges/ros/test_service.py has odometry and fixes come in")),
         ("blackboard ros", NotRun("a node of ROS 2; tests/bridges/ros/test_service.py has poses come in")),
+        ("blackboard keys add", NotRun("two routers, one of them of ROS; tests/bridges/ros/test_keys.py runs a bridge with keys")),
     ),
     "rules.md": (
         ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
@@ -128,7 +130,8 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("[project.entry-points", f"{SETTINGS}::test_entry_points_are_of_the_groups_that_are_looked_up"),
         ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
     ),
-    "scorecard.md": (
+    "scaling.md": (("blackboard plan", PLAN), ("teams:", PLAN)),
+    "fields.md": (
         ("blackboard demo", NotRun("tests/long/test_research_page.py and tests/tape/test_door.py run the same, shorter")),
     ),
     "security.md": (
@@ -160,7 +163,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("process  pace", "tests/process/test_rounds.py::test_the_tables_are_printed"),
         ("news      robot", "tests/process/test_peer.py::test_the_table_is_printed"),
     ),
-    "wire.md": (*[("", WIRE)] * 4, ("78 5e", "tests/wire/test_docs.py::test_the_worked_example_of_fine_levels_is_true")),
+    "bytes.md": (*[("", WIRE)] * 4, ("78 5e", "tests/wire/test_docs.py::test_the_worked_example_of_fine_levels_is_true")),
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ FILES = sorted((ROOT / "tests").rglob("*.py"))
 SETTERS = ("setattr", "getattr", "delattr", "hasattr")
 
 #: Whose tests still look at something private; it is to become empty.
-PRIVATE = {"tests/board/test_learning.py", "tests/opinion/gaussian/test_coalitions.py"}
+PRIVATE = {"tests/board/test_learning.py"}
 
 
 def is_private(name: str) -> bool:

@@ -14,10 +14,15 @@ if TYPE_CHECKING:
     from blackboard.config import TeamSection
 
 #: `viewer` looks on (why, status, echo, hz, view, the launcher of demo and up), `recorder` makes tapes, `health` only opens sessions,
-#: with a `link` the router of another site connects to this one.
-MemberKind = Literal["router", "world", "board", "robot", "link", "viewer", "recorder", "health"]
+#: with a `link` the router of another site connects to this one. A `bridge` speaks for the robot of its name, and gives it readings.
+MemberKind = Literal["router", "world", "board", "robot", "bridge", "link", "viewer", "recorder", "health"]
 KINDS: tuple[MemberKind, ...] = get_args(MemberKind)
-NAMED: tuple[MemberKind, ...] = ("board", "robot", "link")  # of the other kinds a team has one certificate each
+NAMED: tuple[MemberKind, ...] = (
+    "board",
+    "robot",
+    "bridge",
+    "link",
+)  # of the other kinds a team has one certificate each
 ROLES: dict[MemberKind, Role] = {
     "world": "world",
     "board": "board",
@@ -38,7 +43,7 @@ class Member:
     team: str
     kind: MemberKind
     name: str  # for a kind that is not `NAMED` the kind itself
-    sub_teams: tuple[str, ...] = ()  # of a robot or a board; of a link those whose members are at its site
+    sub_teams: tuple[str, ...] = ()  # of a robot, its bridge or a board; of a link those whose members are at its site
     generation: int = 1
     not_after: float = 0.0  # Unix time in seconds when its certificate ends
 

@@ -7,7 +7,7 @@ Whatever no rule allows is denied.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from blackboard.access.members import ROLES, Member
@@ -36,6 +36,8 @@ class Grant:
 
 def grant(member: Member) -> Grant:
     """What a member may do. A kind without a role in the topic table (router, health) may do nothing of a team's."""
+    if member.kind == "bridge":
+        return replace(grant(replace(member, kind="robot")), reads=(ALL,), watches=(ALL,))
     role = ROLES.get(member.kind)
     if role is None:
         return Grant()
@@ -56,8 +58,9 @@ def grant(member: Member) -> Grant:
 
 def _own(topic: Topic, member: Member, subject: str) -> list[str]:
     """The keys of a topic that a member writes: its name is where the table has the owner, its sub-teams where they are named."""
-    name = member.name if member.kind in ("robot", "board") else "*"  # a world writes the readings of every robot
-    parts = dict.fromkeys(("robot", "source", "board", "process"), name) | {"team": member.team, "subject": subject}
+    name = "*" if member.kind == "world" else member.name  # a world writes the readings of every robot
+    owners = dict.fromkeys(("robot", "source", "board", "process", "recorder"), name)
+    parts = owners | {"team": member.team, "subject": subject}
     if member.kind == "board":
         parts["robot"] = "*"  # it publishes to every robot what it refused
     return [topic.key(**parts, sub_team=sub_team) for sub_team in member.sub_teams or ("*",)]
@@ -87,11 +90,13 @@ def _distinct(expressions: Iterable[str]) -> tuple[str, ...]:
 
 
 def link_grant(link: Member, members: Iterable[Member]) -> Grant:
-    """What a link may pass on to the router that it connects to: what the boards and robots of its sub-teams may write, and no more.
+    """What a link may pass on to the router that it connects to: what boards, robots and bridges of its sub-teams may write.
 
     It reads everything, because everything is wanted at some site.
     """
-    there = [grant(m) for m in members if m.kind in ("board", "robot") and set(m.sub_teams) & set(link.sub_teams)]
+    there = [
+        grant(m) for m in members if m.kind in ("board", "robot", "bridge") and set(m.sub_teams) & set(link.sub_teams)
+    ]
     return Grant(
         writes=_distinct(e for may in there for e in may.writes),
         answers=_distinct(e for may in there for e in may.answers),

@@ -98,12 +98,18 @@ class Participants:
 
     def robots(self) -> list[str]:
         """The robots of the sub-team that are waited for."""
-        named = self.clock.named
-        if named is None:
-            return [robot for robot in self.roster.robots.get(self.sub_team, []) if robot in self._heard]
-        place = {"team": self.team, "sub_team": self.sub_team}
-        here = filter(self.guests.may_report, named.get(self.sub_team, []))
-        return [robot for robot in here if not self.roster.has_gone(keys.MEMBER.key(**place, robot=robot))]
+        return [robot for robot in self.candidates() if self.awaits(robot)]
+
+    def candidates(self) -> list[str]:
+        """The robots of the sub-team that may be waited for."""
+        return (self.roster.robots if self.clock.named is None else self.clock.named).get(self.sub_team, [])
+
+    def awaits(self, robot: str) -> bool:
+        """Whether one of the candidates is waited for."""
+        if self.clock.named is None:
+            return robot in self._heard
+        gone = self.roster.has_gone(keys.MEMBER.key(team=self.team, sub_team=self.sub_team, robot=robot))
+        return not gone and self.guests.may_report(robot)
 
     def boards(self) -> list[tuple[str, str]] | None:
         """The boards of the other sub-teams that are waited for, as (sub-team, board); None while a token is still to come.

@@ -68,8 +68,8 @@ class Reception:
     def lacks(self, fact: str) -> Iterator[str]:
         """Whose messages of the tick have not arrived, as a Clock names them."""
         tick = self.clock.tick
-        for robot in self.participants.robots() if fact == "reports" else ():
-            if not self._reports.complete(robot, tick):
+        for robot in self.participants.candidates() if fact == "reports" else ():
+            if not self._reports.complete(robot, tick) and self.participants.awaits(robot):
                 yield f"robot/{robot}"
         joint = self.board.joint
         for board in self.participants.boards() or () if fact == "consensuses" else ():

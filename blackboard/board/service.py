@@ -65,7 +65,7 @@ class BoardService:
     ) -> None:
         """`members`: the robots that a scenario names, and what others may do; by default everybody may report."""
         self.team, self.sub_team, self.name = team, sub_team, board
-        self.grid, self.settings = grid, settings
+        self.grid, self.settings, self._learns = grid, settings, settings.learns
         self.intake = Intake()
         self.roster = Roster(*self.tokens)
         self.clock = TeamClock(self.roster, settings.period)
@@ -115,7 +115,7 @@ class BoardService:
             keys.CONSENSUS.key(team=team, sub_team="*", subject="**"),
             *([] if self.settings.fusion == "opinions" else [keys.FORWARD.key(team=team, sub_team="*", board="*")]),
             keys.STATUS.key(team=team, sub_team="*", process="*"),
-            *([keys.MEMORY.key(team=team, sub_team=mine, board="*")] if self.settings.learns else []),
+            *([keys.MEMORY.key(team=team, sub_team=mine, board="*")] if self._learns else []),
         )
 
     @property
@@ -284,7 +284,7 @@ class BoardService:
 
     def _memory(self) -> list[Envelope]:
         """What a board that leads remembers, once a second of team time."""
-        memory = self.handover.give(self.clock.run) if self.settings.learns and self.lead.leads else None
+        memory = self.handover.give(self.clock.run) if self._learns and self.lead.leads else None
         if memory is None:
             return []
         payload = encode(memory)

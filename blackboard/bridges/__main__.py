@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,7 +15,8 @@ from cyclopts import Parameter
 from blackboard.bridges.stream import Stream
 from blackboard.config import Scenario
 from blackboard.errors import UserError, extra
-from blackboard.net.attached import AttachedLink
+from blackboard.net.attached import AttachedLink, TwoRouters
+from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.process.loop import run
 from blackboard.run import door
@@ -77,9 +80,10 @@ def ros(
     fix: Topics = None,
     pose: Topics = None,
     sees: Topics = None,
+    ros_router: Annotated[str | None, Parameter(name="--ros-router")] = None,
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
-    """Join a team to the ROS 2 nodes on the same Zenoh router (rmw_zenoh), until it is stopped (extra `ros`).
+    """Join a team to the ROS 2 nodes on a Zenoh router (rmw_zenoh), until it is stopped (extra `ros`).
 
     Publishes what is agreed on as /TEAM/robot/r1/pose and /TEAM/robot/r1/map, and the state of the processes as /diagnostics.
 
@@ -99,12 +103,16 @@ def ros(
         ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /amcl_pose, reported as that robot's own belief, without a `robot-agent`.
     sees
         ROBOT:SUBJECT=TOPIC, as r1:object/ball=/r1/ball: a PoseWithCovarianceStamped of what the robot sees, in its own frame.
+    ros_router
+        The endpoint of the nodes' own router, as tcp/localhost:7447 [default: the team's router]. With --keys it must be another one.
     """
     with extra("ros", "the bridge to ROS 2"):
         from blackboard.bridges.ros import names
         from blackboard.bridges.ros.service import RosBridge
-    if flags.keys is not None:
-        raise UserError("--keys: a router with keys gives ROS no keys of its own; run the bridge on an open router")
+    if flags.keys is not None and ros_router is None:
+        raise UserError(
+            "--keys: nodes of ROS have no certificates; name their own router, as --ros-router tcp/localhost:7447"
+        )
     if not 0 <= domain <= names.MAX_DOMAIN:
         raise UserError(f"--domain {domain}: give 0 to {names.MAX_DOMAIN}, as in ROS_DOMAIN_ID")
     chosen = which.chosen()
@@ -115,13 +123,28 @@ def ros(
     sources = _sources(odometry, fix, pose, sees)
     members = {robot: _member(chosen, sub_team, robot) for robot in sources.poses}
     stop, clock = door.Stop(), UnixClock()
-    with AttachedLink(flags.link(), "ros", patience=door.PATIENCE, stopped=stop, clock=clock) as link:
-        node = names.Node("cop_blackboard", link.session_id, domain, clock.now)
+    opened = partial(AttachedLink, patience=door.PATIENCE, stopped=stop, clock=clock)
+    with ExitStack() as stack:
+        team = stack.enter_context(opened(flags.link(who=_certificate(flags, sources)), "ros"))
+        nodes = (
+            team
+            if ros_router is None
+            else stack.enter_context(opened(LinkConfig(connect=[ros_router]), "ros", beside=team))
+        )
+        node = names.Node("cop_blackboard", nodes.session_id, domain, clock.now)
         service = RosBridge(name, node, sources, members, space)
-        link.outlet = node.publishers.get
+        nodes.outlet = node.publishers.get
         door.say("ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens))
-        run(service, link, clock, stop)
+        run(service, team if nodes is team else TwoRouters(team, nodes), clock, stop)
     return door.DONE
+
+
+def _certificate(flags: door.ZenohFlags, sources: Sources) -> str:
+    """As whom the bridge connects. UserError: with keys it speaks for several robots."""
+    robots = sorted({*sources.poses, *sources.driven})
+    if flags.keys is not None and len(robots) > 1:
+        raise UserError(f"--keys: a certificate is one robot; run a bridge for each of {', '.join(robots)}")
+    return f"bridge/{robots[0]}" if len(robots) == 1 else "viewer"
 
 
 def _sources(

@@ -41,6 +41,11 @@ class Agreed:
         return self.story.lost
 
     @property
+    def existence(self) -> float | None:
+        """The probability that there is what a track, as `person/7`, is of, 0 to 1; None of anything else."""
+        return self.story.existence
+
+    @property
     def velocity(self) -> Moments | None:
         """Velocity along x and y (unit / s), and of a robot its rate of turn (rad / s): shape (3,), of an object that rolls (2,).
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from blackboard.client.agreed import TeamNews
 from blackboard.client.membership import Membership
+from blackboard.opinion.classes import LANDMARK
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import Seen
@@ -144,18 +145,11 @@ class Robot(Membership):
         A `position` (ahead, to the left) is in the robot's own frame, its `covariance` of shape (2, 2). With a third number, the
         heading less the robot's own, it is a pose, and that of shape (3, 3). `at` is where a landmark stands in the team's frame;
         `age` are seconds since it was seen. Of the ranges with bearings to one subject the newest counts. Where it does not know which
-        one it sees, the subject is a class: `robot/?`, `person/?`, `object/ball?`. `confidence` is how sure the detector is.
+        one it sees, the subject is a class: `robot/?`, `person/?`, `object/ball?`, or `landmark/?` of the scenario's map. `confidence`
+        is how sure the detector is.
         """
         known = _Call("see")
-        if not isinstance(subject, str) or not re.fullmatch(SIGHTED, subject):
-            raise ValueError(
-                f"see(subject={subject!r}): give robot/NAME, object/NAME, landmark/NAME, or a class as robot/?"
-            )
-        if subject == f"robot/{self.robot}":
-            raise ValueError(f"see(subject={subject!r}): is this robot itself")
-        if subject.startswith("landmark/") == (at is None):
-            where = "give where the landmark stands" if at is None else "belongs to a landmark/NAME"
-            raise ValueError(f"see(at={at!r}): {where}")
+        self._check_seen(subject, alone=range is None or bearing is None, at=at)
         common: dict[str, Any] = {
             "subject": subject,
             "landmark": None if at is None else known.numbers("at", at, (2,)),
@@ -257,6 +251,20 @@ class Robot(Membership):
     def pose(self) -> Pose | None:
         """Where the robot was at its last step, as the team has it now."""
         return self._desk.call(lambda now: (self._driven.pose(), []))
+
+    def _check_seen(self, subject: object, *, alone: bool, at: object) -> None:
+        """ValueError: a robot cannot see this; `alone` is a sighting without a range, or without a bearing."""
+        if not isinstance(subject, str) or (subject != LANDMARK and not re.fullmatch(SIGHTED, subject)):
+            raise ValueError(
+                f"see(subject={subject!r}): give robot/NAME, object/NAME, landmark/NAME, or a class as robot/?"
+            )
+        if subject == f"robot/{self.robot}":
+            raise ValueError(f"see(subject={subject!r}): is this robot itself")
+        if subject == LANDMARK and alone:
+            raise ValueError(f"see(subject={subject!r}): of a landmark of the map give a range and a bearing")
+        if (subject.startswith("landmark/") and subject != LANDMARK) == (at is None):
+            where = "give where the landmark stands" if at is None else "belongs to a landmark/NAME"
+            raise ValueError(f"see(at={at!r}): {where}")
 
     def _tell(self, *, own: bool | None = False, **told: Any) -> None:
         """`own`: of a robot with a filter of its own, or without one; None: of both."""

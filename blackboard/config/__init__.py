@@ -166,7 +166,7 @@ class BoardSection(Section):
     period: Positive = 0.2
     "[s] Time between settlements where no world gives the clock."
     coding: Literal["log8", "log16"] = "log8"
-    "How boards write beliefs: log16 once every member and viewer of the team reads it (docs/wire.md, Versions)."
+    "How boards write beliefs: log16 once every member and viewer of the team reads it (docs/bytes.md)."
 
     @model_validator(mode="after")
     def _rules_are_sound(self) -> Self:

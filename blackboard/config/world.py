@@ -6,12 +6,12 @@ the robots' own models have keys of their own in [robot], on purpose: a robot wi
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
 from blackboard.config import Name, Positive, Scenario, Section
+from blackboard.config.mrclam import recording_folder
 from blackboard.config.protocols import FAMILIES, PROTOCOLS, protocol_of
 from blackboard.errors import UserError
 from blackboard.wire.mistakes import nearest
@@ -78,7 +78,7 @@ class PeopleSection(Section):
 class DetectorSection(Section):
     """What a detector makes of what the sensors see. Each robot's is independent of the others'."""
 
-    anonymous: tuple[Literal["robot", "object", "person"], ...] = ("person",)
+    anonymous: tuple[Literal["robot", "object", "person", "landmark"], ...] = ("person",)
     "Kinds of which only the class is told: `robot/?` instead of `robot/r2`, `object/ball?` instead of `object/ball1`."
     missed: Annotated[float, Field(ge=0, lt=1)] = 0.0
     "[share] Of the sightings, but for those of landmarks, so many are lost."
@@ -210,16 +210,6 @@ def check_world(scenario: Scenario) -> list[str]:
             f"{scenario.where}: world.detector.clutter: what is nothing has no name; give a kind in world.detector.anonymous"
         )
     return _unknown_objects(scenario, world)
-
-
-def recording_folder(folder: str | Path | None) -> Path:
-    """The folder of a recording, not yet read. UserError: there is none."""
-    if folder is None:
-        raise UserError("world.dir: which recording is to be replayed? give its folder with --mrclam DIR")
-    path = Path(folder)
-    if not path.is_dir():
-        raise UserError(f"world.dir: no folder {path}; give the folder of a recording in MRCLAM format")
-    return path
 
 
 def _unknown_objects(scenario: Scenario, world: WorldSection) -> list[str]:

@@ -155,11 +155,12 @@ def _tracked(card: dict[str, Any]) -> list[str]:
 
 
 def _too_short(card: dict[str, Any]) -> str:
-    """Behind a PASS: that nothing can be said of its regions."""
-    words = {found.get("word") for levels in card["honesty"].values() for found in levels.values()}
-    if card["verdict"] == "PASS" and SHORT in words:
-        return f", but too short to judge its regions: less than {FEWEST * BLOCK:g} s"
-    return ""
+    """Behind a PASS: of whom nothing can be said of the regions."""
+    levels = ((f"{group} {level}", it) for group, found in card["honesty"].items() for level, it in found.items())
+    short = [row for row, it in levels if it.get("word") == SHORT]
+    if card["verdict"] != "PASS" or not short:
+        return ""
+    return f", but too short to judge the regions of {', '.join(short)}: judged in fewer than {FEWEST} blocks of {BLOCK:g} s"
 
 
 def _dishonest(card: dict[str, Any]) -> list[str]:

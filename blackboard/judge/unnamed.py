@@ -9,6 +9,7 @@ from blackboard.errors import Refused
 from blackboard.judge.forecasts import Forecasts
 from blackboard.judge.instant import Instant
 from blackboard.judge.tracks import Track, Tracks
+from blackboard.opinion.classes import kind_of
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import Consensus, UnnamedSighting
@@ -30,7 +31,7 @@ class Unnamed:
 
     def is_unnamed(self, subject: str) -> bool:
         """Whether a subject is of a kind that sightings do not name."""
-        return subject.partition("/")[0] in self._tracks
+        return kind_of(subject) in self._tracks
 
     def hear(self, instant: Instant, team: Collection[str]) -> None:
         """Judge what the first sub-team agreed on; of robots without those of the `team`, whom everybody knows."""
@@ -69,7 +70,7 @@ class Unnamed:
             x, y = unpack(told.belief, self._grid).mean()
         except Refused:
             return None
-        return Track((float(x), float(y)))
+        return Track((float(x), float(y)), told.existence)
 
     def identities(self) -> dict[str, Any]:
         """How many sightings had no name, were taken for a known subject, and for a wrong one; and the odds that were told.
@@ -86,4 +87,4 @@ class Unnamed:
 
 
 def _of(kind: str, by_subject: dict[str, T]) -> dict[str, T]:
-    return {subject: it for subject, it in by_subject.items() if subject.startswith(f"{kind}/")}
+    return {subject: it for subject, it in by_subject.items() if kind_of(subject) == kind}

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # small matrices: threads cost more than they give
-    os.environ.setdefault(name, "1")
-
-from blackboard.calibrate import report  # noqa: E402
-from blackboard.calibrate.drives import Drives, drives_of  # noqa: E402
-from blackboard.calibrate.found import calibrated  # noqa: E402
-from blackboard.calibrate.model import Noise  # noqa: E402
-from blackboard.config import Scenario  # noqa: E402
-from blackboard.errors import UserError, extra  # noqa: E402
-from blackboard.lab.ideal import assumed  # noqa: E402
-from blackboard.lab.team import played  # noqa: E402
-from blackboard.run.flags import OutputFlags, RecordingFlags  # noqa: E402
-from blackboard.run.progress import progress  # noqa: E402
-from blackboard.tape.content import load_tape, messages  # noqa: E402
-from blackboard.wire import keys  # noqa: E402
-from blackboard.wire.messages import Readings  # noqa: E402
+from blackboard.calibrate import report
+from blackboard.calibrate.drives import Drives, drives_of
+from blackboard.calibrate.found import calibrated
+from blackboard.calibrate.model import Noise
+from blackboard.config import Scenario
+from blackboard.errors import UserError, extra
+from blackboard.lab.ideal import assumed
+from blackboard.lab.team import played
+from blackboard.run.flags import OutputFlags, RecordingFlags
+from blackboard.run.progress import progress
+from blackboard.tape.content import load_tape, messages
+from blackboard.wire import keys
+from blackboard.wire.messages import Readings
 
 STAMPED = {"odometry_lag": 0.0, "sighting_latency": 0.0}  # of [world]: a replay by its stamps
 TICK = 0.25  # seconds: ticks of a recording, which are shorter than a lag

@@ -14,7 +14,8 @@ from blackboard.lab.comparison import DEFAULT, fused
 from blackboard.lab.team import played
 from blackboard.lab.team_size import TeamSizeScores, add_case, team
 from blackboard.opinion.belief import Belief
-from blackboard.opinion.gaussian.team import Objects, TeamJoint
+from blackboard.opinion.gaussian.state import Objects
+from blackboard.opinion.gaussian.team import TeamJoint
 from robot_agent.team import first_hand_of
 
 

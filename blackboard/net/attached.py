@@ -58,3 +58,42 @@ class AttachedLink(Link):
             publisher_detection=True,
             sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT),
         )
+
+
+class TwoRouters:
+    """Two links as one: the keys of teams go to the first, all others to the second. The second is made `beside` the first."""
+
+    def __init__(self, team: Link, others: AttachedLink) -> None:
+        self._team, self._others = team, others
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Those of both; what their inbox counts is counted once."""
+        return (
+            self._others.counters
+            | self._team.counters
+            | {"sent": self._team.counters["sent"] + self._others.counters["sent"]}
+        )
+
+    def subscribe(self, key_expr: str) -> None:
+        """As `Link.subscribe`."""
+        self._of(key_expr).subscribe(key_expr)
+
+    def watch(self, key_expr: str) -> None:
+        """As `Link.watch`."""
+        self._of(key_expr).watch(key_expr)
+
+    def token(self, key: str) -> None:
+        """As `Link.token`."""
+        self._of(key).token(key)
+
+    def receive(self, timeout: float) -> list[Envelope]:
+        """As `Link.receive`, of both."""
+        return self._others.receive(0.0) + self._team.receive(timeout)
+
+    def send(self, envelope: Envelope) -> None:
+        """As `Link.send`."""
+        self._of(envelope.key).send(envelope)
+
+    def _of(self, key: str) -> Link:
+        return self._team if key.startswith("cop/") else self._others

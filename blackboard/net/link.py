@@ -57,12 +57,16 @@ class Link:
         patience: float = 10.0,
         stopped: Callable[[], bool] = lambda: False,
         clock: UnixClock | None = None,
+        beside: Link | None = None,
     ) -> None:
-        """Connect within `patience` seconds. Raises UserError where no router answers, Stopped where `stopped()` becomes true."""
+        """Connect within `patience` seconds; what arrives is received by the link `beside`, where there is one.
+
+        UserError: no router answers. Stopped: `stopped()` became true.
+        """
         clock, identity, built = clock or UnixClock(), config.identity(), config.build(name)
         _let_go_at_exit()
         self._session = _open(built, name, patience, stopped, clock, identity)
-        self._inbox = Inbox()
+        self._inbox: Inbox = Inbox() if beside is None else beside._inbox
         self.poke = self._inbox.poke  # lets a `receive` that waits, or the next one, return at once; for any thread
         self._newest: dict[str, bytes] = {}
         self._publishers: dict[str, Any] = {}

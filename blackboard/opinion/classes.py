@@ -1,6 +1,10 @@
-"""What a sighting may name instead of a subject: a class, as `robot/?` or `object/ball?`."""
+"""What a sighting may name instead of a subject: a class, as `robot/?` or `object/ball?`; and how tracks of a class are named."""
 
 from __future__ import annotations
+
+LANDMARK = "landmark/?"  # the class of what a map has; robots find out which themselves
+LONGEST = 32  # characters of the name of a class that the names of its tracks have: with a number they are names, too
+ROBOTS = "object/robot-"  # begins the names of tracks of `robot/?`, which are no members
 
 
 def is_class(subject: str) -> bool:
@@ -10,4 +14,16 @@ def is_class(subject: str) -> bool:
 
 def could_be(kind: str, subject: str) -> bool:
     """Whether a subject belongs to a class: `object/ball1` and `object/ball-red` to `object/ball?`, every robot to `robot/?`."""
-    return is_class(kind) and not is_class(subject) and subject.startswith(kind[:-1])
+    return is_class(kind) and not is_class(subject) and subject.startswith((kind[:-1], stem(kind)))
+
+
+def stem(kind: str) -> str:
+    """How the names of a class's tracks begin, before their numbers: `person/`, `object/ball-`, and of `robot/?` `object/robot-`."""
+    what, _, name = kind[:-1].partition("/")
+    begins = ROBOTS if what == "robot" else f"{what}/"
+    return f"{begins}{name[:LONGEST]}-" if name else begins
+
+
+def kind_of(subject: str) -> str:
+    """`robot`, `object`, `person` or `landmark`; of a track what it is a track of."""
+    return "robot" if subject.startswith(ROBOTS) else subject.partition("/")[0]

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
+from blackboard.config.mrclam import recording_folder, surveyed
 from blackboard.config.pyfg import read_graph
 from blackboard.errors import UserError
 from blackboard.faults import without_faults
@@ -36,7 +37,7 @@ class RecordingFlags:
     pyfg: str | None = None
     "Replay the recorded team in this file (a factor graph in PyFG format)."
     anonymous: Literal["mates", "all"] | None = None
-    "Strip the barcodes of mates: robots see `robot/?`, and only the referee knows whom."
+    "Strip the barcodes of mates, or of landmarks, too: robots see `robot/?` and `landmark/?`, and only the referee knows which."
 
     @property
     def given(self) -> bool:
@@ -50,16 +51,21 @@ class RecordingFlags:
         """
         if self.mrclam is not None and self.pyfg is not None:
             raise UserError("--mrclam and --pyfg: give one of the two")
+        if self.anonymous == "all" and self.mrclam is None:
+            raise UserError("--anonymous all: the map of a recording is in its folder; name it with --mrclam")
         recorded = None if self.mrclam is None else "mrclam"
         scenario = load(name or recorded or ("pyfg" if self.pyfg else "demo"))
-        if self.anonymous == "all":
-            raise UserError("--anonymous all: a robot cannot find out which landmark it sees; use --anonymous mates")
         if self.pyfg is not None:
             scenario = read_graph(self.pyfg).applied(scenario)
-        detector = {"anonymous": ["robot"]} if self.anonymous else None
+        detector = (
+            {"anonymous": ["robot", "landmark"] if self.anonymous == "all" else ["robot"]} if self.anonymous else None
+        )
         scenario = scenario.changed(
             "world", kind=recorded, dir=self.mrclam, start=self.start, protocol=self.protocol, detector=detector
         )
+        if self.anonymous == "all":
+            found = surveyed(recording_folder(self.mrclam))
+            scenario = scenario.changed("robot", landmarks={str(number): place for number, place in found.items()})
         if self.anonymous and scenario.tables["world"].get("kind") not in ("mrclam", "pyfg"):
             raise UserError("--anonymous is about a recording; for a simulated world set world.detector.anonymous")
         about = {"mrclam"} | ({"pyfg"} if self.protocol is None else set())

@@ -83,8 +83,8 @@ def add(
     kind
         What it is.
     sub_team
-        Of a robot or a board: the sub-team whose keys it may write; of a link: one whose members are at its site. May be given
-        again [default: the team's first].
+        Of a robot, its bridge or a board: the sub-team whose keys it may write; of a link: one whose members are at its site. May be
+        given again [default: the team's first].
     days
         How long its certificate is valid.
     """

@@ -9,7 +9,8 @@ MAX_ALARMS = 256
 QUIET = 5.0  # seconds without it after which something that comes and goes counts as over
 
 #: Of the worst first.
-KINDS = ("gone", "liar", "lost", "stuck", "moved", "over-confident")
+KINDS = ("gone", "full disk", "liar", "lost", "stuck", "moved", "over-confident")
+OF_PROCESSES = ("gone", "full disk")  # they outlast a run
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,8 @@ class Alarms:
                 self._kept[what, who] = replace(alarm, until=alarm.seen)
 
     def forget(self) -> None:
-        """A new run: what was believed before it is of no matter; who is gone stays gone."""
-        self._kept = {key: it for key, it in self._kept.items() if it.what == "gone"}
+        """A new run: what was believed before it is of no matter."""
+        self._kept = {key: it for key, it in self._kept.items() if it.what in OF_PROCESSES}
 
     def all(self) -> list[Alarm]:
         """What lasts before what is over, the worst and then the newest first."""

@@ -21,7 +21,7 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Readings, Report, Status, Truth
+from blackboard.wire.messages import Clock, Consensus, Disk, Readings, Report, Status, Truth
 from blackboard.wire.types import Message
 
 MAX_TEAMS = 16
@@ -221,6 +221,8 @@ class TeamFold:
             process = self._process(message.kind, message.process, parts["sub_team"])
             process.heard(now, size)
             self._hear_status(process, parts["sub_team"], message, now)
+        elif isinstance(message, Disk):
+            self._hear_disk(message, now)
 
     def _hear_clock(self, clock: Clock, now: float) -> None:
         if self.clock is None or clock.run != self.clock.run:
@@ -275,6 +277,13 @@ class TeamFold:
             if status.phase == "agreed":
                 process.finished(status.tick, status.time, now)
                 self._settled(status, now)
+
+    def _hear_disk(self, disk: Disk, now: float) -> None:
+        if disk.trouble:
+            text = f"{disk.recorder} cannot write its tape ({disk.trouble}), {disk.missing} messages are missing"
+            self.alarms.raise_("full disk", disk.recorder, text, now)
+        else:
+            self.alarms.end("full disk", disk.recorder, now)
 
     def _hear_ages(self, sub_team: str, status: Status, now: float) -> None:
         """A board knows robots that went before anybody looked: who was heard in the last minute is known here, too."""

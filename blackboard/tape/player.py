@@ -65,9 +65,9 @@ class Player:
 
 
 def _part(key: str, boards: set[tuple[str, str]]) -> Part | None:
-    """Who sends on a key; None for journals, because the player is not the board."""
+    """Who sends on a key; None for journals and disks, because the player is no board and no recorder."""
     found = keys.parse(key)
-    if found is None or found[0] is keys.JOURNAL:
+    if found is None or found[0] in (keys.JOURNAL, keys.DISK):
         return None
     topic, parts = found
     if topic in OF_WORLD:

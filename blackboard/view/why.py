@@ -101,6 +101,7 @@ def _level(told: Received[Consensus], about: About, moment: Moment, feedback: st
         "learned": [one.model_dump(exclude={"level"}) for one in it.learned],
         "dissent": [{**one.model_dump(exclude={"level"}), "for": max(0.0, it.time - one.since)} for one in it.dissent],
         "unnamed": [one.model_dump() for one in it.unnamed],
+        "existence": it.existence,
         "camps": [{"sources": list(camp.sources), "weight": camp.weight} for camp in it.camps],
         "truth": None
         if score is None

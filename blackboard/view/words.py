@@ -96,7 +96,7 @@ def _motion(level: Table, unit: str) -> list[str]:
     told = []
     if level["heading"] is not None:
         told.append(
-            f"heads {math.degrees(level['heading']):.0f} degrees, give or take {math.degrees(level['heading_sigma']):.1f}"
+            f"heads {math.degrees(level['heading']):.0f} degrees, give or take {math.degrees(level['heading_sigma']):.2f}"
         )
     if level["velocity"] is not None:
         speed, sigma = math.hypot(*level["velocity"][:2]), max(level["velocity_sigma"][:2])
@@ -134,6 +134,10 @@ def _joint(level: Table) -> list[str]:
     if level["sources"]:
         each = ", ".join(f"{source['source']} ({source['entropy']:.2f} nats by itself)" for source in level["sources"])
         found.append(f"In this tick it was told of by {each}.")
+    if level["existence"] is not None:
+        found.append(
+            f"It is a track of something without a name, which is there with {100 * level['existence']:.1f} %."
+        )
     found += _unnamed(level["unnamed"])
     if len(level["components"]) > 1:
         found.append(_coalitions(level["components"]))

@@ -1,1 +1,1 @@
-"""Pure bytes: messages, the belief coding, the codec, the topic table and envelopes. docs/wire.md describes them all."""
+"""Pure bytes: messages, the belief coding, the codec, the topic table and envelopes. See docs/wire.md and docs/bytes.md."""

@@ -1,6 +1,6 @@
 """A belief as bytes and back: cropped to its support, its logarithm in whole levels, the mass left out spread evenly.
 
-Codings "log8" and "log16" (docs/wire.md): a cell of probability p becomes the level b = round(top + ln(p / peak) / step), where
+Codings "log8" and "log16" (docs/bytes.md): a cell of probability p becomes the level b = round(top + ln(p / peak) / step), where
 b <= 0 means "in the rest". Read back, the kept cells share 1 - rest in the proportion exp(b step), and the cells of the rest share
 `rest` evenly.
 
@@ -49,7 +49,7 @@ SCALES: dict[str, Scale] = {"log8": Scale(STEP, 255), "log16": Scale(STEP / 2, 5
 def pack(belief: Belief, coding: Coding = "log8") -> PackedBelief:
     """A belief in a coding. One of ours that is no probability grid raises OpinionError.
 
-    Not every member of a team reads "log16" (docs/wire.md, "Versions").
+    Not every member of a team reads "log16" (docs/bytes.md).
     """
     scale = SCALES[coding]
     peak, lo, levels = _levels(belief, scale, coded.KIND[coding])

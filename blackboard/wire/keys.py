@@ -9,7 +9,8 @@ from typing import Literal
 
 from blackboard.wire.names import NAME, SUBJECT_KINDS
 
-Role = Literal["world", "robot", "board", "operator"]  # the world's process has the referee; operators only read
+#: The world's process has the referee. Operators look on, recorders among them.
+Role = Literal["world", "robot", "board", "operator"]
 Period = Literal["every tick", "once a second", "while it runs"]
 Priority = Literal["interactive-high", "data", "data-low"]  # Zenoh's names, the most urgent first
 
@@ -113,6 +114,10 @@ STATUS = Topic(
     "status", "cop/{team}/{sub_team}/status/{process}", "Status",
     ("robot", "board"), "process", EVERYBODY, "once a second", "counters, the tick done, ages", "interactive-high",
 )  # fmt: skip
+DISK = Topic(
+    "disk", "cop/{team}/tape/disk/{recorder}", "Disk",
+    ("operator",), "recorder", ("operator",), "once a second", "a recorder's disk, while it takes nothing",
+)  # fmt: skip
 
 TOPICS = (
     CLOCK,
@@ -130,6 +135,7 @@ TOPICS = (
     BOARD,
     REFUSED,
     STATUS,
+    DISK,
 )
 
 

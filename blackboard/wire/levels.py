@@ -1,4 +1,4 @@
-"""Levels of logarithm as the bytes of a message and back, without any loss: the codings "log8" and "log16" (docs/wire.md).
+"""Levels of logarithm as the bytes of a message and back, without any loss: the codings "log8" and "log16" (docs/bytes.md).
 
 Levels are whole numbers in C order, 0 for "in the rest". "log8" (levels up to 255) sends the difference of each level to the one
 before it, one byte each. "log16" (levels up to 65535) sends the difference of each such difference to the one before it: along a row

@@ -23,6 +23,7 @@ from blackboard.wire.types import (
     Count,
     Counts,
     Finite,
+    InView,
     Listed,
     Message,
     Name,
@@ -32,7 +33,6 @@ from blackboard.wire.types import (
     Point,
     Positive,
     Settings,
-    Sighted,
     Subject,
     Subjects,
     Text,
@@ -99,7 +99,7 @@ class PackedBelief(Part):
     `lo` and `box` are the lower corner and the shape of the box, in cells. `coding` says what `data` holds:
     "log8": one level b = 0..255 per cell in C order, each byte less the one before it (modulo 256), then zlib;
     the cells with b > 0 share 1 - `rest` in the proportion exp(b `step`), b = 0 means "in the rest";
-    "log16": the same with levels up to 65535, as differences of differences (docs/wire.md);
+    "log16": the same with levels up to 65535, as differences of differences (docs/bytes.md);
     "f32": little-endian float32 mass per cell in C order, not compressed, 0 meaning "in the rest" (`step` unused).
     `rest` is the mass of all cells that are outside the box or in the rest, spread evenly over them.
     """
@@ -164,7 +164,7 @@ class Used(Part):
     source: Name
     """a robot, or in the exchange a sub-team"""
     weight: Finite
-    """what it contributed, in the terms of its rule (docs/wire.md)"""
+    """what it contributed, in the terms of its rule (docs/rules.md)"""
     age: Finite
     """seconds since its report's `time`"""
     entropy: Finite
@@ -319,6 +319,8 @@ class Consensus(Message):
     """opposed camps of its sources, the heaviest first: nobody can tell which is right"""
     unnamed: Annotated[list[UnnamedSighting], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     """of a joint: the sightings since the last tick that named a class, and may be of this"""
+    existence: Annotated[float, Field(ge=0, le=1)] | None = None
+    """of a track, as `person/7`: the probability that there is such a thing"""
 
 
 class Status(Message):
@@ -430,6 +432,17 @@ class Refusal(Message):
     """messages under this name that the board refused since it started"""
 
 
+class Disk(Message):
+    """A recorder says that its disk takes nothing: once a second while that is so, and once when it is over."""
+
+    recorder: Name
+    """which recorder; the same as in the key"""
+    trouble: Text = ""
+    """why the disk takes nothing; empty: it does again"""
+    missing: Count
+    """messages that are not on the tape, or not yet"""
+
+
 class Journal(Message):
     """What a board was given, in its order, for `blackboard replay` (recording.md): with the messages themselves,
     enough to repeat what it did to the bit. Only recorders read it. It is sent before what the board made of its
@@ -531,8 +544,8 @@ class Fix(Part):
 class Sighting(Part):
     """Something seen at a range and a bearing from the robot's heading; a landmark comes with its surveyed position."""
 
-    subject: Sighted
-    """what is seen; or a class, where nobody knows which one: `robot/?`, `person/?`, `object/ball?`"""
+    subject: InView
+    """what is seen; or a class, where nobody knows which one: `robot/?`, `person/?`, `object/ball?`, `landmark/?`"""
     range: NonNegative
     """in the grid's unit"""
     bearing: Finite
@@ -623,5 +636,5 @@ class Solo(Message):
 #: The model of each name that stands in the topic table (`keys.Topic.message`).
 MODELS: dict[str, type[Message]] = {
     model.__name__: model
-    for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status, Refusal, Journal, Memory)
+    for model in (Clock, Readings, Truth, Solo, Report, Consensus, Forward, Status, Refusal, Journal, Memory, Disk)
 }

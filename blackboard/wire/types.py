@@ -19,6 +19,7 @@ MAX_NAME = 200  # characters of a text for people, or of a name of a counter or 
 Name = Annotated[str, Field(pattern=f"^{NAME}$")]
 Subject = Annotated[str, Field(pattern=f"^({SUBJECT_KINDS})/{NAME}$")]
 Sighted = Annotated[str, Field(pattern=f"^({SIGHTED})$")]
+InView = Annotated[str, Field(pattern=rf"^({SIGHTED}|landmark/\?)$")]  # by a robot, which has a map; a board has none
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(ge=LEAST, le=LARGEST, allow_inf_nan=False)]

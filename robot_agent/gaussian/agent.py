@@ -20,8 +20,11 @@ from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.team import Objects, TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, POSE, Motion, correct, drive
+from blackboard.opinion.gaussian.sightings import projected
+from blackboard.opinion.gaussian.state import Objects
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.tracks import Tracks
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, POSE, Motion, correct, drive
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import pack_evidence
@@ -36,6 +39,8 @@ from robot_agent.gaussian.own import Given
 from robot_agent.gaussian.sensors import Sensors, sensors_of
 from robot_agent.raster import with_outlier
 from robot_agent.sensing import trackable
+
+NOTHING = np.diag([FLAT, FLAT, math.pi**2 / 3])  # the covariance of a pose (x, y, heading) that may be any
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +69,8 @@ class JointAgent:
         self.settings, self.grid, self.feedback = settings, grid, feedback
         made = Given if own else FirstHand
         self.filter: FirstHand = made(self.subject, sensors or sensors_of(settings))
-        self.own = TeamJoint(Objects(drift=settings.objects.drift))  # of this robot alone, with the objects that it saw
+        #: Of this robot alone, with the objects that it saw; numbers of tracks are the team's.
+        self.own = TeamJoint(Objects(drift=settings.objects.drift), tracks=Tracks(room=0))
         self.searching: Agent | None = None  # its grids, while there is no Gaussian belief
         self.team: Moments | None = None  # where the team's joint has this robot, moved on to the newest tick
         self._team_ancestors: Mapping[str, float] = {}
@@ -129,12 +135,17 @@ class JointAgent:
     # --- first-hand -----------------------------------------------------------------------------------------------------
 
     def _search(self, readings: Readings, agreed: Mapping[str, TeamBelief]) -> tuple[list[Report], Solo]:
-        """Look for the pose on grids, and hand it over to the filter once there is one hypothesis."""
+        """Look for the pose on grids, and hand it over to the filter once there is one hypothesis.
+
+        Where mates alone tell it, it is where the filter linearises, and no evidence: the joint has their sightings.
+        """
         if self.searching is None:
             self.searching = Agent(self.robot, self.settings, self.grid, self.feedback)
         reports, solo = self.searching.tick(readings, agreed)
         self.team = None
         pose = pose_of(self.searching.firsthand.localizer)
+        if pose is None and (at := pose_of(self.searching.informed.localizer)) is not None:
+            pose = Moments(at.mean, NOTHING)
         if pose is not None:
             self.filter.enter(pose)
         return reports, solo
@@ -171,7 +182,7 @@ class JointAgent:
             for r in told.relatives
             if r.places and r.subject.startswith("robot/") and r.subject != self.subject and not is_class(r.subject)
         ]
-        known |= {relative.subject: self.own.projected(relative, told.motion) for relative in mates}
+        known |= {relative.subject: projected(self.own.joint, relative, told.motion) for relative in mates}
         return {subject: self._drawn(moments) for subject, moments in known.items()}
 
     def _drawn(self, moments: Moments) -> Belief:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,6 +39,7 @@ from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings, Sighting
 from robot_agent.gaussian.absolute import starting_pose, take_absolute
 from robot_agent.gaussian.findings import findings
+from robot_agent.gaussian.landmarks import Landmarks, Named, blurred
 from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 from robot_agent.gaussian.sensors import Sensors
@@ -97,8 +98,10 @@ class FirstHand:
     wheels: WheelNoise = field(init=False)
     mishaps: Mishaps = field(init=False)
     camera: CameraNoise = field(default_factory=CameraNoise)
+    landmarks: Landmarks = field(init=False)
 
     def __post_init__(self) -> None:
+        self.landmarks = Landmarks(self.sensors.landmarks, self.sensors.camera.together)
         self.wheels = WheelNoise(self.robot, self.sensors.wheels.nuisance, self.sensors.wheels.given)
         self.mishaps = Mishaps(self.robot, self.sensors.wheels.nuisance)
 
@@ -122,9 +125,13 @@ class FirstHand:
         if self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None:
             self.restart(readings.time)
         self._judge_wheels(at)
-        motion = self._move(readings)
+        motion, named = self._move(readings), Named(readings)
+        if self.known:
+            expected = self._expected(at, motion)
+            named = self.landmarks.named(readings, self.robot, expected, motion, self._seen(motion.dt))
+            readings = named.readings
         newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age) if not is_class(s.subject)}
-        relatives = self._relatives(newest, motion.dt)
+        relatives = self._relatives(newest, motion.dt, named.blurs)
         places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
         further = [it for it in readings.seen if it.is_known and not is_class(it.subject)]
         seen_landmarks = [(relatives[name], np.array(place)) for name, place in sorted(places.items())]
@@ -145,7 +152,7 @@ class FirstHand:
         else:
             take_absolute(self.joint, self.robot, readings, self.sensors.compass)
         if self.known:
-            self._sight(seen_landmarks, motion, linear, readings.time)
+            self._sight(seen_landmarks, motion, linear, readings.time, named)
         increment = None
         if prediction is not None and self.belief is not None:
             increment = gained(prediction, self.belief)
@@ -157,19 +164,26 @@ class FirstHand:
         seen += tuple(self.sensors.relative(self.robot, it) for it in further if not it.landmark)
         unnamed = self.sensors.unnamed(self.robot, readings, self._turned, motion.dt)
         seen += tuple(self.camera.scaled(it) if it.kind == "range-bearing" else it for it in unnamed)
-        if self.known and _is_absurd(self.joint):
+        if self._gave_up(readings, team, apart):
             increment = unsent = None
-            self.restart(readings.time)
-        elif self.lost():
-            self.mishaps.moved = 1.0
-            increment = unsent = self._before = None
-            self.camera = CameraNoise()  # it was judged from a wrong place
-            if team is not None and apart <= ABSURD:
-                self._reopen(team)
-            else:
-                self.restart(readings.time)
-                self._start(readings)
         return Told(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
+
+    def _gave_up(self, readings: Readings, team: Array | None, apart: float) -> bool:
+        """Whether the belief was given up: as absurd; or for the team's, or a new one, where landmarks contradict it."""
+        if self.known and _is_absurd(self.joint):
+            self.restart(readings.time)
+            return True
+        if not self.lost():
+            return False
+        self.mishaps.moved = 1.0
+        self._before = None
+        self.camera = CameraNoise()  # it was judged from a wrong place
+        if team is not None and apart <= ABSURD:
+            self._reopen(team)
+        else:
+            self.restart(readings.time)
+            self._start(readings)
+        return True
 
     def _judge_wheels(self, at: Moments | None) -> None:
         """By the belief after the tick before: the team's, where it is plausible, else the own one."""
@@ -179,7 +193,13 @@ class FirstHand:
             by_team = at is not None and self._is_plausible(at)
             self.wheels.judge(at if at is not None and by_team else belief, by_team=by_team)
 
-    def _relatives(self, newest: Mapping[str, Sighting], dt: float) -> dict[str, Relative]:
+    def _seen(self, dt: float) -> Callable[[Sighting], Relative]:
+        """How a sighting of a tick of `dt` seconds is told alone."""
+        return lambda it: self.camera.scaled(self.sensors.camera.relative(self.robot, it, self._turned, dt))
+
+    def _relatives(
+        self, newest: Mapping[str, Sighting], dt: float, blurs: Mapping[str, tuple[float, float]]
+    ) -> dict[str, Relative]:
         """The sightings of a tick of `dt` seconds as the camera's model has them, by name; landmarks of a group share an error."""
         camera, names = self.sensors.camera, sorted(newest)
         places = {name: newest[name].landmark for name in names}
@@ -190,6 +210,8 @@ class FirstHand:
             group = groups.get(name, "")
             seen = camera.relative(self.robot, newest[name], self._turned, dt, group, alike[group] or 1)
             found[name] = self.camera.scaled(seen)
+            if name in blurs:
+                found[name] = blurred(found[name], *blurs[name])
         return found
 
     def found(self) -> dict[str, float]:
@@ -290,6 +312,15 @@ class FirstHand:
         drive(moved, self.robot, motion, self.sensors.wheels.nuisance)
         return moved.mean
 
+    def _expected(self, at: Moments | None, motion: Motion) -> Joint:
+        """The robot, by what the team believed a tick ago where that is plausible, else by its own belief: whom to recognise by."""
+        if at is None:
+            return self.joint
+        moved = Joint()
+        moved.add(self.robot, at)
+        drive(moved, self.robot, motion, self.sensors.wheels.nuisance)
+        return moved if self._is_plausible(moved.moments(self.robot)) else self.joint
+
     def _start(self, readings: Readings) -> None:
         if (pose := starting_pose(readings, self.sensors.compass)) is not None:
             self.enter(pose)
@@ -318,22 +349,28 @@ class FirstHand:
         covariance = self.joint.moments(self.robot).covariance
         return bool(np.trace(covariance[AXES, AXES]) > KNOWN)
 
-    def _sight(self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None, time: float) -> None:
-        """Landmarks; what is beyond the gate is not taken, and counted."""
-        missed = 0
+    def _sight(
+        self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None, time: float, named: Named
+    ) -> None:
+        """Landmarks; what is beyond the gate is not taken, and counted, as is what is not on the map.
+
+        What is known but roughly to be this landmark says nothing of the camera.
+        """
+        missed = named.strange
         for relative, place in seen:
             if not relative.places and self._is_flat():
                 self._search(relative, place)
                 continue
             factor = linearise(self.joint, relative, {self.robot: motion}, place, at)
             found = self.joint.innovation(factor)
-            self.camera.judge(relative, factor, found, time)
+            if not any(named.blurs.get(relative.subject, ())):
+                self.camera.judge(relative, factor, found, time)
             if found.squared > quantile(GATE, len(factor.residual)):  # a misread barcode
                 missed += 1
             else:
                 correct(self.joint, factor)
-        if seen:
-            self._misses = [*self._misses, (len(seen), missed)][-LOST:]
+        if seen or named.strange:
+            self._misses = [*self._misses, (len(seen) + named.strange, missed)][-LOST:]
         if seen and not missed and not self._is_flat():
             self.mishaps.fitted(self.joint.moments(self.robot))
 

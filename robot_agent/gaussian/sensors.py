@@ -16,11 +16,12 @@ landmarks were in view and was far too sure of itself without them. Units: metre
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from blackboard.opinion.classes import is_class
+from blackboard.opinion.classes import LANDMARK, is_class
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, kinds
 from blackboard.wire.evidence import Seen
@@ -162,6 +163,9 @@ class Sensors:
     camera: Camera = Camera()
     compass: float = 0.03  # radians, for one reading
     ranging: tuple[Bias, ...] = ()  # lasting errors of ranges alone, of each pair
+    landmarks: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict
+    )  # the map: `landmark/door` -> where it stands
 
     def relative(self, robot: str, seen: Seen) -> Relative:
         """A sighting of a further kind that is known here as a relative belief, by the robot's model where it says no errors."""
@@ -178,6 +182,8 @@ class Sensors:
         seen_now: list[Sighting | Seen] = [*readings.sightings, *readings.seen]
         found = []
         for mark, it in enumerate(it for it in seen_now if is_class(it.subject)):
+            if it.subject == LANDMARK:
+                continue
             if isinstance(it, Sighting):
                 seen = self.camera.relative(robot, it, turned, dt)
             elif it.is_known:
@@ -197,6 +203,7 @@ def sensors_of(settings: RobotSection) -> Sensors:
     """
     vision, ranging = settings.vision, settings.ranging
     lasting = (Bias(ranging.bias, ranging.seconds),) if ranging.bias else ()
+    places = {f"landmark/{name}": place for name, place in settings.landmarks.items()}
     if vision.kind != "position":
         camera = Camera(
             floor=vision.range_floor,
@@ -207,11 +214,11 @@ def sensors_of(settings: RobotSection) -> Sensors:
             askew=vision.bearing_bias,
         )
         wheels = wheels_of(settings.odometry) if settings.odometry.measured else Wheels()
-        return Sensors(wheels, camera, settings.odometry.compass, lasting)
+        return Sensors(wheels, camera, settings.odometry.compass, lasting, places)
     distances = np.linspace(SEEN_FROM + 0.01, SEEN_TO - 0.01, 49)
     profile = tuple(zip(distances.tolist(), np.square(position_sigma(distances, vision)).tolist(), strict=True))
     wheels, camera = wheels_of(settings.odometry, ranging.scale), replace(Camera(), profile=profile)
-    return Sensors(wheels, camera, settings.odometry.compass, lasting)
+    return Sensors(wheels, camera, settings.odometry.compass, lasting, places)
 
 
 def wheels_of(odometry: OdometrySection, scale: float = 0.0) -> Wheels:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from blackboard.config.world import recording_folder
+from blackboard.config.mrclam import recording_folder, surveyed, table
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Array
 
@@ -112,53 +111,18 @@ def read_recording(folder: str | Path | None) -> Recording:
         raise UserError(
             f"world.dir: {path} has no Robot1_Odometry.dat; give the folder of a recording in MRCLAM format"
         )
-    subjects = {int(barcode): int(subject) for subject, barcode in _table(path / "Barcodes.dat", 2)}
-    landmarks = {int(row[0]): (float(row[1]), float(row[2])) for row in _table(path / "Landmark_Groundtruth.dat", 3)}
+    subjects = {int(barcode): int(subject) for subject, barcode in table(path / "Barcodes.dat", 2)}
+    landmarks = surveyed(path)
     tracks, dropped = {}, 0
     for number in numbers:
-        odometry = _table(path / f"Robot{number}_Odometry.dat", 3)
-        truth = _table(path / f"Robot{number}_Groundtruth.dat", 4)
+        odometry = table(path / f"Robot{number}_Odometry.dat", 3)
+        truth = table(path / f"Robot{number}_Groundtruth.dat", 4)
         for rows, name in ((odometry, "Odometry"), (truth, "Groundtruth")):
             if not len(rows):
                 raise UserError(f"{path / f'Robot{number}_{name}.dat'}: no rows; a replay needs some")
-        measured = _table(path / f"Robot{number}_Measurement.dat", 4)
+        measured = table(path / f"Robot{number}_Measurement.dat", 4)
         measured[:, 1] = [subjects.get(int(barcode), -1) for barcode in measured[:, 1]]
         known = np.isin(measured[:, 1], [*(n for n in numbers if n != number), *landmarks])
         dropped += int(np.count_nonzero(~known))
         tracks[number] = Track(odometry, measured[known], truth)
     return Recording(path, tracks, landmarks, dropped)
-
-
-def _table(path: Path, columns: int) -> Array:
-    """The first columns of a text table, sorted by the first one where that is a time; `#` begins a comment."""
-    try:
-        with path.open(encoding="utf-8", errors="replace") as text, warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # a table without rows is for the caller to judge
-            rows = np.loadtxt(text, usecols=range(columns), ndmin=2).reshape(-1, columns)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read ({error.strerror}); a recording needs this file") from error
-    except ValueError as error:
-        raise _corrupt(path, columns) from error
-    if not np.isfinite(rows).all() or (path.name.endswith("_Measurement.dat") and (rows[:, 2] < 0).any()):
-        raise _corrupt(path, columns)
-    return rows[np.argsort(rows[:, 0], kind="stable")]
-
-
-def _corrupt(path: Path, columns: int) -> UserError:
-    """The error that names the corrupt line, found by reading the file again line by line."""
-    with path.open(encoding="utf-8", errors="replace") as text:
-        for number, line in enumerate(text, 1):
-            words = line.split("#")[0].split()
-            if words and not _sound(words, columns, path.name.endswith("_Measurement.dat")):
-                return UserError(
-                    f"{path}, line {number}: not {columns} sound numbers: {line.strip()!r:.60}; mend or remove it"
-                )
-    return UserError(f"{path}: not a table of {columns} numbers a line; mend it")
-
-
-def _sound(words: list[str], columns: int, measurement: bool) -> bool:
-    try:
-        numbers = [float(word) for word in words[:columns]]
-    except ValueError:
-        return False
-    return len(numbers) == columns and all(map(math.isfinite, numbers)) and not (measurement and numbers[2] < 0)

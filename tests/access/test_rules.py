@@ -18,7 +18,7 @@ from robot_agent.config import RobotSection
 from robot_agent.service import AgentService
 from tests.access.doors import TEAM
 
-MEMBERS = {member.who: member for member in members_of(TEAM)}
+MEMBERS = {member.who: member for member in (*members_of(TEAM), Member("t", "bridge", "r1", ("a",)))}
 PARTS = {
     "team": ("t", "u"),
     "sub_team": ("a", "b"),
@@ -26,6 +26,7 @@ PARTS = {
     "source": ("r1", "r2", "r3"),
     "board": ("board-a", "board-b"),
     "process": ("r1", "r3", "board-a", "board-b"),
+    "recorder": ("viewer", "recorder"),
     "subject": ("robot/r1", "object/ball"),
 }
 
@@ -50,7 +51,7 @@ def should_write(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
     if member.kind == "world":
         return topic.name in ("clock", "reading", "truth", "world")
     own_sub_team = parts.get("sub_team") in (None, *member.sub_teams)
-    if member.kind == "robot":
+    if member.kind in ("robot", "bridge"):
         owner = {"reading": "robot", "solo": "robot", "report": "source", "member": "robot", "status": "process"}
         return topic.name in owner and own_sub_team and parts[owner[topic.name]] == member.name
     if member.kind == "board":
@@ -58,21 +59,21 @@ def should_write(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
             return own_sub_team
         owner = {"forward": "board", "journal": "board", "memory": "board", "board": "board", "status": "process"}
         return topic.name in owner and own_sub_team and parts[owner[topic.name]] == member.name
-    return False
+    return topic.name == "disk" and member.kind in ("viewer", "recorder") and parts["recorder"] == member.name
 
 
 def should_read(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
     """The oracle: what it needs; who looks on reads all of every team on the router, which is one."""
     own_sub_team = parts.get("sub_team") in (None, *member.sub_teams)
-    if member.kind in ("viewer", "recorder") or parts["team"] != "t" or member.kind in ("router", "health"):
-        return member.kind in ("viewer", "recorder")
+    if member.kind in ("viewer", "recorder", "bridge") or parts["team"] != "t" or member.kind in ("router", "health"):
+        return member.kind in ("viewer", "recorder", "bridge")
     if member.kind == "world":
-        return topic.name not in ("reading", "report", "forward", "journal", "memory", "refused")
+        return topic.name not in ("reading", "report", "forward", "journal", "memory", "refused", "disk")
     if member.kind == "board":
         mine = topic.name in ("forward", "journal", "memory", "status") and member.name in parts.values()
         if topic.name in ("report", "memory"):
             return own_sub_team or mine
-        return mine or topic.name not in ("reading", "truth", "solo", "journal", "refused")
+        return mine or topic.name not in ("reading", "truth", "solo", "journal", "refused", "disk")
     if topic.name == "refused":
         return own_sub_team and parts["robot"] == member.name
     mine = (
@@ -81,7 +82,8 @@ def should_read(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
         and parts[topic.owner] == member.name
     )
     return mine or (
-        topic.name not in ("reading", "truth", "solo", "report", "forward", "journal", "memory") and own_sub_team
+        topic.name not in ("reading", "truth", "solo", "report", "forward", "journal", "memory", "disk")
+        and own_sub_team
     )
 
 

@@ -124,6 +124,7 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.belief((1, 2, 3), np.eye(3), (0, 0, 0)), r"belief\(odometry=\(0, 0, 0\)\): dt is above 0"),
     (lambda r: r.particles([(1, 2)], (0, 0, 1)), r"particles\(particles=\(1, 2\)\): give an array of shape \(N, 3\)"),
     (lambda r: r.particles([(1, 2, 3)], (0, 0, 1), [-1]), r"particles\(weights=\[-1\]\): give numbers of at least 0"),
+    (lambda r: r.see("landmark/?", 1), r"see\(subject='landmark/\?'\): of a landmark of the map give a range and a bearing"),
     (lambda r: r.see("landmark/door", 1, 0), r"see\(at=None\): give where the landmark stands"),
     (lambda r: r.see("object/ball", 1, 0, at=(1, 1)), r"see\(at=\(1, 1\)\): belongs to a landmark"),
 ]  # fmt: skip

@@ -7,7 +7,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -112,7 +112,8 @@ def posterior(it: Said, truth: Truth, sigmas: bool, own: Central, robot: str) ->
 class Field(Scheduler):
     """Boards and robots of a scenario, whose robots are driven by a world.
 
-    `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement.
+    `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement. `unplaced`: these are
+    not told where they start. All claim `cautious` times the noise that their cameras have.
     """
 
     def __init__(
@@ -124,9 +125,12 @@ class Field(Scheduler):
         *,
         own: bool = False,
         fed_back: bool = False,
+        unplaced: tuple[str, ...] = (),
+        cautious: float = 1.0,
     ) -> None:
         super().__init__(now=1_700_000_000.0)
-        self.world, self.sigmas, self.own, self.fed_back = world, sigmas, own, fed_back
+        self.world, self.sigmas, self.own, self.fed_back, self.unplaced = world, sigmas, own, fed_back, unplaced
+        self.claimed = replace(world.truth, range=cautious * world.truth.range, bearing=cautious * world.truth.bearing)
         self.phases = dict(phases or {})  # robot -> seconds that it steps late
         self.agreed: dict[str, Agreed] = {}
         self.robots: dict[str, Driven] = {}
@@ -157,7 +161,9 @@ class Field(Scheduler):
             for robot, it in said.items():
                 alone[robot].step({robot: Said(it.distance, it.turn, it.dt, it.start, it.gps)})
                 self.run_to(max(self.now, at + self.phases.get(robot, 0.0)))
-                told = gathered(it, truth, self.sigmas)
+                told = gathered(it, self.claimed, self.sigmas)
+                if robot in self.unplaced and it.start is not None:
+                    told = Gathered()
                 if self.own:
                     if self.fed_back and (before := self.robots[robot].pose()) is not None:
                         alone[robot].take(before.mean, before.covariance)

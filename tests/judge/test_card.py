@@ -60,6 +60,14 @@ def test_a_run_that_was_stopped_fails_and_says_why(
     assert (card["verdict"], card["reasons"]) == (verdict, reasons)
 
 
+def test_a_pass_says_whose_regions_were_judged_in_too_few_blocks() -> None:
+    """However long the run was: an object may be found at its end."""
+    honesty = {**JUDGEMENT.honesty, "objects": {"agreed": {"word": "too short", "coverage": {}}}}
+    card = scorecard(replace(RESULT, ticks=300, judgement=replace(JUDGEMENT, honesty=honesty)))
+    told = "PASS, but too short to judge the regions of objects agreed: judged in fewer than 3 blocks of 10 s"
+    assert told in text(card).splitlines()
+
+
 def test_the_text_has_units_and_directions_and_a_row_for_each_level_that_was_judged() -> None:
     lines = text(scorecard(RESULT)).splitlines()
     shares = [word for level in ("50", "90", "95") for word in ("in", level, "%")]

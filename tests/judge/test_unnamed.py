@@ -41,6 +41,17 @@ def test_of_robots_those_of_the_team_are_no_tracks_and_strangers_are() -> None:
     assert (found["missed_share"], found["false_tracks"]) == (1.0, 1), "r9 is of no team, and nobody is at (0, 9)"
 
 
+def test_a_track_of_a_robot_of_no_team_is_judged_as_a_robot_and_so_is_its_existence() -> None:
+    judge = referee(unnamed=["robot", "object"])
+    it = instant(PLACES)
+    both(it, "a", "object/robot-1", at(9, 2), at(9, 2), existence=0.9)
+    judge.hear(it, judged=True)
+    tracks = judge.judgement().tracks
+    assert (tracks["robot"]["missed"], tracks["robot"]["false"]) == (0.0, 0.0)
+    assert tracks["robot"]["existence"]["brier"] == pytest.approx(0.01)
+    assert tracks["object"]["false"] == 0.0
+
+
 def test_an_unnamed_object_is_missing_nowhere() -> None:
     for unnamed, missing in ((["object"], False), (["person"], True)):
         judge = referee(unnamed=unnamed)

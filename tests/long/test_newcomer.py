@@ -29,21 +29,11 @@ pytestmark = pytest.mark.timeout(1200)
 #: Beginnings of the commands of docs/more.md -> what is added, so that they take seconds; the last word wins over one before it.
 SHORTER = {
     "demo --realtime": "--seconds 3",
-    "demo --record": "--seconds 10",  # of less `calibrate` could say nothing
     "demo": "--seconds 2",
     "up my-scenario.toml": "--seconds 2",
-    "up liar": "--seconds 2",
-    "lab demo": "--runs 1 --seconds 4",
-    "sweep demo": "--seconds 1 --robots 2",
-    "tune demo": "--variants 2 --held-out 2 --seconds 4",
-    "chaos": "--only kill-robot",
 }
 LEFT_OUT = {
-    "demo --pyfg": "a recording; tests/sim_world/test_pyfg.py",
     "--mrclam DIR": "a recording; tests/long/test_recorded.py scores one",
-    "ros": "runs until it is stopped, and needs an extra; tests/bridges/ros",
-    "share": "runs until it is stopped; tests/system/test_share.py",
-    "chaos": "tests/long/test_chaos.py runs two cases",
     "make figures": "minutes; tests/long/test_lab.py makes small ones",
 }
 
@@ -119,6 +109,14 @@ def made(clone: Path) -> tuple[Path, str]:
     return clone, shell(clone, demo)
 
 
+def assert_told(shown: str, said: str) -> None:
+    """What a page shows is what was printed; numbers may be off by a tenth, as sums are on another processor."""
+    number = r"-?\d+\.\d+"
+    assert re.sub(number, "#", shown) == re.sub(number, "#", said)
+    told = zip(re.findall(number, shown), re.findall(number, said), strict=True)
+    assert [(a, b) for a, b in told if abs(float(a) - float(b)) > 0.1] == []
+
+
 def test_make_demo_in_a_clone(made: tuple[Path, str]) -> None:
     """README.md's first command ends with a PASS, and with the columns and rows that the page shows."""
     _, said = made
@@ -126,7 +124,9 @@ def test_make_demo_in_a_clone(made: tuple[Path, str]) -> None:
     head, *rows = block("README.md", " " * 20).text.splitlines()
     assert head.split() in [told.split() for told in said.splitlines()]
     for row in rows:
-        assert re.search(rf"^{' '.join(row.split()[:2])} +\d+ ", said, re.MULTILINE)
+        found = re.search(rf"^{' '.join(row.split()[:2])} +\d+ .*", said, re.MULTILINE)
+        assert found
+        assert_told(" ".join(row.split()), " ".join(found[0].split()[: len(row.split())]))
 
 
 def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
@@ -148,8 +148,9 @@ def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
                 said = shell(
                     where, " ".join([command, *more]), (0, 1) if more else (0,)
                 )  # so short a run need not PASS
-                if " why robot/r1 " in command:
-                    assert said.startswith("robot/r1 is believed to be at (")
+                if " why robot/r1 " in command and not shorter:
+                    shown = block("tutorial.md", "robot/r1 is believed").text
+                    assert_told(shown, "".join(said.splitlines(keepends=True)[:2]))
                 assert said or "--out" in command, command
     assert (where / "run.csv").stat().st_size > 10_000
 
@@ -210,16 +211,11 @@ def test_each_process_by_hand(made: tuple[Path, str]) -> None:
 
 
 def test_what_more_there_is(made: tuple[Path, str]) -> None:
-    """In its order, because later lines use what earlier ones made."""
     clone, _ = made
-    shell(clone, ".venv/bin/pip install --quiet -e '.[record,plot,keys]'")  # as the lines' comments say
     (clone / "my-scenario.toml").write_text(block("tutorial.md", "[team]").text)
     for command in block("more.md", ".venv/bin/blackboard demo --robots 10").commands:
         words = command.removeprefix(".venv/bin/blackboard ")
         if any(words.startswith(what) or what in words.split(" --start")[0] for what in LEFT_OUT):
             continue
         more = next((flags for start, flags in SHORTER.items() if words.startswith(start)), "")
-        known = command.replace(" --realtime --seconds 30", " --realtime").replace("--seeds 1..20", "--seeds 1..2")
-        if "--record run.mcap" in words:
-            (clone / "run.mcap").unlink(missing_ok=True)
-        shell(clone, f"{known} {more}", (0, 1))
+        shell(clone, f"{command} {more}", (0, 1))

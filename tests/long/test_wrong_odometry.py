@@ -12,7 +12,8 @@ import pytest
 
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import squared_distance
-from blackboard.opinion.gaussian.team import Objects, TeamJoint
+from blackboard.opinion.gaussian.state import Objects
+from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.run.flags import RecordingFlags
 from blackboard.wire.messages import Odometry
 from robot_agent.config import RobotSection

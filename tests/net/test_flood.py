@@ -97,7 +97,7 @@ def test_what_the_holder_of_a_token_writes_is_what_it_may_write_as_itself(token:
     role = "world" if token.endswith("alive") else "robot" if "/member/" in token else "board"
     for sub_team in "ab":
         for name in ("r1", "r2", "x", "y"):
-            parts = dict.fromkeys(("robot", "source", "board", "process"), name)
+            parts = dict.fromkeys(("robot", "source", "board", "process", "recorder"), name)
             key = topic.key(team="t", sub_team=sub_team, subject="object/ball", **parts)
             listened = any(intersects(expression, key) for expression in keys.written_by(token))
             mine = keys.writer(key) in keys.identities(token)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blackboard.opinion.classes import could_be, is_class
+from blackboard.opinion.classes import could_be, is_class, kind_of, stem
 
 
 def test_a_class_is_a_kind_or_a_kind_with_the_beginning_of_a_name() -> None:
@@ -13,3 +13,17 @@ def test_a_class_is_a_kind_or_a_kind_with_the_beginning_of_a_name() -> None:
     assert not could_be("person/?", "robot/r1")
     assert not could_be("robot/?", "robot/?"), "a class is nothing that is somewhere"
     assert not could_be("robot/r1", "robot/r1"), "and a name is no class"
+
+
+def test_a_track_of_a_class_belongs_to_it_and_a_robot_of_no_team_is_no_member() -> None:
+    assert [stem(kind) for kind in ("person/?", "robot/?", "object/ball?")] == [
+        "person/",
+        "object/robot-",
+        "object/ball-",
+    ]
+    for kind in ("person/?", "robot/?", "object/ball?", "object/?"):
+        assert could_be(kind, f"{stem(kind)}7")
+    assert not could_be("person/?", "object/robot-7")
+    assert stem("robot/r?") == "object/robot-r-", "also where a class has a part of a name"
+    assert len(stem(f"object/{'x' * 63}?")) < 64
+    assert [kind_of(it) for it in ("object/robot-7", "object/ball-7", "robot/r1")] == ["robot", "object", "robot"]

@@ -73,6 +73,7 @@ JOINT: dict[str, Any] = {
     "ranging.bias": 0.2,
     "ranging.seconds": 5.0,
     "ranging.scale": 0.05,
+    "landmarks": {"6": (11.0, 10.0)},
 }
 
 
@@ -145,10 +146,10 @@ def test_a_key_that_nobody_reads_is_an_error() -> None:
 
 @pytest.mark.parametrize("key", JOINT)
 def test_another_value_is_another_model_of_a_robot_in_a_joint(key: str) -> None:
-    def model(changed: Mapping[str, float]) -> tuple[object, ...]:
+    def model(changed: Mapping[str, Any]) -> tuple[object, ...]:
         sensors = sensors_of(settings(PRINTED, {"ranging.bias": 0.1, **changed}))
         seen = Seen(kind="range", subject="robot/r2", values=(3.0,))
-        return sensors.wheels, sensors.compass, sensors.relative("robot/r1", seen)
+        return sensors.wheels, sensors.compass, sensors.landmarks, sensors.relative("robot/r1", seen)
 
     assert model({key: JOINT[key]}) != model({})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -20,6 +21,17 @@ from tests.files import ROOT
 from tests.processes import IN_THE_BACKGROUND, LONG, children, is_running, program, seconds_to_end, silent_server
 
 pytestmark = pytest.mark.system
+
+
+@pytest.mark.parametrize("told", [{}, {"OPENBLAS_NUM_THREADS": "2"}])
+@pytest.mark.parametrize("door", ["blackboard.__main__", "robot_agent.__main__"])
+def test_numpy_has_one_thread_unless_the_environment_says_otherwise(door: str, told: dict[str, str]) -> None:
+    """Boards on hosts with different numbers of cores round alike."""
+    asked = "import os, sys; sys.addaudithook(lambda event, found: event == 'import' and found[0] == 'numpy' and "
+    asked += f"print(os.environ['OPENBLAS_NUM_THREADS'])); import {door}, numpy"
+    environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name} | told
+    done = subprocess.run([sys.executable, "-c", asked], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split()[0] == told.get("OPENBLAS_NUM_THREADS", "1")
 
 
 @pytest.mark.parametrize(
@@ -84,7 +96,7 @@ def test_what_only_a_child_can_find_is_one_line_too(tmp_path: Path) -> None:
     with program("-m", "blackboard", "up", str(file)) as door:
         assert door.ends() == 2
         said = [line for line in door.err.splitlines() if "waiting for a router" not in line]  # on a slow machine
-        known = "coding, headings, localizer, objects, odometry, patience, ranging, send, vision"
+        known = "coding, headings, landmarks, localizer, objects, odometry, patience, ranging, send, vision"
         assert said == [f"error: {file}: robot.legs: no such key; known are {known}"]
 
 

@@ -82,8 +82,10 @@ def test_the_barcodes_of_mates_are_stripped_where_a_recording_is_replayed() -> N
     assert scenario.section("world", WorldSection).detector.anonymous == ("robot",)
     with pytest.raises(UserError, match="--anonymous is about a recording; for a simulated world set world.detector"):
         RecordingFlags(anonymous="mates").scenario()
-    with pytest.raises(UserError, match="--anonymous all: .*; use --anonymous mates"):
-        RecordingFlags("folder", anonymous="all").scenario()
+    with pytest.raises(
+        UserError, match="--anonymous all: the map of a recording is in its folder; name it with --mrclam"
+    ):
+        RecordingFlags(pyfg="file", anonymous="all").scenario()
 
 
 COMMANDS = [

@@ -202,7 +202,7 @@ def test_people_walk_about_at_their_speed_and_turn_nobody_aside() -> None:
     [
         ({"detector": {"clutter": 1.0, "anonymous": []}}, "world.detector.clutter: what is nothing has no name"),
         ({"detector": {"missed": 1.0}}, "world.detector.missed"),
-        ({"detector": {"anonymous": ["landmark"]}}, "world.detector.anonymous"),
+        ({"detector": {"anonymous": ["wall"]}}, "world.detector.anonymous"),
     ],
 )
 def test_a_mistake_is_one_line(world: dict[str, object], error: str) -> None:
@@ -211,7 +211,7 @@ def test_a_mistake_is_one_line(world: dict[str, object], error: str) -> None:
     assert "\n" not in str(raised.value)
 
 
-def test_of_a_recording_the_barcodes_of_mates_alone_are_stripped(tmp_path: Path) -> None:
+def test_of_a_recording_the_barcodes_of_mates_are_stripped_or_all(tmp_path: Path) -> None:
     write(tmp_path)
     world = {"kind": "mrclam", "dir": str(tmp_path), "start": 1000.5, "detector": {"anonymous": ["robot"]}}
     tables = {"team": {"sub_teams": {"a": ["r1", "r2"]}}, "time": {"tick": 0.5, "seconds": 4.0}, "world": world}
@@ -220,6 +220,12 @@ def test_of_a_recording_the_barcodes_of_mates_alone_are_stripped(tmp_path: Path)
     truth, (readings, _) = source.advance("run", 1)
     assert readings.subjects == ["landmark/6", "robot/?"]
     assert truth.unnamed == {"r1": ["robot/r2"]}
+    tables["world"] = {**world, "detector": {"anonymous": ["robot", "landmark"]}}
+    source = open_sensor_source(Scenario(tables))
+    source.advance("run", 0)
+    truth, (readings, _) = source.advance("run", 1)
+    assert (readings.subjects, readings.landmarks) == (["landmark/?", "robot/?"], [None, None])
+    assert truth.unnamed == {"r1": ["landmark/6", "robot/r2"]}
 
 
 def test_a_recording_has_clutter_and_bodies_of_its_own(tmp_path: Path) -> None:

@@ -11,13 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.errors import UserError
+from blackboard.state.fold import Fold
 from blackboard.tape.backlog import MOST
 from blackboard.tape.file import About, TapeWriter, copy, look_through
 from blackboard.tape.recorder import Recorder
+from blackboard.view.summary import summary, text
+from blackboard.wire import keys
+from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Clock
 from tests.tape.written import ENVELOPES, saved, written
 
 SENT = [(1e9 + i, Envelope(f"cop/t/a/report/r{i % 7}/object/ball", bytes([i % 251]) * 300)) for i in range(400)]
+
+NEW_RUN = Envelope(keys.CLOCK.key(team="t"), encode(Clock(run="x", tick=0, time=0.0, mode="realtime")))
 
 
 class Disk(io.BytesIO):
@@ -94,12 +101,12 @@ def test_what_waits_for_room_is_bounded_and_what_came_too_late_is_counted(
     assert writer.skipped["no_room"] == writer.missing == len(SENT) + 1 - len(found)
 
 
-def test_a_recorder_on_a_full_disk_goes_on_and_says_so_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_recorder_on_a_full_disk_goes_on_and_logs_it_once(caplog: pytest.LogCaptureFixture) -> None:
     disk = Disk(2000)
     recorder = Recorder("t", TapeWriter(disk, {"team": "t"}))
     for number in range(200):
         recorder.receive(Envelope("cop/t/x", bytes(range(number, 256)) * 9), float(number))
-        assert recorder.wake(float(number)) == []
+        recorder.wake(float(number))
     assert [record.message for record in caplog.records] == [
         "the tape cannot be written: No space left on device; trying again"
     ]
@@ -107,6 +114,28 @@ def test_a_recorder_on_a_full_disk_goes_on_and_says_so_once(caplog: pytest.LogCa
     recorder.wake(200.0)
     assert caplog.records[-1].message == "the tape is written again"
     assert len(caplog.records) == 2
+
+
+def test_whoever_looks_on_has_an_alarm_of_a_full_disk_until_it_is_looked_at() -> None:
+    disk, fold = Disk(1 << 20), Fold()
+    recorder = Recorder("t", TapeWriter(disk, {"team": "t"}))
+
+    def until(now: float) -> str:
+        recorder.receive(SENT[int(now)][1], now)
+        for envelope in recorder.wake(now):
+            fold.take(envelope, now)
+        return text(summary(fold, now))
+
+    assert until(1.0) == "no team is heard of here"
+    disk.room = 0
+    for now in range(2, 20):
+        told = until(float(now))
+    assert "! recorder cannot write its tape (No space left on device), 18 messages are missing, for 17 s" in told
+    fold.take(NEW_RUN, 19.0)
+    disk.room = 1 << 20
+    assert ", for 18 s; over since 0 s" in until(20.0)
+    assert recorder.wake(21.0) == []
+    assert [it["over"] for it in summary(fold, 500.0)["teams"][0]["alarms"]] == [480.0]
 
 
 def test_a_copy_that_finds_no_room_is_one_line_and_leaves_nothing(

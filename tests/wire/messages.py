@@ -20,6 +20,7 @@ from blackboard.wire.memory import Memory, PackedLearner, PackedMemory, PackedNe
 from blackboard.wire.messages import (
     Clock,
     Consensus,
+    Disk,
     Fix,
     Informed,
     Journal,
@@ -175,6 +176,7 @@ EXAMPLES: dict[str, tuple[dict[str, str], Message]] = {
     "journal": ({"team": "t", "sub_team": "a", "board": "a1"}, JOURNAL),
     "refused": ({"team": "t", "sub_team": "a", "robot": "r1"}, REFUSAL),
     "status": ({"team": "t", "sub_team": "a", "process": "r1"}, STATUS),
+    "disk": ({"team": "t", "recorder": "recorder"}, Disk(recorder="recorder", trouble="full", missing=7)),
 }
 TOPICS = {topic.name: topic for topic in keys.TOPICS}
 

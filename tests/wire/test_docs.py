@@ -1,4 +1,4 @@
-"""docs/messages.md is what the models print now; docs/wire.md has the limits of the code, and worked examples that are true."""
+"""docs/messages.md is what the models print now; docs/wire.md and docs/bytes.md have the code's limits, and worked examples that are true."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS, MAX_TEXT, MAX_TOTAL, VERSI
 from blackboard.wire.types import MAX_NAME, MAX_OPINIONS, Message, Part
 from tests.files import ROOT, page
 
-PAGE = page("wire.md")
+PAGE = page("wire.md") + page("bytes.md")
 MODELS = [
     model
     for model in {**vars(messages), **vars(evidence), **vars(memory)}.values()

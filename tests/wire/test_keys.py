@@ -21,6 +21,7 @@ parts = st.fixed_dictionaries(
         "robot": name,
         "board": name,
         "process": name,
+        "recorder": name,
         "subject": subject,
     }
 )

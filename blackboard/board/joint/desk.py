@@ -33,7 +33,8 @@ from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.lost import Lost
 from blackboard.opinion.gaussian.naming import Naming, Unnamed
 from blackboard.opinion.gaussian.rings import Place
-from blackboard.opinion.gaussian.team import Objects, TeamJoint
+from blackboard.opinion.gaussian.state import Objects
+from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
@@ -224,6 +225,7 @@ class JointDesk:
             batch = [evidence for evidence in batch if self._barred.get(evidence.robot, -math.inf) <= time]
             verdicts += self._settle(number, elapsed / max(1, steps), batch)
             self._unnamed += self.team.tally.unnamed
+            self.counters.update(+self.team.tally.tracks)
         self.counters.update(f"unnamed_{_became(it)}" for it in self._unnamed)
         self._judge(time, verdicts)
         known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
@@ -253,8 +255,7 @@ class JointDesk:
         if found is None or not suspects:
             self.counters["joint_restarts"] += 1  # evidence came that no arithmetic survives
             log.warning("the joint begins anew: %s", why)
-            self.team = self._begun()
-            self.team.tick = number
+            self.team = replace(self._begun(), tick=number, tracks=self.team.tracks.anew())
             return []
         if isinstance(why, Degenerate):
             self._strike(suspects[0].robot, why)
@@ -351,6 +352,7 @@ class JointDesk:
             ),
             camps=camps,
             unnamed=self._may_be(subject),
+            existence=self.team.tracks.existence(subject),
         )
 
     def _now(self, subject: str, time: float) -> Moments:

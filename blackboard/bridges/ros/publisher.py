@@ -22,7 +22,7 @@ MAP_PERIOD = 1.0  # seconds between two maps of a subject: they are large
 MAX_SUBJECTS = 256  # that are ever published: each has publishers of its own
 SKEW = 30.0  # seconds by which the stamp of a team that goes by Unix time may be off
 MOVING = 3  # numbers of a robot's velocity
-HEADING = 2  # of the numbers of a state (docs/wire.md, "Evidence for a joint")
+HEADING = 2  # of the numbers of a state (docs/bytes.md, "Evidence for a joint")
 
 
 class Publisher:

@@ -25,8 +25,8 @@ REMEMBERED = 100.0  # frames after which what was seen is half forgotten, and mo
 
 
 @dataclass(frozen=True)
-class Strangers:
-    """How many things that are no known subject an observer sees in a frame: a mean over its last frames."""
+class Rate:
+    """How often something is seen, as things in a frame that are no known subject: a mean over the last frames."""
 
     seen: float = STRANGE
     frames: float = FRAMES
@@ -35,17 +35,17 @@ class Strangers:
     def rate(self) -> float:
         return self.seen / self.frames
 
-    def plus(self, seen: float) -> Strangers:
-        """After one more frame with so many, in the mean."""
-        kept = 1.0 - 1.0 / REMEMBERED
-        return Strangers(kept * self.seen + seen, kept * self.frames + 1.0)
+    def plus(self, seen: float, frames: float = 1.0) -> Rate:
+        """After one more frame, or so much of one, with so many."""
+        kept = 1.0 - frames / REMEMBERED
+        return Rate(kept * self.seen + seen, kept * self.frames + frames)
 
 
 def posterior(weights: Array) -> Array:
     """The probability that each sighting is of each subject, shape (m, n); NaN in clusters that are too large.
 
     `weights`, shape (m, n), are how much likelier a pair is than that the sighting is of something else and the subject is not seen;
-    0: it cannot be. Whether a subject is in view is not known, so that it is seen or not with equal probability.
+    0: it cannot be.
     """
     weights = np.minimum(weights, MOST)
     found = np.zeros_like(weights)

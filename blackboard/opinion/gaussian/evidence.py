@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -67,5 +68,7 @@ class Tally:
     outvoted: int = 0  # predictions of a robot's place that a coalition contradicted
     verdicts: list[Verdict] = field(default_factory=list)  # of the last tick
     unnamed: list[Unnamed] = field(default_factory=list)  # what became of those of the last tick
+    #: Of the last tick: tracks that were named, or were over; unnamed sightings that found no room.
+    tracks: Counter[str] = field(default_factory=Counter)
     #: Of the last tick: robot -> who was believed about its place.
     choices: dict[str, Choice] = field(default_factory=dict)

@@ -61,7 +61,7 @@ def gained(prediction: Moments, belief: Moments) -> Increment | None:
 def likelihood(joint: Joint, robot: Block, increment: Increment) -> Factor | None:
     """The increment as independent measurements along its axes; None where it says nothing."""
     place = joint.blocks[robot]
-    scale = np.sqrt(np.diag(joint.covariance[place, place]))
+    scale = np.sqrt(joint.variances[place])
     scale = np.where(scale > 0, scale, 1.0)
     values, axes = np.linalg.eigh(increment.information * np.outer(scale, scale))
     told = values > max(1e-9, 1e-13 * float(values.max()))

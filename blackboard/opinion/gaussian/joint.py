@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from blackboard.opinion.gaussian.covariance import Covariance
 from blackboard.opinion.grid import Array
 
 Block = Hashable
 
-CANCELLED = 1e-8  # of a variance: where an update leaves less, it is done so that rounding cannot make it negative
 FARTHEST = 1e12  # of squared distances: no test asks whether something is farther
 
 
@@ -90,11 +90,25 @@ class Joint:
     def __init__(self) -> None:
         self.blocks: dict[Block, slice] = {}
         self.mean: Array = np.zeros(0)
-        self.covariance: Array = np.zeros((0, 0))
+        self._covariance = Covariance(np.zeros((0, 0)))
         self._firsts: dict[int, Array] = {}  # what `firsts` found since the blocks changed last
 
     def __contains__(self, block: Block) -> bool:
         return block in self.blocks
+
+    @property
+    def covariance(self) -> Array:
+        """Of all states, shape (n, n)."""
+        return self._covariance.matrix
+
+    @covariance.setter
+    def covariance(self, matrix: Array) -> None:
+        self._covariance = Covariance(matrix)
+
+    @property
+    def variances(self) -> Array:
+        """The diagonal of `covariance`, shape (n,), for less."""
+        return self._covariance.diagonal()
 
     def copy(self) -> Joint:
         """The same belief, which may be changed without changing this one."""
@@ -117,14 +131,14 @@ class Joint:
             states.extend(range(self.blocks[block].start, self.blocks[block].stop))
             found.blocks[block] = slice(first, len(states))
         index = np.array(states, dtype=np.intp)
-        found.mean, found.covariance = self.mean[index], self.covariance[index[:, np.newaxis], index]
+        found.mean, found.covariance = self.mean[index], self._covariance.among(index)
         return found
 
     def moments(self, *blocks: Block) -> Moments:
         """The marginal of some blocks, in the order given."""
         if len(blocks) == 1:
             at = self.blocks[blocks[0]]
-            return Moments(self.mean[at].copy(), self.covariance[at, at].copy())
+            return Moments(self.mean[at].copy(), self._covariance.among(np.arange(at.start, at.stop)))
         local = self.among(blocks)
         return Moments(local.mean, local.covariance)
 
@@ -152,6 +166,10 @@ class Joint:
                 self.blocks[name] = slice(place.start - width, place.stop - width)
         self._firsts = {}
 
+    def rename(self, block: Block, name: Block) -> None:
+        """A block has another name from now on."""
+        self.blocks = {name if it == block else it: place for it, place in self.blocks.items()}
+
     # --- time -----------------------------------------------------------------------------------------------------------
 
     def move(self, block: Block, mean: Array, transition: Array, noise: Array) -> None:
@@ -168,12 +186,7 @@ class Joint:
 
         The means stay, because a mean that has moved is what calls for this (`vehicle.correct`).
         """
-        added = factors[:, np.newaxis] * self.covariance[by, :]
-        half = added[:, to] + 0.5 * added[:, by] * factors
-        rows = self.covariance[to, :] + added
-        rows[:, to] = self.covariance[to[:, np.newaxis], to] + (half + half.T)
-        self.covariance[to, :] = rows
-        self.covariance[:, to] = rows.T
+        self._covariance.shear(to, by, factors)
 
     def decay(self, keep: Mapping[Block, float], variance: float = 1.0) -> None:
         """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary `variance`."""
@@ -181,8 +194,9 @@ class Joint:
         for block, share in keep.items():
             factor[self.blocks[block]] = share
         self.mean *= factor
-        self.covariance *= np.outer(factor, factor)
-        self.covariance[np.diag_indices_from(self.covariance)] += (1 - factor**2) * variance
+        covariance = self.covariance
+        covariance *= np.outer(factor, factor)
+        covariance[np.diag_indices_from(self.covariance)] += (1 - factor**2) * variance
 
     # --- evidence -------------------------------------------------------------------------------------------------------
 
@@ -219,24 +233,18 @@ class Joint:
         self.begin(factor.priors, factor.anchors)
         residual, noise, before = factor.residual, factor.noise, self.mean
         places = [(self.blocks[block], rows) for block, rows in factor.jacobians.items()]
-        cross = np.zeros((len(residual), len(self.mean) + 1))  # H P, and the residual beside it
-        for place, rows in places:
-            cross[:, :-1] += rows @ self.covariance[place, :]
+        cross = self._covariance.rows(places)  # H P
         spread = noise + sum(cross[:, place] @ rows.T for place, rows in places)
         if not np.any(spread):  # without an error on either side nothing can be learnt
             return np.zeros_like(before)
-        cross[:, -1] = residual
         root = np.linalg.cholesky(spread)
-        white = np.linalg.solve(root, cross)
+        white = np.linalg.solve(root, np.column_stack([cross, residual]))
         gained = white[:, :-1]
         if only is not None:
             return self._consider(white[:, -1], gained, only)
         self.mean = before + white[:, -1] @ gained
-        variances = self.covariance.diagonal()
-        if (variances - np.square(gained).sum(axis=0) < CANCELLED * variances).any():
-            self.covariance = self._by_josephs_form(cross[:, :-1], np.linalg.solve(root.T, gained).T, places, noise)
-        else:
-            self.covariance -= gained.T @ gained  # of which NumPy computes one triangle
+        if not self._covariance.subtract(gained):
+            self.covariance = self._by_josephs_form(cross, np.linalg.solve(root.T, gained).T, places, noise)
         return self.mean - before
 
     def _consider(self, residual: Array, gained: Array, only: Collection[Block]) -> Array:
@@ -246,7 +254,8 @@ class Joint:
             mine[self.blocks[block]] = True
         moved = np.where(mine, residual @ gained, 0.0)
         self.mean = self.mean + moved
-        self.covariance -= np.where(mine | mine[:, np.newaxis], gained.T @ gained, 0.0)
+        covariance = self.covariance
+        covariance -= np.where(mine | mine[:, np.newaxis], gained.T @ gained, 0.0)
         return moved
 
     def _by_josephs_form(self, cross: Array, gain: Array, places: Sequence[tuple[slice, Array]], noise: Array) -> Array:

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
-from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Strangers, posterior
+from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, posterior
 from blackboard.opinion.gaussian.joint import Joint
 from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.vehicle import Motion
 
+IN_VIEW = 0.5  # that a frame shows a known subject: where it looked is not known
 FAINT = 0.001  # odds below this are not told
 
 
@@ -42,7 +44,7 @@ class Naming:
     """Mutable; `judge` once per frame. `area` is that of the team's map (unit^2), over which what is nobody known is spread evenly."""
 
     area: float = 1000.0
-    _strangers: dict[tuple[str, str], Strangers] = field(default_factory=dict)  # by observer and class
+    _strangers: dict[tuple[str, str], Rate] = field(default_factory=dict)  # by observer and class
 
     def copy(self) -> Naming:
         """The same, which may be changed without changing this one."""
@@ -55,40 +57,47 @@ class Naming:
         candidates: Sequence[Mapping[str, Relative]],
         motions: Mapping[str, Motion],
         knows: Callable[[str], bool],
+        tracks: Tracks | None = None,
     ) -> list[dict[str, float] | None]:
         """The odds of each sighting of a frame, which are different things; None where they are not worked out.
 
         `candidates` are of each sighting the subjects that it may be of, with the sighting as one of that subject. Of a subject that
-        somebody `knows` not to be anywhere in particular, any place is as likely.
+        somebody `knows` not to be anywhere in particular, any place is as likely. Tracks that the observer alone has seen are
+        strangers to the others.
         """
+        tracks = tracks or Tracks()
         subjects = sorted({subject for its in candidates for subject in its})
         weights = np.zeros((len(frame), len(subjects)))
         for row, (seen, its) in enumerate(zip(frame, candidates, strict=True)):
             strange = seen.confidence * self._rate(seen) + 1.0 - seen.confidence
             for subject, one in its.items():
-                density = self._density(joint, one, motions) if knows(subject) else 1.0
-                weights[row, subjects.index(subject)] = min(MOST, seen.confidence * density / strange)
+                area = tracks.area(seen.observer, seen.subject)
+                density = self._density(joint, one, motions, area) if knows(subject) else 1.0
+                chance = tracks.expected(seen.observer, subject) if subject in tracks else IN_VIEW
+                weight = seen.confidence * density / strange * (chance / (1.0 - chance))
+                weights[row, subjects.index(subject)] = min(MOST, weight)
         found: list[dict[str, float] | None] = []
         strangers: dict[tuple[str, str], float] = {}
         for seen, shares in zip(frame, posterior(weights).tolist(), strict=True):
             known = not any(math.isnan(share) for share in shares)
             found.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT} if known else None)
-            rest = max(0.0, 1.0 - sum(shares)) if known else 0.0
+            familiar = sum(p for s, p in zip(subjects, shares, strict=True) if not tracks.is_alone(seen.observer, s))
+            rest = max(0.0, 1.0 - familiar) if known else 0.0
             key = seen.observer, seen.subject
             strangers[key] = strangers.get(key, 0.0) + seen.confidence * rest
         for key, seen_so in strangers.items():
-            self._strangers[key] = self._strangers.get(key, Strangers()).plus(seen_so)
+            self._strangers[key] = self._strangers.get(key, Rate()).plus(seen_so)
         return found
 
     def _rate(self, seen: Relative) -> float:
-        return self._strangers.get((seen.observer, seen.subject), Strangers()).rate
+        return self._strangers.get((seen.observer, seen.subject), Rate()).rate
 
-    def _density(self, joint: Joint, one: Relative, motions: Mapping[str, Motion]) -> float:
-        """How much likelier a sighting is of its subject than at any place of the map; 0 beyond the gate."""
+    def _density(self, joint: Joint, one: Relative, motions: Mapping[str, Motion], area: float) -> float:
+        """How much likelier a sighting is of its subject than at any place that is seen; 0 beyond the gate."""
         it = joint.innovation(linearise(joint, one, motions))
         if it.squared > quantile(GATE, it.freedom):
             return 0.0
-        anywhere = self.area ** -(min(it.freedom, 2) / 2) / (2 * math.pi if it.freedom > 2 else 1.0)
+        anywhere = min(self.area, area) ** -(min(it.freedom, 2) / 2) / (2 * math.pi if it.freedom > 2 else 1.0)
         determinant = float(np.linalg.det(2 * math.pi * it.covariance))
         return MOST if determinant <= 0 else min(MOST, math.exp(-it.squared / 2) / math.sqrt(determinant) / anywhere)
 

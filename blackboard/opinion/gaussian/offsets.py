@@ -37,6 +37,9 @@ class Offsets:
     """Mutable; `pass_time` once per tick, `hear` once per observer."""
 
     _pairs: dict[tuple[str, str], Score] = field(default_factory=dict)  # observer and subject
+    _doubted: dict[str, bool] = field(
+        default_factory=dict
+    )  # observer -> `doubts`, where it was asked since the last change
 
     def copy(self) -> Offsets:
         """The same, which may be changed without changing this one."""
@@ -50,6 +53,7 @@ class Offsets:
             for pair, it in self._pairs.items()
             if it.share * keep > LEAST
         }
+        self._doubted = {}
 
     def hear(self, observer: str, joint: Joint, seen: Sequence[tuple[str, Factor]]) -> None:
         """Take all that an observer sees in a tick, by subject, before any of it is taken into the joint."""
@@ -64,18 +68,22 @@ class Offsets:
             more = part[:, :2].T @ part
             before = self._pairs.get((observer, subject), Score(np.zeros(2), np.zeros((2, 2))))
             self._pairs[observer, subject] = _sum([before, Score(more[:, 2], more[:, :2])])
+        self._doubted.pop(observer, None)
 
     def doubts(self, observer: str) -> bool:
         """Whether what it sees has an offset beyond 99.9 % of honest ones, whichever one of its subjects is left out."""
-        scores = [it for (one, _), it in self._pairs.items() if one == observer]
-        return len(scores) > 1 and all(
-            _squared(_sum([it for other, it in enumerate(scores) if other != left])) > quantile(GATE, 2)
-            for left in range(len(scores))
-        )
+        if observer not in self._doubted:
+            scores = [it for (one, _), it in self._pairs.items() if one == observer]
+            self._doubted[observer] = len(scores) > 1 and all(
+                _squared(_sum([it for other, it in enumerate(scores) if other != left])) > quantile(GATE, 2)
+                for left in range(len(scores))
+            )
+        return self._doubted[observer]
 
     def forget(self, robot: str) -> None:
         """Drop what concerns a robot."""
         self._pairs = {pair: it for pair, it in self._pairs.items() if robot not in pair}
+        self._doubted = {}
 
 
 def _sum(scores: Iterable[Score]) -> Score:

@@ -190,7 +190,7 @@ def linearise(
     named: dict[Block, Moments] = {} if place is not None else {sighting.subject: NOTHING}
     named |= dict.fromkeys(sighting.blocks(), STANDARD)
     anchors = _anchors(joint, sighting, place)
-    priors = {b: replace(it, mean=anchors.pop(b, it.mean)) for b, it in named.items() if b not in joint}
+    priors = {b: Moments(anchors.pop(b, it.mean), it.covariance) for b, it in named.items() if b not in joint}
     local = joint.among(block for block in (sighting.observer, *named) if block in joint)
     local.begin(priors, anchors)
     mean = local.mean[local.blocks[sighting.observer]]
@@ -202,13 +202,15 @@ def linearise(
         place, its_heading, strayed = _seen_at(local.mean[subject], sighting, motions.get(sighting.subject))
     away = place - (observer[AXES] - back)
     camera = float(observer[HEADING] - turned - observer[BEARING])
-    form = _polar if _prefers_polar(local, sighting, away, subject) else _cartesian
-    seen = form(local, sighting, away, camera, subject)
+    distance = float(np.hypot(*away))
+    mine = local.blocks[sighting.observer]
+    spread, heading = _spread(local, mine, subject), float(local.covariance[mine, mine][HEADING, HEADING])
+    form = _polar if _prefers_polar(sighting, distance, spread, heading) else _cartesian
+    seen = form(sighting, away, distance, camera, spread)
     if strayed:
         seen[4][AXES, AXES] += np.eye(2) * strayed
     if not sighting.places:
-        spread = _spread(local, local.blocks[sighting.observer], subject)
-        seen = _alone(sighting, seen, spread, max(float(np.hypot(*away)), NEAREST))
+        seen = _alone(sighting, seen, spread, max(distance, NEAREST))
     residual, by_place, by_observer, by_range, noise = seen
     if its_heading is not None and sighting.kind == "pose":
         residual = np.append(residual, wrap(sighting.heading - its_heading + camera))
@@ -265,18 +267,18 @@ def _anchors(joint: Joint, sighting: Relative, place: Array | None) -> dict[Bloc
     if not sighting.places:
         return {}
     observer, subject = sighting.observer, sighting.subject
+    is_flat, its_is_flat = _is_flat(joint, observer), place is None and _is_flat(joint, subject)
+    if is_flat == its_is_flat:
+        return {}
     state = joint.mean[joint.blocks[observer]].copy()
     angle = float(state[HEADING] - state[BEARING]) + sighting.bearing
     seen = sighting.range * np.array([math.cos(angle), math.sin(angle)])
-    is_flat, its_is_flat = _is_flat(joint, observer), place is None and _is_flat(joint, subject)
-    if is_flat and not its_is_flat:
+    if is_flat:
         state[AXES] = (joint.mean[joint.blocks[subject]][AXES] if place is None else place) - seen
         return {observer: state}
-    if its_is_flat and not is_flat:
-        mean = joint.mean[joint.blocks[subject]].copy() if subject in joint else np.zeros(2)
-        mean[AXES] = state[AXES] + seen
-        return {subject: mean}
-    return {}
+    mean = joint.mean[joint.blocks[subject]].copy() if subject in joint else np.zeros(2)
+    mean[AXES] = state[AXES] + seen
+    return {subject: mean}
 
 
 def _is_flat(joint: Joint, name: str) -> bool:
@@ -285,7 +287,7 @@ def _is_flat(joint: Joint, name: str) -> bool:
         return True
     block = joint.blocks[name]
     axes = slice(block.start, block.start + 2)
-    if np.trace(joint.covariance[axes, axes]) < FLAT:
+    if joint.variances[axes].sum() < FLAT:
         return False
     ties = joint.covariance[axes].copy()
     ties[:, block] = 0.0
@@ -295,9 +297,9 @@ def _is_flat(joint: Joint, name: str) -> bool:
 Form = tuple[Array, Array, Array, Array, Array]  # residual, by place, by observer's angles, by range, noise
 
 
-def _polar(joint: Joint, sighting: Relative, away: Array, camera: float, subject: slice | None) -> Form:
+def _polar(sighting: Relative, away: Array, distance: float, camera: float, spread: Array) -> Form:
     """Range and bearing times the distance, along and across the expected line of sight."""
-    if (distance := float(np.hypot(*away))) < NEAREST:  # there is none: any will do
+    if distance < NEAREST:  # there is none: any will do
         away, distance = np.array([NEAREST, 0.0]), NEAREST
     frame = np.array([away, [-away[1], away[0]]]) / distance
     off = wrap(sighting.bearing - math.atan2(away[1], away[0]) + camera)
@@ -307,12 +309,12 @@ def _polar(joint: Joint, sighting: Relative, away: Array, camera: float, subject
     if sighting.spread:
         noise = _turned(sighting, [1.0, distance / max(sighting.range, NEAREST)])
     else:
-        radial, angular = _variances(joint, sighting, away, subject)
+        radial, angular = _variances(sighting, away, distance, spread)
         noise = np.diag([radial, distance**2 * angular])
     return residual, frame, angles, np.array([1.0, 0.0]), noise
 
 
-def _cartesian(joint: Joint, sighting: Relative, away: Array, camera: float, subject: slice | None) -> Form:
+def _cartesian(sighting: Relative, away: Array, distance: float, camera: float, spread: Array) -> Form:
     """The seen position in the observer's frame."""
     c, s = math.cos(camera), math.sin(camera)
     rotation = np.array([[c, s], [-s, c]])
@@ -324,27 +326,23 @@ def _cartesian(joint: Joint, sighting: Relative, away: Array, camera: float, sub
     if sighting.spread:
         noise = triangle(sighting.spread)
     else:
-        radial, angular = _variances(joint, sighting, away, subject)
+        radial, angular = _variances(sighting, away, distance, spread)
         noise = (frame * [radial, sighting.range**2 * angular]) @ frame.T
     return sighting.range * along - expected, rotation, angles, along, noise
 
 
-def _prefers_polar(joint: Joint, sighting: Relative, away: Array, subject: slice | None) -> bool:
+def _prefers_polar(sighting: Relative, distance: float, spread: Array, heading: float) -> bool:
     """Which form is the more linear one: the polar form is exact in the heading, the Cartesian one in the positions.
 
     The error of the first grows with the positions' variance over the distance, of the second with the heading's variance
     times the distance; a tenth of the distance does no harm to the first. A heading without error leaves the second exact.
     """
-    distance = float(np.hypot(*away))
     if not sighting.places:
         return True
     if distance < NEAREST or (sighting.spread and sighting.range < distance / 2):
         return False
-    at = joint.blocks[sighting.observer]
-    heading = float(joint.covariance[at, at][HEADING, HEADING])
-    (x, _), (_, y) = _spread(joint, at, subject)
-    spread = float(x + y)
-    return heading > EXACT and spread < (heading + 0.01) * distance**2
+    (x, _), (_, y) = spread.tolist()
+    return heading > EXACT and x + y < (heading + 0.01) * distance**2
 
 
 def _turned(sighting: Relative, stretched: Sequence[float]) -> Array:
@@ -380,14 +378,14 @@ def _spread(joint: Joint, observer: slice, subject: slice | None) -> Array:
     return np.asarray(covariance + joint.covariance[its, its] - cross - cross.T)
 
 
-def _variances(joint: Joint, sighting: Relative, away: Array, subject: slice | None) -> tuple[float, float]:
+def _variances(sighting: Relative, away: Array, distance: float, spread: Array) -> tuple[float, float]:
     """Variances of range and bearing; by the profile where there is one, at the distances that joint and range leave open."""
     if not sighting.profile:
         return sighting.range_variance, sighting.bearing_variance
     distances, variances = _columns(sighting.profile)
-    expected = max(float(np.hypot(*away)), NEAREST)
+    expected = max(distance, NEAREST)
     along = away / expected
-    prior = float(along @ _spread(joint, joint.blocks[sighting.observer], subject) @ along)
+    prior = float(along @ spread @ along)
     own = float(np.interp(sighting.range, distances, variances))
     gain = prior / (prior + own)
     middle, sigma = expected + gain * (sighting.range - expected), math.sqrt(prior * (1 - gain))

@@ -135,6 +135,13 @@ class Walks:
         self._courses[subject] = _Course(rolling.seen(seen), evidence, rolls)
         return moved(rolling.moments(), replace(rolling, weights=weights).moments()) if rolls else None
 
+    def rename(self, subject: str, name: str) -> None:
+        """An object has another name from now on."""
+        if subject in self._banks:
+            self._banks[name] = self._banks.pop(subject)
+        if subject in self._courses:
+            self._courses[name] = self._courses.pop(subject)
+
     def forget(self, subject: str) -> None:
         """An object is gone, or begins anew."""
         self._banks.pop(subject, None)

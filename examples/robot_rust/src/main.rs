@@ -54,7 +54,7 @@ struct Heard {
     belief: Option<Belief>,
 }
 
-/// A round hill about a place, as in "A belief as bytes" of docs/wire.md; the box is the whole grid.
+/// A round hill about a place, as in docs/bytes.md; the box is the whole grid.
 fn hill(grid: &Grid, at: [f64; 2], sigma: f64) -> Result<Belief> {
     let away = |axis: usize, i: usize| grid.origin[axis] + (i as f64 + 0.5) * grid.cell - at[axis];
     let cells = (0..grid.shape[0]).flat_map(|x| (0..grid.shape[1]).map(move |y| (x, y))); // the last axis runs fastest

@@ -52,7 +52,7 @@ def absurd(rng: np.random.Generator) -> PackedEvidence:
     vector = tuple(float(v) for v in wild(rng, 9))
     positive = [abs(float(v)) for v in wild(rng, 12)]
     relative = PackedRelative(
-        subject=str(rng.choice(["robot/r1", "robot/r2", "object/ball"])),
+        subject=str(rng.choice(["robot/r1", "robot/r2", "object/ball", "robot/?", "person/?"])),
         range=positive[0],
         bearing=float(wild(rng)),
         range_variance=positive[1],

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from blackboard.board.joint.desk import MAX_OBJECTS, MAX_ROBOTS, MAX_WAITING
 from blackboard.errors import Refused
-from blackboard.opinion.gaussian.team import MAX_ERRORS
+from blackboard.opinion.gaussian.state import MAX_ERRORS
 from blackboard.opinion.gaussian.vehicle import STATES
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import Forward, Forwarded, PackedVelocity, Seen, pack_evidence, velocity_of
@@ -48,6 +48,22 @@ def test_of_an_unnamed_sighting_a_consensus_says_whose_it_may_be() -> None:
         assert found["robot/r1"].unnamed == []
     assert it.counters["unnamed_strange"] == 1
     assert it.counters["unnamed_taken"] + it.counters["unnamed_ambiguous"] == 1
+
+
+def test_what_several_see_and_nobody_names_is_told_of_with_how_likely_it_is_there() -> None:
+    it = desk()
+    for tick in range(4):
+        for robot, x in (("r1", 5.0), ("r2", 10.0)):
+            sees = sighting("person/?", 20.0 - x).model_copy(update={"mark": 0})
+            it.take(robot, tick, 0.2 * tick, at(x, 10, sees=sees if tick else None), own=True)
+        found = {one.subject: one for one in it.settle(0.2 * tick, MAKE)}
+    person = found["person/1"]
+    assert unpack(person.belief).mean() == pytest.approx((20.0, 10.0), abs=0.5)
+    assert person.existence is not None
+    assert person.existence > 0.99
+    assert {used.source for used in person.used} == {"r1", "r2"}
+    assert found["robot/r1"].existence is None
+    assert it.counters["tracks_born"] == 1
 
 
 def test_the_same_evidence_counts_once_whoever_passes_it_on() -> None:

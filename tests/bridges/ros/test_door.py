@@ -39,7 +39,11 @@ from tests.commands import call
         (("--fix", "r1=/a", "--pose", "r2=/a"), "/a: a topic is taken in once"),
         (("--namespace", "a b"), "--namespace 'a b': use letters, digits, '_' and '/'"),
         (("--team", "a/b"), "--team 'a/b': use up to 64 letters"),
-        (("--keys", "keys"), "--keys: a router with keys"),
+        (("--keys", "keys"), "--keys: nodes of ROS have no certificates; name their own router"),
+        (
+            ("--keys", "keys", "--ros-router", "tcp/127.0.0.1:1", "--pose", "r1=/a", "--fix", "r2=/b"),
+            "--keys: a certificate is one robot; run a bridge for each of r1, r2",
+        ),
     ],
 )
 def test_a_mistake_is_one_line(arguments: tuple[str, ...], text: str) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from blackboard.opinion.gaussian.assignment import MAX_CLUSTER, Strangers, posterior
+from blackboard.opinion.gaussian.assignment import MAX_CLUSTER, Rate, posterior
 from blackboard.opinion.grid import Array
 
 WEIGHTS = st.one_of(st.just(0.0), st.floats(1e-3, 1e6))
@@ -53,7 +53,7 @@ def test_of_a_crowd_that_is_too_large_nothing_is_said_and_of_others_all_the_same
 
 
 def test_how_often_strangers_are_seen_is_found_out() -> None:
-    few = many = Strangers()
+    few = many = Rate()
     for _ in range(500):
         few, many = few.plus(0.0), many.plus(2.0)
     assert few.rate < 0.001

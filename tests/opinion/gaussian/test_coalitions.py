@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.cooperative import Coalition
+from blackboard.opinion.gaussian.choosing import choose_evidence
 from blackboard.opinion.gaussian.coalitions import PREDICTION, about, choose
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
@@ -166,12 +167,12 @@ def test_a_robot_that_was_carried_away_is_believed_once_a_mate_confirms_it() -> 
 
 def test_those_whom_most_of_the_team_contradicts_form_no_coalition() -> None:
     it = team()
-    it._left_out = frozenset({"robot/r2", "robot/r3"})
+    it.left_out = frozenset({"robot/r2", "robot/r3"})
     here = (4.0, 4.0)
     news = {
-        robot: told(robot, 1, *((sees(robot, "robot/r1", here),) if robot in it._left_out else ())) for robot in PLACES
+        robot: told(robot, 1, *((sees(robot, "robot/r1", here),) if robot in it.left_out else ())) for robot in PLACES
     }
-    assert it._choose(news, dict.fromkeys(PLACES, Motion()), set(PLACES)) == {}
+    assert choose_evidence(it, news, dict.fromkeys(PLACES, Motion()), set(PLACES)) == {}
 
 
 def test_a_robot_that_enters_with_a_lie_is_outvoted_in_the_same_tick() -> None:
@@ -241,9 +242,9 @@ def test_the_objects_of_a_robot_that_is_left_out_enter_again_without_it() -> Non
     it = team()
     it.settle(1, 1.0, [told(robot, 1, sees(robot, "object/ball", (2.0, 2.0))) for robot in ("robot/r1", "robot/r2")])
     assert "object/ball" in it.joint
-    it._leave_out(frozenset({"robot/r4"}))
+    it.leave_out(frozenset({"robot/r4"}))
     assert "object/ball" in it.joint, "r4 has not seen it"
-    it._leave_out(frozenset({"robot/r1", "robot/r4"}))
+    it.leave_out(frozenset({"robot/r1", "robot/r4"}))
     assert "object/ball" not in it.joint
     it.settle(2, 1.0, [told("robot/r2", 2, sees("robot/r2", "object/ball", (2.0, 2.0)))])
     assert it.marginal("object/ball").mean == pytest.approx((2.0, 2.0), abs=0.1)

@@ -27,7 +27,7 @@ FIX = 3.0  # the sigma of what each robot is told of its place in each tick
 
 def told(team: TeamJoint, robot: str, at: Array, lie: float) -> tuple[Relative, ...]:
     """It sees every mate `lie` to the side of where the team has it, from where it is by its own evidence."""
-    apart = {it: team.marginal(it).mean + [lie, 0.0] - at for it in sorted(set(team.subjects()) - {robot})}
+    apart = {it: team.marginal(it).mean + [lie, 0.0] - at for it in sorted((PLACES.keys() & team.subjects()) - {robot})}
     return tuple(
         Relative(robot, mate, math.hypot(x, y), math.atan2(y, x), 0.25, 0.0025) for mate, (x, y) in apart.items()
     )

@@ -13,7 +13,8 @@ from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Kind, measured
 from blackboard.opinion.gaussian.rings import SURE, Line, Ring
-from blackboard.opinion.gaussian.team import Objects, TeamJoint
+from blackboard.opinion.gaussian.state import Objects
+from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.opinion.grid import Array
 

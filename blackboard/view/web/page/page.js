@@ -391,7 +391,7 @@ function drawNumbers(header) {
     rows.push(["at", belief.mean.map((x) => x.toFixed(1)).join(", ")], ["entropy", `${belief.entropy.toFixed(2)} nats`],
       ["95 % region", `${Number(belief.area.toPrecision(3))} ${unit}²`]);
     if (score) rows.push(["error", `${score.error.toFixed(2)} ${unit}`, !score.inside], ["truth is", score.inside ? "inside" : "outside", !score.inside]);
-    if (it.heading) rows.push(["heads", `${(it.heading[0] * 180 / Math.PI).toFixed(0)}°, give or take ${(it.heading[1] * 180 / Math.PI).toFixed(1)}`]);
+    if (it.heading) rows.push(["heads", `${(it.heading[0] * 180 / Math.PI).toFixed(0)}°, give or take ${(it.heading[1] * 180 / Math.PI).toFixed(2)}`]);
     if (it.velocity) rows.push(["moves at", `${Math.hypot(...it.velocity).toFixed(2)} ${unit}/s`]);
     rows.push(["rule", it.rule]);
     if (it.dissent.length) rows.push(["keeps disagreeing", it.dissent.map(([who, sigmas, weight]) => `${who} (${sigmas.toFixed(1)} σ, counts ${(100 * weight).toFixed(0)} %)`).join(", "), true]);

@@ -1,0 +1,540 @@
+"""What does a tree of teams cost and know, to 10 000 robots? `python benchmarks/fleet.py [--robots 64 512 4096 10000]`.
+
+Real boards and shares in virtual time, in one process. Teams of eight robots share two objects with a team above them, eight teams
+with each: a ball, which only the first team sees, and a can, which all see. Robots say what robots of the demo said in a run of
+their own, byte by byte, so that sizes, sightings and covariances are theirs. What they hear changes nothing that they say.
+
+Each team has a bus of its own, as it would have a router; what passes between teams waits for the next `STEP`. Processor time is
+that of boards and shares, without Zenoh. `--costs` measures real boards behind a real router instead, for `blackboard plan`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import itertools
+import json
+import math
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from programs import program
+
+from blackboard.board.service import BoardService
+from blackboard.client.share import Share
+from blackboard.config import BoardSection, Scenario, load
+from blackboard.lab.team import Team
+from blackboard.net.link import Link
+from blackboard.net.scheduler import BEGIN, Scheduler
+from blackboard.net.settings import LinkConfig
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.weights import entropy
+from blackboard.process.columns import markdown_table
+from blackboard.process.service import Around, Service
+from blackboard.run.launch import free_port
+from blackboard.wire import keys
+from blackboard.wire.arrays import unpack
+from blackboard.wire.codec import decode, open_envelope
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Consensus
+from blackboard.wire.names import VIA
+
+SIZES = (64, 512, 4096, 10_000)
+SIZE = 8  # robots of a team, and teams that share with one team above them
+STEP = 0.05  # seconds: the longest way from one team to another
+WARM, COUNTED = 10, 2  # seconds: until every team knows of the ball, and that are counted then
+EARLY, TIMED = 3.5, 20.0  # seconds: until one team alone is under way, and of which processes are timed
+DEAD, HEALED = 14.0, 12.0  # seconds: longer than a belief lasts, and until all know of it again
+SEEN = "object/ball"  # by the first team alone
+SHARED = (SEEN, "object/can")
+FRESH = 1.5  # seconds: boards agree once a second
+GRID = Grid((50, 50))
+SETTLED = 0.95  # of the ticks: a board that left more out has not done the work that is fitted
+GOLDEN = 0.618034  # of a tick, by which each team ticks later than the one before, so that no two tick at once
+
+Said = list[tuple[float, Envelope]]  # when, in Unix seconds, and what
+
+
+# --- what robots say --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A run of the demo's robots in one sub-team: what they and their world said, and the key expressions that one of them hears."""
+
+    scenario: Scenario
+    robots: Said
+    world: Said
+    listens: tuple[str, ...]
+
+
+class Recorded(Around):
+    """A robot of which everything is kept that it says to boards."""
+
+    def __init__(self, robot: Service, said: Said) -> None:
+        super().__init__(robot)
+        self.said = said
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        return self._kept(super().receive(envelope, now), now)
+
+    def wake(self, now: float) -> list[Envelope]:
+        return self._kept(super().wake(now), now)
+
+    def _kept(self, out: list[Envelope], now: float) -> list[Envelope]:
+        self.said += [(now, it) for it in out if not keys.SOLO.match(it.key)]
+        return out
+
+
+def record(robots: int, fusion: str, seconds: float, seen: str = "ball") -> Recording:
+    """Let the demo's robots run at 1 Hz, with its ball under the name `seen`."""
+    names = [f"r{i + 1}" for i in range(robots)]
+    demo = load("demo").changed("team", name="fleet", sub_teams={"a": names}).changed("board", fusion=fusion)
+    objects = {seen if name == "ball" else name: it for name, it in demo.tables["world"]["objects"].items()}
+    tables = demo.tables | {"world": demo.tables["world"] | {"objects": objects}}
+    scenario = Scenario(tables).changed("time", tick=1.0, seconds=seconds + 2.0, mode="realtime")
+    said, world = Said(), Said()
+    team = Team(scenario, around=lambda _, robot: Recorded(robot, said))
+    team.bus.spies.append(lambda it: world.append((team.now, it)) if keys.CLOCK.match(it.key) else None)
+    team.run()
+    return Recording(scenario, said, world, team.robots[names[0]].listens)
+
+
+class Voice:
+    """A service that says what was recorded, `later` by so many seconds, in a team of another name."""
+
+    watches: tuple[str, ...] = ()
+    done = False
+
+    def __init__(
+        self, said: Said, team: str, later: float, tokens: tuple[str, ...], listens: tuple[str, ...] = ()
+    ) -> None:
+        self.said, self.team, self.later, self.next = said, team, later, 0
+        self.tokens, self.listens = (tuple(_of(team, key) for key in it) for it in (tokens, listens))
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        return []
+
+    def wake(self, now: float) -> list[Envelope]:
+        out = []
+        while (at := self.wake_at(now)) is not None and at <= now:
+            it = self.said[self.next][1]
+            out.append(Envelope(_of(self.team, it.key), it.payload, it.kind))
+            self.next += 1
+        return out
+
+    def wake_at(self, now: float) -> float | None:
+        return self.said[self.next][0] + self.later if self.next < len(self.said) else None
+
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        pass
+
+
+def _of(team: str, key: str) -> str:
+    """A key of the recorded team as one of another team."""
+    return key.replace("cop/fleet/", f"cop/{team}/", 1)
+
+
+# --- a fleet ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Spent:
+    """What a process has used and carried since it was last set to zero."""
+
+    seconds: float = 0.0  # of the processor
+    into: int = 0  # bytes of keys and payloads
+    out: int = 0
+
+
+class Counted(Around):
+    """A service that is measured. It opens each message by itself, as it would in a process of its own."""
+
+    def __init__(self, inner: Service) -> None:
+        super().__init__(inner)
+        self.spent = Spent()
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        if envelope.kind is Kind.PUT:
+            self.spent.into += len(envelope.key) + len(envelope.payload)
+        open_envelope.cache_clear()
+        began = time.process_time()
+        return self._counted(super().receive(envelope, now), began)
+
+    def wake(self, now: float) -> list[Envelope]:
+        began = time.process_time()
+        return self._counted(super().wake(now), began)
+
+    def _counted(self, out: list[Envelope], began: float) -> list[Envelope]:
+        self.spent.seconds += time.process_time() - began
+        self.spent.out += sum(len(it.key) + len(it.payload) for it in out)
+        return out
+
+
+class Mouth(Counted):
+    """A share in the team that it tells: there it is a robot."""
+
+    def __init__(self, share: Share) -> None:
+        super().__init__(share)
+        self.share = share
+
+    @property
+    def listens(self) -> tuple[str, ...]:
+        return self.share.tells.listens
+
+    @property
+    def watches(self) -> tuple[str, ...]:
+        return self.share.tells.watches
+
+
+class Ear:
+    """A share in the team that it hears: it keeps what came until the next step, as a network would."""
+
+    tokens: tuple[str, ...] = ()
+    done = False
+
+    def __init__(self, share: Share) -> None:
+        self.listens, self.watches = share.hears.listens, share.hears.watches
+        self.came: list[Envelope] = []
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        self.came.append(envelope)
+        return []
+
+    def wake(self, now: float) -> list[Envelope]:
+        return []
+
+    def wake_at(self, now: float) -> None:
+        return None
+
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        pass
+
+
+@dataclass(frozen=True)
+class Knows:
+    """What a team agrees on about the ball."""
+
+    age: float  # seconds since the newest sighting in it
+    entropy: float  # nats
+
+    def __str__(self) -> str:
+        return f"of age {self.age:.2f} s and entropy {self.entropy:.3f} nats"
+
+
+class Fleet:
+    """Teams in step, joined by shares from one team to another. Those of `recordings` have robots, the first name sees the ball."""
+
+    def __init__(self, recordings: Mapping[str, Recording], shares: Iterable[tuple[str, str]]) -> None:
+        self.now, self.recordings, pairs = BEGIN, recordings, list(shares)
+        self.teams = {name: Scheduler() for name in sorted({*recordings, *(name for pair in pairs for name in pair)})}
+        self.boards: dict[str, Counted] = {}
+        self.robots: dict[str, Counted] = {}  # one of each team: what all of them say, and what one of them hears
+        self.shares: dict[tuple[str, str], tuple[Mouth, Ear]] = {}
+        self._balls: dict[str, tuple[float, bytes]] = {}
+        for number, name in enumerate(self.teams):
+            self._begin(name, number * GOLDEN % 1.0)
+        for source, to in pairs:
+            share = Share(source, to, sub_team="a", grid=GRID, settings=BoardSection(), subjects=SHARED)
+            self.shares[source, to] = mouth, ear = Mouth(share), Ear(share)
+            self.teams[source].join(ear)
+            self.teams[to].join(mouth)
+
+    def _begin(self, name: str, later: float) -> None:
+        team, recording = self.teams[name], self.recordings.get(name)
+        team.bus.spies.append(partial(self._note, name))
+        self.board_begins(name)
+        if recording is not None:
+            members = recording.scenario.team.robots
+            tokens = tuple(keys.MEMBER.key(team="fleet", sub_team="a", robot=robot) for robot in members)
+            self.robots[name] = Counted(Voice(recording.robots, name, later, tokens, recording.listens))
+            team.join(self.robots[name])
+            team.join(Voice(recording.world, name, later, (keys.WORLD.key(team="fleet"),)))
+
+    def _note(self, name: str, envelope: Envelope) -> None:
+        if envelope.key.endswith(f"/agreed/{SEEN}"):
+            self._balls[name] = self.now, envelope.payload
+
+    def board_begins(self, name: str) -> None:
+        recording = self.recordings.get(name)
+        settings = BoardSection() if recording is None else recording.scenario.board
+        board = BoardService(team=name, sub_team="a", board="board-a", grid=GRID, settings=settings)
+        self.boards[name] = Counted(board)
+        self.teams[name].join(self.boards[name])
+
+    def board_dies(self, name: str) -> None:
+        self.teams[name].leave(self.boards[name])
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / STEP)):
+            self.now += STEP
+            for team in self.teams.values():
+                team.run_to(self.now)
+            for (_, to), (mouth, ear) in self.shares.items():
+                came, ear.came = ear.came, []
+                for envelope in came:
+                    self.teams[to].send(mouth, mouth.receive(envelope, self.now))
+
+    def count_anew(self) -> None:
+        for it in (*self.boards.values(), *self.robots.values(), *(mouth for mouth, _ in self.shares.values())):
+            it.spent = Spent()
+
+    def knows(self, name: str) -> Knows | None:
+        """What a team agreed on about the ball in the last second; None: nothing."""
+        at, payload = self._balls.get(name, (-math.inf, b""))
+        if at < self.now - FRESH:
+            return None
+        it = decode(Consensus, payload)
+        seen = max(until for robot, until in it.ancestors.items() if not robot.startswith(VIA))
+        return Knows(it.time - seen + self.now - at, entropy(unpack(it.belief).p))
+
+
+def tree(teams: int) -> dict[str, str]:
+    """Each team of a tree, and the one above it; those of level 0 have robots."""
+    level, number, above = 0, teams, dict[str, str]()
+    while number > 1:
+        above |= {f"t{level}.{i}": f"t{level + 1}.{i // SIZE}" for i in range(number)}
+        level, number = level + 1, -(-number // SIZE)
+    return above
+
+
+def planted(above: Mapping[str, str], recordings: Sequence[Recording]) -> Fleet:
+    """A tree that shares both ways; its first team is that of the first recording, and sees the ball."""
+    first, others = recordings
+    names = [name for name in above if name.startswith("t0.")]
+    ways = [way for low, high in above.items() for way in ((low, high), (high, low))]
+    return Fleet({name: others if i else first for i, name in enumerate(names)}, ways)
+
+
+def way(above: Mapping[str, str], name: str) -> list[str]:
+    """A team, the one above it, and so on to the root."""
+    return [name, *way(above, above[name])] if name in above else [name]
+
+
+# --- what is measured -------------------------------------------------------------------------------------------------
+
+
+def grown(robots: int, recordings: Sequence[Recording]) -> tuple[list[list[str]], list[list[str]]]:
+    """What a tree with so many robots costs in a second, and what its teams know of the ball, by the shares on the way."""
+    began, worked = time.perf_counter(), time.process_time()
+    above = tree(robots // SIZE)
+    fleet = planted(above, recordings)
+    gc.freeze()  # else boards are charged for walks through all the others
+    up, down = way(above, "t0.0"), way(above, f"t0.{robots // SIZE - 1}")
+    path = [*up, *reversed(down[:-1])]
+    known: dict[str, list[Knows]] = {name: [] for name in path}
+    for second in range(WARM + COUNTED):
+        if second <= WARM:
+            fleet.count_anew()
+        for _ in range(round(1 / STEP)):
+            fleet.run(STEP)
+            for name in path:
+                known[name] += [knows] if (knows := fleet.knows(name)) is not None and second >= WARM else []
+        heard = np.mean([it.spent.into for it in fleet.robots.values()]) / max(1, second + 1 - WARM) / 1e3
+        know = [f"{it.age:.1f}" for name in path if (it := fleet.knows(name)) is not None]
+        left = (time.perf_counter() - began) / (second + 1) * (WARM + COUNTED - second - 1)
+        print(
+            f"{robots} robots, {second + 1} s of {WARM + COUNTED}: {heard:.2f} kB/s into a robot, ages {' '.join(know)} s, "
+            f"{left / 60:.1f} min left",
+            file=sys.stderr,
+        )
+    leaves, inner = (
+        [board.spent for name, board in fleet.boards.items() if (name in fleet.robots) == robotic]
+        for robotic in (True, False)
+    )
+    shares, crews = [mouth.spent for mouth, _ in fleet.shares.values()], [crew.spent for crew in fleet.robots.values()]
+    spent = {
+        "a board with robots, ms": 1e3 * np.median([it.seconds for it in leaves]),
+        "the busiest without, ms": 1e3 * max(it.seconds for it in inner),
+        "all boards, cores": sum(it.seconds for it in (*leaves, *inner)),
+        "all shares, cores": sum(it.seconds for it in shares),
+        "into a board, kB": np.median([it.into for it in leaves]) / 1e3,
+        "into one without robots, kB": max(it.into for it in inner) / 1e3,
+        "a share hears, kB": max(it.into for it in shares) / 1e3,
+        "a share says, kB": max(it.out for it in shares) / 1e3,
+        "out of a robot, kB": np.mean([it.out for it in crews]) / SIZE / 1e3,
+        "into a robot, kB": np.mean([it.into for it in crews]) / 1e3,
+        "at most, kB": max(it.into for it in crews) / 1e3,
+    }
+    rows = [["robots", f"{robots}"], ["boards", f"{len(fleet.boards)}"]]
+    rows += [[name, f"{value / COUNTED:.3g}"] for name, value in spent.items()]
+    rows += [["wall, s", f"{time.perf_counter() - began:.0f}"], ["processor, s", f"{time.process_time() - worked:.0f}"]]
+    rows += [["memory, GiB", f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2:.2f}"]]
+    told = [
+        [
+            f"{robots}",
+            f"{shares_on}",
+            name,
+            f"{np.mean([k.age for k in known[name]]):.2f}",
+            f"{known[name][-1].entropy:.3f}",
+        ]
+        for shares_on, name in enumerate(path)
+        if known[name]
+    ]
+    return [list(row) for row in zip(*rows, strict=True)], told
+
+
+def died(recordings: Sequence[Recording]) -> list[str]:
+    """A node in the middle dies and comes back: until when others know of the ball, and from when on again."""
+    above = tree(SIZE**2)
+    it, middle = planted(above, recordings), above["t0.0"]
+    lines = []
+
+    def look(seconds: float, until: Callable[[], bool]) -> float:
+        """Seconds until a fact holds first, of those that are let pass."""
+        first = math.inf
+        for step in range(1, round(seconds / STEP) + 1):
+            it.run(STEP)
+            first = min(first, step * STEP if until() else math.inf)
+        return first
+
+    last = f"t0.{SIZE**2 - 1}"
+    it.run(WARM)
+    before = it.knows("t0.0"), it.knows(last)
+    it.board_dies(middle)
+    gone = look(DEAD, lambda: it.knows(last) is None)
+    lines.append(
+        f"{middle} dies: {last} knows nothing of the ball after {gone:.1f} s; t0.0 knew it {before[0]}, then {it.knows('t0.0')}"
+    )
+    it.board_begins(middle)
+    again = look(HEALED, lambda: it.knows(last) is not None)
+    lines.append(
+        f"{middle} comes back: {last} knows of the ball after {again:.1f} s; it knew it {before[1]}, then {it.knows(last)}"
+    )
+    return lines
+
+
+def circle(recordings: Sequence[Recording]) -> str:
+    """Teams that tell each other in a circle, against the same ones where the last does not tell the first."""
+    first, others = recordings
+    names = [f"t{i}" for i in range(SIZE)]
+    line = list(itertools.pairwise(names))
+    fleets = [
+        Fleet({name: others if i else first for i, name in enumerate(names)}, ways)
+        for ways in (line, [*line, (names[-1], names[0])])
+    ]
+    gained = -math.inf  # nats
+    for _ in range(round((WARM + COUNTED) / STEP)):
+        for it in fleets:
+            it.run(STEP)
+        for name in names:
+            open_, closed = (it.knows(name) for it in fleets)
+            if open_ is not None and closed is not None:
+                gained = max(gained, open_.entropy - closed.entropy)
+    return f"a circle of {SIZE} teams is surer of the ball than a line, at most, by {gained:.3g} nats"
+
+
+# --- real processes ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of a tick of one team without shares, in real time at 1 Hz."""
+
+    board: float  # ms of the processor, of the board's process
+    router: float  # the same
+    out: float  # kB of all robots
+    into: float  # kB into one robot
+    settled: float  # share of the ticks
+
+
+def cost(robots: int, fusion: str) -> Cost:
+    """Processor time of a real board and router; bytes as in virtual time."""
+    it = record(robots, fusion, EARLY + TIMED)
+    alone = Fleet({"fleet": it}, [])
+    alone.run(EARLY)
+    alone.count_anew()
+    alone.run(TIMED)
+    crew, endpoint = alone.robots["fleet"], f"tcp/127.0.0.1:{free_port()}"
+    assert isinstance(crew.inner, Voice)
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        file = Path(folder) / "fleet.toml"
+        tables = it.scenario.tables
+        file.write_text("\n".join(f"[{it}]\n" + _toml(tables[it], "\n") for it in ("team", "grid", "board")))
+        router = stack.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
+        serve = ("-m", "blackboard", "serve", "--scenario", str(file), "--sub-team", "a", "-e", endpoint)
+        board = stack.enter_context(program(*serve))
+        link = stack.enter_context(Link(LinkConfig(connect=(endpoint,)), "fleet"))
+        for token in (keys.WORLD.key(team="fleet"), *crew.tokens):
+            link.token(token)
+        link.subscribe(keys.AGREED.key(team="fleet", sub_team="a", subject="robot/r1"))
+        said = sorted([*it.world, *it.robots], key=lambda one: one[0])
+        begin = time.monotonic() - BEGIN
+        _play(link, [one for one in said if one[0] < BEGIN + EARLY], begin)
+        before = board.processor_seconds(), router.processor_seconds()
+        settled = _play(link, [one for one in said if BEGIN + EARLY <= one[0] < BEGIN + EARLY + TIMED], begin)
+        spent = [1e3 * (one.processor_seconds() - was) for one, was in zip((board, router), before, strict=True)]
+    of = crew.spent
+    return Cost(*(one / TIMED for one in (*spent, of.out / 1e3, of.into / 1e3, settled)))
+
+
+def _play(link: Link, said: Said, begin: float) -> int:
+    """Send each at its time, which `begin` makes one of this process; how many ticks were settled meanwhile."""
+    settled = 0
+    for at, envelope in said:
+        while (left := begin + at - time.monotonic()) > 0:
+            settled += sum(it.kind is Kind.PUT for it in link.receive(left))
+        link.send(envelope)
+    return settled
+
+
+def _toml(value: object, between: str = ", ") -> str:
+    """What stands in a table of a scenario, or with braces a value in it."""
+    if not isinstance(value, dict):
+        return json.dumps(value)
+    text = between.join(f"{key} = {_toml(it)}" for key, it in value.items())
+    return text if between == "\n" else f"{{{text}}}"
+
+
+def fitted(costs: Mapping[int, float]) -> tuple[float, float]:
+    """The a and b of a n + b n^2, least squares of the relative errors; neither is negative."""
+    n, value = np.array([*costs], dtype=float), np.array([*costs.values()])
+    rows = np.stack([n, n**2], axis=1) / value[:, None]
+    both = np.linalg.lstsq(rows, np.ones(len(n)), rcond=None)[0]
+    if (both >= 0).all():
+        return float(both[0]), float(both[1])
+    alone = rows.sum(axis=0) / (rows**2).sum(axis=0)
+    errors = ((rows * alone - 1) ** 2).sum(axis=0)
+    return (float(alone[0]), 0.0) if errors[0] < errors[1] else (0.0, float(alone[1]))
+
+
+# --- all together -----------------------------------------------------------------------------------------------------
+
+TOLD = ("robots", "shares on the way", "team", "mean age, s", "entropy at the end, nats")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fusion", choices=("opinions", "joint"), default="opinions", help="of the teams with robots")
+    parser.add_argument("--robots", type=int, nargs="*", default=SIZES, help="sizes of the tree; none: no tree")
+    parser.add_argument("--trouble", action="store_true", help="a node that dies, and a circle of teams")
+    parser.add_argument("--costs", type=int, nargs="*", default=(), help="sizes of one team, with real processes")
+    told = parser.parse_args()
+    if told.costs:
+        found = {}
+        for robots in told.costs:
+            found[robots] = cost(robots, told.fusion)
+            print(f"{robots} robots: {found[robots]}", flush=True)
+        timely = {robots: one for robots, one in found.items() if one.settled > SETTLED}
+        print("board, ms:", fitted({robots: one.board for robots, one in timely.items()}))
+        print("out, kB:", fitted({robots: one.out for robots, one in found.items()}))
+        print("into, kB:", fitted({robots: one.into for robots, one in found.items()}), flush=True)
+    if told.robots or told.trouble:
+        recordings = [record(SIZE, told.fusion, WARM + DEAD + HEALED, seen) for seen in ("ball", "mine")]
+    for robots in told.robots:
+        costs, knowing = grown(robots, recordings)
+        print("\n".join([*markdown_table(costs), "", *markdown_table([TOLD, *knowing]), ""]), flush=True)
+    if told.trouble:
+        print("\n".join([*died(recordings), circle(recordings)]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""What robots tell of themselves into the joint: how they enter, their increments, and their beliefs held against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.coalitions import KNOWN
+from blackboard.opinion.gaussian.contacts import Claim
+from blackboard.opinion.gaussian.evidence import Evidence, Verdict
+from blackboard.opinion.gaussian.increment import likelihood
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.sightings import claimed
+from blackboard.opinion.gaussian.state import Known, TeamState
+from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct
+
+PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
+#: Times the covariance of a robot that enters again: its mates keep what they learned of it before. Half of it counts, as in a
+#: covariance intersection with equal weights (Julier and Uhlmann, ACC 1997).
+AGAIN = 2.0
+
+
+def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str, Motion]) -> set[str]:
+    """Hold the robots' first-hand beliefs against each other, about themselves and all that they saw.
+
+    Two robots that agreed and now contradict each other have spoilt each other's place in the joint: both enter again by
+    their first-hand beliefs, of which only half counts. So does a robot that is no longer contradicted: its place in the joint
+    rests on what was, nobody has corrected it since, and `trust` judged it by that place. Who entered is returned.
+    Of who is refuted here nothing counts from this tick on: its mates have just become less sure of their places.
+    """
+    said: dict[str, dict[str, Claim]] = {}
+    for robot, evidence in news.items():
+        if evidence.belief is None or np.trace(evidence.belief.covariance[AXES, AXES]) > KNOWN:
+            continue
+        with team.blaming(robot):
+            team.contacts.correct(robot, evidence.belief, evidence.increment)
+            if team.contacts.is_reckoned(robot):
+                continue
+            own = evidence.belief
+            said.setdefault(robot, {})[robot] = Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))
+            for relative in evidence.relatives:
+                if relative.observer == robot and relative.subject != robot and relative.places:
+                    claim = claimed(own, relative, motions.get(robot))
+                    said.setdefault(relative.subject, {})[robot] = claim
+    parted: set[str] = set()
+    for _, by_source in sorted(said.items()):
+        parted |= team.contacts.judge(by_source)
+    refuted = team.contacts.left_out() if parted or team.refuted else frozenset()
+    team.leave_out(team.left_out | refuted)
+    back = team.refuted - refuted
+    back = frozenset(robot for robot in back if robot in said.get(robot, {}))
+    team.refuted -= back
+    for robot in sorted(back):
+        team.trust.forget(robot)
+        team.offsets.forget(robot)
+    again = {robot for robot in parted | back if robot in team.joint}
+    for robot in sorted(again):
+        team.drop(robot)
+        belief = news[robot].belief
+        assert belief is not None
+        entering = team.limits.entering(robot, belief)
+        team.joint.add(robot, Moments(entering.mean, AGAIN * entering.covariance))
+    return again
+
+
+def enter(team: TeamState, evidence: Evidence) -> bool:
+    """A robot enters with its first-hand belief, once per epoch: what it adds later are increments.
+
+    A new epoch rests on new evidence alone, so its belief is independent of everything in the joint. A robot that is
+    not in the joint though its epoch is not new (a board that was restarted) enters in the same way. What was learned of a robot
+    stays: who could begin with a clean record would do so after each lie.
+    """
+    robot, known = evidence.robot, team.known.get(evidence.robot)
+    if known is None or known.epoch < evidence.epoch:
+        team.known[robot] = Known(evidence.epoch, evidence.travelled)
+        team.drop(robot)
+        team.contacts.begin(robot)
+    if robot in team.joint or evidence.belief is None:
+        return False
+    team.joint.add(robot, team.limits.entering(robot, evidence.belief))
+    return True
+
+
+def multiply(team: TeamState, evidence: Evidence) -> None:
+    """Take an increment into the joint, if the gate lets it through."""
+    robot = evidence.robot
+    factor = None if evidence.increment is None else likelihood(team.joint, robot, evidence.increment)
+    if factor is None:
+        return
+    factor, squared = team.weighed((robot, "increment"), factor)
+    by, freedom = team.outvoted(robot, robot), len(factor.residual)
+    taken = squared <= quantile(GATE, freedom) and not by
+    team.add_verdict(Verdict(robot, robot, "increment", squared, freedom, taken, by))
+    if taken:
+        correct(team.joint, factor, team.moved_by(robot))
+    left_out = 0 if taken else team.known[robot].left_out + 1
+    if left_out >= PATIENCE:
+        team.widen(robot)
+        left_out = 0
+    team.known[robot] = replace(team.known[robot], left_out=left_out)

@@ -1,0 +1,175 @@
+"""Unnamed sightings into the joint: as those of a known subject where that is clear, or else in the mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from blackboard.opinion.classes import ROBOTS, could_be, is_class
+from blackboard.opinion.gaussian.assignment import CLEAR
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.naming import Unnamed, clear
+from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.state import TeamState
+from blackboard.opinion.gaussian.tracking import begin, near, watch
+from blackboard.opinion.gaussian.vehicle import Motion, correct
+
+MOST_SEEN = 16  # unnamed sightings of a robot in a tick, the newest first; of more nothing is worked out
+
+#: What excludes each other: sightings, each as one of a subject, with their probabilities. The rest is that none of them is so.
+Doubt = list[tuple[float, Relative]]
+
+
+def identified(
+    team: TeamState,
+    evidence: Evidence,
+    news: Mapping[str, Evidence],
+    motions: Mapping[str, Motion],
+    unclear: list[Doubt],
+) -> list[Relative]:
+    """Of the unnamed sightings of a robot those that clearly are of a known subject, as sightings of it, the newest of each.
+
+    What an observer sees in one frame, at one age, are different things. Those of the newest frame that are of nobody known begin
+    tracks. `unclear` gets those that may be of several, and which these are, where no clearer or newer one of the tick is of any of
+    them. Of a frame with two of these it gets none: a liar could take all its mates along in one tick, before it is doubted. What it
+    alone takes for a robot of no team is one of the two. Nor does it get what may be of a mate or a track. Tracks take nobody along:
+    what may be of several of them is taken for the likeliest, and `unclear` gets it where it may be of none.
+    """
+    observer, found, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
+    lonely = set[float]()  # ages of frames that may show a robot that nobody else has seen
+    named = {it.subject for it in evidence.relatives if not is_class(it.subject)}
+    unnamed = _unnamed(team, evidence)
+    if not unnamed:
+        watch(team, observer, [], [])
+    for number, age in enumerate(sorted({it.age for it in unnamed})):
+        frame = [it for it in unnamed if it.age == age]
+        candidates = _candidates(team, evidence, frame, news, motions)
+        odds = _odds(team, observer, frame, candidates, motions)
+        watch(team, observer, frame, odds)
+        of_tracks: list[tuple[float, Doubt]] = []  # of some track with this probability
+        for it, its, share in zip(frame, candidates, odds, strict=True):
+            taken = clear(share)
+            team.tally.unnamed.append(_told(team, Unnamed(observer, evidence.time, it.mark or 0, share, taken)))
+            lonely |= {age for one in share or () if one.startswith(ROBOTS) and team.tracks.is_alone(observer, one)}
+            if taken is not None and taken not in named:
+                found.setdefault(taken, its[taken])
+            elif taken is None and share and set(share) <= set(team.tracks):
+                of_tracks.append((sum(share.values()), [(p, its[one]) for one, p in share.items()]))
+            elif taken is None and share:
+                doubts.append((age, [(p, its[one]) for one, p in share.items()]))
+        if number == 0:
+            for some, one in _apart(of_tracks, set(found)):
+                if some >= CLEAR:
+                    found[one.subject] = one
+                else:
+                    unclear.append([(some, one)])
+            found |= begin(team, frame, odds)
+    used = named | set(found) | {it.subject for doubt in unclear for _, it in doubt}
+    for age in sorted({age for age, _ in doubts}):
+        fresh = [doubt for its_age, doubt in doubts if its_age == age and not used & {it.subject for _, it in doubt}]
+        used |= {it.subject for doubt in fresh for _, it in doubt}
+        alone = len(fresh) == 1 and age not in lonely and not any(it.subject in team.tracks for _, it in fresh[0])
+        unclear += fresh if alone else []
+    return [found[subject] for subject in sorted(found)]
+
+
+def _apart(doubts: Sequence[tuple[float, Doubt]], used: set[str]) -> list[tuple[float, Relative]]:
+    """Sightings of a frame that may be of several tracks, each as of one: the likeliest pairs first.
+
+    Means over all of them would draw tracks that meet together (Blom and Bloem, IEEE TAC 45(2), 2000, who leave out the less likely
+    of two assignments that exchange tracks).
+    """
+    pairs = sorted((-p, it.subject, number) for number, (_, doubt) in enumerate(doubts) for p, it in doubt)
+    found, done = [], set[int]()
+    for _, subject, number in pairs:
+        if subject not in used and number not in done:
+            used, done = used | {subject}, done | {number}
+            share, doubt = doubts[number]
+            found.append((share, next(it for _, it in doubt if it.subject == subject)))
+    return found
+
+
+def _unnamed(team: TeamState, evidence: Evidence) -> list[Relative]:
+    """The unnamed sightings of a robot's own, as many as are looked at, the newest first."""
+    unnamed = [it for it in evidence.relatives if is_class(it.subject) and it.observer == evidence.robot]
+    unnamed = [it if it.mark is not None else replace(it, mark=number) for number, it in enumerate(unnamed)]
+    unnamed.sort(key=lambda it: (it.age, it.mark or 0))
+    team.tally.tracks["unnamed_left_out"] += len(unnamed[MOST_SEEN:])
+    return unnamed[:MOST_SEEN]
+
+
+def _candidates(
+    team: TeamState,
+    evidence: Evidence,
+    frame: Sequence[Relative],
+    news: Mapping[str, Evidence],
+    motions: Mapping[str, Motion],
+) -> list[dict[str, Relative]]:
+    """Of each sighting of a frame the subjects that it may be of, with the sighting as one of that subject."""
+    observer, ends = evidence.robot, {robot: known.time for robot, known in team.known.items()}
+    ends |= {robot: it.time for robot, it in news.items()}
+    there = {observer} | {it.subject for it in evidence.relatives if it.age == frame[0].age}
+    subjects = sorted({*team.known, *team.seen} - there)
+    found = []
+    for seen in frame:
+        is_same = seen.kind != "bearing"  # how far away it is says the sighting, whatever it is of
+        it = team.limits.sighting(seen, seen.range) if is_same else seen
+        possible = near(team, it, motions.get(observer)) if observer in team.joint else ()
+        of = [
+            replace(it, subject=one, ahead=ends.get(one, evidence.time) - evidence.time)
+            for one in subjects
+            if could_be(it.subject, one) and (one not in team.tracks or one in possible)
+        ]
+        found.append({one.subject: one if is_same else team.limits.sighting(one, team.distance(one)) for one in of})
+    return found
+
+
+def _odds(
+    team: TeamState,
+    observer: str,
+    frame: Sequence[Relative],
+    candidates: Sequence[Mapping[str, Relative]],
+    motions: Mapping[str, Motion],
+) -> list[dict[str, float] | None]:
+    """The odds of each sighting of a frame; None where they are not worked out."""
+    if not team.knows(observer):
+        return [None] * len(frame)
+    moved = {robot: known.motion for robot, known in team.known.items()} | dict(motions)
+    return team.naming.judge(team.joint, frame, candidates, moved, team.knows, team.tracks)
+
+
+def _told(team: TeamState, it: Unnamed) -> Unnamed:
+    """What is told of an unnamed sighting: nothing of tracks that have no name yet."""
+    if it.odds is None:
+        return it
+    odds = {one: share for one, share in it.odds.items() if one not in team.tracks or team.tracks.is_named(one)}
+    return replace(it, odds=odds, taken=it.taken if it.taken in odds else None)
+
+
+def take_in_the_mean(team: TeamState, doubt: Doubt, motions: Mapping[str, Motion]) -> None:
+    """Take a sighting of which it is not clear whose it is: the joint is the mean over all that it may be of, or nobody known.
+
+    Mean and covariance are those of the mixture, so that the doubt widens what is believed (the probabilistic data association
+    filter, Bar-Shalom and Tse, Automatica 11(5), 1975).
+    """
+    observer, subjects = doubt[0][1].observer, {relative.subject for _, relative in doubt}
+    if observer in team.left_out or not all(team.knows(one) and one in {*motions, *team.seen} for one in subjects):
+        return
+    for _, relative in doubt:
+        team.joint.begin(linearise(team.joint, relative, motions).priors)
+    parts = []
+    for share, relative in doubt:
+        after = team.joint.copy()
+        if relative.subject not in team.left_out and not team.contradict(observer, relative.subject):
+            correct(after, linearise(after, relative, motions), team.moved_by_sighting(relative))
+        parts.append((share, after))
+    parts.append((max(0.0, 1.0 - sum(share for share, _ in parts)), team.joint.copy()))
+    mean = sum((share * part.mean for share, part in parts), np.zeros_like(team.joint.mean))
+    covariance = np.zeros_like(team.joint.covariance)
+    for share, part in parts:
+        covariance += share * (part.covariance + np.outer(part.mean - mean, part.mean - mean))
+    team.joint.mean, team.joint.covariance = mean, 0.5 * (covariance + covariance.T)
+    for _, relative in doubt:
+        team.note_errors(relative)

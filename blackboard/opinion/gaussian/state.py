@@ -1,0 +1,291 @@
+"""What a joint holds of a team, and the steps that change it in one place: robots and objects enter, are moved, widened, dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+
+from blackboard.errors import Degenerate
+from blackboard.opinion.cooperative import Coalition
+from blackboard.opinion.gaussian.coalitions import KNOWN
+from blackboard.opinion.gaussian.contacts import Contacts
+from blackboard.opinion.gaussian.evidence import Tally, Verdict
+from blackboard.opinion.gaussian.freshness import Freshness
+from blackboard.opinion.gaussian.innovations import Innovations, Source
+from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments, squared_distance
+from blackboard.opinion.gaussian.limits import Limits
+from blackboard.opinion.gaussian.naming import Naming
+from blackboard.opinion.gaussian.offsets import Offsets
+from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
+from blackboard.opinion.gaussian.rings import Ring
+from blackboard.opinion.gaussian.tracks import Tracks
+from blackboard.opinion.gaussian.trust import Trust
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion
+from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
+
+ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
+MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
+FADED = 5.0  # time constants after which a lasting error that no sighting used is dropped: 0.7 % of it is left
+WIDENED = (
+    3.0,
+    0.3,
+)  # sigmas added to a robot that may have moved: of the position, times its own; of the heading, radians
+
+
+@dataclass(frozen=True)
+class Objects:
+    """How objects move: random walks (unit / sqrt(s)) before they are seen, then by a model. `kept`: seconds without a sighting."""
+
+    drift: float = 0.5
+    drifts: Mapping[str, float] = field(default_factory=dict)  # of those that move otherwise, by name, as `can`
+    kept: float = 60.0
+    model: Model = "learn"
+    models: Mapping[str, Model] = field(default_factory=dict)  # of those that move otherwise, by name, as `can`
+
+    def model_of(self, subject: str) -> Model:
+        """How an object, named as `object/can`, moves."""
+        return self.models.get(subject.partition("/")[2], self.model)
+
+    def drift_of(self, subject: str) -> float:
+        """The configured drift of an object, such as `object/can`; one that stands still may be kicked all the same."""
+        return max(self.drifts.get(subject.partition("/")[2], self.drift), LEAST * self.drift)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is settled of a robot: its epoch, the sum of its motions, and how many increments in a row were left out.
+
+    `motion` is what was added to the sum last, until a team time (s), `lately` the same of the last seconds (`LATELY`).
+    """
+
+    epoch: int
+    travelled: Motion
+    left_out: int = 0
+    motion: Motion = field(default_factory=Motion)
+    lately: Motion = field(default_factory=Motion)
+    time: float = 0.0
+
+
+@dataclass
+class TeamState:
+    """Mutable. Robots and objects are named as subjects: `robot/r1`, `object/ball`."""
+
+    objects: Objects = field(default_factory=Objects)
+    joint: Joint = field(default_factory=Joint)
+    tally: Tally = field(default_factory=Tally)
+    trust: Trust = field(default_factory=Trust)
+    contacts: Contacts = field(default_factory=Contacts)
+    innovations: Innovations = field(default_factory=Innovations)
+    offsets: Offsets = field(default_factory=Offsets)
+    freshness: Freshness = field(default_factory=Freshness)
+    walks: Walks = field(default_factory=Walks)
+    limits: Limits = field(default_factory=Limits)
+    naming: Naming = field(default_factory=Naming)
+    tracks: Tracks = field(default_factory=Tracks)
+    rings: dict[str, Ring] = field(default_factory=dict)  # of objects of which only ranges or bearings alone are known
+    elapsed: float = 0.0  # seconds that were settled
+    rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
+    tick: int = -1
+    again: bool = False  # what is settled was settled before: who is doubted is known, and stays so
+    left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, for now
+    refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
+    known: dict[str, Known] = field(default_factory=dict)
+    seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
+    #: Observer -> the lasting errors of its sightings -> seconds since one with it was taken, the longest first.
+    used: dict[str, dict[BiasBlock, float]] = field(default_factory=dict)
+
+    def copy(self) -> Self:
+        """The same, which may be changed without changing this one; what is not changed in place is shared."""
+        return replace(
+            self,
+            joint=self.joint.copy(),
+            tally=replace(
+                self.tally,
+                verdicts=list(self.tally.verdicts),
+                choices=dict(self.tally.choices),
+                unnamed=list(self.tally.unnamed),
+            ),
+            trust=self.trust.copy(),
+            contacts=self.contacts.copy(),
+            innovations=self.innovations.copy(),
+            offsets=self.offsets.copy(),
+            freshness=self.freshness.copy(),
+            walks=self.walks.copy(),
+            limits=self.limits.copy(),
+            naming=self.naming.copy(),
+            tracks=self.tracks.copy(),
+            rings={subject: ring.copy() for subject, ring in self.rings.items()},
+            known=dict(self.known),
+            seen=dict(self.seen),
+            used={observer: dict(used) for observer, used in self.used.items()},
+        )
+
+    def drop(self, subject: str) -> None:
+        """Forget a subject, and the lasting errors of what it saw and of sightings of it."""
+        for block in list(self.joint.blocks):
+            if block == subject or (isinstance(block, tuple) and subject in block[1:3]):
+                self.joint.drop(block)
+                if isinstance(block, tuple):
+                    del self.used[block[1]][block]
+
+    def leave_out(self, robots: frozenset[str]) -> None:
+        """From now on, take nothing of these robots; the objects that one newly left out has seen enter again without it."""
+        for robot in sorted(robots - self.left_out):
+            for name in [name for name in self.seen if robot in self.trust.observers(name)]:
+                self.forget_object(name)
+        if robots:
+            self.tracks.without(robots)
+        self.left_out = robots
+
+    def forget_object(self, name: str) -> None:
+        """Drop an object and all that was learned of it."""
+        self.drop(name)
+        self.trust.forget(name)
+        self.walks.forget(name)
+        self.seen.pop(name, None)
+
+    def rename(self, old: str, new: str) -> None:
+        """An object has another name from now on; the lasting errors of sightings of it begin anew."""
+        for block in [it for it in self.joint.blocks if isinstance(it, tuple) and old in it[1:3]]:
+            self.joint.drop(block)
+            del self.used[block[1]][block]
+        self.joint.rename(old, new)
+        self.walks.rename(old, new)
+        self.seen[new] = self.seen.pop(old)
+
+    def shift(self, subject: str, way: Moments) -> None:
+        """An object goes a way, shape (2,), whose covariance is (2, 2)."""
+        self.joint.move(subject, self.joint.moments(subject).mean + way.mean, np.eye(2), way.covariance)
+
+    def widen(self, robot: str, away: float = 0.0) -> None:
+        """Widen position and heading of a robot that may have moved, by `away` (unit) or so, as its odometry did not measure."""
+        block = self.joint.moments(robot)
+        noise = np.zeros((STATES, STATES))
+        position, heading = WIDENED
+        noise[AXES, AXES] = position**2 * block.covariance[AXES, AXES] + away**2 * np.eye(2)
+        noise[HEADING, HEADING] = heading**2
+        self.joint.move(robot, block.mean, np.eye(STATES), noise)
+
+    def moved_by(self, robot: str) -> list[Block] | None:
+        """What a robot's evidence about itself moves: of one that is doubted its own place and lasting errors; None: all."""
+        return self._of({robot} if self.doubts(robot) else set())
+
+    def moved_by_sighting(self, relative: Relative) -> list[Block] | None:
+        """The same of a sighting: of a track that alone; one that tells nothing new moves its observer, and an object with it."""
+        observer, subject = relative.observer, relative.subject
+        if subject in self.tracks:
+            return [subject]
+        doubted = {it for it in (observer, subject) if self.offsets.doubts(it)}
+        if self.freshness.lacks(relative):
+            doubted |= {observer} if subject in self.known else {observer, subject}
+        return self._of(doubted)
+
+    def _of(self, robots: Collection[str]) -> list[Block] | None:
+        """The blocks of some robots, and of the lasting errors of what they see; None of nobody."""
+        if not robots:
+            return None
+        return [it for it in self.joint.blocks if (it[1] if isinstance(it, tuple) else it) in robots]
+
+    def doubts(self, robot: str) -> bool:
+        """Whether what a robot sees keeps one side, or tells nothing new."""
+        return self.offsets.doubts(robot) or self.freshness.doubts(robot)
+
+    def weighed(self, source: Source, factor: Factor) -> tuple[Factor, float]:
+        """A factor with the noise that its source's evidence has shown to have, and the squared distance of that."""
+        found = self.joint.innovation(factor)
+        if not any(block in self.tracks for block in factor.jacobians):  # what is wrong may be whose the sighting is
+            self.innovations.judge(source, found.squared, found.freedom)
+        wider = factor.widened(self.innovations.variance(source))
+        return wider, squared_distance(found.residual, found.covariance + (wider.noise - factor.noise))
+
+    def distance(self, relative: Relative) -> float:
+        """How far away a subject is: as it was measured, or else as the joint has it; 0 where nobody knows."""
+        ends = relative.observer, relative.subject
+        if relative.kind != "bearing":
+            return relative.range
+        if not all(end in self.joint for end in ends):
+            return 0.0
+        one, other = (self.joint.mean[self.joint.blocks[end]][AXES] for end in ends)
+        return float(np.hypot(*(one - other)))
+
+    def note_errors(self, relative: Relative) -> None:
+        """The lasting errors of a sighting were of use; of an observer's those that were not for the longest go first."""
+        used = self.used.setdefault(relative.observer, {})
+        for block in relative.blocks():
+            used.pop(block, None)
+            used[block] = 0.0
+        for block in list(used)[:-MAX_ERRORS]:
+            self.joint.drop(block)
+            del used[block]
+
+    def forget_errors(self, dt: float) -> None:
+        """Let all lasting errors forget for `dt` seconds, and drop those of which nothing is left to know."""
+        forget_biases(self.joint, dt)
+        for used in self.used.values():
+            for block in list(used):
+                used[block] += dt
+                if used[block] > FADED * block[3]:
+                    self.joint.drop(block)
+                    del used[block]
+
+    def forget_objects(self) -> None:
+        """Drop the objects that were not sighted for long, and those that most observers see elsewhere."""
+        gone = [n for n, age in self.seen.items() if age > self.objects.kept or self.trust.misplaced(n)]
+        for name in gone:
+            self.forget_object(name)
+
+    @contextmanager
+    def blaming(self, robot: str) -> Iterator[None]:
+        """Degenerate: after what a robot says the joint is none any more, or absurd; whose block is absurd is to blame."""
+        try:
+            yield
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise Degenerate(robot, f"what {robot} says leaves no Gaussian that can be kept: {error}") from error
+        variances = self.joint.variances
+        bad = ~((variances >= 0) & (variances <= ABSURD) & (np.abs(self.joint.mean) <= ABSURD))
+        if bad.any():
+            (owner,) = (b for b, place in self.joint.blocks.items() if place.start <= int(bad.argmax()) < place.stop)
+            owner = owner[1] if isinstance(owner, tuple) else owner
+            robot = owner if owner in self.known else robot
+            raise Degenerate(robot, f"what {robot} says leaves a state that is absurd")
+
+    def add_verdict(self, verdict: Verdict) -> None:
+        self.tally.verdicts.append(verdict)
+        self.tally.gated += not verdict.taken
+
+    def contradict(self, observer: str, subject: str) -> bool:
+        """Whether two robots contradict each other first-hand, and no coalition that contradicts one of them is believed."""
+        if not self.contacts.contradict(observer, subject):
+            return False
+        for robot, source in ((subject, observer), (observer, subject)):
+            choice = self.tally.choices.get(robot)
+            if choice is not None and choice.outvoted and source in choice.members:
+                return not all(self.contacts.contradict(robot, member) for member in choice.members - {robot})
+        return True
+
+    def outvoted(self, robot: str, source: str) -> tuple[str, ...]:
+        """The members of the coalition that is believed about a robot's place, where a source is not among them."""
+        choice = self.tally.choices.get(robot)
+        if choice is None or len(choice.members) < 2 or source in choice.members:
+            return ()
+        return tuple(sorted(choice.members))
+
+    def knows(self, subject: str) -> bool:
+        """Whether the joint holds a position of the subject that is not flat."""
+        if subject not in self.joint:
+            return False
+        x, variances = self.joint.blocks[subject].start, self.joint.variances
+        return bool(variances[x] + variances[x + 1] < KNOWN)
+
+    def marginal(self, subject: str) -> Moments:
+        """Mean and covariance of a subject's position; KeyError where it is not in the joint."""
+        block = self.joint.moments(subject)
+        return Moments(block.mean[AXES], block.covariance[AXES, AXES])
+
+    def drift_of(self, subject: str) -> float:
+        """The random walk of an object (unit / sqrt(s)), as its sightings show it."""
+        return self.walks.drift(subject, self.objects.drift_of(subject))

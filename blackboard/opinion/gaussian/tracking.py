@@ -1,0 +1,109 @@
+"""Tracks of unnamed things in the joint: which a sighting may be of, what a frame says of all of them, how they begin and end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from blackboard.opinion.chi_squared import DOUBT, GATE, quantile
+from blackboard.opinion.classes import kind_of
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.state import TeamState
+from blackboard.opinion.gaussian.tracks import LIKELY, Place
+from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in, wrap
+
+
+def near(team: TeamState, seen: Relative, motion: Motion | None) -> set[str]:
+    """The tracks that may be within the gate of a sighting: all but those that clearly are too far away, which costs much less to see.
+
+    The trace of a covariance is no less than any variance in it; and what an observer errs, tracks that it saw err with it.
+    """
+    blocks = [it for it in team.tracks if it in team.joint]
+    if not seen.places or not blocks:
+        return set(blocks)
+    observer = team.joint.moments(seen.observer)
+    back, turned = moved_in(observer.mean, motion, seen.age)
+    angle = float(observer.mean[HEADING] - turned - observer.mean[BEARING]) + seen.bearing
+    place = observer.mean[AXES] - back + seen.range * np.array([math.cos(angle), math.sin(angle)])
+    variances = observer.covariance.diagonal()
+    fresh = seen.range_variance + max((it for _, it in seen.profile), default=0.0)
+    fresh += sum(it.sigma**2 for it in seen.biases) + sum(np.abs(seen.spread))
+    spread = (
+        variances[AXES].sum() + fresh + seen.range**2 * (variances[[HEADING, BEARING]].sum() + seen.bearing_variance)
+    )
+    first = np.array([team.joint.blocks[it].start for it in blocks])
+    apart = team.joint.mean[first[:, np.newaxis] + np.arange(2)] - place
+    diagonal = team.joint.variances
+    within = np.square(apart).sum(axis=1) <= quantile(GATE, 2) * (spread + diagonal[first] + diagonal[first + 1])
+    return {it for it, found in zip(blocks, within.tolist(), strict=True) if found}
+
+
+def watch(
+    team: TeamState, observer: str, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None]
+) -> None:
+    """Hold a frame of an observer, with what its sightings may be of, for and against all tracks."""
+    if observer in team.left_out or not team.knows(observer) or any(its is None for its in odds):
+        return
+    for it in frame:
+        if it.places:
+            team.tracks.look(observer, it.subject, it.range, it.bearing)
+    shown: dict[str, float] = {}
+    for its in odds:
+        for block, share in (its or {}).items():
+            if block in team.tracks:
+                shown[block] = min(1.0, shown.get(block, 0.0) + share)
+                if shown[block] >= LIKELY:
+                    team.seen[block] = 0.0
+    team.tracks.judge(observer, _places(team, observer), shown)
+
+
+def _places(team: TeamState, observer: str) -> dict[str, Place]:
+    """Where the tracks are, as an observer would see them."""
+    state = team.joint.moments(observer)
+    camera = float(state.mean[HEADING] - state.mean[BEARING])
+    found = {}
+    for block in team.tracks:
+        if block in team.joint:
+            its = team.joint.moments(block)
+            dx, dy = (its.mean - state.mean[AXES]).tolist()
+            variance = float(np.trace(its.covariance) + np.trace(state.covariance[AXES, AXES])) / 2
+            found[block] = math.hypot(dx, dy), wrap(math.atan2(dy, dx) - camera), math.sqrt(max(0.0, variance))
+    return found
+
+
+def begin(
+    team: TeamState, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None]
+) -> dict[str, Relative]:
+    """A track for each sighting of a frame that most likely is of nobody known: by its block, with the sighting as one of it."""
+    found: dict[str, Relative] = {}
+    for it, its in zip(frame, odds, strict=True):
+        strange = its is not None and sum(its.values()) < LIKELY and kind_of(it.subject) != "landmark"
+        if strange and it.places and it.observer not in team.left_out:
+            block = team.tracks.begin(it.observer, it.subject)
+            if block is None:
+                team.tally.tracks["unnamed_left_out"] += 1
+            else:
+                found[block] = team.limits.sighting(replace(it, subject=block), it.range)
+    return found
+
+
+def _is_anywhere(team: TeamState, block: str) -> bool:
+    """Whether a track is nowhere in particular: its 99 % region is larger than what any observer sees of the map."""
+    region = math.pi * quantile(DOUBT, 2) * math.sqrt(max(0.0, float(np.linalg.det(team.marginal(block).covariance))))
+    return region > team.tracks.largest_view(block)
+
+
+def end_tick(team: TeamState) -> None:
+    """Drop the tracks that are over, and name those that are sure."""
+    gone = {block for block in team.tracks if block not in team.joint or _is_anywhere(team, block)}
+    for block in sorted(gone.union(team.tracks.ended())):
+        team.tally.tracks["tracks_died"] += team.tracks.is_named(block)
+        team.tracks.drop(block)
+        team.forget_object(block)
+    for block in team.tracks.to_be_named():
+        name = team.tracks.name(block, lambda it: it in team.joint or it in team.known or it in team.rings)
+        team.rename(block, name)
+        team.tally.tracks["tracks_born"] += 1

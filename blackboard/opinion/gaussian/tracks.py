@@ -1,0 +1,285 @@
+"""Which unnamed things there are: tracks that begin with unnamed sightings, grow surer with more, and die. Pure.
+
+A track has an existence probability (integrated probabilistic data association: Musicki, Evans, Stankovic, IEEE TAC 39(6), 1994; for
+several tracks of one frame Musicki and Evans, IEEE TAES 40(3), 2004). A sighting is evidence for it; so is against it a frame that
+shows nothing where its observer has been seeing such things. Something may be hidden from an observer for a while, so the second
+frame without it says less than the first: the "Markov chain two" of the first paper, for each observer.
+
+One robot has one vote: what its frames say is added up in nats of its own, and bounded. So a ghost of one liar does not outlast the
+robots that look at its place.
+
+What a frame of clutter is like is found out for each observer and class: how much of what it sees of known tracks, how far it sees,
+and how many of the tracks that it began turned out to be of something.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from blackboard.opinion.classes import stem
+from blackboard.opinion.gaussian.assignment import CLEAR, FRAMES, Rate
+
+#: Nats: the most that one observer's frames say for a track, as for an object that rolls (`walks`), and against it. Two that look
+#: there and see nothing outweigh one that sees it, and one does not: it may be hidden from that one for good.
+FOR, AGAINST = 10.0, -5.0
+MEMORY = 2.0  # seconds after which a frame counts for 1/e: what hides a thing is past by then
+SEEN, HIDDEN = (
+    20.0,
+    2.0,
+)  # seconds for which an observer can see a thing, and then not: who crosses its way is past by then
+VISIBLE = SEEN / (SEEN + HIDDEN)
+LIKELY = 0.5  # of what is likelier so than not
+NAMED = 0.99  # of existence: from there on a track has a name, and fewer than one in a hundred is false
+DETECTED = 0.99  # share of what is there that a frame shows, at most: no detector is taken for a perfect one
+RAREST, OFTENEST = 0.01, 0.5  # of the tracks that an observer begins, those that are of something, at least and at most
+GIVEN_UP = -3.0  # nats of all frames, from which on a track without a name is dropped
+FLEETING, KEPT = 2.0, 10.0  # seconds without a sighting, after which a track without a name, and one with, is dropped
+NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
+UNKNOWN = Rate(1.0, 2.0)  # of what is there a frame shows a half, before anything was seen
+ROOM = 16  # tracks that one observer alone has seen
+MAX_TRACKS = 64  # that several have seen, or one
+Place = tuple[float, float, float]  # relative to an observer: distance (unit), bearing (rad), sigma of the place (unit)
+
+
+@dataclass(frozen=True)
+class Vote:
+    """What an observer's frames say of a track: nats for its existence, and how likely the observer can see it if it exists."""
+
+    evidence: float = 0.0
+    visible: float = VISIBLE
+    seen: bool = False  # whether it ever saw it
+    looked: bool = False  # whether it looked there in the last tick
+
+    def passed(self, dt: float) -> Vote:
+        """After `dt` seconds: what speaks for it is forgotten, what speaks against it only once nobody looks there any more."""
+        stays = self.evidence if self.looked and self.evidence < 0 else self.evidence * math.exp(-dt / MEMORY)
+        back = math.exp(-dt * (1.0 / SEEN + 1.0 / HIDDEN))
+        return Vote(stays, VISIBLE + back * (self.visible - VISIBLE), self.seen)
+
+
+@dataclass(frozen=True)
+class Track:
+    """A track of a class, as `person/?`; `prior` is in nats, `votes` are by observer."""
+
+    kind: str
+    prior: float
+    votes: Mapping[str, Vote]
+    named: bool = False
+    unseen: float = 0.0  # seconds since somebody saw it
+
+    @property
+    def evidence(self) -> float:
+        """What all frames say together, nats."""
+        return math.fsum(vote.evidence for vote in self.votes.values())
+
+    @property
+    def existence(self) -> float:
+        """The probability that it exists; a thing that nobody sees goes away as quickly as what was seen is forgotten."""
+        nats = self.prior + self.evidence - min(KEPT, self.unseen) / MEMORY
+        return 1.0 / (1.0 + math.exp(-nats))
+
+    @property
+    def observers(self) -> set[str]:
+        """Who has seen it."""
+        return {observer for observer, vote in self.votes.items() if vote.seen}
+
+
+@dataclass(frozen=True)
+class View:
+    """How far (unit), and how far to the side (rad), an observer has seen things of a class; and which share of those there are."""
+
+    farthest: float = 0.0
+    widest: float = 0.0
+    detected: Rate = UNKNOWN
+    sightings: int = 0
+
+    @property
+    def area(self) -> float:
+        """How large it is (unit^2): as far as it was seen to reach, and larger while little was seen."""
+        known = max(NARROWEST, self.widest) * self.farthest**2
+        return known * (1.0 + FRAMES / self.sightings) if known else math.inf
+
+    @property
+    def detects(self) -> float:
+        """The share of what is there and visible that a frame shows."""
+        return min(DETECTED, self.detected.rate)
+
+    def holds(self, place: Place) -> bool:
+        """Whether it would show a thing there, all that is unsure of its place considered."""
+        distance, bearing, sigma = place
+        return distance + sigma < self.farthest and abs(bearing) + sigma / max(distance, sigma) < self.widest
+
+
+@dataclass
+class Tracks:
+    """Mutable; `pass_time` once per tick, `judge` once per frame, in an order that depends on names only.
+
+    `room` is for how many tracks that one observer alone has seen.
+    """
+
+    room: int = ROOM
+    _tracks: dict[str, Track] = field(default_factory=dict)  # by the name of their block in the joint
+    _views: dict[tuple[str, str], View] = field(default_factory=dict)  # by observer and class
+    _real: dict[tuple[str, str], Rate] = field(
+        default_factory=dict
+    )  # the same: of the tracks begun, those that got a name
+    _numbers: dict[str, int] = field(default_factory=dict)  # class -> the last number that was given
+    _begun: int = 0
+
+    def __contains__(self, block: object) -> bool:
+        return block in self._tracks
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(self._tracks))
+
+    def copy(self) -> Tracks:
+        """The same, which may be changed without changing this one."""
+        return replace(
+            self,
+            _tracks=dict(self._tracks),
+            _views=dict(self._views),
+            _real=dict(self._real),
+            _numbers=dict(self._numbers),
+        )
+
+    def anew(self) -> Tracks:
+        """No tracks, and no number that was ever given."""
+        return Tracks(self.room, _numbers=dict(self._numbers), _begun=self._begun)
+
+    def existence(self, block: str) -> float | None:
+        """The probability that what a track is of exists; None of all that is no track."""
+        return self._tracks[block].existence if block in self._tracks else None
+
+    def is_named(self, block: str) -> bool:
+        """Whether a track has a name that nothing else has."""
+        return self._tracks[block].named
+
+    def is_told(self, block: str) -> bool:
+        """Whether a track has a name, and likelier exists than not."""
+        track = self._tracks[block]
+        return track.named and track.existence > LIKELY
+
+    def expected(self, observer: str, block: str) -> float:
+        """How likely an observer's frame shows a track, before it is looked at."""
+        track = self._tracks[block]
+        visible = track.votes.get(observer, Vote()).visible
+        return self._view(observer, track.kind).detects * visible * track.existence
+
+    def is_alone(self, observer: str, block: str) -> bool:
+        """Whether an observer alone has seen a track."""
+        return block in self._tracks and self._tracks[block].observers == {observer}
+
+    def area(self, observer: str, kind: str) -> float:
+        """How large a part of the map an observer sees things of a class in (unit^2)."""
+        return self._view(observer, kind).area
+
+    def largest_view(self, block: str) -> float:
+        """The largest part of the map in which somebody sees things of a track's class (unit^2)."""
+        kind = self._tracks[block].kind
+        return max((view.area for (_, seen), view in self._views.items() if seen == kind), default=math.inf)
+
+    def _view(self, observer: str, kind: str) -> View:
+        return self._views.get((observer, kind), View())
+
+    # --- in -------------------------------------------------------------------------------------------------------------
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` seconds pass."""
+        for block, track in self._tracks.items():
+            votes = {observer: vote.passed(dt) for observer, vote in track.votes.items()}
+            self._tracks[block] = replace(track, votes=votes, unseen=track.unseen + dt)
+
+    def look(self, observer: str, kind: str, distance: float, bearing: float) -> None:
+        """An observer sees something of a class at a distance (unit) and a bearing (rad)."""
+        it = self._view(observer, kind)
+        farthest, widest = max(it.farthest, distance), max(it.widest, abs(bearing))
+        self._views[observer, kind] = replace(it, farthest=farthest, widest=widest, sightings=it.sightings + 1)
+
+    def judge(self, observer: str, places: Mapping[str, Place], seen: Mapping[str, float]) -> None:
+        """Take a frame of an observer: where tracks are from it, and with which probabilities it shows them."""
+        for block in sorted(places):
+            track, share = self._tracks[block], seen.get(block, 0.0)
+            view = self._view(observer, track.kind)
+            detects = view.detects if view.holds(places[block]) else 0.0
+            if not detects and not share:
+                continue
+            vote = track.votes.get(observer, Vote())
+            before = track.existence
+            after = share + (1.0 - share) * _unseen(before, detects * vote.visible)
+            news = _nats(after) - _nats(before)
+            evidence = min(FOR, max(AGAINST, vote.evidence + news))
+            visible = share + (1.0 - share) * _unseen(vote.visible, detects)
+            votes = {**track.votes, observer: Vote(evidence, visible, vote.seen or share >= LIKELY, looked=True)}
+            unseen = 0.0 if share >= LIKELY else track.unseen
+            self._tracks[block] = replace(track, votes=votes, unseen=unseen)
+            if track.named and detects:
+                detected = view.detected.plus(share, after)
+                self._views[observer, track.kind] = replace(view, detected=detected)
+
+    def begin(self, observer: str, kind: str) -> str | None:
+        """Begin a track of a class with a sighting, and return the name of its block; None where there is no room for it."""
+        alone = sum(self.is_alone(observer, block) for block in self._tracks)
+        if alone >= self.room or len(self._tracks) >= MAX_TRACKS:
+            return None
+        self._begun += 1
+        block = f"{stem(kind)}?{self._begun}"
+        prior = _nats(min(OFTENEST, max(RAREST, self._real.get((observer, kind), Rate()).rate)))
+        self._tracks[block] = Track(kind, prior, {observer: Vote(visible=1.0, seen=True)})
+        return block
+
+    def to_be_named(self) -> list[str]:
+        """The blocks of tracks that are sure enough to be told of, sorted."""
+        return [block for block in self if not self._tracks[block].named and self._tracks[block].existence >= NAMED]
+
+    def name(self, block: str, used: Callable[[str], bool]) -> str:
+        """Give a track a name that nothing had before: its class and the next number that is not `used`."""
+        track = self._tracks.pop(block)
+        number = self._numbers.get(track.kind, 0) + 1
+        while used(name := f"{stem(track.kind)}{number}"):
+            number += 1
+        self._numbers[track.kind] = number
+        self._learn(track, 1.0)
+        self._tracks[name] = replace(track, named=True)
+        return name
+
+    def ended(self) -> list[str]:
+        """The blocks of tracks that are over, sorted."""
+        return [block for block in self if self._is_over(self._tracks[block])]
+
+    def _is_over(self, track: Track) -> bool:
+        if not track.observers:
+            return True
+        if not track.named:
+            return track.unseen > FLEETING or track.evidence < GIVEN_UP
+        return track.unseen > KEPT or track.existence < 1.0 - CLEAR
+
+    def drop(self, block: str) -> None:
+        """A track is over."""
+        track = self._tracks.pop(block)
+        if not track.named:
+            self._learn(track, 0.0)
+
+    def _learn(self, track: Track, real: float) -> None:
+        """Who saw a track that turned out to be of something, or not, learns from that what the next one will be worth."""
+        for observer in sorted(track.observers):
+            key = observer, track.kind
+            self._real[key] = self._real.get(key, Rate()).plus(real)
+
+    def without(self, observers: Collection[str]) -> None:
+        """From now on these have no vote."""
+        for block, track in self._tracks.items():
+            votes = {observer: vote for observer, vote in track.votes.items() if observer not in observers}
+            self._tracks[block] = replace(track, votes=votes)
+
+
+def _unseen(probability: float, detects: float) -> float:
+    """How likely something is so that would have been seen with the probability `detects`, and was not."""
+    return probability * (1.0 - detects) / (1.0 - probability * detects)
+
+
+def _nats(probability: float) -> float:
+    """The log odds of a probability, within what is told apart from 0 and 1."""
+    probability = min(1.0 - 1e-12, max(1e-12, probability))
+    return math.log(probability / (1.0 - probability))

@@ -1,0 +1,66 @@
+"""A team among people whom nobody names: every board tells of the same tracks, whatever the network does."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from blackboard.config import Scenario
+from blackboard.lab.team import Team
+from blackboard.wire import keys
+from blackboard.wire.messages import Consensus
+from tests.heard import Heard
+
+PEOPLE = Scenario(
+    {
+        "team": {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r3"]}},
+        "grid": {"shape": [20, 20]},
+        "time": {"tick": 0.5, "seconds": 12.0},
+        "board": {"fusion": "joint"},
+        "world": {
+            "seed": 4,
+            "objects": {},
+            "people": {"count": 2, "speed": 0.5},
+            "detector": {"missed": 0.1, "clutter": 0.1},
+        },
+    }
+)
+
+Told = dict[str, dict[tuple[int, str], Consensus]]  # sub-team -> (tick, track) -> what was agreed on
+
+
+@cache
+def played(shuffle: int | None) -> tuple[Told, dict[str, Any]]:
+    team = Team(PEOPLE, None if shuffle is None else np.random.default_rng(shuffle))
+    heard = Heard(team.bus)
+    card = team.run()
+    agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}
+    told = {
+        s: {(it.tick, it.subject): it for it in its if it.subject.startswith("person/")} for s, its in agreed.items()
+    }
+    return told, card["tracks"]["person"]
+
+
+def test_people_become_tracks_near_where_they_are() -> None:
+    told, judged = played(None)
+    assert {subject for _, subject in told["a"]} >= {"person/1", "person/2"}
+    assert all(it.existence is not None and it.existence > 0.5 for it in told["a"].values())
+    assert judged["missed_share"] < 0.5
+    assert judged["false_tracks"] == 0
+
+
+def test_every_board_tells_of_the_same_tracks_to_the_bit() -> None:
+    told, _ = played(None)
+    assert told["a"].keys() == told["b"].keys()
+    for name, it in told["a"].items():
+        assert (it.belief, it.existence) == (told["b"][name].belief, told["b"][name].existence), name
+
+
+def test_the_order_in_which_messages_come_changes_no_track() -> None:
+    calm, shuffled = played(None)[0], played(1)[0]
+    for sub_team, told in calm.items():
+        assert {name: it.existence for name, it in told.items()} == {
+            name: it.existence for name, it in shuffled[sub_team].items()
+        }

@@ -1,0 +1,141 @@
+"""Who says again what the team believes makes it no surer, and takes nothing along."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.freshness import HELD, Freshness
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Factor, Moments
+from blackboard.opinion.gaussian.relation import Bias, Kind, Relative, measured
+from blackboard.opinion.gaussian.state import Objects
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance
+from blackboard.opinion.grid import Array
+
+LIAR, BEGIN, END, DT = "robot/r2", 5, 40, 0.2
+BALL, DRIFT = "object/ball", 0.1
+MATES = ["robot/r0", "robot/r1", "robot/r3"]
+PLACES = {f"robot/r{k}": 10.0 * np.array([math.cos(k), math.sin(k)]) for k in range(4)}
+FIX, SIGMA = 3.0, 0.5  # what each robot is told of its place in each tick; what a sighting claims
+
+
+def seen(
+    team: TeamJoint, observer: str, whom: str, aside: float = 0.0, kind: Kind = "range-bearing"
+) -> tuple[Relative, ...]:
+    """A subject `aside` of where the team has it, as seen from where the observer is by its own evidence; nothing of an unknown one."""
+    if not team.knows(whom):
+        return ()
+    x, y = team.marginal(whom).mean + [aside, 0.0] - PLACES[observer]
+    away, bearing = math.hypot(x, y), math.atan2(y, x)
+    if kind == "range":
+        return (measured("range", observer, whom, (away,), (SIGMA**2,)),)
+    if kind == "bearing":
+        return (measured("bearing", observer, whom, (bearing,), ((SIGMA / away) ** 2,)),)
+    return (Relative(observer, whom, away, bearing, SIGMA**2, (SIGMA / away) ** 2),)
+
+
+def says(robot: str, tick: int, relatives: tuple[Relative, ...] = (), *, moving: bool = True) -> Evidence:
+    """A robot that comes back in each tick, entered near to where it is, and is told its place without an error."""
+    mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
+    mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
+    belief = Moments(mean, np.diag([0.3, 0.3, *[1e-4] * (STATES - 2)]))
+    increment = Increment(mean, information, np.zeros(STATES)) if tick else None
+    motion = Motion(along=0.01 * tick, across=0.01 * tick, heading=1e-4 * tick, dt=DT * tick, moving=DT * tick * moving)
+    return Evidence(robot, 0, tick, motion, Nuisance(), belief if not tick else None, increment, relatives, DT * tick)
+
+
+def run(lies: Callable[[TeamJoint], list[tuple[Relative, ...]]]) -> TeamJoint:
+    """A team in which one tells `lies`, after another one has seen a ball."""
+    team, chance = TeamJoint(Objects(drift=DRIFT)), np.random.default_rng(1)
+    for tick in range(END):
+        if tick < BEGIN:
+            away, bearing = [8.0, 2.0] + chance.normal(size=2) * [SIGMA, 0.05]
+            told: dict[str, tuple[Relative, ...]] = {
+                "robot/r0": (Relative("robot/r0", BALL, away, bearing, SIGMA**2, 0.05**2),)
+            }
+        else:
+            told = {LIAR: sum(lies(team), ())}
+        team.settle(tick, DT, [says(it, tick, told.get(it, ())) for it in PLACES])
+    return team
+
+
+@pytest.mark.parametrize("kind", ["range-bearing", "range", "bearing"])
+def test_who_sees_its_mates_where_the_team_has_them_makes_it_no_surer(kind: Kind) -> None:
+    """Before, a mate's standard deviation fell to .6 of what it is without the liar."""
+    told = run(lambda team: [seen(team, LIAR, it, kind=kind) for it in MATES])
+    for mate in MATES:
+        sigmas = [math.sqrt(np.trace(it.marginal(mate).covariance)) for it in (told, run(lambda _: []))]
+        assert sigmas[0] > 0.95 * sigmas[1]
+
+
+@pytest.mark.parametrize("aside", [0.5, 1.0, 2.0])
+def test_who_is_found_out_to_see_a_mate_always_as_far_aside_has_not_taken_it_along(aside: float) -> None:
+    """What was taken of it before is taken back; before, the mate went by .7 of `aside` and more."""
+    mate = MATES[0]
+    away = run(lambda team: [seen(team, LIAR, mate, aside)]).marginal(mate).mean - PLACES[mate]
+    assert np.hypot(*away) < 0.2 * aside
+
+
+def test_an_object_is_not_taken_along_by_one_that_sees_it_aside_of_where_the_team_has_it_in_each_tick() -> None:
+    """Before, it went 13 units in 7 s."""
+    before, after = run(lambda _: []), run(lambda team: [seen(team, LIAR, BALL, 2.0)])
+    assert np.hypot(*(after.marginal(BALL).mean - before.marginal(BALL).mean)) < 1.0
+    assert after.drift_of(BALL) < 2 * DRIFT
+
+
+def test_an_exact_sensor_of_robots_that_stand_is_taken_for_no_liar() -> None:
+    """Somebody's first simulator: what is seen is the same in each tick, and true."""
+    team, mate, true = TeamJoint(), MATES[0], PLACES[MATES[0]] + [1.0, 0.0]
+    away = true - PLACES[LIAR]
+    seen = Relative(LIAR, mate, math.hypot(*away), math.atan2(away[1], away[0]), 0.01, 0.0001)
+    for tick in range(END):
+        told = {LIAR: (seen,)} if tick else {}
+        team.settle(tick, DT, [says(it, tick, told.get(it, ()), moving=False) for it in PLACES])
+    assert team.marginal(mate).mean[0] - PLACES[mate][0] > 0.4, "its own fixes say 0, what is seen says 1"
+
+
+def factor(residual: Array) -> tuple[Relative, Factor]:
+    sighting = Relative("robot/a", "robot/b", 5.0, 0.0, SIGMA**2, 0.01)
+    rows = np.zeros((2, STATES))
+    rows[AXES, AXES] = np.eye(2)
+    return sighting, Factor(residual, {"robot/b": rows}, SIGMA**2 * np.eye(2))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.5, 5.0), st.floats(0.0, 10.0))
+def test_of_those_with_half_the_noise_that_they_claim_or_more_hardly_any_is_held_to_lack_it(
+    seed: int, wider: float, offset: float
+) -> None:
+    """However far aside they see it: only the differences count."""
+    chance, freshness, held = np.random.default_rng(seed), Freshness(), 0
+    for _ in range(200):
+        sighting, it = factor(offset + wider * SIGMA * chance.normal(size=2))
+        freshness.pass_time(DT)
+        freshness.hear(sighting, it)
+        held += freshness.lacks(sighting)
+    assert held <= 50, "two false alarms"
+
+
+def test_who_begins_to_say_anew_what_it_sees_is_believed_again_and_who_declares_lasting_errors_all_the_time() -> None:
+    chance, freshness = np.random.default_rng(3), Freshness()
+    for tick in range(20 + round(2 * HELD / DT)):
+        sighting, it = factor(np.array([2.0, 0.0]) if tick < 20 else SIGMA * chance.normal(size=2))
+        freshness.pass_time(DT)
+        freshness.hear(sighting, it)
+        if tick == 19:
+            assert freshness.lacks(sighting)
+    assert not freshness.lacks(sighting)
+    freshness = Freshness()
+    declared = replace(sighting, biases=(Bias(SIGMA, 60.0),))
+    for _ in range(20):
+        freshness.hear(declared, factor(np.array([2.0, 0.0]))[1])
+    assert not freshness.lacks(declared)

@@ -1,0 +1,205 @@
+"""A team that drives past people whom nobody names: tracks in its joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.identifying import MOST_SEEN
+from blackboard.opinion.gaussian.naming import Naming
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.grid import Array
+from tests.opinion.gaussian.driving import Own, team, told
+
+SIGMA = 0.2
+
+
+def seen(robot: Own, place: Array, kind: str = "person/?") -> Relative:
+    """What a robot, which looks along x, sees of something at a place."""
+    dx, dy = place - robot.place + robot.chance.normal(0, SIGMA, 2)
+    distance = math.hypot(dx, dy)
+    return Relative(robot.name, kind, distance, math.atan2(dy, dx), SIGMA**2, SIGMA**2 / distance**2)
+
+
+def with_people(robots: Sequence[Own], tick: int, people: Mapping[str, Sequence[Array]]) -> list[Evidence]:
+    """What all robots report of a tick; `people` are those that each sees, by robot."""
+    found = []
+    for own, report in zip(robots, told(robots, tick), strict=True):
+        unnamed = [replace(seen(own, it), mark=mark) for mark, it in enumerate(people.get(own.name, ()))]
+        found.append(replace(report, relatives=(*report.relatives, *unnamed)))
+    return found
+
+
+def walked(joint: TeamJoint, robots: Sequence[Own], ticks: range, *offsets: Sequence[float]) -> None:
+    """Everybody sees people that walk in front of the first robot."""
+    for tick in ticks:
+        places = [robots[0].place + [1.0, 0.0] + np.array(it) for it in offsets]
+        joint.settle(tick, 1.0, with_people(robots, tick, {it.name: places for it in robots}))
+
+
+def tracks(joint: TeamJoint) -> list[str]:
+    return [it for it in joint.subjects() if it.startswith("person/")]
+
+
+def a_team(number: int = 3, seed: int = 1) -> tuple[TeamJoint, list[Own]]:
+    return TeamJoint(naming=Naming(400.0)), team(number, seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_is_seen_by_several_is_told_of_soon_and_where_it_is(seed: int) -> None:
+    joint, robots = a_team(seed=seed)
+    walked(joint, robots, range(3), [4.0, -2.0], [6.0, 3.0])
+    assert tracks(joint) == ["person/1", "person/2"]
+    walked(joint, robots, range(3, 12), [4.0, -2.0], [6.0, 3.0])
+    assert tracks(joint) == ["person/1", "person/2"]
+    places = sorted(joint.marginal(it).mean.tolist() for it in tracks(joint))
+    for found, offset in zip(places, ([4.0, -2.0], [6.0, 3.0]), strict=True):
+        assert found == pytest.approx(robots[0].place + offset, abs=1.0)
+        assert joint.tracks.existence("person/1") == pytest.approx(1.0, abs=0.01)
+
+
+def test_unnamed_landmarks_are_for_the_robot_that_has_a_map_and_begin_no_tracks() -> None:
+    joint, robots = a_team()
+    for tick in range(10):
+        post = replace(seen(robots[0], robots[0].place + [4.0, 1.0], "landmark/?"), mark=0)
+        reports = told(robots, tick)
+        joint.settle(tick, 1.0, [replace(reports[0], relatives=(*reports[0].relatives, post)), *reports[1:]])
+    assert not [it for it in joint.subjects() if it.startswith("landmark/")]
+    assert not list(joint.tracks)
+
+
+def test_tracks_tell_no_robot_where_it_stands() -> None:
+    joint, robots = a_team()
+    alone, others = a_team()
+    for tick in range(10):
+        places = [it.place + [5.0, -1.0] for it in robots[:1]]
+        reports = with_people(robots, tick, {it.name: places for it in robots})
+        joint.settle(tick, 1.0, reports)
+        alone.settle(tick, 1.0, [it.named() for it in reports])
+    assert tracks(joint)
+    for robot in others:
+        assert joint.marginal(robot.name).mean == pytest.approx(alone.marginal(robot.name).mean, abs=1e-9)
+        assert joint.marginal(robot.name).covariance == pytest.approx(alone.marginal(robot.name).covariance, abs=1e-9)
+
+
+def test_one_sighting_alone_is_nobody() -> None:
+    joint, robots = a_team()
+    for tick in range(8):
+        there = {"robot/r0": [robots[0].place + [5.0, 0.0]]} if tick == 3 else {}
+        joint.settle(tick, 1.0, with_people(robots, tick, there))
+        assert tracks(joint) == []
+
+
+def test_who_is_gone_is_told_of_no_more_and_its_number_is_given_to_nobody() -> None:
+    joint, robots = a_team()
+    walked(joint, robots, range(5), [4.0, -2.0])
+    assert tracks(joint) == ["person/1"]
+    walked(joint, robots, range(5, 30))
+    assert tracks(joint) == []
+    assert list(joint.tracks) == []
+    walked(joint, robots, range(30, 35), [4.0, -2.0])
+    assert tracks(joint) == ["person/2"]
+
+
+def test_who_was_hidden_for_a_while_is_the_same_afterwards() -> None:
+    joint, robots = a_team()
+    walked(joint, robots, range(8), [4.0, -2.0])
+    walked(joint, robots, range(8, 10))
+    walked(joint, robots, range(10, 14), [4.0, -2.0])
+    assert tracks(joint) == ["person/1"]
+
+
+def test_who_may_be_anywhere_is_no_track_any_more() -> None:
+    joint, robots = a_team()
+    walked(joint, robots, range(5), [4.0, -2.0])
+    kept = joint.copy()
+    joint.objects = replace(joint.objects, drifts={"1": 30.0}, models={"1": "walk"})
+    for it in (joint, kept):
+        it.settle(5, 1.0, [replace(report, relatives=()) for report in told(robots, 5)])
+    assert list(kept.tracks) == ["person/1"]
+    assert list(joint.tracks) == []
+
+
+def test_two_whose_ways_cross_keep_their_names() -> None:
+    joint, robots = a_team()
+    for tick in range(21):
+        side = 0.3 * (10 - tick)
+        places = [robots[0].place + [5.0, side], robots[0].place + [6.0, -side]]
+        joint.settle(tick, 1.0, with_people(robots, tick, {it.name: places for it in robots}))
+        if tick == 5:
+            first = {it: joint.marginal(it).mean[1] - robots[0].place[1] > 0 for it in tracks(joint)}
+    assert len(first) == 2
+    assert tracks(joint) == sorted(first)
+    assert {it: joint.marginal(it).mean[1] - robots[0].place[1] < 0 for it in tracks(joint)} == first
+
+
+def test_a_flood_of_one_finds_its_own_room_and_no_more() -> None:
+    joint, robots = a_team()
+    left_out = 0
+    for tick in range(6):
+        ghosts = [robots[0].place + [10.0 * math.cos(k), 10.0 * math.sin(k)] for k in range(64)]
+        mine = [robots[1].place + [4.0, 2.0]]
+        joint.settle(tick, 1.0, with_people(robots, tick, {"robot/r0": ghosts, "robot/r1": mine, "robot/r2": mine}))
+        left_out += joint.tally.tracks["unnamed_left_out"]
+    assert left_out >= 6 * (64 - MOST_SEEN)
+    places = [joint.marginal(it).mean for it in tracks(joint)]
+    assert min(float(np.hypot(*(it - mine[0]))) for it in places) < 1.5, "an honest track finds room beside it"
+
+
+def test_who_is_contradicted_by_the_team_begins_nobody() -> None:
+    joint, robots = a_team(4)
+    for tick in range(12):
+        reports = with_people(robots, tick, {"robot/r0": [robots[0].place + [4.0, -2.0]]})
+        away = tuple(
+            it if it.subject == "person/?" else replace(it, range=it.range + 8.0) for it in reports[0].relatives
+        )
+        joint.settle(tick, 1.0, [replace(reports[0], relatives=away), *reports[1:]])
+    assert "robot/r0" in joint.left_out
+    assert tracks(joint) == []
+
+
+def test_an_unnamed_robot_of_no_team_is_a_track_and_mates_are_none() -> None:
+    joint, robots = a_team()
+    for tick in range(8):
+        stranger = robots[0].place + [5.0, -2.0]
+        reports = []
+        for own, report in zip(robots, told(robots, tick), strict=True):
+            mates = [replace(it, subject="robot/?") for it in report.relatives]
+            frame = [replace(it, mark=mark) for mark, it in enumerate((*mates, seen(own, stranger, "robot/?")))]
+            reports.append(replace(report, relatives=tuple(frame)))
+        joint.settle(tick, 1.0, reports)
+    assert joint.subjects() == ["object/robot-1", *(it.name for it in robots)]
+    assert joint.marginal("object/robot-1").mean == pytest.approx(stranger, abs=1.0)
+
+
+def test_a_class_that_is_none_of_things_that_move_or_part_of_a_members_name_harms_nobody() -> None:
+    joint, robots = a_team()
+    for tick in range(6):
+        places = [robots[0].place + [4.0, -2.0], robots[0].place + [5.0, 3.0]]
+        reports = []
+        for own, report in zip(robots, told(robots, tick), strict=True):
+            unnamed = [seen(own, it, kind) for it, kind in zip(places, ("landmark/?", "robot/x?"), strict=True)]
+            reports.append(replace(report, relatives=(*report.relatives, *unnamed)))
+        joint.settle(tick, 1.0, reports)
+    assert joint.subjects() == ["object/robot-x-1", *(it.name for it in robots)]
+
+
+def test_the_order_of_arrival_changes_nothing() -> None:
+    one, robots = a_team(4, 5)
+    other = one.copy()
+    for tick in range(10):
+        people = [robots[0].place + [4.0, -2.0], robots[0].place + [4.5, -1.5], robots[0].place + [5.0, 4.0]]
+        reports = with_people(robots, tick, {it.name: people for it in robots})
+        one.settle(tick, 1.0, reports)
+        other.settle(tick, 1.0, [replace(it, relatives=it.relatives[::-1]) for it in reports[::-1]])
+        assert one.subjects() == other.subjects()
+        assert [one.tracks.existence(it) for it in one.tracks] == [other.tracks.existence(it) for it in other.tracks]
+    assert len(tracks(one)) == 3
+    assert (one.joint.mean == other.joint.mean).all()
+    assert (one.joint.covariance == other.joint.covariance).all()
