@@ -141,7 +141,7 @@ class BoardService:
             out += self._retry(now) if envelope.kind is Kind.ALIVE else []
             out += [self.publisher.status(now)] if _is_world(envelope) else []
         else:
-            out += self.intake.take(envelope, lambda parts, message: self._take(parts, message, now))
+            out += self.intake.take(envelope, lambda parts, message: self._take(parts, message, now), now)
         out += self._advance(now, "message") + self._refusals(now)
         self._is_wake_due = self.clock.pace is Pace.REALTIME
         return out + self._memory()
