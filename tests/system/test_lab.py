@@ -16,7 +16,7 @@ from blackboard.errors import UserError
 from blackboard.run.door import INTERRUPTED
 from tests.commands import blackboard, call
 from tests.files import ROOT
-from tests.processes import IN_THE_BACKGROUND, program, wait_until
+from tests.processes import IN_THE_BACKGROUND, LONG, program, wait_until
 from tests.scenarios import SMALL_FILE
 
 
@@ -115,7 +115,7 @@ def test_nothing_is_left_when_it_is_stopped(long_run: subprocess.Popen[str], how
     wait_until(lambda: len(workers(long_run.pid)) > 1, "workers")
     started = workers(long_run.pid)
     long_run.send_signal(how)
-    long_run.wait(20)
+    long_run.wait(LONG)
     wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in started), "no worker left")
 
 

@@ -16,7 +16,7 @@ from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Status
 from blackboard.wire.raw import MAX_BYTES
 from tests.files import ROOT
-from tests.processes import wait_until
+from tests.processes import LONG, wait_until
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_a_robot_from_the_wire_document_alone_is_understood(endpoint: str) -> No
         assert "robot/guest" in robot.stdout.readline() + robot.stdout.readline()
     finally:
         robot.terminate()
-        robot.communicate(timeout=10)
+        robot.communicate(timeout=LONG)
 
 
 def test_a_hostile_client_is_counted_and_the_board_lives(endpoint: str) -> None:
