@@ -1,4 +1,4 @@
-"""Who may import whom: the one list. `python -m tests.rooms` prints it as docs/design.md has it, and what breaks it.
+"""Who may import whom: the list of docs/design.md. `python -m tests.rooms` prints what breaks it.
 
 The sources are read, not run. An import inside a function, or for types alone, is one that is made later; what a module loads when it
 is imported follows from the others. tests/test_rooms.py holds the sources to the list, and a fresh interpreter to what it says.
@@ -7,20 +7,18 @@ is imported follows from the others. tests/test_rooms.py holds the sources to th
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from textwrap import wrap
 from typing import NamedTuple
 
-from tests.files import ROOT
+from tests.files import ROOT, page
 
 PACKAGES = ("blackboard", "robot_agent", "sim_world")
-#: What machines and services may import: neither a clock nor a network.
-SHARED = "errors tables config faults opinion wire process"
 #: Every module may import the standard library and these; of the standard library not what reads a clock or draws at random.
 FREE = {*sys.stdlib_module_names, "numpy"} - {"time", "datetime", "random", "secrets", "uuid"}
 
@@ -34,7 +32,6 @@ class Room:
     """
 
     modules: str
-    what: str
     imports: str = ""
     later: str = ""
 
@@ -51,178 +48,22 @@ class Room:
         return False
 
 
-#: From the bottom to the top: a room imports only rooms that stand above it here, so there is no circle of rooms.
-ROOMS = (
-    Room("errors", "errors, divided by whose fault they are"),
-    Room("plugins", "rules and localizers of installed packages, loaded by name", "errors"),
-    Room(
-        "opinion",
-        "grids, beliefs, made of what people have (given), their regions, pooling rules with their story, POOLS, laws, scores, "
-        "provenance, ageing, believed: records and votes; gaussian/: joint Gaussians of robots, their lasting errors and objects",
-        "errors",
-        "plugins@rules",
-    ),
-    Room("blackboard", "`import blackboard`: the pools", "", "errors opinion"),
-    Room(
-        "wire",
-        "messages, topics, envelopes, beliefs as bytes, codec, raw: bounded maps; mistakes: what is wrong with a field, in words; "
-        "opinions: of a message; falsified: what a liar reports",
-        "errors opinion pydantic msgpack@raw",
-    ),
-    Room("tables", "scenario files as tables, not yet looked at", "errors"),
-    Room("config", "scenarios, and the sections that every process may read", "errors opinion wire tables pydantic"),
-    Room(
-        "config.world config.protocols",
-        "the [world] section: what is true, and what is asked for a PASS; protocols of a recording",
-        "errors config wire pydantic",
-    ),
-    Room("faults", "what is wrong with some robots of a scenario", "errors config wire pydantic"),
-    Room(
-        "process",
-        "service protocol, peer and listener, intake, failures, refusals, roster, roll call, team clock, rounds, offsets "
-        "(of clocks), namesakes, printable (texts from outside), columns (tables as text)",
-        "errors wire",
-    ),
-    Room("process.clock", "the only clock", "time datetime"),
-    Room("process.loop", "the only endless loop", "process process.clock wire"),
-    Room(
-        "board",
-        "learning, dissent, memory, fusion, entries, joint/, board; lead, clocks, participants, handover, reception, "
-        "publisher (all pure), service",
-        "shared",
-    ),
-    Room(
-        "judge",
-        "what is scored (pure): instant, traffic, attendance, referee, sums (tally, distances, calibration), "
-        "intervals, unnamed things (gospa, tracks), causes, the card, samples and their files, paired",
-        "shared config.world",
-        "pyarrow@files",
-    ),
-    Room(
-        "state",
-        "one fold from envelopes to the state of the teams, for the launcher and for all who look on: processes, moments, "
-        "what was told",
-        "shared",
-    ),
-    Room(
-        "access",
-        "who may do what, from the topic table; denials: a router's log read (pure); certificates, their files, probe: why a "
-        "session does not open",
-        "errors config@directory,members wire process.clock@authority,identity cryptography@authority",
-    ),
-    Room(
-        "net.bus net.inbox net.scheduler",
-        "links in one process; services on them, in virtual time",
-        "errors wire process",
-    ),
-    Room(
-        "net",
-        "link and settings, flood: whom to hear then, knock: what a router says to this process; outage: of its router; "
-        "attached: a link that speaks to others than the team, too",
-        "errors wire process.clock@knock,link access net.bus zenoh@link,settings,attached",
-    ),
-    Room(
-        "client",
-        "a team for other people's programs: member (a peer; pure), agreed, desk, why, membership, team, robot; ask: which team is "
-        "there; share: what one team agrees on, told to another (pure)",
-        "shared net@membership process.clock@membership process.loop@membership",
-    ),
-    Room(
-        "run",
-        "door, terminal (what is printed), logs, flags, overrides (`--set`), launch, supervisor, lifeline, health, progress, "
-        "browser; gate: a router with keys; keys: `blackboard keys`; plan: `blackboard plan`; reference: docs/scenario.md",
-        "shared net@door,gate,health,launch process.clock@door,gate,health,keys,launch,progress process.loop@door access@gate,keys "
-        "state@launch blackboard@door cyclopts pydantic@reference",
-        "rich@progress",
-    ),
-    Room(
-        "robot_agent",
-        "sensing, localizers, estimator, gaussian/ (its filter for a joint; or its own), agent, budget (what is said on a poor link), "
-        "sightings (their worth), coarse and short (fewer bytes), faults (all pure), service, driven (by a program's calls), team (the service of a robot), config",
-        "shared plugins@localizers pydantic@config",
-    ),
-    Room("robot_agent.__main__", "`robot-agent`", "shared robot_agent run cyclopts"),
-    Room(
-        "sim_world",
-        "world, sensors, sources, mrclam/ and pyfg (recordings), detector, members, faults (all pure), service, scenarios/*.toml",
-        "shared config.world judge",
-    ),
-    Room("sim_world.__main__", "`sim-world`", "shared judge sim_world run"),
-    Room("client.__main__", "`blackboard share`", "shared client net run process.clock process.loop cyclopts"),
-    Room(
-        "tape",
-        "a board's journal, recorder, tapes as files, replay, what if, judge, table, player",
-        "shared config.world@judge judge board@replay,whatif net.bus mcap@file zstandard@file",
-    ),
-    Room(
-        "tape.__main__", "`blackboard record | replay | tape`", "shared judge tape net.bus run process.clock cyclopts"
-    ),
-    Room("view", "feed, why, status, frames", "shared state board@why"),
-    Room(
-        "view.web",
-        "the live page: server, connections, and the files of the browser",
-        "shared state view starlette uvicorn",
-    ),
-    Room("view.tui", "the terminal", "shared state view rich textual"),
-    Room(
-        "view.source",
-        "the team that a command looks at: a tape, or one that runs",
-        "shared state view net run process.clock cyclopts",
-        "tape",
-    ),
-    Room(
-        "view.__main__",
-        "`blackboard why | status | echo | hz | view | top`",
-        "shared view view.source net run process.clock cyclopts",
-        "view.web view.tui",
-    ),
-    Room("bridges", "teams and tapes for Rerun and Foxglove", "shared state view", "rerun@rerun foxglove@foxglove"),
-    Room(
-        "bridges.ros",
-        "names of rmw_zenoh, messages, odometry (all pure), publisher, service",
-        "shared state view client rosbags@convert xxhash@names",
-    ),
-    Room(
-        "bridges.__main__",
-        "`blackboard-rerun`, `blackboard tape export`, `blackboard ros`",
-        "shared view.source bridges net run process.clock process.loop cyclopts",
-        "client bridges.ros",
-    ),
-    Room(
-        "calibrate",
-        "what a team's sensors are like, by its own readings: a smoother over all robots (chain, model, fit), landmarks (pure)",
-        "errors opinion wire process",
-    ),
-    Room(
-        "lab",
-        "rules compared, parameters chosen, figures, the bound, score, sweep; team: all services of a scenario in one process",
-        "shared config.world@ideal,team_cases judge board@streams,team net.bus@team run@parallel,sweep,sweep_plan process.clock@parallel",
-    ),
-    Room(
-        "lab.drawing lab.bench_drawing lab.run_drawing lab.sweep_drawing lab.calibrate_drawing",
-        "pictures of all of these",
-        "shared judge calibrate lab matplotlib",
-    ),
-    Room(
-        "lab.__main__ lab.score lab.calibrate",
-        "`blackboard lab | tune | figures | sweep | score | calibrate`",
-        "shared config.world@score judge calibrate@calibrate tape@calibrate lab run cyclopts",
-        "lab.drawing",
-    ),
-    Room(
-        "chaos",
-        "a team of processes under network trouble, by proxies; the soak; lies/: what a member may claim, and what it costs",
-        "shared judge net@team run@team,trial lab@trial pydantic@changes",
-    ),
-    Room("chaos.__main__", "`blackboard chaos`, `make soak`", "shared chaos lab run cyclopts"),
-    Room(
-        "commands",
-        "`blackboard demo | up | serve | router | scenario`",
-        "shared run cyclopts",
-        "config.world board judge tape lab.drawing",
-    ),
-    Room("__main__", "`blackboard`: all commands by name, each loaded when it is asked for", "run"),
-)
+ROW = re.compile(r"^\| (`[^|]*) \| ([^|]*) \| ([^|]*) \|$", re.MULTILINE)
+
+
+def listed(text: str) -> tuple[Room, ...]:
+    """The rooms of the table of docs/design.md, from the bottom to the top: a room imports only rooms that stand above it."""
+    found = []
+    for names, _, imported in ROW.findall(text):
+        modules = re.sub("[`,]", "", names).replace("/ ", " ").rstrip("/").replace("/", ".")
+        now, _, later = imported.partition("(")
+        found.append(Room(modules, now.strip(" -"), later.rstrip(")")))
+    return tuple(found)
+
+
+ROOMS = listed(page("design.md"))
+#: What machines and services may import: neither a clock nor a network.
+SHARED = re.findall(r"^shared: ([a-z ]+)\.", page("design.md"), re.MULTILINE)[0]
 
 #: What a room may not import, and one module does, to run a whole team in one process: module -> module.
 EXCEPTIONS = {
@@ -332,7 +173,7 @@ def _idle() -> Iterator[str]:
     made = [one for module in modules() for one in imports(module)]
     for room in ROOMS:
         for word in f"{room.imports} {room.later}".split():
-            only = Room(room.modules, "", word)
+            only = Room(room.modules, word)
             if word != "shared" and not any(
                 room_of(one.module) is room and only.allows(_place(one.target), True, one.module) for one in made
             ):
@@ -410,36 +251,7 @@ def may_load(room: str) -> set[str]:
     return found
 
 
-# --- the page ---------------------------------------------------------------------------------------------------------
-
-WIDTHS = (21, 72, 64)  # of the columns of the page, in characters
-
-
-def page() -> str:
-    """The list as a table for people."""
-    lines = [_line("room", "what it holds", "imports, besides itself, numpy and the standard library")]
-    for room in ROOMS:
-        later = f" ({room.later})" if room.later else ""
-        name = ", ".join(_shown(name) for name in room.names)
-        imported = "".join(word for word in f"{room.imports}{later}".replace("process.", "")).strip() or "-"
-        cells = [wrap(text, width) for text, width in zip((name, room.what, imported), WIDTHS, strict=True)]
-        for i in range(max(len(cell) for cell in cells)):
-            lines.append(_line(*(cell[i] if i < len(cell) else "" for cell in cells)))
-    return "\n".join([*lines, "", f"shared = {SHARED}; what stands in brackets is imported when it is asked for"])
-
-
-def _line(*cells: str) -> str:
-    return "  ".join(f"{cell:<{width}}" for cell, width in zip(cells, WIDTHS, strict=True)).rstrip()
-
-
-def _shown(name: str) -> str:
-    """A room as its folder, or as its module without an ending."""
-    path = modules().get(name)
-    short = name.removeprefix("blackboard.").replace(".", "/")
-    return f"{short}/" if path is not None and path.name == "__init__.py" else short
-
-
 if __name__ == "__main__":
-    print(page())
-    print(*broken(), sep="\n", file=sys.stderr)
-    sys.exit(1 if broken() else 0)
+    found = broken()
+    print(*found, sep="\n", file=sys.stderr)
+    sys.exit(1 if found else 0)
