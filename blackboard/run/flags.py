@@ -108,8 +108,10 @@ class MemberFlags:
 class WhichTeam(MemberFlags):
     """Which team a command is about."""
 
+    team: str | None = None
+    "Name of the team [default: the scenario's, or the one that is there]."
     scenario: str | None = None
-    "The team's scenario, a file or the name of one in the package; robots in it that never came are shown [default: demo, unshown]."
+    "The team's scenario, a file or the name of one in the package; robots in it that never came are shown."
 
     @property
     def members(self) -> dict[str, list[str]]:

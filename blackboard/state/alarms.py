@@ -7,10 +7,16 @@ from dataclasses import dataclass, replace
 
 MAX_ALARMS = 256
 QUIET = 5.0  # seconds without it after which something that comes and goes counts as over
+AGAIN = 20.0  # seconds after its end within which it is the same alarm again, with its beginning
+BRIEF = 2.0  # seconds for which a FLEETING one has to last before it is shown
 
 #: Of the worst first.
-KINDS = ("gone", "full disk", "liar", "lost", "stuck", "moved", "over-confident")
-OF_PROCESSES = ("gone", "full disk")  # they outlast a run
+KINDS = ("gone", "full disk", "liar", "lost", "refused", "stuck", "moved", "over-confident")
+OF_PROCESSES = ("gone", "full disk", "refused")  # they outlast a run
+FLEETING = (
+    "lost",
+    "refused",
+)  # of a moment they are nothing to act on: a wide belief between two sightings, one message too late
 
 
 @dataclass(frozen=True)
@@ -32,9 +38,11 @@ class Alarms:
         self._kept: dict[tuple[str, str], Alarm] = {}
 
     def raise_(self, what: str, who: str, text: str, now: float) -> None:
-        """Something is wrong at `now`; what lasts keeps its beginning, what was over begins anew."""
+        """Something is wrong at `now`; what lasts or comes again soon keeps its beginning."""
         known = self._kept.pop((what, who), None)
-        since = known.since if known is not None and known.until is None else now
+        again = 0.0 if what in FLEETING else AGAIN
+        goes_on = known is not None and (known.until is None or now - known.until < again)
+        since = known.since if known is not None and goes_on else now
         self._kept[what, who] = Alarm(what, who, text, since, now)
         if len(self._kept) > MAX_ALARMS:
             over = next((key for key, it in self._kept.items() if it.until is not None), next(iter(self._kept)))
@@ -59,8 +67,9 @@ class Alarms:
         self._kept = {key: it for key, it in self._kept.items() if it.what in OF_PROCESSES}
 
     def all(self) -> list[Alarm]:
-        """What lasts before what is over, the worst and then the newest first."""
-        return sorted(self._kept.values(), key=lambda it: (it.until is not None, KINDS.index(it.what), -it.since))
+        """What lasts before what is over, the worst and then the newest first; without those of a moment."""
+        shown = (it for it in self._kept.values() if it.what not in FLEETING or it.seen - it.since >= BRIEF)
+        return sorted(shown, key=lambda it: (it.until is not None, KINDS.index(it.what), -it.since))
 
     def check(self) -> None:
         """AssertionError: it is beyond its bounds."""

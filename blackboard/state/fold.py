@@ -21,7 +21,7 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Disk, Readings, Report, Status, Truth
+from blackboard.wire.messages import Clock, Consensus, Disk, Readings, Refusal, Report, Status, Truth
 from blackboard.wire.types import Message
 
 MAX_TEAMS = 16
@@ -32,6 +32,7 @@ MAX_SIGHTINGS = 1024
 MAX_EVENTS = 1000
 FORGET = 60.0  # seconds of team time after which an old belief is not shown any more; in which a source still counts as known
 LOST = 0.1  # share of the grid's cells: who may be on more of them, exp(entropy), is lost
+LIKELY_LOST = 0.3  # of the probability that a robot is not where the team believes, from which on it is said to be lost
 
 AHEAD = 5.0  # seconds that the stamp of a settled tick may be ahead of Unix time, where no world gives the time
 TICKS_AHEAD = 2  # that a settled tick may be ahead of the world's newest Clock, which comes from another sender
@@ -112,6 +113,7 @@ class TeamFold:
         self.events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self.alarms = Alarms()
         self.changes = 0  # grows with each moment and each change of liveliness
+        self._refusing: dict[tuple[str, str], float] = {}  # process and reason -> Unix time of the newest refusal
         self._truths: dict[
             tuple[str, int], dict[str, Point]
         ] = {}  # run and tick; the first of a run comes before its Clock
@@ -146,6 +148,7 @@ class TeamFold:
         """AssertionError: it holds more than its bounds."""
         assert len(self.processes) <= MAX_PROCESSES
         assert max(len(self._truths), len(self._sightings)) <= MAX_TRUTHS
+        assert len(self._refusing) <= MAX_PROCESSES
         for store in (self._reports, self._consensus, self._agreed):
             assert len(store) <= MAX_SUBJECTS
             assert all(len(by_source) <= MAX_SOURCES for by_source in store.values())
@@ -223,6 +226,9 @@ class TeamFold:
             self._hear_status(process, parts["sub_team"], message, now)
         elif isinstance(message, Disk):
             self._hear_disk(message, now)
+        elif isinstance(message, Refusal):
+            text = f"{message.board} refuses what {message.robot} sends ({message.reason}: {message.text})"
+            self.alarms.raise_("refused", message.robot, text, now)
 
     def _hear_clock(self, clock: Clock, now: float) -> None:
         if self.clock is None or clock.run != self.clock.run:
@@ -253,9 +259,11 @@ class TeamFold:
     def _hear_status(self, process: Process, sub_team: str, status: Status, now: float) -> None:
         status = status.beside(process.status)
         for reason, count in status.refused.items():
-            more = count - process.refused.get(reason, 0)
-            if more > 0 and process.status is not None:
-                self._note("refused", process.name, f"{process.name} refused {more} more: {reason}", now)
+            if count > process.refused.get(reason, 0) and process.status is not None:
+                if now - self._refusing.get((process.name, reason), -math.inf) > QUIET:
+                    self._note("refused", process.name, f"{process.name} refuses messages: {reason}", now)
+                self._refusing[process.name, reason] = now
+                _keep_newest(self._refusing, MAX_PROCESSES)
         if process.status is not None and status.namesakes > process.status.namesakes:
             text = f"{process.name}: another process sends under this name, too"
             self._note("namesake", process.name, text, now)
@@ -351,6 +359,16 @@ class TeamFold:
         told = [(it.name, it.status) for it in self.processes.values() if it.kind == "robot"]
         return {key: text for name, it in told if it is not None for key, text in of_robot(name, it.settings).items()}
 
+    def _lost(self, it: Consensus) -> str:
+        """Why nobody knows where a subject is; empty where that is known."""
+        cells = math.inf if self.grid is None else math.prod(self.grid.shape)
+        share = math.exp(min(it.entropy, 99.0)) / cells
+        if share > LOST:
+            return f"{it.subject} is lost: it may be on {100 * share:.0f} % of the map"
+        if it.lost is not None and it.lost >= LIKELY_LOST:
+            return f"{it.subject} is lost with {100 * it.lost:.0f} %: it may not be where the team believes"
+        return ""
+
     def _notice(self, moment: Moment, now: float) -> None:
         """Note which conflicts and which sources left out are new, and which did not come back for QUIET seconds."""
         found = dict[tuple[str, str], str]()
@@ -367,10 +385,8 @@ class TeamFold:
                 found[subject, one.source] = alarms["liar", one.source] = text
             for out in it.left_out:
                 found[subject, out.source] = f"{out.source} left out about {subject}: {out.reason}"
-            if self.grid is not None and (share := math.exp(min(it.entropy, 99.0)) / math.prod(self.grid.shape)) > LOST:
-                alarms["lost", subject] = (
-                    f"nobody knows where {subject} is: it may be on {100 * share:.0f} % of the map"
-                )
+            if text := self._lost(it):
+                alarms["lost", subject] = text
             for learned in it.learned:
                 if learned.since is not None and not learned.echo:
                     times = math.sqrt(max(0.0, learned.variance))

@@ -58,6 +58,8 @@ def why(
         How long to wait for the tick of a running team.
     """
     wanted = None if at is None else when(at)
+    if source.file is None and subject.endswith(".mcap"):
+        raise UserError(f"{subject} is a tape; say of whom, too: blackboard why robot/r1 {subject}")
     with source.open(flags, "why") as looked:
         moment = looked.moment(wanted, seconds)
         found = explain(looked.fold, moment, subject, looked.drift if drift is None else drift)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -19,6 +19,7 @@ from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment, When
 from blackboard.view.feed import Feed
 from blackboard.view.taped import Taped
+from blackboard.wire import keys
 
 PATIENCE = 3.0  # seconds to wait for a router, and for a team to settle something
 
@@ -47,8 +48,7 @@ class TeamSource:
             if flags != door.ZenohFlags():
                 raise UserError(f"{self.file}: a tape is looked at without a network; leave out where the network is")
             return open_tape(self.file, self.which.team)
-        chosen = self.which.chosen()
-        return Running(flags.link(), name, chosen.team.name, chosen.board.drift, patience, stopped, self.which.members)
+        return Running(flags.link(), name, self.which, patience, stopped)
 
 
 class Running:
@@ -57,24 +57,30 @@ class Running:
     feed: Feed
 
     def __init__(
-        self,
-        config: LinkConfig,
-        name: str,
-        team: str,
-        drift: float,
-        patience: float,
-        stopped: Callable[[], bool],
-        members: Mapping[str, Sequence[str]],
+        self, config: LinkConfig, name: str, which: WhichTeam, patience: float, stopped: Callable[[], bool]
     ) -> None:
-        self.team, self.drift, self._members = team, drift, members
+        """Without a name in `which` it is the team that is there, or else the demo. UserError: as in `WhichTeam.chosen`."""
+        chosen = which.chosen()
+        self.team, self.drift, self._which = chosen.team.name, chosen.board.drift, which
         self._config, self._name, self._patience, self._stopped = config, name, patience, stopped
 
     def __enter__(self) -> Running:
+        """UserError: no name was given, and there are several teams."""
         self._link = Link(self._config, self._name, patience=self._patience, stopped=self._stopped)
         self._link.__enter__()
+        if self._which.team is None and self._which.scenario is None and (there := self._teams()):
+            if len(there) > 1:
+                self._link.__exit__(None, None, None)
+                raise UserError(f"{self._name}: there are the teams {', '.join(there)}; name one with --team")
+            (self.team,) = there
         self.feed = Feed(self._link, UnixClock().now, self.team)
-        self.feed.fold.expect(self.team, self._members)
+        self.feed.fold.expect(self.team, self._which.members)
         return self
+
+    def _teams(self) -> list[str]:
+        """The teams of which some process answers."""
+        found = (keys.parse(it.key) for it in self._link.get(keys.STATUS.key(team="*", sub_team="*", process="*")))
+        return sorted({it[1]["team"] for it in found if it is not None})
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._link.__exit__(kind, error, at)
@@ -117,7 +123,7 @@ class Running:
             found = fitting[-1] if fitting and newest is not None and when.is_reached(newest) else None
         if found is None:
             what = "has settled nothing" if when is None else f"did not settle {when}"
-            others = ", ".join(sorted(other for other in self.feed.fold.teams if other != self.team))
+            others = ", ".join(other for other in self._teams() if other != self.team)
             there = f"; there is {others}" if others else ""
             raise RunFailed(f"team {self.team} {what} within {seconds:g} s{there}")
         return found

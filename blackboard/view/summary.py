@@ -6,13 +6,12 @@ from typing import Any
 
 from blackboard.process.columns import cell, columns, shortened
 from blackboard.state.alarms import Alarm
-from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.fold import LIKELY_LOST, Fold, TeamFold
 from blackboard.state.moments import About, Moment
 from blackboard.state.processes import SILENT, Process
 from blackboard.state.received import REGION
 
 Table = dict[str, Any]
-LIKELY_LOST = 0.3  # of a probability, from which on a robot is said to be lost
 RECENT = 60.0  # seconds for which an alarm that is over is listed
 #: What falls away first where a terminal is narrow: of the processes, and of the subjects.
 PROCESSES_FALL = ("skipped", "late", "dropped", "kind", "ticks/s", "sub-team", "heard", "refused")

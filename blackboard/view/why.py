@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,13 @@ def explain(team: TeamFold, moment: Moment, subject: str, drift: float = 1.0) ->
     """
     about = moment.subjects.get(subject)
     if about is None or about.best is None:
-        known = ", ".join(sorted(name for name, it in moment.subjects.items() if it.best is not None))
-        raise UserError(f"{subject}: no board has a belief about it in tick {moment.tick}; known are {known or 'none'}")
+        known = sorted(name for name, it in moment.subjects.items() if it.best is not None)
+        near = get_close_matches(subject, known, 1) or [name for name in known if name.split("/")[1] == subject]
+        meant = f"; did you mean {near[0]}?" if near else ""
+        raise UserError(
+            f"{subject}: no board has a belief about it in tick {moment.tick}; "
+            f"known are {', '.join(known) or 'none'}{meant}"
+        )
     best = about.best.message
     here = {name: it.message for name, it in about.agreed.items() if it.message.tick == best.tick}
     chosen = [about.best, *(about.consensus[name] for name in sorted(about.consensus) if about.agreed)]

@@ -13,7 +13,7 @@ from blackboard.view.summary import alarm_lines, summary, team_summary, text
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Dissent, Status
+from blackboard.wire.messages import Clock, Consensus, Dissent, Refusal, Status
 from tests.view.recorded import folded, recorded
 
 CONSENSUS = next(decode(Consensus, it.payload) for it, _ in recorded() if it.kind is Kind.PUT and "/agreed/" in it.key)
@@ -108,12 +108,35 @@ def test_what_flaps_is_told_once() -> None:
 
 
 def test_who_may_be_anywhere_is_lost_and_who_keeps_disagreeing_a_liar() -> None:
-    assert [it.what for it in settled(3).alarms.all()] == []
+    assert [it.what for it in settled(9).alarms.all()] == []
     off = Dissent(level="consensus", source="r3", sigmas=5.6, weight=0.1, since=0.0)
-    team = settled(3, entropy=math.log(0.5 * math.prod(CONSENSUS.belief.grid.shape)), dissent=[off])
+    team = settled(9, entropy=math.log(0.5 * math.prod(CONSENSUS.belief.grid.shape)), dissent=[off])
     told = {it.what: it.text for it in team.alarms.all()}
-    assert told["lost"] == f"nobody knows where {CONSENSUS.subject} is: it may be on 50 % of the map"
+    assert told["lost"] == f"{CONSENSUS.subject} is lost: it may be on 50 % of the map"
     assert told["liar"] == f"r3 keeps disagreeing about {CONSENSUS.subject}, by 5.6 sigmas"
+
+
+def test_who_is_probably_elsewhere_is_lost_too_and_not_for_a_moment_only() -> None:
+    (one,) = settled(9, lost=0.45).alarms.all()
+    assert one.text == f"{CONSENSUS.subject} is lost with 45 %: it may not be where the team believes"
+    assert settled(3, lost=0.45).alarms.all() == []
+
+
+def test_a_robot_that_is_refused_for_some_time_is_named_once() -> None:
+    fold, team = Fold(), "t"
+    for n in range(4):
+        it = Refusal(board="b", sub_team="a", robot="r7", time=float(n), reason="guest", text="not named", count=n)
+        status = Status(process="b", kind="board", tick=n, time=float(n), refused={"guest": 5 * n + 1})
+        for key, message in (
+            (keys.REFUSED.key(team=team, sub_team="a", robot="r7"), it),
+            (keys.STATUS.key(team=team, sub_team="a", process="b"), status),
+        ):
+            fold.take(Envelope(key, encode(message)), float(n))
+        if n < 2:
+            assert fold.teams[team].alarms.all() == []
+    (one,) = fold.teams[team].alarms.all()
+    assert (one.what, one.who, one.text) == ("refused", "r7", "b refuses what r7 sends (guest: not named)")
+    assert [it.text for it in fold.teams[team].events] == ["b refuses messages: guest"]
 
 
 @pytest.mark.parametrize(

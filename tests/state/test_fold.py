@@ -226,7 +226,7 @@ def test_refusals_and_conflicts_are_events() -> None:
     status = Status(process="b", kind="board", tick=1, time=0.0)
     team.hear({"sub_team": "a"}, status, 1, 0.0)
     team.hear({"sub_team": "a"}, status.model_copy(update={"refused": {"future": 3}}), 1, 1.0)
-    assert [event.text for event in team.events] == ["b refused 3 more: future"]
+    assert [event.text for event in team.events] == ["b refuses messages: future"]
 
 
 def test_another_process_of_the_same_name_is_an_event() -> None:

@@ -22,6 +22,7 @@ class Recording(Deaf):
 
     def __init__(self, *_: Any, **__: Any) -> None:
         self.left = [envelope for envelope, _ in recorded()]
+        self.team = "*"
 
     def __enter__(self) -> Recording:
         return self
@@ -29,10 +30,17 @@ class Recording(Deaf):
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         return
 
+    def subscribe(self, key_expr: str) -> None:
+        self.team = key_expr.split("/")[1]
+
+    def get(self, key_expr: str) -> list[Envelope]:
+        """The statuses of all, where these are asked for."""
+        return [it for it, _ in recorded() if "/status/" in it.key] if "/status/" in key_expr else []
+
     def receive(self, timeout: float) -> list[Envelope]:
         self.clock.advance(0.1)
         found, self.left = self.left[:50], self.left[50:]
-        return found
+        return [it for it in found if self.team in ("*", "**", it.key.split("/")[1])]
 
 
 def put_in_place(monkeypatch: pytest.MonkeyPatch, link: type[Recording] = Recording) -> None:

@@ -22,7 +22,7 @@ def _on_a_recording(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_why_says_it_in_words_or_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("why", "robot/r1", "--team", "t") == 0
     assert capsys.readouterr().out.startswith("robot/r1 is believed to be at (")
-    assert call("why", "robot/r1", "--team", "t", "--at", "3", "--json") == 0
+    assert call("why", "robot/r1", "--at", "3", "--json") == 0  # without --team: the one that is there
     found = json.loads(capsys.readouterr().out)
     assert (found["subject"], found["tick"]) == ("robot/r1", 3)
 
@@ -32,6 +32,10 @@ def test_whys_mistakes_are_one_line() -> None:
         call("why", "object/none", "--team", "t")
     with pytest.raises(RunFailed, match="team other has settled nothing within 3 s; there is t"):
         call("why", "robot/r1", "--team", "other")
+    with pytest.raises(UserError, match=r"r1: no board has a belief about it.*; did you mean robot/r1\?"):
+        call("why", "r1")
+    with pytest.raises(UserError, match="run.mcap is a tape; say of whom, too: blackboard why robot/r1 run.mcap"):
+        call("why", "run.mcap")
     with pytest.raises(RunFailed, match="did not settle tick 99"):
         call("why", "robot/r1", "--team", "t", "--at", "99")
     with pytest.raises(UserError, match="--team 'a/b'"):

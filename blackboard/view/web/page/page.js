@@ -286,6 +286,12 @@ function drawMap(header, names, colours) {
     context.lineWidth = 3.5; context.strokeStyle = colours.arena; context.strokeText(label, x, Math.max(y, 14));
     context.fillStyle = away.has(name) ? colours.soft : tint(name); context.fillText(label, x, Math.max(y, 14));
   }
+  for (const [name, place_] of on("name") ? lastPlaces(header, away) : []) {
+    const x = to.x(place_[0]), y = to.y(place_[1]);
+    context.strokeStyle = context.fillStyle = colours.soft; context.lineWidth = 2; context.setLineDash([3, 3]);
+    context.beginPath(); context.arc(x, y, 10, 0, 7); context.stroke(); context.setLineDash([]);
+    context.fillText(`${name.split("/")[1]}, ${away.get(name)}`, Math.min(x + 13, to.x(x1) - 90), Math.max(y, 14));
+  }
   canvas.onclick = (event) => {
     if (dragged) return;
     const box = canvas.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
@@ -311,6 +317,16 @@ function drawMotion(context, to, it, belief, tone) {
 function absent(header) {
   const found = new Map();
   for (const it of header.processes) if (it.kind === "robot" && it.state !== "alive") found.set(`robot/${it.name}`, since(it));
+  return found;
+}
+
+/** Where those were believed to be last of whom nothing is believed any more, by subject. */
+function lastPlaces(header, away) {
+  const end = header.tick === null ? -1 : history_.index(header.tick), found = new Map();
+  for (const name of away.keys()) {
+    if (header.subjects[name] && best(header.subjects[name])) continue;
+    for (let k = end; k >= 0 && !found.has(name); k--) if (history_.moments[k].subjects[name]?.mean) found.set(name, history_.moments[k].subjects[name].mean);
+  }
   return found;
 }
 
@@ -372,13 +388,14 @@ function fill(parent, rows, make, set) {
 }
 
 function drawChips(header, names) {
+  const away = absent(header);
   fill($("subjects"), names, () => element("button", {}, element("i"), element("span")), (it, name) => {
     it.firstChild.style.background = tint(name);
     it.firstChild.className = name.split("/")[0];
     it.lastChild.textContent = name.split("/")[1];
-    it.title = name;
     it.setAttribute("aria-pressed", String(name === state.subject));
-    it.className = header.subjects[name].conflict ? "conflict" : "";
+    it.className = away.has(name) ? "away" : header.subjects[name].conflict ? "conflict" : "";
+    it.title = away.has(name) ? `${name}, ${away.get(name)}` : name;
     it.onclick = () => choose(name);
   });
 }
@@ -500,14 +517,18 @@ function drawPulse(header) {
   $("pulse").setAttribute("aria-label", `${alive} of ${header.processes.length} processes alive`);
 }
 
-/** What must not be missed, until somebody has looked at it. */
+/** What must not be missed, until somebody has looked at it: a card for each that lasts, and one for all that are over. */
 function drawAlarms(header) {
   const nameOf = (it) => `${header.run} ${it.what} ${it.who} ${Math.round(it.since)}`;
-  const rows = header.alarms.filter((it) => !state.seen.has(nameOf(it)));
-  fill($("alarms"), rows, () => element("li", {}, element("span"), element("button", { textContent: "seen" })), (row, it) => {
-    row.className = it.over === null ? "" : "over";
-    row.firstChild.textContent = `${it.text}, for ${it.for.toFixed(0)} s` + (it.over === null ? "" : `; over since ${it.over.toFixed(0)} s`);
-    row.lastChild.onclick = () => { state.seen.add(nameOf(it)); save("seen", JSON.stringify([...state.seen].slice(-200))); redraw(); };
+  const found = header.alarms.filter((it) => !state.seen.has(nameOf(it))), over = found.filter((it) => it.over !== null);
+  const rows = found.filter((it) => it.over === null).map((it) => ({ text: it.text, age: `${it.for.toFixed(0)} s`, its: [it] }));
+  if (over.length) rows.push({ text: `over: ${over.map((it) => `${it.who} ${it.what}`).join(", ")}`, title: over.map((it) => `${it.text}, for ${it.for.toFixed(0)} s; over since ${it.over.toFixed(0)} s`).join("\n"), its: over, over: true });
+  fill($("alarms"), rows, () => element("li", {}, element("span"), element("i"), element("button", { textContent: "seen" })), (row, it) => {
+    row.className = it.over ? "over" : it.its[0].what.replace(" ", "-");
+    row.firstChild.textContent = it.text;
+    row.firstChild.title = it.title || it.text;
+    row.children[1].textContent = it.age || "";
+    row.lastChild.onclick = () => { for (const one of it.its) state.seen.add(nameOf(one)); save("seen", JSON.stringify([...state.seen].slice(-200))); redraw(); };
   });
 }
 
