@@ -52,12 +52,25 @@ def ask(
         for sub_team in sub_teams or ("*",):
             known |= _boards(get, keys.STATUS.key(team=team or "*", sub_team=sub_team, process="*"))
         if not known and (now() >= end or stopped()):
-            raise UserError(f"{who}: no board answers; start `blackboard serve`, or name a scenario")
+            others = [
+                f"{found[0]}/{found[1]}"
+                for found in sorted(_boards(get, keys.STATUS.key(team="*", sub_team="*", process="*")))
+            ]
+            there = (
+                f"there are boards of {', '.join(others)}" if others else "start `blackboard serve`, or name a scenario"
+            )
+            raise UserError(f"{who}: no board {_of(team, sub_teams)}answers; {there}")
         pause.wait(0.0 if known else PAUSE)
     if not sub_teams and len(known) > 1:
         names = ", ".join(f"{team}/{sub_team}" for team, sub_team in sorted(known))
         raise UserError(f"{who}: there are {names}; {cure}")
     return known[min(known)]
+
+
+def _of(team: str | None, sub_teams: Sequence[str]) -> str:
+    """The team and sub-team that were named."""
+    named = [f"{team or '*'}/{sub_team}" for sub_team in sub_teams] or [team] * bool(team)
+    return f"of {', '.join(named)} " if named else ""
 
 
 def _boards(get: Get, key_expr: str) -> dict[tuple[str, str], Found]:

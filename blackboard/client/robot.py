@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 import threading
@@ -23,6 +24,8 @@ from blackboard.wire.types import LARGEST
 if TYPE_CHECKING:
     from robot_agent.driven import Driven, Gathered, Independence, Pose
 
+log = logging.getLogger(__name__)
+
 SMALLEST = 1e-9  # the smallest eigenvalue of a covariance, of its scale
 LEAST = 1e-6  # the smallest sigma, unit or radians: a message holds no smaller one
 
@@ -41,6 +44,7 @@ class Robot(Membership):
         self._told: Gathered | None = None  # since the last step
         self._own: bool | None = None  # whether it has a filter of its own; None: not known yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
+        self._warned = False  # of fixes that are outside the grid
         self._stepped = -math.inf  # team time of the newest step that had a time, seconds
 
     def _made(self, grid: Grid, news: TeamNews) -> Driven:
@@ -124,6 +128,11 @@ class Robot(Membership):
         if heading is not None:
             sigma_of_heading = known.sigma("heading_sigma", heading_sigma)
             turned = {"heading": known.angle("heading", heading), "heading_sigma": sigma_of_heading}
+        if self._grid is not None and self._grid.index((x, y)) is None and not self._warned:
+            self._warned = True
+            log.warning(
+                "%s: a fix at (%g, %g) is outside the team's grid: has it another unit or frame?", self.robot, x, y
+            )
         self._tell(fix=Fix(position=(x, y), sigma=known.number("sigma", sigma, least=LEAST), **turned))
 
     def see(
@@ -173,7 +182,7 @@ class Robot(Membership):
             raise ValueError("see(range=None): give a range, a bearing, both, or a position")
         sigmas = known.sigma("range_sigma", range_sigma), known.sigma("bearing_sigma", bearing_sigma)
         far = None if range is None else known.number("range", range, least=0.0)
-        angle = None if bearing is None else known.angle("bearing", bearing)
+        angle = None if bearing is None else known.bearing("bearing", bearing)
         if far is not None and angle is not None:
             both = Sighting(range=far, bearing=angle, range_sigma=sigmas[0], bearing_sigma=sigmas[1], **common)
             self._tell(own=None, sightings=(both,))
@@ -295,6 +304,11 @@ class _Call:
     def angle(self, name: str, value: Any) -> float:
         return math.remainder(self.number(name, value), math.tau)
 
+    def bearing(self, name: str, value: Any) -> float:
+        if abs(found := self.number(name, value)) > math.tau:
+            raise self.wrong(name, value, "give radians; this is more than a whole turn")
+        return math.remainder(found, math.tau)
+
     def share(self, name: str, value: Any) -> float:
         found = self._float(value)
         if not 0.0 < found <= 1.0:
@@ -340,4 +354,5 @@ class _Call:
             return math.nan
 
     def wrong(self, name: str, value: Any, cure: str) -> ValueError:
-        return ValueError(f"{self._method}({name}={value!r}): {cure}")
+        shown = " ".join(repr(value).split())  # that of an array has lines
+        return ValueError(f"{self._method}({name}={shown}): {cure}")

@@ -14,6 +14,8 @@ from blackboard.judge.samples import LEVELS
 from blackboard.opinion.scores import LEVELS as SHARES
 from blackboard.process.columns import columns
 
+WIDE = 0.5  # of an interval: whose share may be anything between 0.2 and 0.7 is not judged yet
+
 
 @dataclass(frozen=True)
 class RunResult:
@@ -155,12 +157,19 @@ def _tracked(card: dict[str, Any]) -> list[str]:
 
 
 def _too_short(card: dict[str, Any]) -> str:
-    """Behind a PASS: of whom nothing can be said of the regions."""
-    levels = ((f"{group} {level}", it) for group, found in card["honesty"].items() for level, it in found.items())
+    """Behind a PASS: of whom nothing can be said of the regions, or next to nothing."""
+    levels = [(f"{group} {level}", it) for group, found in card["honesty"].items() for level, it in found.items()]
     short = [row for row, it in levels if it.get("word") == SHORT]
-    if card["verdict"] != "PASS" or not short:
-        return ""
-    return f", but too short to judge the regions of {', '.join(short)}: judged in fewer than {FEWEST} blocks of {BLOCK:g} s"
+    wide = [row for row, it in levels if (at := it["coverage"].get("50")) and at["high"] - at["low"] > WIDE]
+    told = {
+        f"judged in fewer than {FEWEST} blocks of {BLOCK:g} s": short,
+        f"the 95 % interval of their 50 % regions is wider than {100 * WIDE:.0f} points": wide,
+    }
+    return "".join(
+        f", but too short to judge the regions of {', '.join(rows)}: {why}"
+        for why, rows in told.items()
+        if rows and card["verdict"] == "PASS"
+    )
 
 
 def _dishonest(card: dict[str, Any]) -> list[str]:

@@ -48,7 +48,7 @@ def _because(level: Table) -> str:
     names = list(dict.fromkeys(source["source"] for source in level["sources"]))
     if level["rule"] == JOINT:
         if not names:
-            return "nobody said anything new of it in this tick: it is predicted from before"
+            return "no robot said anything new about it in this tick: it is predicted from before"
         return f"{_and(names)} said so in this tick, and the team before"
     if len(names) == 1:
         told = sorted(level["ancestors"])
@@ -133,7 +133,7 @@ def _joint(level: Table) -> list[str]:
     found = []
     if level["sources"]:
         each = ", ".join(f"{source['source']} ({source['entropy']:.2f} nats by itself)" for source in level["sources"])
-        found.append(f"In this tick it was told of by {each}.")
+        found.append(f"New in this tick is what they said: {each}.")
     if level["existence"] is not None:
         found.append(
             f"It is a track of something without a name, which is there with {100 * level['existence']:.1f} %."
@@ -219,8 +219,8 @@ def _numbers(level: Table, it: Table) -> list[str]:
     if level["truth"] is not None:
         parts.append(f"log score {level['truth']['log_score']:.2f} nats")
     table = ", ".join(f"{name} {_short(value)}" for name, value in sorted(level["parameters"].items()))
-    rule = "a joint belief of the whole team, in which nobody has a weight" if level["rule"] == JOINT else level["rule"]
-    parts.append(f"rule {rule}" + (f" ({table})" if table else ""))
+    rule = "one joint belief of the whole team, without weights" if level["rule"] == JOINT else f"rule {level['rule']}"
+    parts.append(rule + (f" ({table})" if table else ""))
     return [f"Numbers: {'; '.join(parts)}.", *_ages(level)]
 
 
@@ -271,4 +271,4 @@ def _point(point: Sequence[float]) -> str:
 
 
 def _short(value: str | float) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+    return value if isinstance(value, str) else f"{value:.3g}"

@@ -114,12 +114,13 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.see("robot/r2", 1, bearing_sigma=1), r"see\(bearing_sigma=1.0\): give bearing too"),
     (lambda r: r.see("robot/r2", 1, 0, 0), r"see\(range_sigma=0\): give"),
     (lambda r: r.see("robot/r2", 1, 0, age=-1), r"see\(age=-1\): give"),
+    (lambda r: r.see("robot/r2", 1, 45.0), r"see\(bearing=45.0\): give radians; this is more than a whole turn"),
     (lambda r: r.see("robot/r2", position=(1, 1)), r"see\(covariance=None\): give the covariance"),
     (lambda r: r.see("robot/r2", 1, 0, covariance=np.eye(2)), r"see\(covariance=...\): belongs to a position"),
     (lambda r: r.see("robot/r2", 1, 0, position=(1, 1)), r"see\(position=...\): give either"),
     (lambda r: r.see("robot/r2", position=(1, 1), covariance=[[1, 2], [2, 1]]), r"see\(covariance=\[\[1, 2\], \[2, 1\]\]\): give a sym"),
     (lambda r: r.belief((1, 2), np.eye(3), (0, 0, 1)), r"belief\(mean=\(1, 2\)\): give 3 finite numbers"),
-    (lambda r: r.belief((1, 2, 3), -np.eye(3), (0, 0, 1)), r"belief\(covariance="),
+    (lambda r: r.belief((1, 2, 3), -np.eye(3), (0, 0, 1)), r"belief\(covariance=array\(\[\[-1., -0., -0.\], \["),
     (lambda r: r.belief((1, 2, 3), np.eye(3), (0, 0)), r"belief\(odometry=\(0, 0\)\): give 3 finite numbers"),
     (lambda r: r.belief((1, 2, 3), np.eye(3), (0, 0, 0)), r"belief\(odometry=\(0, 0, 0\)\): dt is above 0"),
     (lambda r: r.particles([(1, 2)], (0, 0, 1)), r"particles\(particles=\(1, 2\)\): give an array of shape \(N, 3\)"),
@@ -128,6 +129,14 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.see("landmark/door", 1, 0), r"see\(at=None\): give where the landmark stands"),
     (lambda r: r.see("object/ball", 1, 0, at=(1, 1)), r"see\(at=\(1, 1\)\): belongs to a landmark"),
 ]  # fmt: skip
+
+
+def test_a_fix_outside_the_grid_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot("r1", "demo")
+    for x in (25.0, 5400.0, 5401.0):
+        robot.fix((x, 3.0), sigma=0.1)
+    (told,) = caplog.messages
+    assert "r1: a fix at (5400, 3) is outside the team's grid" in told
 
 
 @pytest.mark.parametrize(("call", "names"), WRONG, ids=[names for _, names in WRONG])

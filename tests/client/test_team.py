@@ -123,6 +123,8 @@ def test_a_mistake_is_one_line(endpoint: str) -> None:
         Team("r1", endpoint=endpoint, patience=0.1).__enter__()
     with serving(endpoint, GRID), serving(endpoint, GRID, "b"):
         wait_until(lambda: several(endpoint), "both boards answer")
+        with pytest.raises(UserError, match="^r1: no board of .*/z answers; there are boards of .*/a, .*/b"):
+            Team("r1", sub_team="z", endpoint=endpoint, patience=0.1).__enter__()
 
 
 def several(endpoint: str) -> bool:

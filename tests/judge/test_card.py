@@ -68,6 +68,14 @@ def test_a_pass_says_whose_regions_were_judged_in_too_few_blocks() -> None:
     assert told in text(card).splitlines()
 
 
+def test_a_pass_says_whose_interval_is_too_wide_to_judge() -> None:
+    wide = {"word": "consistent", "coverage": {"50": {"share": 0.3, "low": 0.03, "high": 0.81}}}
+    card = scorecard(replace(RESULT, judgement=replace(JUDGEMENT, honesty={"objects": {"agreed": wide}})))
+    told = "PASS, but too short to judge the regions of objects agreed: the 95 % interval of their 50 % regions is wider than 50 points"
+    assert told in text(card).splitlines()
+    assert "too short" not in text({**card, "verdict": "FAIL"})
+
+
 def test_the_text_has_units_and_directions_and_a_row_for_each_level_that_was_judged() -> None:
     lines = text(scorecard(RESULT)).splitlines()
     shares = [word for level in ("50", "90", "95") for word in ("in", level, "%")]

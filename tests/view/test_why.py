@@ -154,7 +154,7 @@ def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
     assert level["rule"] == "joint"
     assert level["without"] == {}
     said = " ".join(sentences(explain(team, moment, "robot/r1")))
-    assert "a joint belief of the whole team, in which nobody has a weight" in said
+    assert "one joint belief of the whole team, without weights" in said
     told = moment.subjects["robot/r1"].best
     assert told is not None
     assert told.message.state is not None
