@@ -1,4 +1,4 @@
-"""What a board publishes: where it leads, all that it settled; where it follows, its status alone. Pure."""
+"""What a board settles, and publishes: where it leads, all that it settled; where it follows, its status alone. Pure."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
+from blackboard.board.board import Board
 from blackboard.board.clocks import Clocks
-from blackboard.board.lead import Lead, Publication
+from blackboard.board.handover import Handover
+from blackboard.board.lead import BoardRole, Lead, Publication
+from blackboard.board.participants import Participants
 from blackboard.config import BoardSection
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake
@@ -15,19 +18,28 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import packed_grid
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import PackedAnchor, Status
+from blackboard.wire.evidence import Forward
+from blackboard.wire.messages import Consensus, PackedAnchor, Refusal, Status
+from blackboard.wire.raw import MAX_BYTES
+from blackboard.wire.types import Message
 
 log = logging.getLogger(__name__)
 
 
 class Publisher:
-    """Envelopes of what was settled, and of the status of one board. `now` is Unix time in seconds."""
+    """Envelopes of what a board settles, and of its status. `now` is Unix time in seconds."""
 
     def __init__(
-        self, team: str, grid: Grid, settings: BoardSection, lead: Lead, clocks: Clocks, intake: Intake
+        self,
+        participants: Participants,
+        grid: Grid,
+        settings: BoardSection,
+        lead: Lead,
+        clocks: Clocks,
+        intake: Intake,
     ) -> None:
-        self.lead, self.clocks, self.intake = lead, clocks, intake
-        self._key = keys.STATUS.key(team=team, sub_team=lead.sub_team, process=lead.board)
+        self.participants, self.lead, self.clocks, self.intake = participants, lead, clocks, intake
+        self._learns = settings.learns
         self._blank = Status(
             process=lead.board,
             kind="board",
@@ -38,10 +50,10 @@ class Publisher:
             anchor=None if grid.anchor is None else PackedAnchor(**asdict(grid.anchor)),
         )
         self._led: int | None = None  # the term in which it was logged that this board leads
-        self.begin()
 
-    def begin(self) -> None:
-        """Forget what was settled."""
+    def begin(self, board: Board, handover: Handover) -> None:
+        """Forget what was settled: from now on this board settles."""
+        self.board, self.handover = board, handover
         self.begin_tick()
         self._settled: Status | None = None  # the status after the newest settlement
 
@@ -49,15 +61,57 @@ class Publisher:
         self._said: list[Publication] = []  # in this tick, or kept, where another board leads
         self._sent: list[Envelope] = []  # in this tick; sent again when the world repeats its Clock
 
-    def blank(self, tick: int, time: float) -> Status:
-        """A status of a tick in which nothing is settled yet, at a team time in seconds."""
-        return self._blank.model_copy(update={"tick": max(0, tick), "time": time})
+    def settle(self, level: str, now: float) -> list[Envelope]:
+        """A phase of the tick is over: what is published of it. level: "consensus", or "agreed" of the exchange."""
+        tick, time = self.clocks.clock.tick, self.clocks.clock.time(now)
+        survive = self.intake.failures.survive
+        found = list[Consensus]()
+        with survive(f"the {level} of a tick"):
+            if level == "consensus":
+                self.participants.note_members()
+                found = self.board.settle(tick, time, self.participants.counts)
+            else:
+                found = self.board.exchange(tick, time, self.participants.robots())
+                found = [self.clocks.addressed(consensus) for consensus in found]
+        topic = keys.CONSENSUS if level == "consensus" else keys.AGREED
+        out = [self._told(topic, c, subject=c.subject) for c in found]
+        if level == "consensus":
+            with survive("what is forwarded"):
+                out += self._forward(tick, time)
+        else:
+            self.handover.agreed_at = tick, time
+        self.intake.counters["settled"] += len(found)
+        update = {
+            "phase": level,
+            "subjects": [c.subject for c in found],
+            "learned": self.board.learned(),
+            "dissent": self.board.dissent(),
+        }
+        status = self._of_tick(tick, time).model_copy(update=update)
+        if not out and self.clocks.differ:
+            # Without a world no process waits for the status of a phase, so an empty one is left to the status of each second.
+            self._settled = status
+            return []
+        return self._publish(Publication(tick, level, time, tuple(out), status), now)
 
-    def settle(self, status: Status) -> None:
-        """Nothing was settled that others wait for: the next status shows it."""
-        self._settled = status
+    def aside(self, now: float) -> list[Envelope]:
+        """What is told beside the ticks: to robots what was refused of them, to boards that follow what this one remembers."""
+        refusals = self.intake.refusals.due(now)
+        out = list[Envelope]()
+        if refusals and self.lead.role is not BoardRole.FOLLOWS:
+            said = {"board": self.lead.board, "sub_team": self.lead.sub_team, "time": self.clocks.clock.time(now)}
+            mine = [it for sub_team, it in refusals if sub_team == self.lead.sub_team]
+            out += [self._told(keys.REFUSED, Refusal(**said, **asdict(it)), robot=it.robot) for it in mine]
+        memory = self.handover.give(self.clocks.clock.run) if self._learns and self.lead.leads else None
+        if memory is None:
+            return out
+        told = self._told(keys.MEMORY, memory, board=self.lead.board)
+        if len(told.payload) <= MAX_BYTES:
+            return [*out, told]
+        self.intake.counters["memory_too_large"] += 1  # no message may be larger; who follows learns by itself then
+        return out
 
-    def publish(self, said: Publication, now: float) -> list[Envelope]:
+    def _publish(self, said: Publication, now: float) -> list[Envelope]:
         """A phase of a tick is over: all that was settled in it where this board leads, else the status alone."""
         self._said.append(said)
         if not self.lead.may_say(said.time):
@@ -87,7 +141,7 @@ class Publisher:
     def status(self, now: float, lacks: Sequence[str] = ()) -> Envelope:
         """What was settled last, at the time of that tick, with the counters as they stand; "idle" before the first tick."""
         clock = self.clocks.clock
-        return self._shown(self._settled or self.blank(clock.tick, clock.time(now)), now, lacks)
+        return self._shown(self._settled or self._of_tick(clock.tick, clock.time(now)), now, lacks)
 
     def _in_full(self, all_said: Iterable[Publication], now: float) -> list[Envelope]:
         found = list[Envelope]()
@@ -107,7 +161,22 @@ class Publisher:
     def _shown(self, status: Status, now: float, lacks: Sequence[str] = ()) -> Envelope:
         part = {"follows": not self.lead.leads, "term": self.lead.term, "since": self.lead.since, "lacks": list(lacks)}
         status = self.clocks.shown(status.model_copy(update=part), now)
-        return Envelope(self._key, encode(self.intake.counted(status, now)))
+        return self._told(keys.STATUS, self.intake.counted(status, now), process=self.lead.board)
+
+    def _of_tick(self, tick: int, time: float) -> Status:
+        """A status of a tick in which nothing is settled yet, at a team time in seconds."""
+        return self._blank.model_copy(update={"tick": max(0, tick), "time": time})
+
+    def _forward(self, tick: int, time: float) -> list[Envelope]:
+        evidence = self.board.forward(time)
+        if self.board.joint is None or (not evidence and self.clocks.differ):
+            return []
+        board, sub_team = self.lead.board, self.lead.sub_team
+        forward = Forward(board=board, sub_team=sub_team, tick=max(0, tick), time=time, evidence=evidence)
+        return [self._told(keys.FORWARD, forward, board=board)]
+
+    def _told(self, topic: keys.Topic, message: Message, **parts: str) -> Envelope:
+        return Envelope(topic.key(team=self.participants.team, sub_team=self.lead.sub_team, **parts), encode(message))
 
 
 def settings_in_force(settings: BoardSection) -> dict[str, str | float]:

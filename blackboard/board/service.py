@@ -1,21 +1,20 @@
 """The board process: envelopes to messages around a Board, and what it publishes at the end of each phase of a tick.
 
-It only routes: `Reception` judges what arrives,
-the table `blackboard.process.rounds.BOARD` says when a phase is over (docs/ticks.md, "A tick in lockstep"), the `Board` settles, and
-the `Publisher` sends it.
+It only routes: `Reception` judges what arrives, the table `blackboard.process.rounds.BOARD` says when a phase is over (docs/ticks.md,
+"A tick in lockstep"), and the `Publisher` lets the `Board` settle. So a report is here three times until it is pooled: `receive`,
+`_take` and `_turn`.
 """
 
 from __future__ import annotations
 
 import logging
 from collections import Counter
-from dataclasses import asdict
 
 from blackboard.board.board import Board
 from blackboard.board.clocks import Clocks
 from blackboard.board.guests import Guests
 from blackboard.board.handover import Handover
-from blackboard.board.lead import BoardRole, Lead, Publication
+from blackboard.board.lead import Lead
 from blackboard.board.participants import Participants
 from blackboard.board.publisher import Publisher
 from blackboard.board.reception import Reception
@@ -26,11 +25,8 @@ from blackboard.process.roster import Roster
 from blackboard.process.rounds import BOARD, Rounds
 from blackboard.process.team_clock import WORLD_SILENT, News, Pace, TeamClock
 from blackboard.wire import keys
-from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.evidence import Forward
-from blackboard.wire.messages import Clock, Consensus, Refusal
-from blackboard.wire.raw import MAX_BYTES
+from blackboard.wire.messages import Clock
 from blackboard.wire.types import Message
 
 log = logging.getLogger(__name__)
@@ -65,7 +61,7 @@ class BoardService:
     ) -> None:
         """`members`: the robots that a scenario names, and what others may do; by default everybody may report."""
         self.team, self.sub_team, self.name = team, sub_team, board
-        self.grid, self.settings, self._learns = grid, settings, settings.learns
+        self.grid, self.settings = grid, settings
         self.intake = Intake()
         self.roster = Roster(*self.tokens)
         self.clock = TeamClock(self.roster, settings.period)
@@ -75,7 +71,7 @@ class BoardService:
         self.guests = Guests(members)
         self.participants = Participants(self.roster, self.clock, team, sub_team, self.guests)
         self.reception = Reception(board, self.participants, self.clocks, self.lead, self.intake)
-        self.publisher = Publisher(team, grid, settings, self.lead, self.clocks, self.intake)
+        self.publisher = Publisher(self.participants, grid, settings, self.lead, self.clocks, self.intake)
         self._pace = self.clock.pace  # the pace at which early messages were retried last
         self._is_wake_due = False  # in real time: whether a message came since the board was woken
         self._begin()
@@ -89,7 +85,7 @@ class BoardService:
         )
         self.handover = Handover(self.board)
         self.reception.begin(self.board, self.handover)
-        self.publisher.begin()
+        self.publisher.begin(self.board, self.handover)
         self.rounds.enter("settled", 0.0)
 
     # --- what the loop needs ----------------------------------------------------------------------------------------------
@@ -115,7 +111,7 @@ class BoardService:
             keys.CONSENSUS.key(team=team, sub_team="*", subject="**"),
             *([] if self.settings.fusion == "opinions" else [keys.FORWARD.key(team=team, sub_team="*", board="*")]),
             keys.STATUS.key(team=team, sub_team="*", process="*"),
-            *([keys.MEMORY.key(team=team, sub_team=mine, board="*")] if self._learns else []),
+            *([keys.MEMORY.key(team=team, sub_team=mine, board="*")] if self.settings.learns else []),
         )
 
     @property
@@ -134,7 +130,7 @@ class BoardService:
         self.intake.record_link_counters(counters)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
-        out = self.publisher.look(now) + self._turn(now, "before")
+        out = self.publisher.look(now) + self._turn("before", now)
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             self._hold(now)
             self.roster.hear(envelope, now)
@@ -142,13 +138,13 @@ class BoardService:
             out += [self.publisher.status(now)] if _is_world(envelope) else []
         else:
             out += self.intake.take(envelope, lambda parts, message: self._take(parts, message, now), now)
-        out += self._advance(now, "message") + self._refusals(now)
+        out += self._look("message", now) + self._turn("message", now)
         self._is_wake_due = self.clock.pace is Pace.REALTIME
-        return out + self._memory()
+        return out + self.publisher.aside(now)
 
     def wake(self, now: float) -> list[Envelope]:
         self._is_wake_due = False
-        out = self._advance(now, "batch") + self._refusals(now) + self._memory()
+        out = self._look("batch", now) + self._turn("batch", now) + self.publisher.aside(now)
         return [*out, self.publisher.status(now)] if now >= self.intake.status_due else out
 
     def wake_at(self, now: float) -> float | None:
@@ -213,8 +209,8 @@ class BoardService:
         self.reception.begin_tick(now)
         self.publisher.begin_tick()
 
-    def _advance(self, now: float, moment: str) -> list[Envelope]:
-        """Do what can be done at a moment (`blackboard.process.rounds.MOMENTS`); without a world a tick begins after a batch only."""
+    def _look(self, moment: str, now: float) -> list[Envelope]:
+        """See what time has changed (`blackboard.process.rounds.MOMENTS`); without a world a tick begins after a batch only."""
         self._hold(now)
         self.roster.forget(now)
         out: list[Envelope] = []
@@ -223,93 +219,22 @@ class BoardService:
         if self.clock.pace is not self._pace:
             self._pace = self.clock.pace
             out += self._retry(now)
-        out += self.publisher.look(now)
-        return out + self._turn(now, moment)
+        return out + self.publisher.look(now)
 
-    def _turn(self, now: float, moment: str) -> list[Envelope]:
+    def _turn(self, moment: str, now: float) -> list[Envelope]:
         """End each phase of the tick that is over, and return what is published at its end."""
         out: list[Envelope] = []
         while (ended := self.rounds.turn(self.clock.pace, now, self.reception.has, moment)) is not None:
             phase, late = ended
             if late:
                 self.counters["late"] += 1
-            out += self._settle("consensus" if phase == "reports" else "agreed", now)
+            out += self.publisher.settle("consensus" if phase == "reports" else "agreed", now)
         return out
 
     def _hold(self, now: float) -> None:
         """In lockstep let the phase, and its patience, begin anew while the router is away, because nothing can arrive then."""
         if self.roster.away and self.clock.pace is Pace.LOCKSTEP:
             self.rounds.enter(self.rounds.phase, now)
-
-    # --- sending ----------------------------------------------------------------------------------------------------------
-
-    def _settle(self, level: str, now: float) -> list[Envelope]:
-        tick, time = self.clock.tick, self.clock.time(now)
-        survive = self.intake.failures.survive
-        found = list[Consensus]()
-        with survive(f"the {level} of a tick"):
-            if level == "consensus":
-                self.participants.note_members()
-                found = self.board.settle(tick, time, self.participants.counts)
-            else:
-                found = self.board.exchange(tick, time, self.participants.robots())
-                found = [self.clocks.addressed(consensus) for consensus in found]
-        topic = keys.CONSENSUS if level == "consensus" else keys.AGREED
-        out = [Envelope(self._key(topic, subject=c.subject), encode(c)) for c in found]
-        if level == "consensus":
-            with survive("what is forwarded"):
-                out += self._forward(tick, time)
-        self.counters["settled"] += len(found)
-        if level == "agreed":
-            self.handover.agreed_at = tick, time
-        update = {
-            "phase": level,
-            "subjects": [c.subject for c in found],
-            "learned": self.board.learned(),
-            "dissent": self.board.dissent(),
-        }
-        status = self.publisher.blank(tick, time).model_copy(update=update)
-        if not out and self.clocks.differ:
-            # Without a world no process waits for the status of a phase, so an empty one is left to the status of each second.
-            self.publisher.settle(status)
-            return []
-        return self.publisher.publish(Publication(tick, level, time, tuple(out), status), now)
-
-    def _forward(self, tick: int, time: float) -> list[Envelope]:
-        evidence = self.board.forward(time)
-        if self.board.joint is None or (not evidence and self.clocks.differ):
-            return []
-        forward = Forward(board=self.name, sub_team=self.sub_team, tick=max(0, tick), time=time, evidence=evidence)
-        return [Envelope(self._key(keys.FORWARD, board=self.name), encode(forward))]
-
-    def _memory(self) -> list[Envelope]:
-        """What a board that leads remembers, once a second of team time."""
-        memory = self.handover.give(self.clock.run) if self._learns and self.lead.leads else None
-        if memory is None:
-            return []
-        payload = encode(memory)
-        if len(payload) > MAX_BYTES:  # no message may be larger; who follows learns by itself then
-            self.counters["memory_too_large"] += 1
-            return []
-        return [Envelope(self._key(keys.MEMORY, board=self.name), payload)]
-
-    def _refusals(self, now: float) -> list[Envelope]:
-        """Tell robots of the sub-team what was refused under their names, unless this board follows one that does."""
-        told = self.intake.refusals.due(now)
-        if not told or self.lead.role is BoardRole.FOLLOWS:
-            return []
-        time = self.clock.time(now)
-        return [
-            Envelope(
-                self._key(keys.REFUSED, robot=it.robot),
-                encode(Refusal(board=self.name, sub_team=self.sub_team, time=time, **asdict(it))),
-            )
-            for sub_team, it in told
-            if sub_team == self.sub_team
-        ]
-
-    def _key(self, topic: keys.Topic, **parts: str) -> str:
-        return topic.key(team=self.team, sub_team=self.sub_team, **parts)
 
 
 def _is_world(envelope: Envelope) -> bool:
