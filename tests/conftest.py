@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -25,6 +26,10 @@ settings.register_profile(
 settings.load_profile("house")
 
 
+#: What a file has where several of its tests read one run.
+SHARES = re.compile(r'scope="module"|^@cache$', re.MULTILINE)
+
+
 def pytest_configure() -> None:
     """Give the programs that tests start the default disposition of SIGINT, also where this run was started to ignore it.
 
@@ -39,10 +44,14 @@ def pytest_configure() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Folders mark their tests, so that only what takes milliseconds runs among the unit tests (Makefile).
 
-    Real processes come first, then whole teams: on several cores nobody waits for one long test at the end.
+    Real processes come first, then whole teams: on several cores nobody waits for one long test at the end. Tests of one file that
+    read one costly run stay in one process, which makes it once.
     """
     here = Path(__file__).parent
+    shared = {path for path in {item.path for item in items} if SHARES.search(path.read_text(encoding="utf-8"))}
     for item in items:
+        if item.path in shared:
+            item.add_marker(pytest.mark.xdist_group(str(item.path.relative_to(here))))
         room = item.path.relative_to(here).parts[0]
         if room in ("system", "compose", "long"):
             item.add_marker(room)

@@ -16,7 +16,7 @@ from tests.access.doors import Enter, Shut, alive, denied, gets_through, put
 from tests.board.reports import at, board, report
 from tests.processes import Letters, program, wait_until
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.xdist_group("door")]  # one directory of keys, and one router
 
 
 # --- what gets through ----------------------------------------------------------------------------------------------------

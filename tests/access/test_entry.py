@@ -20,7 +20,7 @@ from blackboard.wire.envelope import Envelope, Kind
 from tests.access.doors import Enter, Shut, alive, denied, enter, gets_through, make_keys, mixed, put, router
 from tests.processes import Letters, introduce, program, wait_until
 
-pytestmark = pytest.mark.team
+pytestmark = [pytest.mark.team, pytest.mark.xdist_group("door")]  # one directory of keys, and one router
 OWN = "cop/t/a/report/r1/robot/r1"
 
 

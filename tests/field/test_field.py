@@ -8,7 +8,7 @@ import pytest
 from examples.field.world import Truth, World
 from tests.field.play import Field, Score, scenario
 
-pytestmark = [pytest.mark.team, pytest.mark.xdist_group("field")]  # a run of a minute that several tests read
+pytestmark = pytest.mark.team
 SEEDS = (101, 102)  # the longer runs of `python -m tests.field.play` are on others
 SECONDS = 40.0
 

@@ -41,9 +41,6 @@ def scenario(*faults: dict[str, Any], fusion: str = "opinions", seconds: float |
     return found.changed("time", seconds=seconds)
 
 
-pytestmark = pytest.mark.xdist_group("faults")  # runs that several tests read
-
-
 class Said:
     """A run, and the newest status of its board and consensuses by level and subject."""
 
@@ -53,7 +50,8 @@ class Said:
         self.card = self.team.run()
         assert self.team.world.why == ""
         self.status: Status = heard.of(keys.STATUS, process="board-a")[-1]
-        said: list[Consensus] = heard.of(keys.CONSENSUS) + heard.of(keys.AGREED)
+        self.settled: list[Consensus] = heard.of(keys.CONSENSUS)
+        said: list[Consensus] = self.settled + heard.of(keys.AGREED)
         self.consensuses = {(it.level, it.subject): it for it in said}
 
 
@@ -72,6 +70,11 @@ def lied_to() -> Said:
     return Said(scenario(LIE))
 
 
+@pytest.fixture(scope="module")
+def lied_to_joint() -> Said:
+    return Said(scenario(LIE, fusion="joint"))
+
+
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault["kind"]))
 def test_the_same_seed_is_the_same_run_in_any_order_and_another_one_than_without(
     short: Said, fault: dict[str, Any]
@@ -82,8 +85,10 @@ def test_the_same_seed_is_the_same_run_in_any_order_and_another_one_than_without
 
 
 @pytest.mark.parametrize("fusion", ["opinions", "joint"])
-def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(lied_to: Said, fusion: str) -> None:
-    said = lied_to if fusion == "opinions" else Said(scenario(LIE, fusion=fusion))
+def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(
+    lied_to: Said, lied_to_joint: Said, fusion: str
+) -> None:
+    said = lied_to if fusion == "opinions" else lied_to_joint
     assert {it.source for it in said.status.dissent} == {"r5"}
     levels = {it.level for it in said.status.dissent}
     assert ("agreed" if fusion == "joint" else "consensus") in levels
@@ -95,15 +100,18 @@ def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(lied_to:
     assert any("r5" in {it.source for it in c.dissent} for c in said.consensuses.values())
 
 
+def test_without_its_faults_a_run_is_the_one_without(short: Said) -> None:
+    assert Said(without_faults(scenario(LIE, seconds=2.5))).card["hash"] == short.card["hash"]
+
+
 def test_the_honest_are_scored_alone_and_the_liar_beside_them(calm: Said, lied_to: Said) -> None:
-    said, honest = lied_to, Said(without_faults(scenario(LIE)))
-    assert honest.card["hash"] == calm.card["hash"]
+    said = lied_to
     assert list(said.card["scores"]) == ["robots", "objects", "faulty"]
     assert list(said.card["scores"]["robots"]["by_name"]) == ["r1", "r2", "r3", "r4"]
     assert list(said.card["scores"]["faulty"]["by_name"]) == ["r5"]
     assert "faulty" not in calm.card["scores"]
     assert "faulty agreed" in text(said.card)
-    misled, alone = (it.card["scores"]["robots"]["agreed"]["rmse"] for it in (said, honest))
+    misled, alone = (it.card["scores"]["robots"]["agreed"]["rmse"] for it in (said, calm))
     assert alone < misled
 
 
@@ -120,9 +128,9 @@ def test_a_skewed_robot_is_refused_by_its_stamp_and_says_so_in_the_board_s_statu
     assert said.status.refused["future"] > 0
 
 
-def test_names_without_a_token_do_not_vote(calm: Said) -> None:
+def test_names_without_a_token_do_not_vote(short: Said) -> None:
     """One process speaks for ten robots that hold no token, all at one wrong place: no bit changes, although guests may vote."""
-    team = Team(scenario().changed("team", guests="vote"))
+    team = Team(scenario(seconds=2.5).changed("team", guests="vote"))
     busy = False
 
     def invent(envelope: Envelope) -> None:
@@ -137,22 +145,20 @@ def test_names_without_a_token_do_not_vote(calm: Said) -> None:
         busy = False
 
     team.bus.spies.append(invent)
-    assert team.run()["hash"] == calm.card["hash"]
+    assert team.run()["hash"] == short.card["hash"]
     assert team.boards["a"].refused["unregistered"] > 0
 
 
-def test_one_token_is_one_opinion_on_a_subject_however_often_it_speaks() -> None:
+def test_one_token_is_one_opinion_on_a_subject_however_often_it_speaks(calm: Said) -> None:
     """What a robot reports under its own name replaces what it said before, and never adds to it."""
-    team = Team(scenario(seconds=3.0))
-    heard = Heard(team.bus)
-    team.run()
-    for consensus in heard.of(keys.CONSENSUS):
+    assert calm.settled
+    for consensus in calm.settled:
         sources = [used.source for used in consensus.used if used.how == "independent"]
         assert len(sources) == len(set(sources))
 
 
-def test_what_is_agreed_about_a_liar_is_not_what_the_joint_has_from_the_liar_alone() -> None:
-    said = Said(scenario(LIE, fusion="joint"))
+def test_what_is_agreed_about_a_liar_is_not_what_the_joint_has_from_the_liar_alone(lied_to_joint: Said) -> None:
+    said = lied_to_joint
     rules = {subject: it.rule for (level, subject), it in said.consensuses.items() if level == "agreed"}
     assert rules.pop("robot/r5") != "joint"
     assert set(rules.values()) == {"joint"}

@@ -14,8 +14,8 @@ from tests.nights.faults import Fault, OnWay
 from tests.nights.night import LAST, draw_night
 from tests.nights.run import live
 
-NIGHTS = 50
-PART = 5  # nights of one test
+NIGHTS = 10  # of those that `.ci/run` lives through
+PART = 2  # nights of one test
 
 
 @pytest.mark.parametrize("first", range(0, NIGHTS, PART))

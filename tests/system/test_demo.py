@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from pathlib import Path
 
 import pytest
 
 from blackboard.config import load
+from blackboard.errors import UserError
 from blackboard.lab.team import Team
 from blackboard.run.door import INTERRUPTED
 from blackboard.run.flags import TeamFlags
-from tests.commands import blackboard
+from tests.commands import blackboard, call
 from tests.files import DATASET7, needs_dataset7
 from tests.processes import children, is_running, program, wait_until
 
@@ -86,12 +88,10 @@ def test_no_orphan_is_left_when_the_launcher_is_killed() -> None:
 def test_a_mistake_in_a_scenario_is_one_line_with_file_and_field(tmp_path: Path, text: str, field: str) -> None:
     file = tmp_path / "wrong.toml"
     file.write_text(text)
-    run = blackboard("up", str(file))
-    assert run.returncode == 2
-    last = run.stderr.strip().splitlines()[-1]
-    assert last.startswith("error: ")
-    assert field in last
-    assert run.stdout == ""
+    with pytest.raises(UserError, match=re.escape(field)) as mistake:
+        call("up", file)
+    assert str(mistake.value).startswith(str(file))
+    assert "\n" not in str(mistake.value)
 
 
 @pytest.mark.parametrize("door", ["blackboard demo", "sim_world"])
@@ -103,10 +103,8 @@ def test_a_folder_without_a_recording_is_one_line(door: str, tmp_path: Path) -> 
 
 
 def test_for_a_folder_that_is_not_there_nothing_is_started() -> None:
-    run = blackboard("demo", "--mrclam", "/no/such/folder")
-    assert run.returncode == 2
-    assert run.stderr.startswith("error: world.dir: no folder /no/such/folder; ")
-    assert len(run.stderr.splitlines()) == 1
+    with pytest.raises(UserError, match=r"^world.dir: no folder /no/such/folder; .*$"):
+        call("demo", "--mrclam", "/no/such/folder")
 
 
 @pytest.mark.long

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ SCENARIO = JOINT.changed("time", seconds=4.0)
 CROWD = [f"r{number}" for number in range(20, 32)]
 
 
+@cache
 def lies() -> list[Report]:
     """What a robot says that invents objects, in the tick in which it says most."""
     lie, said = CATALOGUE["invents-groups"], list[Report]()

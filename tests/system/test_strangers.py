@@ -19,7 +19,7 @@ from tests.files import ROOT
 from tests.processes import LONG, wait_until
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def endpoint() -> Iterator[str]:
     """A router and the board of sub-team a, as processes."""
     at = f"tcp/127.0.0.1:{free_port()}"
