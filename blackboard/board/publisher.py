@@ -99,15 +99,16 @@ class Publisher:
         refusals = self.intake.refusals.due(now)
         out = list[Envelope]()
         if refusals and self.lead.role is not BoardRole.FOLLOWS:
-            said = {"board": self.lead.board, "sub_team": self.lead.sub_team, "time": self.clocks.clock.time(now)}
-            mine = [it for sub_team, it in refusals if sub_team == self.lead.sub_team]
-            out += [self._told(keys.REFUSED, Refusal(**said, **asdict(it)), robot=it.robot) for it in mine]
+            board, sub_team, time = self.lead.board, self.lead.sub_team, self.clocks.clock.time(now)
+            mine = [it for theirs, it in refusals if theirs == sub_team]
+            told = [Refusal(board=board, sub_team=sub_team, time=time, **asdict(it)) for it in mine]
+            out += [self._told(keys.REFUSED, it, robot=it.robot) for it in told]
         memory = self.handover.give(self.clocks.clock.run) if self._learns and self.lead.leads else None
         if memory is None:
             return out
-        told = self._told(keys.MEMORY, memory, board=self.lead.board)
-        if len(told.payload) <= MAX_BYTES:
-            return [*out, told]
+        handed = self._told(keys.MEMORY, memory, board=self.lead.board)
+        if len(handed.payload) <= MAX_BYTES:
+            return [*out, handed]
         self.intake.counters["memory_too_large"] += 1  # no message may be larger; who follows learns by itself then
         return out
 
