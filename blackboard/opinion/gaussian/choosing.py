@@ -11,7 +11,7 @@ from blackboard.opinion.gaussian.coalitions import PREDICTION, Choice, about, ch
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Factor
-from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.relation import Relative, linearise_all
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.vehicle import Motion
 
@@ -26,12 +26,12 @@ def choose_evidence(
     """
     found = {}
     heard = entered | set(motions)
-    made: dict[int, tuple[Factor, bool] | None] = {}  # by the id of a piece of evidence, of the joint as it is
-    for robot in sorted(heard):
-        pieces = _pieces(team, robot, news, heard, entered) if team.knows(robot) else {}
-        if len(pieces) < 2:
-            continue
-        factors = _factors(team, robot, pieces, motions, made)
+    known = [robot for robot in sorted(heard) if team.knows(robot)]
+    evidence = {robot: _pieces(team, robot, news, heard, entered) for robot in known}
+    evidence = {robot: pieces for robot, pieces in evidence.items() if len(pieces) > 1}
+    made = _factors(team, evidence, motions)
+    for robot, pieces in evidence.items():
+        factors = {source: made[id(piece)] for source, piece in pieces.items() if id(piece) in made}
         if not any(doubtful for _, doubtful in factors.values()):
             continue
         said = {source: about(team.joint, robot, piece, motions) for source, piece in pieces.items()}
@@ -45,7 +45,7 @@ def choose_evidence(
             if choice.outvoted:
                 away = [opinions[name].mean - predicted.mean for name in choice.members]
                 team.widen(robot, float(np.hypot(*np.mean(away, axis=0))))
-                made.clear()
+                made |= _factors(team, {robot: pieces}, motions)  # of the others nothing has changed
                 team.trust.forget(robot)
                 team.offsets.forget(robot)
                 team.tally.outvoted += 1
@@ -53,26 +53,21 @@ def choose_evidence(
 
 
 def _factors(
-    team: TeamState,
-    robot: str,
-    pieces: Mapping[str, Increment | Relative],
-    motions: Mapping[str, Motion],
-    made: dict[int, tuple[Factor, bool] | None],
-) -> dict[str, tuple[Factor, bool]]:
-    """The factors of pieces of evidence, by source, and whether each is doubtful; without those that say nothing.
+    team: TeamState, evidence: Mapping[str, Mapping[str, Increment | Relative]], motions: Mapping[str, Motion]
+) -> dict[int, tuple[Factor, bool]]:
+    """The factors of the evidence about some robots, by its ids, and whether each is doubtful: hardly agrees with what is predicted.
 
-    What is made already is taken from there.
+    What says nothing is left out.
     """
-    for piece in pieces.values():
-        if id(piece) in made:
-            continue
-        if isinstance(piece, Relative):
-            factor: Factor | None = linearise(team.joint, piece, motions)
-        else:
-            factor = likelihood(team.joint, robot, piece)
-        made[id(piece)] = None if factor is None else (factor, _is_doubtful(team, factor))
-    found = {source: made[id(piece)] for source, piece in pieces.items()}
-    return {source: one for source, one in found.items() if one is not None}
+    seen = {id(it): it for pieces in evidence.values() for it in pieces.values() if isinstance(it, Relative)}
+    factors = dict(zip(seen, linearise_all(team.joint, list(seen.values()), motions), strict=True))
+    for robot, pieces in evidence.items():
+        own = pieces.get(robot)
+        if isinstance(own, Increment) and (factor := likelihood(team.joint, robot, own)) is not None:
+            factors[id(own)] = factor
+    innovations = team.joint.innovations(list(factors.values()))
+    doubtful = [it.squared > quantile(DOUBT, it.freedom) for it in innovations]
+    return dict(zip(factors, zip(factors.values(), doubtful, strict=True), strict=True))
 
 
 def _pieces(
@@ -92,12 +87,6 @@ def _pieces(
     if own is not None and robot not in entered:
         found[robot] = own
     return found
-
-
-def _is_doubtful(team: TeamState, factor: Factor) -> bool:
-    """Whether a piece of evidence hardly agrees with what is predicted."""
-    found = team.joint.innovation(factor)
-    return found.squared > quantile(DOUBT, found.freedom)
 
 
 def _is_refuted(team: TeamState, factors: list[Factor]) -> bool:

@@ -12,7 +12,8 @@ from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.increment import likelihood
-from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct
@@ -32,19 +33,22 @@ def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str,
     Of who is refuted here nothing counts from this tick on: its mates have just become less sure of their places.
     """
     said: dict[str, dict[str, Claim]] = {}
+    sure: dict[str, Moments] = {}
+    seen: list[Relative] = []
     for robot, evidence in news.items():
-        if evidence.belief is None or np.trace(evidence.belief.covariance[AXES, AXES]) > KNOWN:
+        own = evidence.belief
+        if own is None or np.trace(own.covariance[AXES, AXES]) > KNOWN:
             continue
         with team.blaming(robot):
-            team.contacts.correct(robot, evidence.belief, evidence.increment)
-            if team.contacts.is_reckoned(robot):
-                continue
-            own = evidence.belief
-            said.setdefault(robot, {})[robot] = Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))
-            for relative in evidence.relatives:
-                if relative.observer == robot and relative.subject != robot and relative.places:
-                    claim = claimed(own, relative, motions.get(robot))
-                    said.setdefault(relative.subject, {})[robot] = claim
+            team.contacts.correct(robot, own, evidence.increment)
+        if not team.contacts.is_reckoned(robot):
+            sure[robot] = own
+            said[robot] = {robot: Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))}
+            seen += [r for r in evidence.relatives if r.observer == robot and r.subject != robot and r.places]
+    with team.blaming(""):
+        claims = claimed(Joint.of(sure), seen, motions)
+    for relative, claim in zip(seen, claims, strict=True):
+        said.setdefault(relative.subject, {})[relative.observer] = claim
     parted: set[str] = set()
     for _, by_source in sorted(said.items()):
         parted |= team.contacts.judge(by_source)
@@ -90,7 +94,7 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
     factor = None if evidence.increment is None else likelihood(team.joint, robot, evidence.increment)
     if factor is None:
         return
-    factor, squared = team.weighed((robot, "increment"), factor)
+    factor, squared = team.weighed((robot, "increment"), factor, team.joint.innovation(factor))
     by, freedom = team.outvoted(robot, robot), len(factor.residual)
     taken = squared <= quantile(GATE, freedom) and not by
     team.add_verdict(Verdict(robot, robot, "increment", squared, freedom, taken, by))

@@ -56,15 +56,15 @@ class Covariance:
         return self._lean is not None or self._variances is not None
 
     def among(self, index: Index) -> Array:
-        """The covariance of the states of some whole blocks, by their indices."""
-        found: Array = self._matrix[index[:, np.newaxis], index]
+        """The covariance of the states of some whole blocks, by their indices, shape (n,): shape (n, n); or of k such sets, (k, n)."""
+        found: Array = self._matrix[index[..., np.newaxis], index[..., np.newaxis, :]]
         if not self._waits:
             return found
-        rows = self._rows[:, index]
-        found -= rows.T @ rows
+        rows = np.moveaxis(self._rows[:, index], 0, -1)
+        found -= rows @ rows.swapaxes(-1, -2)
         shear = self._local(index)
-        found = shear @ found @ shear.T
-        return np.asarray(0.5 * (found + found.T))
+        found = shear @ found @ shear.swapaxes(-1, -2)
+        return np.asarray(0.5 * (found + found.swapaxes(-1, -2)))
 
     def rows(self, blocks: Sequence[tuple[slice, Array]]) -> Array:
         """H P, shape (m, n), by the blocks where H, shape (m, n), is not zero, and what it is there."""
@@ -91,11 +91,13 @@ class Covariance:
         return self._diagonal
 
     def _local(self, index: Index) -> Array:
-        """S of the states of some whole blocks, by their indices."""
-        shear = np.eye(len(index))
+        """S of the states of some whole blocks, by their indices, as in `among`."""
+        shear = np.zeros((*index.shape, index.shape[-1]))
+        shear[..., np.arange(index.shape[-1]), np.arange(index.shape[-1])] = 1.0
         if self._lean is not None:
-            to = np.flatnonzero(self._lean[index])
-            shear[to, to + self._on[index[to]] - index[to]] = self._lean[index[to]]
+            to = np.nonzero(self._lean[index])
+            states = index[to]
+            shear[(*to, to[-1] + self._on[states] - states)] = self._lean[states]
         return shear
 
     # --- changes ----------------------------------------------------------------------------------------------------------

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 
 from blackboard.opinion.gaussian.covariance import Covariance
 from blackboard.opinion.grid import Array
@@ -62,6 +64,18 @@ class Innovation:
 
 
 @dataclass(frozen=True, eq=False)
+class Expected:
+    """H P, shape (m, n), and H P H^T, shape (m, m), of a measurement of m numbers on n states."""
+
+    cross: Array
+    spread: Array
+
+    def of(self, rows: npt.NDArray[np.intp]) -> Expected:
+        """The same of some rows of the measurement."""
+        return Expected(self.cross[rows], self.spread[rows[:, np.newaxis], rows])
+
+
+@dataclass(frozen=True, eq=False)
 class Factor:
     """A measurement, linearised at the mean of a joint belief: residual = sum of jacobian @ (error of the block) + noise.
 
@@ -81,6 +95,23 @@ class Factor:
         return Factor(self.residual, self.jacobians, self.noise * by, self.priors, self.anchors)
 
 
+def together(factors: Sequence[Factor]) -> Factor:
+    """Measurements as one, in the order given, with noise that is independent between them."""
+    if len(factors) == 1:
+        return factors[0]
+    residual = np.concatenate([it.residual for it in factors])
+    noise, jacobians, first = np.zeros((len(residual),) * 2), dict[Block, Array](), 0
+    for it in factors:
+        mine = slice(first, first + len(it.residual))
+        noise[mine, mine], first = it.noise, mine.stop
+        for block, part in it.jacobians.items():
+            if block not in jacobians:
+                jacobians[block] = np.zeros((len(residual), part.shape[1]))
+            jacobians[block][mine] = part
+    priors = {block: prior for it in factors for block, prior in it.priors.items()}
+    return Factor(residual, jacobians, noise, priors, {b: mean for it in factors for b, mean in it.anchors.items()})
+
+
 class Joint:
     """Mutable: blocks come and go, and keep their order of arrival. KeyError where a block is not there.
 
@@ -92,6 +123,17 @@ class Joint:
         self.mean: Array = np.zeros(0)
         self._covariance = Covariance(np.zeros((0, 0)))
         self._firsts: dict[int, Array] = {}  # what `firsts` found since the blocks changed last
+
+    @classmethod
+    def of(cls, blocks: Mapping[str, Moments]) -> Self:
+        """The belief of blocks that are independent of each other."""
+        joint, first = cls(), 0
+        joint.mean = np.concatenate([np.zeros(0), *(it.mean for it in blocks.values())])
+        joint.covariance = np.zeros((len(joint.mean),) * 2)
+        for block, it in blocks.items():
+            at = joint.blocks[block] = slice(first, first + len(it.mean))
+            joint.covariance[at, at], first = _symmetric(it.covariance), at.stop
+        return joint
 
     def __contains__(self, block: Block) -> bool:
         return block in self.blocks
@@ -133,6 +175,10 @@ class Joint:
         index = np.array(states, dtype=np.intp)
         found.mean, found.covariance = self.mean[index], self._covariance.among(index)
         return found
+
+    def among_each(self, index: npt.NDArray[np.intp]) -> Array:
+        """The covariances of the states of some whole blocks at a time, by their indices, shape (k, n): shape (k, n, n)."""
+        return self._covariance.among(index)
 
     def moments(self, *blocks: Block) -> Moments:
         """The marginal of some blocks, in the order given."""
@@ -200,21 +246,47 @@ class Joint:
 
     # --- evidence -------------------------------------------------------------------------------------------------------
 
+    def expected(self, factor: Factor) -> Expected:
+        """What is expected of a measurement, but for its noise; it changes nothing."""
+        places = [(self.blocks[block], rows) for block, rows in factor.jacobians.items() if block in self.blocks]
+        cross = self._covariance.rows(places)
+        parts = (
+            cross[:, self.blocks[block]] @ rows.T
+            if block in self.blocks
+            else rows @ factor.priors[block].covariance @ rows.T
+            for block, rows in factor.jacobians.items()
+        )
+        return Expected(cross, sum(parts, np.zeros((len(cross),) * 2)))
+
     def innovation(self, *factors: Factor) -> Innovation:
         """What measurements say together beyond what is expected, with all that their errors share; it changes nothing."""
-        named = dict.fromkeys(block for factor in factors for block in factor.jacobians)
-        local = self.among(block for block in named if block in self.blocks)
-        for factor in factors:
-            local.begin(factor.priors)
-        residual = np.concatenate([factor.residual for factor in factors])
-        rows, noise, first = np.zeros((len(residual), len(local.mean))), np.zeros((len(residual),) * 2), 0
-        for factor in factors:
-            mine = slice(first, first + len(factor.residual))
-            for block, part in factor.jacobians.items():
-                rows[mine, local.blocks[block]] = part
-            noise[mine, mine] = factor.noise
-            first = mine.stop
-        return Innovation(residual, rows @ local.covariance @ rows.T + noise)
+        whole = together(factors)
+        return Innovation(whole.residual, self.expected(whole).spread + whole.noise)
+
+    def innovations(self, factors: Sequence[Factor]) -> list[Innovation]:
+        """What each measurement says by itself; those of one shape are worked out at once."""
+        alike: dict[tuple[int, ...], list[int]] = {}
+        for number, it in enumerate(factors):
+            widths = [part.shape[1] for block, part in it.jacobians.items() if block in self.blocks]
+            alike.setdefault((len(it.residual), *widths), []).append(number)
+        found: dict[int, Innovation] = {}
+        for (_, *widths), numbers in alike.items():
+            its = [factors[number] for number in numbers]
+            known = [[block for block in it.jacobians if block in self.blocks] for it in its]
+            first = np.array([[self.blocks[block].start for block in blocks] for blocks in known], dtype=np.intp)
+            states = np.concatenate([np.arange(width) for width in widths])
+            covariance = self.among_each(np.repeat(first, widths, axis=1) + states)
+            rows = np.array(
+                [np.hstack([it.jacobians[b] for b in blocks]) for it, blocks in zip(its, known, strict=True)]
+            )
+            spreads = rows @ covariance @ rows.swapaxes(1, 2)
+            for number, it, spread in zip(numbers, its, spreads, strict=True):
+                new = [
+                    (part, it.priors[block].covariance) for block, part in it.jacobians.items() if block in it.priors
+                ]
+                more = sum((part @ prior @ part.T for part, prior in new), it.noise)
+                found[number] = Innovation(it.residual, spread + more)
+        return [found[number] for number in range(len(factors))]
 
     def begin(self, priors: Mapping[Block, Moments], anchors: Mapping[Block, Array] | None = None) -> None:
         """Add the blocks that are not there, and put means that are arbitrary at their anchors."""
@@ -224,17 +296,16 @@ class Joint:
         for block, anchor in (anchors or {}).items():
             self.mean[self.blocks[block]] = anchor
 
-    def update(self, factor: Factor, only: Collection[Block] | None = None) -> Array:
+    def update(self, factor: Factor, only: Collection[Block] | None = None, expected: Expected | None = None) -> Array:
         """Kalman's update, as P - W^T W with W = L^-1 H P, where L L^T is the innovation's covariance H P H^T + R.
 
-        Of `only` some blocks, if given: the others are considered (Schmidt 1966), their means and covariances stay.
-        Returned is by how much the mean moved. LinAlgError: that covariance is not positive.
+        Of `only` some blocks, if given: the others are considered (Schmidt 1966), their means and covariances stay. What is `expected`
+        is worked out where it is not given. Returned is by how much the mean moved. LinAlgError: that covariance is not positive.
         """
         self.begin(factor.priors, factor.anchors)
         residual, noise, before = factor.residual, factor.noise, self.mean
-        places = [(self.blocks[block], rows) for block, rows in factor.jacobians.items()]
-        cross = self._covariance.rows(places)  # H P
-        spread = noise + sum(cross[:, place] @ rows.T for place, rows in places)
+        expected = expected or self.expected(factor)
+        cross, spread = expected.cross, expected.spread + noise
         if not np.any(spread):  # without an error on either side nothing can be learnt
             return np.zeros_like(before)
         root = np.linalg.cholesky(spread)
@@ -244,6 +315,7 @@ class Joint:
             return self._consider(white[:, -1], gained, only)
         self.mean = before + white[:, -1] @ gained
         if not self._covariance.subtract(gained):
+            places = [(self.blocks[block], rows) for block, rows in factor.jacobians.items()]
             self.covariance = self._by_josephs_form(cross, np.linalg.solve(root.T, gained).T, places, noise)
         return self.mean - before
 

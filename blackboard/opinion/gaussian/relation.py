@@ -17,15 +17,19 @@ from blackboard.opinion.gaussian.vehicle import (
     BEARING,
     FLAT,
     HEADING,
+    POSE,
     RANGE,
     STATES,
     Motion,
+    X,
+    Y,
     moved_in,
     wrap,
 )
 from blackboard.opinion.grid import Array
 
 QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])  # a turn by 90 degrees: the derivative of a rotation
+TURNED = np.array([-1.0, 1.0])  # of a vector (y, x): it is turned so, too
 UNSTEADY = (
     0.5  # share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after
 )
@@ -37,6 +41,7 @@ STANDARD = Moments(np.zeros(1), np.eye(1))  # of a lasting error
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # for the mean over a normal distribution
 WEIGHT = WEIGHTS.sum()
 
+Profile = tuple[tuple[float, float], ...]  # (distance, variance) pairs
 Kind = Literal["range-bearing", "range", "bearing", "position", "pose"]
 #: How many numbers a sighting of each further kind has: x and y are in the observer's frame, and so is the heading of a pose.
 NUMBERS: dict[str, int] = {"range": 1, "bearing": 1, "position": 2, "pose": 3}
@@ -73,7 +78,7 @@ class Relative:
     age: float = 0.0
     biases: tuple[Bias, ...] = ()
     group: str = ""
-    profile: tuple[tuple[float, float], ...] = ()
+    profile: Profile = ()
     ahead: float = 0.0
     kind: Kind = "range-bearing"
     spread: tuple[float, ...] = ()
@@ -180,69 +185,162 @@ def linearise(
     place: Array | None = None,
     at: Array | None = None,
 ) -> Factor:
-    """A sighting against what a joint belief expects; the joint is not changed.
+    """One sighting alone, as `linearise_all` does it.
 
-    The residual has one number for a range or a bearing alone, three for a pose of a robot, else two.
-    `motions` are those of the tick: they say where both stood when the sighting was taken. `place`, shape (2,), is the
-    subject's where it is known; else a subject that the joint does not have is a point of which nothing is known. `at`, shape (12,),
-    is where to linearise instead of the observer's mean: it is no evidence. KeyError: the observer is not in the joint.
+    `place`, shape (2,), is the subject's where it is known. `at`, shape (12,), is where to linearise instead of the observer's mean:
+    it is no evidence.
     """
-    named: dict[Block, Moments] = {} if place is not None else {sighting.subject: NOTHING}
-    named |= dict.fromkeys(sighting.blocks(), STANDARD)
-    anchors = _anchors(joint, sighting, place)
-    priors = {b: Moments(anchors.pop(b, it.mean), it.covariance) for b, it in named.items() if b not in joint}
-    local = joint.among(block for block in (sighting.observer, *named) if block in joint)
-    local.begin(priors, anchors)
-    mean = local.mean[local.blocks[sighting.observer]]
-    observer = mean if at is None else at
-    back, turned = moved_in(observer, motions.get(sighting.observer), sighting.age)
-    subject = None if place is not None else local.blocks[sighting.subject]
-    strayed, its_heading = 0.0, None
-    if subject is not None:
-        place, its_heading, strayed = _seen_at(local.mean[subject], sighting, motions.get(sighting.subject))
-    away = place - (observer[AXES] - back)
-    camera = float(observer[HEADING] - turned - observer[BEARING])
-    distance = float(np.hypot(*away))
-    mine = local.blocks[sighting.observer]
-    spread, heading = _spread(local, mine, subject), float(local.covariance[mine, mine][HEADING, HEADING])
-    form = _polar if _prefers_polar(sighting, distance, spread, heading) else _cartesian
-    seen = form(sighting, away, distance, camera, spread)
-    if strayed:
-        seen[4][AXES, AXES] += np.eye(2) * strayed
-    if not sighting.places:
-        seen = _alone(sighting, seen, spread, max(distance, NEAREST))
-    residual, by_place, by_observer, by_range, noise = seen
-    if its_heading is not None and sighting.kind == "pose":
-        residual = np.append(residual, wrap(sighting.heading - its_heading + camera))
-        by_place, by_observer = np.vstack([by_place, np.zeros(2)]), np.vstack([by_observer, np.zeros(STATES)])
-        by_observer[2, [HEADING, BEARING]], by_range = (-1.0, 1.0), np.append(by_range, 0.0)
+    return linearise_all(joint, [sighting], motions, place=place, at=at)[0]
+
+
+def linearise_all(
+    joint: Joint,
+    sightings: Sequence[Relative],
+    motions: Mapping[str, Motion],
+    *,
+    alone: bool = False,
+    place: Array | None = None,
+    at: Array | None = None,
+) -> list[Factor]:
+    """Sightings against what a joint belief expects, each by itself; the joint is not changed.
+
+    A residual has one number for a range or a bearing alone, three for a pose of a robot, else two. `motions` are those of the tick:
+    they say where both stood when the sighting was taken. A subject that the joint does not have is a point of which nothing is
+    known; with `alone` every subject is. KeyError: an observer is not in the joint.
+    """
+    alike: dict[tuple[str, Profile, int], list[int]] = {}
+    for number, it in enumerate(sightings):
+        block = None if alone or place is not None else joint.blocks.get(it.subject)
+        alike.setdefault((it.kind, it.profile, block.stop - block.start if block else 0), []).append(number)
+    found: dict[int, Factor] = {}
+    for (_, _, states), numbers in alike.items():
+        its = [sightings[number] for number in numbers]
+        ends = _ends(joint, its, states, place, at)
+        found.update(zip(numbers, _factors(joint, its, ends, _seen(its, ends, motions)), strict=True))
+    return [found[number] for number in range(len(sightings))]
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """Both ends of k sightings as a joint has them, or as they are known."""
+
+    observer: Array  # (k, 12): where to linearise
+    apart: Array | None  # (k, 12): from there to the joint's mean, where that is somewhere else
+    heading: Array  # variance of the observer's, (k,)
+    subject: Array  # (k, its states), or (k, 2) of a point
+    states: int  # of the subject in the joint
+    is_known: bool  # where the subject is
+    spread: Array  # covariance of the subject's place relative to the observer's, world axes, (k, 2, 2)
+    anchors: list[dict[Block, Array]]
+
+
+def _ends(joint: Joint, its: Sequence[Relative], states: int, place: Array | None, at: Array | None) -> _Ends:
+    """Of sightings whose subjects have so many states in the joint; 0: they are not there."""
+    index = _indices(joint, [it.observer for it in its], STATES)
+    if states:
+        index = np.concatenate([index, _indices(joint, [it.subject for it in its], states)], axis=1)
+    covariance, mean = joint.among_each(index), joint.mean[index]
+    observer, subject = mean[:, :STATES], mean[:, STATES:]
+    spread = covariance[:, AXES, AXES]
+    if states:
+        its_axes = slice(STATES, STATES + 2)
+        cross = covariance[:, AXES, its_axes]
+        spread = spread + covariance[:, its_axes, its_axes] - cross - cross.swapaxes(1, 2)
+    elif place is None:
+        subject, spread = np.zeros((len(its), 2)), spread + np.eye(2) * FLAT
     else:
-        noise = noise[AXES, AXES]
-    residual = residual - by_range * (observer[RANGE] * sighting.stretched)
-    by_observer[:, AXES] = -by_place
-    by_observer[:, RANGE] = by_range * sighting.stretched
-    jacobians: dict[Block, Array] = {sighting.observer: by_observer}
-    if subject is not None:
-        jacobians[sighting.subject] = np.zeros((len(residual), subject.stop - subject.start))
-        jacobians[sighting.subject][:, AXES] = by_place
-        if its_heading is not None:
-            jacobians[sighting.subject][2:, HEADING] = 1.0
+        subject = np.array([place] * len(its))
+    anchors: list[dict[Block, Array]] = [{} for _ in its]
+    if its[0].places:
+        for number in np.flatnonzero(spread[:, 0, 0] + spread[:, 1, 1] >= FLAT).tolist():
+            anchors[number] = _anchors(joint, its[number], place, bool(states))
+            observer[number] = anchors[number].get(its[number].observer, observer[number])
+            subject[number] = anchors[number].get(its[number].subject, subject[number])
+    apart = None
     if at is not None:
-        apart = mean - at
-        apart[HEADING] = wrap(float(apart[HEADING]))
-        residual = residual - by_observer @ apart
-    for block, sigma in sighting.blocks().items():
-        jacobians[block] = by_range[:, None] * sigma
-        residual = residual - jacobians[block] @ local.mean[local.blocks[block]]
-    return Factor(residual, jacobians, noise, priors, anchors)
+        observer, apart = np.array([at] * len(its)), observer - at
+        apart[:, HEADING] = wrap(apart[:, HEADING])
+    return _Ends(observer, apart, covariance[:, HEADING, HEADING], subject, states, place is not None, spread, anchors)
 
 
-def _seen_at(state: Array, sighting: Relative, motion: Motion | None) -> tuple[Array, float | None, float]:
-    """Where a subject was when it was seen, shape (2,), a robot's heading then, and what `_strayed` says of it."""
-    if len(state) != STATES:
-        return state[AXES], None, 0.0
-    gone, turn = moved_in(state, motion, sighting.age + sighting.ahead)
-    return state[AXES] - gone, float(state[HEADING]) - turn, _strayed(sighting, motion)
+def _indices(joint: Joint, blocks: Sequence[Block], states: int) -> npt.NDArray[np.intp]:
+    """The indices of the states of some blocks of one size, shape (blocks, states)."""
+    first = np.array([joint.blocks[block].start for block in blocks], dtype=np.intp)
+    return np.asarray(first[:, np.newaxis] + np.arange(states))
+
+
+def _factors(joint: Joint, its: Sequence[Relative], ends: _Ends, seen: _Form) -> list[Factor]:
+    """The factors of k sightings of one kind."""
+    stretched = seen.by_range * np.array([[it.stretched] for it in its])
+    residual = seen.residual - stretched * ends.observer[:, RANGE : RANGE + 1]
+    by_observer = np.zeros((*residual.shape, STATES))
+    by_observer[:, :, AXES], by_observer[:, :, RANGE] = -seen.by_place, stretched
+    by_observer[:, :, HEADING], by_observer[:, :, BEARING] = -seen.by_camera, seen.by_camera
+    by_subject = np.zeros((*residual.shape, ends.subject.shape[1]))
+    by_subject[:, :, AXES] = seen.by_place
+    if ends.states == STATES:
+        by_subject[:, 2:, HEADING] = 1.0
+    if ends.apart is not None:
+        residual = residual - (by_observer @ ends.apart[:, :, np.newaxis])[:, :, 0]
+    found = []
+    for number, it in enumerate(its):
+        jacobians: dict[Block, Array] = {it.observer: by_observer[number]}
+        priors, anchors, rest = dict[Block, Moments](), ends.anchors[number], residual[number]
+        if not ends.is_known:
+            jacobians[it.subject] = by_subject[number]
+        if not ends.is_known and not ends.states:
+            priors[it.subject] = Moments(anchors.pop(it.subject, NOTHING.mean), NOTHING.covariance)
+        for block, sigma in it.blocks().items() if it.biases else ():
+            jacobians[block] = seen.by_range[number, :, np.newaxis] * sigma
+            if block in joint:
+                rest = rest - jacobians[block] @ joint.mean[joint.blocks[block]]
+            else:
+                priors[block] = STANDARD
+        found.append(Factor(rest, jacobians, seen.noise[number], priors, anchors))
+    return found
+
+
+def _seen(its: Sequence[Relative], ends: _Ends, motions: Mapping[str, Motion]) -> _Form:
+    """K sightings of one kind, by where both ends were when they were taken."""
+    stood = _stood(ends.observer, [motions.get(it.observer) for it in its], [it.age for it in its])
+    there, moves = ends.subject, [motions.get(it.subject) for it in its]
+    if ends.states == STATES:
+        there = _stood(there, moves, [it.age + it.ahead for it in its])
+    camera = stood[:, HEADING] - ends.observer[:, BEARING]
+    seen = _form(its, there[:, AXES] - stood[:, AXES], camera, ends.spread, ends.heading)
+    if ends.states == STATES:
+        strayed = [_strayed(it, motion) for it, motion in zip(its, moves, strict=True)]
+        seen.noise[:, X, X] += strayed
+        seen.noise[:, Y, Y] += strayed
+    if not its[0].places:
+        return _alone(its[0].kind, seen, ends.spread)
+    if its[0].kind == "pose" and ends.states == STATES:
+        return _with_heading(seen, wrap(np.array([it.heading for it in its]) - there[:, HEADING] + camera))
+    return replace(seen, noise=seen.noise[:, AXES, AXES])
+
+
+def _with_heading(seen: _Form, off: Array) -> _Form:
+    """Positions of mates with their headings in the observer's frame, which are so far off what is expected, shape (k,)."""
+    one, none = np.ones((len(off), 1)), np.zeros((len(off), 1))
+    return replace(
+        seen,
+        residual=np.hstack([seen.residual, off[:, np.newaxis]]),
+        by_place=np.hstack([seen.by_place, np.zeros((len(off), 1, 2))]),
+        by_camera=np.hstack([seen.by_camera, one]),
+        by_range=np.hstack([seen.by_range, none]),
+    )
+
+
+def _stood(states: Array, motions: Sequence[Motion | None], ages: Sequence[float]) -> Array:
+    """Where robots (their states, shape (k, 12)) were some seconds before the end of a motion: x, y and heading, shape (k, 3)."""
+    found = states[:, POSE]
+    if any(ages):
+        found = found.copy()
+        for place, state, motion, age in zip(found, states, motions, ages, strict=True):
+            back, turned = moved_in(state, motion, age)
+            place[AXES] -= back
+            place[HEADING] -= turned
+    return found
 
 
 def _strayed(sighting: Relative, motion: Motion | None) -> float:
@@ -258,16 +356,13 @@ def _strayed(sighting: Relative, motion: Motion | None) -> float:
     return outside * (motion.along + motion.across) + (outside * UNSTEADY * motion.distance) ** 2
 
 
-def _anchors(joint: Joint, sighting: Relative, place: Array | None) -> dict[Block, Array]:
-    """The mean of a flat position, at the place where the sighting puts it.
+def _anchors(joint: Joint, sighting: Relative, place: Array | None, known: bool) -> dict[Block, Array]:
+    """The mean of a flat position, at the place where a sighting that places its subject puts it.
 
     The mean of a flat position that nothing else depends on is arbitrary; a wrong one would give a wrong lever to the heading.
-    A range or a bearing alone puts it nowhere.
     """
-    if not sighting.places:
-        return {}
     observer, subject = sighting.observer, sighting.subject
-    is_flat, its_is_flat = _is_flat(joint, observer), place is None and _is_flat(joint, subject)
+    is_flat, its_is_flat = _is_flat(joint, observer), place is None and not (known and not _is_flat(joint, subject))
     if is_flat == its_is_flat:
         return {}
     state = joint.mean[joint.blocks[observer]].copy()
@@ -276,15 +371,13 @@ def _anchors(joint: Joint, sighting: Relative, place: Array | None) -> dict[Bloc
     if is_flat:
         state[AXES] = (joint.mean[joint.blocks[subject]][AXES] if place is None else place) - seen
         return {observer: state}
-    mean = joint.mean[joint.blocks[subject]].copy() if subject in joint else np.zeros(2)
+    mean = joint.mean[joint.blocks[subject]].copy() if known else np.zeros(2)
     mean[AXES] = state[AXES] + seen
     return {subject: mean}
 
 
 def _is_flat(joint: Joint, name: str) -> bool:
     """Whether a position is not known, and tied to no other block."""
-    if name not in joint:
-        return True
     block = joint.blocks[name]
     axes = slice(block.start, block.start + 2)
     if joint.variances[axes].sum() < FLAT:
@@ -294,55 +387,72 @@ def _is_flat(joint: Joint, name: str) -> bool:
     return not ties.any()
 
 
-Form = tuple[Array, Array, Array, Array, Array]  # residual, by place, by observer's angles, by range, noise
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """k sightings in coordinates in which they are nearly linear, m numbers each."""
+
+    residual: Array  # (k, m)
+    by_place: Array  # (k, m, 2): of what is expected by the subject's place
+    by_camera: Array  # (k, m): by a turn of the camera to the right
+    by_range: Array  # (k, m): of what was seen by an error of the range
+    noise: Array  # (k, m, m); of a pose (k, 3, 3)
+    distance: Array  # (k,): to the subject as expected
 
 
-def _polar(sighting: Relative, away: Array, distance: float, camera: float, spread: Array) -> Form:
-    """Range and bearing times the distance, along and across the expected line of sight."""
-    if distance < NEAREST:  # there is none: any will do
-        away, distance = np.array([NEAREST, 0.0]), NEAREST
-    frame = np.array([away, [-away[1], away[0]]]) / distance
-    off = wrap(sighting.bearing - math.atan2(away[1], away[0]) + camera)
-    residual = np.array([sighting.range - distance, distance * off])
-    angles = np.zeros((2, STATES))
-    angles[1, [HEADING, BEARING]] = -distance, distance
-    if sighting.spread:
-        noise = _turned(sighting, [1.0, distance / max(sighting.range, NEAREST)])
-    else:
-        radial, angular = _variances(sighting, away, distance, spread)
-        noise = np.diag([radial, distance**2 * angular])
-    return residual, frame, angles, np.array([1.0, 0.0]), noise
+def _form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, heading: Array) -> _Form:
+    """Polar, which is range and bearing times the distance, along and across the line of sight; or the place in the observer's frame.
 
-
-def _cartesian(sighting: Relative, away: Array, distance: float, camera: float, spread: Array) -> Form:
-    """The seen position in the observer's frame."""
-    c, s = math.cos(camera), math.sin(camera)
-    rotation = np.array([[c, s], [-s, c]])
-    expected, along = rotation @ away, sighting.along()
-    angles = np.zeros((2, STATES))
-    angles[:, BEARING] = QUARTER @ expected
-    angles[:, HEADING] = -angles[:, BEARING]
-    frame = np.stack([along, QUARTER @ along], axis=1)
-    if sighting.spread:
-        noise = triangle(sighting.spread)
-    else:
-        radial, angular = _variances(sighting, away, distance, spread)
-        noise = (frame * [radial, sighting.range**2 * angular]) @ frame.T
-    return sighting.range * along - expected, rotation, angles, along, noise
-
-
-def _prefers_polar(sighting: Relative, distance: float, spread: Array, heading: float) -> bool:
-    """Which form is the more linear one: the polar form is exact in the heading, the Cartesian one in the positions.
-
-    The error of the first grows with the positions' variance over the distance, of the second with the heading's variance
-    times the distance; a tenth of the distance does no harm to the first. A heading without error leaves the second exact.
+    The polar form is exact in the heading, the Cartesian one in the positions. The error of the first grows with the positions'
+    variance over the distance, of the second with the heading's variance times the distance; a tenth of the distance does no harm to
+    the first. A heading without error leaves the second exact.
     """
-    if not sighting.places:
-        return True
-    if distance < NEAREST or (sighting.spread and sighting.range < distance / 2):
-        return False
-    (x, _), (_, y) = spread.tolist()
-    return heading > EXACT and x + y < (heading + 0.01) * distance**2
+    places, exact = its[0].places, bool(its[0].spread)
+    ranges, bearings = np.array([(it.range, it.bearing) for it in its]).T
+    distance = np.hypot(away[:, 0], away[:, 1])
+    polar = (heading > EXACT) & (spread[:, 0, 0] + spread[:, 1, 1] < (heading + 0.01) * distance**2)
+    polar = (polar & (distance >= NEAREST) & ((ranges >= distance / 2) | (not exact))) | (not places)
+    far = np.maximum(distance, NEAREST)
+    sight = away / far[:, np.newaxis]
+    sight[distance < NEAREST] = 1.0, 0.0  # there is none: any will do
+    row = polar[:, np.newaxis]
+    by_place = _frames(np.where(row, sight, _unit(camera)))
+    along = _unit(bearings)
+    expected = (by_place @ away[:, :, np.newaxis])[:, :, 0]
+    by_camera = np.where(row, 0.0, expected[:, ::-1] * TURNED)
+    by_camera[polar, 1] = far[polar]
+    residual = ranges[:, np.newaxis] * along - expected
+    residual[polar, 0] = (ranges - far)[polar]
+    residual[polar, 1] = (far * wrap(bearings - np.arctan2(sight[:, 1], sight[:, 0]) + camera))[polar]
+    by_range = np.where(row, [1.0, 0.0], along)
+    if exact:
+        stretched = [max(it.range, NEAREST) for it in its]
+        noise = np.array(
+            [
+                _turned(it, [1.0, d / r]) if p else triangle(it.spread)
+                for it, d, r, p in zip(its, far.tolist(), stretched, polar.tolist(), strict=True)
+            ]
+        )
+    else:
+        radial, angular = _variances(its, sight, far, spread)
+        axes = _frames(by_range)
+        along_axes = np.array([radial, np.where(polar, far, ranges) ** 2 * angular]).T
+        noise = axes.swapaxes(1, 2) @ (along_axes[:, :, np.newaxis] * axes)
+    return _Form(residual, by_place, by_camera, by_range, noise, far)
+
+
+def _unit(angles: Array) -> Array:
+    """Vectors of length 1, shape (k, 2)."""
+    found = np.empty((len(angles), 2))
+    np.cos(angles, out=found[:, 0])
+    np.sin(angles, out=found[:, 1])
+    return found
+
+
+def _frames(axes: Array) -> Array:
+    """Of unit vectors, shape (k, 2): frames whose first axes they are, shape (k, 2, 2), axes as rows."""
+    found = np.empty((len(axes), 2, 2))
+    found[:, 0], found[:, 1] = axes, axes[:, ::-1] * TURNED
+    return found
 
 
 def _turned(sighting: Relative, stretched: Sequence[float]) -> Array:
@@ -353,48 +463,44 @@ def _turned(sighting: Relative, stretched: Sequence[float]) -> Array:
     return np.asarray(turn @ triangle(sighting.spread) @ turn.T)
 
 
-def _alone(sighting: Relative, form: Form, spread: Array, distance: float) -> Form:
+def _alone(kind: Kind, form: _Form, spread: Array) -> _Form:
     """The range alone, or the bearing times the distance, of a polar form, with the second-order terms of the place's error.
 
     What a straight line misses of a ring is added to what is expected, and its variance to the noise (Athans, Wishner,
-    Bertolini, IEEE TAC 13(5), 1968). `spread` is the covariance of the subject's place relative to the observer's, shape (2, 2).
+    Bertolini, IEEE TAC 13(5), 1968).
     """
-    residual, frame, angles, by_range, noise = form
-    (along, tie), (_, across) = frame @ spread @ frame.T
-    row = [0] if sighting.kind == "range" else [1]
-    shift = np.array([across / (2 * distance), -tie / distance])
-    curved = np.array([across**2 / 2, along * across + tie**2]) / distance**2
-    return residual[row] - shift[row], frame[row], angles[row], by_range[row], noise[row][:, row] + curved[row]
+    local = form.by_place @ spread @ form.by_place.swapaxes(1, 2)
+    along, tie, across = local[:, 0, 0], local[:, 0, 1], local[:, 1, 1]
+    if kind == "range":
+        row, shift, curved = slice(0, 1), across / (2 * form.distance), across**2 / 2
+    else:
+        row, shift, curved = slice(1, 2), -tie / form.distance, along * across + tie**2
+    noise = form.noise[:, row, row] + (curved / form.distance**2)[:, np.newaxis, np.newaxis]
+    residual = form.residual[:, row] - shift[:, np.newaxis]
+    return _Form(residual, form.by_place[:, row], form.by_camera[:, row], form.by_range[:, row], noise, form.distance)
 
 
-def _spread(joint: Joint, observer: slice, subject: slice | None) -> Array:
-    """Covariance of the subject's place relative to the observer's, world axes, shape (2, 2)."""
-    mine = slice(observer.start, observer.start + 2)
-    covariance = joint.covariance[mine, mine]
-    if subject is None:
-        return covariance
-    its = slice(subject.start, subject.start + 2)
-    cross = joint.covariance[mine, its]
-    return np.asarray(covariance + joint.covariance[its, its] - cross - cross.T)
+def _variances(its: Sequence[Relative], sight: Array, distance: Array, spread: Array) -> tuple[Array, Array]:
+    """Variances of ranges and bearings; by their profile where there is one, at the distances that joint and range leave open.
 
-
-def _variances(sighting: Relative, away: Array, distance: float, spread: Array) -> tuple[float, float]:
-    """Variances of range and bearing; by the profile where there is one, at the distances that joint and range leave open."""
-    if not sighting.profile:
-        return sighting.range_variance, sighting.bearing_variance
-    distances, variances = _columns(sighting.profile)
-    expected = max(distance, NEAREST)
-    along = away / expected
-    prior = float(along @ spread @ along)
-    own = float(np.interp(sighting.range, distances, variances))
+    `sight` are unit vectors along the lines of sight, shape (k, 2).
+    """
+    if not its[0].profile:
+        radial, angular = np.array([(it.range_variance, it.bearing_variance) for it in its]).T
+        return radial, angular
+    distances, variances = _columns(its[0].profile)
+    ranges = np.array([it.range for it in its])
+    prior = np.maximum(0.0, (sight[:, np.newaxis, :] @ spread @ sight[:, :, np.newaxis])[:, 0, 0])
+    own = np.interp(ranges, distances, variances)
     gain = prior / (prior + own)
-    middle, sigma = expected + gain * (sighting.range - expected), math.sqrt(prior * (1 - gain))
-    variance = float(WEIGHTS @ np.interp(middle + sigma * NODES, distances, variances) / WEIGHT)
-    return variance, variance / max(sighting.range, float(distances[0]), NEAREST) ** 2
+    middle, sigma = distance + gain * (ranges - distance), np.sqrt(prior * (1 - gain))
+    nodes = middle[:, np.newaxis] + sigma[:, np.newaxis] * NODES
+    variance = np.interp(nodes, distances, variances) @ WEIGHTS / WEIGHT
+    return variance, variance / np.maximum(ranges, max(float(distances[0]), NEAREST)) ** 2
 
 
 @lru_cache(maxsize=64)
-def _columns(profile: tuple[tuple[float, float], ...]) -> tuple[Array, Array]:
+def _columns(profile: Profile) -> tuple[Array, Array]:
     """The distances and the variances of a profile, shape (pairs,) each; made once, because all sightings of a camera have one."""
     distances, variances = np.array(profile).T
     return distances, variances

@@ -2,47 +2,112 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from blackboard.opinion.believed import MOST_NOISE
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.chain import Chain
 from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
-from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative, linearise, linearise_all
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.vehicle import Motion, correct
 
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
+STRAIGHT = 0.1  # of its sigma: what a straight line may miss of a sighting before that is linearised anew
 ALONE = 4  # objects that one robot alone has seen and that tell it how it moved: together less than its odometry does
 
 
-def compare_with_joint(team: TeamState, evidence: Evidence, motions: Mapping[str, Motion], heard: set[str]) -> None:
-    """Hold all that a robot sees in a tick against where the joint has it, before any of it moves that."""
-    robot, noise = evidence.robot, team.innovations.variance((evidence.robot, "relative"))
-    if team.again or robot not in heard or robot in team.left_out or not team.knows(robot):
+def see(
+    team: TeamState,
+    evidence: Evidence,
+    motions: Mapping[str, Motion],
+    heard: set[str],
+    doubts: Sequence[Relative] = (),
+    apart: frozenset[str] = frozenset(),
+) -> None:
+    """All that a robot sees in a tick: linearised, held against where the joint has it, and then taken.
+
+    Sightings of mates are taken together, but for those that move one end alone; then the others are, one by one. `doubts` are
+    sightings of which it is not clear whose they are: they are held against the joint, too. `apart` are objects to be set aside.
+    """
+    robot = evidence.robot
+    seen = sorted(evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind))
+    seen = [it for it in seen if it.observer == robot and it.subject != robot]
+    if robot not in heard or not (seen or doubts):
         return
-    known = {it for it in {*heard, *team.seen} - {robot} if team.knows(it)}
-    seen = [it for it in evidence.relatives if it.observer == robot and it.subject in known]
-    factors = [(it, linearise(team.joint, it, motions)) for it in seen]
+    known = {it.subject for it in (*seen, *doubts) if it.subject in heard or it.subject in team.seen}
+    known = {it for it in known if team.knows(it)} if team.knows(robot) else set()
+    clear = [it for it in (*seen, *doubts) if it.subject in known]
+    pairs = list(zip(clear, linearise_all(team.joint, clear, motions), strict=True))
+    if not team.again and robot not in team.left_out:
+        _compare_with_joint(team, robot, pairs, motions, heard)
+    own = {id(it) for it in seen if it.subject in heard}
+    mates = [(it, factor) for it, factor in pairs if id(it) in own and not factor.priors]
+    mates = [(it, factor) for it, factor in mates if team.moved_by_sighting(it) is None]
+    done = {id(it) for it, _ in mates}
+    while mates:
+        left = _take_together(team, mates)
+        mates = list(zip(left, linearise_all(team.joint, left, motions), strict=True))
+    for it in seen:
+        if it.subject in apart:
+            set_aside(team, it, motions)
+        elif id(it) not in done:
+            take_sighting(team, it, motions, heard)
+
+
+def _compare_with_joint(
+    team: TeamState,
+    robot: str,
+    seen: Sequence[tuple[Relative, Factor]],
+    motions: Mapping[str, Motion],
+    heard: set[str],
+) -> None:
+    """Hold all that a robot sees in a tick against where the joint has it, before any of it moves that."""
+    noise = team.innovations.variance((robot, "relative"))
     moving = {it for it, motion in motions.items() if motion.moving}
-    for sighting, factor in factors:
+    for sighting, factor in seen:
         if moving & {robot, sighting.subject}:  # where both stand, an exact sensor says the same again and again
             team.freshness.hear(sighting, factor)
-    mates = [(it.subject, factor.widened(noise)) for it, factor in factors if it.subject in heard]
+    mates = [(it.subject, factor.widened(noise)) for it, factor in seen if it.subject in heard]
     team.offsets.hear(robot, team.joint, mates)
+
+
+def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> list[Relative]:
+    """Take sightings of mates in one update; each is judged given those before it that are taken.
+
+    Returned are those that are left, because these have moved what is expected so far that it is to be linearised anew.
+    """
+    chain, noted, left = Chain(team.joint, [factor for _, factor in seen]), list[Relative](), list[Relative]()
+    for relative, factor in seen:
+        found = chain.next()
+        moved = float(np.square(found.residual - factor.residual).sum())
+        if moved > 2 * STRAIGHT * team.distance(relative) * math.sqrt(float(factor.noise.trace()) / found.freedom):
+            left.append(relative)
+            continue
+        wider = _judged(team, relative, factor, found)
+        if wider is not None:
+            chain.take(wider)
+            noted.append(relative)
+    taken = chain.taken()
+    if taken is not None:
+        correct(team.joint, taken[0], expected=taken[1])
+    for relative in noted:
+        team.note_errors(relative)
+    return left
 
 
 def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Motion], heard: set[str]) -> None:
     """Take a relative belief into the joint; an object of which nothing is known enters with its first sighting."""
     observer, subject = relative.observer, relative.subject
     robot = subject.startswith("robot/")
-    if observer not in heard or subject == observer or (robot and subject not in team.joint):
+    if subject == observer or (robot and subject not in team.joint):
         return
     if subject not in team.joint and observer in team.left_out:
         return
@@ -62,23 +127,32 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     factor = linearise(team.joint, relative, motions)
     if not robot:
         factor = _of_object(team, relative, factor, motions)
-    factor, squared = team.weighed((observer, "relative"), factor)
+    wider = _judged(team, relative, factor, team.joint.innovation(factor))
+    if wider is None:
+        return
+    if not robot and team.freshness.lacks(relative):  # nobody else may see the object, so it counts for a little
+        wider = wider.widened(MOST_NOISE)
+    correct(team.joint, wider, team.moved_by_sighting(relative))
+    team.note_errors(relative)
+    if not robot:
+        team.seen[subject] = 0.0
+
+
+def _judged(team: TeamState, relative: Relative, factor: Factor, found: Innovation) -> Factor | None:
+    """What is taken of a sighting, with the noise that its observer's have shown to have; None: nothing."""
+    observer, subject = relative.observer, relative.subject
+    factor, squared = team.weighed((observer, "relative"), factor, found)
     by = team.outvoted(subject, observer) or team.outvoted(observer, subject)
-    freedom = len(factor.residual)
-    agrees = squared <= quantile(GATE, freedom) and not by and not team.contradict(observer, subject)
-    if not robot:  # of two robots that contradict each other, the one that placed the object first is believed about it
+    agrees = squared <= quantile(GATE, found.freedom) and not by and not team.contradict(observer, subject)
+    if not subject.startswith(
+        "robot/"
+    ):  # of two robots that contradict each other, the one that placed the object first is believed
         agrees = agrees and not any(team.contacts.contradict(observer, o) for o in team.trust.observers(subject))
     taken = agrees and not {observer, subject} & team.left_out
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
-    team.add_verdict(Verdict(observer, subject, "relative", squared, freedom, taken, by))
-    if taken:
-        if not robot and team.freshness.lacks(relative):  # nobody else may see the object, so it counts for a little
-            factor = factor.widened(MOST_NOISE)
-        correct(team.joint, factor, team.moved_by_sighting(relative))
-        team.note_errors(relative)
-        if not robot:
-            team.seen[subject] = 0.0
+    team.add_verdict(Verdict(observer, subject, "relative", squared, found.freedom, taken, by))
+    return factor if taken else None
 
 
 def _of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Factor:
@@ -147,18 +221,19 @@ def projected(joint: Joint, relative: Relative, motion: Motion | None) -> Moment
 
     `motion` is the observer's in the tick. KeyError: the observer is not in the joint.
     """
-    claim = claimed(joint.moments(relative.observer), relative, motion)
+    (claim,) = claimed(joint, [relative], {} if motion is None else {relative.observer: motion})
     return Moments(claim.mean, claim.lasting + claim.fresh)
 
 
-@lru_cache(maxsize=256)  # what rests on first-hand evidence alone is the same in all joints of one process
-def claimed(observer: Moments, relative: Relative, motion: Motion | None) -> Claim:
-    """Where a sighting that places its subject puts it, by an observer's block and its motion in the tick."""
-    alone = Joint()
-    alone.add(relative.observer, observer)
-    seen = linearise(alone, relative, {} if motion is None else {relative.observer: motion})
-    rows = dict(seen.jacobians)
-    back = np.linalg.inv(rows.pop(relative.subject))  # of nothing known, the sighting alone decides
-    lasting = alone.innovation(Factor(seen.residual, rows, np.zeros((2, 2)), seen.priors)).covariance
-    place = seen.priors[relative.subject].mean + back @ seen.residual
-    return Claim(place, back @ lasting @ back.T, back @ seen.noise @ back.T)
+def claimed(joint: Joint, sightings: Sequence[Relative], motions: Mapping[str, Motion]) -> list[Claim]:
+    """Where each sighting that places its subject puts it, by where a joint has its observer and nothing else."""
+    factors, claims = linearise_all(joint, sightings, motions, alone=True), []
+    rows = [dict(it.jacobians) for it in factors]
+    by_places = [its.pop(seen.subject) for its, seen in zip(rows, sightings, strict=True)]
+    without = [Factor(it.residual, its, np.zeros((2, 2)), it.priors) for it, its in zip(factors, rows, strict=True)]
+    found = [it.covariance for it in joint.innovations(without)]
+    for seen, it, by_place, lasting in zip(sightings, factors, by_places, found, strict=True):
+        back = np.linalg.inv(by_place)  # of nothing known, the sighting alone decides
+        place = it.priors[seen.subject].mean + back @ it.residual
+        claims.append(Claim(place, back @ lasting @ back.T, back @ it.noise @ back.T))
+    return claims

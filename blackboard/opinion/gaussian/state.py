@@ -16,7 +16,7 @@ from blackboard.opinion.gaussian.contacts import Contacts
 from blackboard.opinion.gaussian.evidence import Tally, Verdict
 from blackboard.opinion.gaussian.freshness import Freshness
 from blackboard.opinion.gaussian.innovations import Innovations, Source
-from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments, squared_distance
+from blackboard.opinion.gaussian.joint import Block, Factor, Innovation, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
@@ -194,9 +194,8 @@ class TeamState:
         """Whether what a robot sees keeps one side, or tells nothing new."""
         return self.offsets.doubts(robot) or self.freshness.doubts(robot)
 
-    def weighed(self, source: Source, factor: Factor) -> tuple[Factor, float]:
-        """A factor with the noise that its source's evidence has shown to have, and the squared distance of that."""
-        found = self.joint.innovation(factor)
+    def weighed(self, source: Source, factor: Factor, found: Innovation) -> tuple[Factor, float]:
+        """A factor with the noise that its source's evidence has shown to have, and the squared distance of what it says then."""
         if not any(block in self.tracks for block in factor.jacobians):  # what is wrong may be whose the sighting is
             self.innovations.judge(source, found.squared, found.freedom)
         wider = factor.widened(self.innovations.variance(source))

@@ -26,7 +26,7 @@ from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_t
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import UNSTEADY
 from blackboard.opinion.gaussian.rings import Place
-from blackboard.opinion.gaussian.sightings import close_rings, compare_with_joint, seen_by_one, set_aside, take_sighting
+from blackboard.opinion.gaussian.sightings import close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.tracking import end_tick
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, drive, speed
@@ -116,21 +116,11 @@ class TeamJoint(TeamState):
         for robot in sorted(set(motions) - entered):
             with self.blaming(robot):
                 multiply(self, news[robot])
-        self._take_named(news, motions, heard)
-        self._take_unnamed(all_news, motions, heard)
-
-    def _take_named(self, news: Mapping[str, Evidence], motions: Mapping[str, Motion], heard: set[str]) -> None:
         apart = seen_by_one(self) if self.limits.sharpest else frozenset()
         for robot, evidence in news.items():
             with self.blaming(robot):
-                compare_with_joint(self, evidence, motions, heard)
-                for relative in sorted(
-                    evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind)
-                ):
-                    if relative.observer == robot and relative.subject in apart and robot in heard:
-                        set_aside(self, relative, motions)
-                    elif relative.observer == robot:
-                        take_sighting(self, relative, motions, heard)
+                see(self, evidence, motions, heard, apart=apart)
+        self._take_unnamed(all_news, motions, heard)
 
     def _take_unnamed(self, news: Mapping[str, Evidence], motions: Mapping[str, Motion], heard: set[str]) -> None:
         unclear: dict[str, list[Doubt]] = {}
@@ -139,9 +129,7 @@ class TeamJoint(TeamState):
                 unclear[robot] = []
                 clearly = identified(self, evidence, news, motions, unclear[robot]) if robot in heard else []
                 likeliest = [max(doubt, key=lambda it: it[0])[1] for doubt in unclear[robot]]
-                compare_with_joint(self, replace(evidence, relatives=(*clearly, *likeliest)), motions, heard)
-                for relative in clearly:
-                    take_sighting(self, relative, motions, heard)
+                see(self, replace(evidence, relatives=tuple(clearly)), motions, heard, likeliest)
         for robot, doubts in unclear.items():
             with self.blaming(robot):
                 for doubt in doubts:

@@ -12,10 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
+from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Joint, Moments
 from blackboard.opinion.grid import Array
 
 X, Y, HEADING, FORWARD, TURN, DRIFT, BEARING, SLIP, RANGE, CURVED_WAY, CURVED_TURN, LAG = range(12)
@@ -25,6 +26,7 @@ AXES = slice(0, 2)  # the position
 POSE = slice(0, 3)
 ANYWHERE = math.pi**2 / 3  # radians ** 2: the variance of a heading of which nothing is known
 CURVED, SPINNING = 0.3, 0.6  # shares (`kinds`) from which on a way is a curve, and a turn begins to be one on the spot
+Angle = TypeVar("Angle", float, Array)
 FLAT = 1e6  # unit ** 2: the variance of a coordinate of which nothing is known
 
 
@@ -188,14 +190,16 @@ def speed(state: Moments, motion: Motion) -> Moments | None:
     return Moments(mean / motion.dt, (rows @ state.covariance @ rows.T + noise) / motion.dt**2)
 
 
-def correct(joint: Joint, factor: Factor, only: Collection[Block] | None = None) -> None:
+def correct(
+    joint: Joint, factor: Factor, only: Collection[Block] | None = None, expected: Expected | None = None
+) -> None:
     """`Joint.update`, of all blocks or `only` of some, where poses' errors are kept in coordinates that turn with the heading's.
 
     A position's error is held as what is left after the world is turned by the heading's error, so that moving the mean
     moves the tie between both along. Else the filter takes its changes of mind for knowledge of the heading
     (Barrau and Bonnabel, IEEE TAC 62(4), 2017; for teams Huang, Trawny, Mourikis, Roumeliotis, RSS 2009).
     """
-    moved = joint.update(factor, only)
+    moved = joint.update(factor, only, expected)
     first = joint.firsts(STATES)
     dx, dy = moved[first + X], moved[first + Y]
     first, dx, dy = (it[(dx != 0) | (dy != 0)] for it in (first, dx, dy))
@@ -206,6 +210,6 @@ def correct(joint: Joint, factor: Factor, only: Collection[Block] | None = None)
         )
 
 
-def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
+def wrap(angle: Angle) -> Angle:
+    """The same angle, or angles, in [-pi, pi)."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
