@@ -27,7 +27,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "0b25470b6c09148cf6d995c23011ed01b2b835b6a16c5939b7c03a5f27da00ac"
+HASH = "8662e5fa738c97ce4c81bec1bf0087196248d33a435c0250a00758b77baed738"
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
