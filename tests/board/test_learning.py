@@ -162,10 +162,6 @@ def test_the_order_of_arrival_changes_nothing() -> None:
     assert one.learned() == other.learned()
 
 
-def test_the_same_stream_gives_the_same_weights() -> None:
-    assert exponents(taught(echoes=2)) == exponents(taught(echoes=2))
-
-
 def test_what_shares_ancestors_is_not_compared() -> None:
     it = Learner()
     for second, (one, other, *_) in enumerate(stream(5, 20)):

@@ -46,6 +46,7 @@ def test_the_ball_is_about_where_the_central_filter_has_it(scores: dict[str, dic
     assert scores["team"]["ball"].rmse <= 1.25 * scores["central"]["ball"].rmse
 
 
+@pytest.mark.long
 def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mates() -> None:
     """They have wheels and sightings alone. Seconds after they met a mate they are as exact as if they had known."""
     found = {}
@@ -59,6 +60,7 @@ def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mate
         assert unknown.coverage() >= 0.85
 
 
+@pytest.mark.long
 def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_no_liars() -> None:
     """They add little new to what the team believes, and some of that is new. Before, the ball was lost: 1.4 m, coverage .58."""
     found = Field(World(101), scenario(Truth(), told=False), phases={"r2": 0.03, "r3": 0.06}, cautious=3.0).play(

@@ -34,9 +34,8 @@ def calm() -> str:
     return run(team_of())
 
 
-@pytest.mark.parametrize("shuffle", [1, 2])
-def test_the_order_of_arrival_changes_no_bit(calm: str, shuffle: int) -> None:
-    assert run(team_of(shuffle=shuffle)) == calm
+def test_the_order_of_arrival_changes_no_bit(calm: str) -> None:
+    assert run(team_of(shuffle=1)) == calm
 
 
 def test_another_seed_is_another_run(calm: str) -> None:

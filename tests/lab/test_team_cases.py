@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from blackboard.config import Scenario
-from blackboard.errors import UserError
 from blackboard.lab.cases import Case
 from blackboard.lab.team import Team
 from blackboard.lab.team_cases import first_hand_cases, variant
@@ -50,11 +49,6 @@ def test_a_variant_has_another_seed() -> None:
     assert variant(SCENARIO, 2).tables["world"]["seed"] == 5
     one, other = first_hand_cases(SCENARIO)[0], first_hand_cases(variant(SCENARIO, 1))[0]
     assert one.truth != other.truth
-
-
-def test_a_wrong_scenario_is_a_mistake() -> None:
-    with pytest.raises(UserError, match="robot.localizer"):
-        first_hand_cases(Scenario({"robot": {"localizer": "gps"}}))
 
 
 def test_a_variant_of_a_recording_is_its_next_stretch(tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -11,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.board.service import board_of
-from blackboard.config import Scenario
 from blackboard.judge.traffic import Traffic
 from blackboard.lab.team import Team
 from blackboard.opinion.belief import Belief, gaussian, uniform
@@ -188,44 +189,53 @@ def test_a_belief_that_knows_nothing_stays_one() -> None:
 # --- a team ----------------------------------------------------------------------------------------------------------------
 
 
-def run(scenario: Scenario) -> tuple[str, int, dict[str, list[Status]], list[Report]]:
-    """The hash of a run, how often a board was late, the robots' statuses, and their reports."""
-    team = Team(scenario)
+class Run(NamedTuple):
+    """A run whose world ended in order, and how often a board was late."""
+
+    card: dict[str, Any]
+    late: int
+    statuses: dict[str, list[Status]]  # by robot
+    reports: list[Report]
+
+
+@cache
+def run(fusion: str, budget: float | None = None, again: int = 0) -> Run:
+    """A run without limits, or with a budget; `again` is another one that has to be the same."""
+    scenario = LONGER.changed("board", fusion=fusion)
+    team = Team(scenario if budget is None else scenario.changed("robot", send={"budget": budget}))
     heard = Heard(team.bus)
-    team.run()
+    card = team.run()
     assert team.world.why == ""
     late = sum(it.counters["late"] for it in team.boards.values())
     statuses = {name: heard.of(keys.STATUS, process=name) for name in team.robots}
-    return team.world.referee.hash, late, statuses, heard.of(keys.REPORT)
+    return Run({name: card[name] for name in ("hash", "missing")}, late, statuses, heard.of(keys.REPORT))
 
 
-@pytest.fixture(params=["opinions", "joint"])
-def scenario(request: pytest.FixtureRequest) -> Scenario:
-    return LONGER.changed("board", fusion=request.param)
+both = pytest.mark.parametrize("fusion", ["opinions", "joint"])
 
 
-def test_an_infinite_budget_is_the_stream_without_one(scenario: Scenario) -> None:
-    assert run(scenario.changed("robot", send={"budget": math.inf})) == run(scenario)
+@both
+def test_an_infinite_budget_is_the_stream_without_one(fusion: str) -> None:
+    assert run(fusion, math.inf) == run(fusion)
 
 
-def test_silence_makes_no_board_wait_and_a_run_repeats_to_the_bit(scenario: Scenario) -> None:
-    poor = scenario.changed("robot", send={"budget": 700.0})
-    first = run(poor)
-    assert first == run(poor)
-    hash_, late, statuses, said = first
-    everything = run(scenario)
-    assert late == 0
-    assert hash_ != everything[0]
-    assert sum(len(encode(it)) for it in said) < 0.6 * sum(len(encode(it)) for it in everything[3])
-    assert any(status.kept for status in statuses["r1"])
-    for status in statuses["r1"]:
+@both
+def test_silence_makes_no_board_wait_and_a_run_repeats_to_the_bit(fusion: str) -> None:
+    first, everything = run(fusion, 700.0), run(fusion)
+    assert first == run(fusion, 700.0, again=1)
+    assert first.late == 0
+    assert first.card["hash"] != everything.card["hash"]
+    assert sum(len(encode(it)) for it in first.reports) < 0.6 * sum(len(encode(it)) for it in everything.reports)
+    assert any(status.kept for status in first.statuses["r1"])
+    for status in first.statuses["r1"]:
         assert not set(status.kept) & set(status.subjects)
 
 
-def test_what_a_robot_is_silent_about_is_still_agreed_on(scenario: Scenario) -> None:
+@both
+def test_what_a_robot_is_silent_about_is_still_agreed_on(fusion: str) -> None:
     """Boards keep what it said before: no sample is missing that is there without a budget."""
-    cards = [Team(it).run() for it in (scenario, scenario.changed("robot", send={"budget": 700.0}))]
-    robots = [{s: n for s, n in card["missing"].items() if s.startswith("robot/")} for card in cards]
+    missing = [it.card["missing"] for it in (run(fusion), run(fusion, 700.0))]
+    robots = [{s: n for s, n in found.items() if s.startswith("robot/")} for found in missing]
     assert robots[0] == robots[1]
 
 

@@ -139,11 +139,6 @@ def test_the_same_values_are_the_same_beliefs() -> None:
     assert all(math.isclose(p.sum(), 1.0) for p in usual(POSE))
 
 
-def test_a_key_that_nobody_reads_is_an_error() -> None:
-    with pytest.raises(UserError, match=r"robot\.odometry\.late: no such key; known are across, along"):
-        Scenario({"robot": {"odometry": {"late": 0.2}}}).section("robot", RobotSection)
-
-
 @pytest.mark.parametrize("key", JOINT)
 def test_another_value_is_another_model_of_a_robot_in_a_joint(key: str) -> None:
     def model(changed: Mapping[str, Any]) -> tuple[object, ...]:

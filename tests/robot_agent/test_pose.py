@@ -52,17 +52,6 @@ def off(angles: Array, angle: float) -> Array:
     return np.asarray(np.angle(np.exp(1j * (angles - angle))))
 
 
-def test_a_way_driven_while_turning_goes_along_the_heading_halfway() -> None:
-    after = pose(1.0).predict(drive(distance=2.2, turn=0.6), None)
-    way = 2.2 * np.array([math.cos(0.3), math.sin(0.3)])
-    before = pose(1.0).marginal().mean()
-    assert after.marginal().mean() == pytest.approx(before + way, abs=0.01)
-    angles, masses = headings(after)
-    assert angles[masses.argmax()] == pytest.approx(0.6)
-    assert np.abs(after.poses.offsets[masses > 0]).max() <= 0.25  # whole cells are moved, only the rest is carried
-    assert abs(after.poses.turned) <= BIN / 2
-
-
 def test_a_compass_weighs_the_headings_by_its_sigma_and_the_bins() -> None:
     it = pose(*[1 / N] * N, turned=0.1)
     after = it.predict(drive(), 0.5)
@@ -81,11 +70,6 @@ def test_a_fix_weighs_every_pose() -> None:
     turned = np.exp(-0.5 * off(angles, 0.4) ** 2 / (0.3**2 + BIN**2 / 12))
     expected = it.poses.p * likelihood * turned[:, None, None]
     assert after.poses.p == pytest.approx(expected / expected.sum(), abs=1e-6)
-
-
-def test_evidence_that_meets_no_mass_replaces_the_pose() -> None:
-    after = pose(1.0, sigma=0.3).update_with_fix(Fix(position=(7.0, 13.0), sigma=0.4, heading=3.0, heading_sigma=0.2))
-    assert after.marginal().mean() == pytest.approx((7.0, 13.0), abs=0.05)
 
 
 def test_an_uncertain_landmark_weighs_range_and_bearing_by_all_their_variances() -> None:
@@ -138,20 +122,6 @@ def test_a_projection_moves_each_slice_along_its_own_line_of_sight(offset: tuple
         density = np.exp(-0.5 * squared)
         total += mass * density / density.sum()
     assert it.project(sighting, moved).p == pytest.approx(0.9 * total + 0.1 / GRID.size, abs=1e-5)
-
-
-@pytest.mark.parametrize("many", [1, 20])
-def test_noise_along_and_across_turns_with_each_slice(many: int) -> None:
-    it = pose(1.0, turned=0.15)
-    before = it.marginal().covariance()
-    after: Localizer = it
-    for _ in range(many):
-        after = after.predict(drive(along=0.8 / many, across=0.2 / many), None)
-    c, s = math.cos(0.15) ** 2, math.sin(0.15) ** 2
-    grown = np.diag(after.marginal().covariance() - before)
-    assert isinstance(after, PoseLocalizer)
-    pending = np.array([after.along * c + after.across * s, after.along * s + after.across * c])
-    assert grown + pending == pytest.approx([0.8 * c + 0.2 * s, 0.8 * s + 0.2 * c], rel=0.05)
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01])
@@ -261,28 +231,6 @@ def mean_heading(it: PoseLocalizer) -> float:
     return float(np.angle((it.poses.masses * np.exp(1j * it.poses.headings)).sum()))
 
 
-def test_a_straight_way_moves_the_mean_and_does_not_blur() -> None:
-    it: Localizer = at(-1.0, 0.0, 0.0, heading_sigma=0.01)
-    before = it.marginal().covariance()
-    for _ in range(30):
-        it = it.predict(drive(0.043), None)
-    after = it.marginal()
-    assert after.mean() == pytest.approx((-1.0 + 30 * 0.043, 0.0), abs=0.02)
-    assert after.covariance()[0, 0] - before[0, 0] < 0.003  # a quarter of cell ** 2, from one resampling
-
-
-def test_heading_noise_adds_its_variance_and_loses_no_mass() -> None:
-    it: Localizer = at(0.0, 0.0, 0.0, heading_sigma=0.05)
-    assert isinstance(it, PoseLocalizer)
-    before = float((it.poses.masses * np.angle(np.exp(1j * it.poses.headings)) ** 2).sum())
-    for _ in range(10):
-        it = it.predict(drive(heading=0.01), None)
-    assert isinstance(it, PoseLocalizer)
-    assert it.poses.masses.sum() == pytest.approx(1.0, abs=1e-3)
-    after = float((it.poses.masses * np.angle(np.exp(1j * it.poses.headings)) ** 2).sum())
-    assert after - before == pytest.approx(0.1, rel=0.1)
-
-
 def test_heading_doubt_bends_the_position_as_it_should() -> None:
     """After a straight way of 1.5 m with a heading of sigma 0.1, the position is spread sideways by 0.15 m."""
     it: Localizer = at(-1.2, 0.0, 0.0, sigma=0.1, heading_sigma=0.1)
@@ -297,12 +245,6 @@ def test_a_misread_barcode_does_little_harm() -> None:
     wrong = Sighting(subject="landmark/1", range=1.0, bearing=3.0)
     after = it.update_with_sighting(wrong, None, np.array((1.5, 0.0)), np.zeros((2, 2)))
     assert np.abs(after.marginal().mean() - it.marginal().mean()).max() < 0.1
-
-
-def test_folding_what_was_reported_changes_nothing() -> None:
-    it = at(0.3, 0.2, 1.0)
-    reported = it.marginal()
-    assert it.fold(reported, reported) is it
 
 
 def test_folding_keeps_heading_given_position() -> None:

@@ -84,13 +84,6 @@ def test_a_camera_of_range_and_bearing_weighs_every_place() -> None:
     assert after.p == pytest.approx(expected / expected.sum(), abs=1e-12)
 
 
-def test_evidence_that_meets_no_mass_replaces_the_belief() -> None:
-    p = np.zeros(GRID.shape)
-    p[0, 0] = 1.0
-    it = position_localizer(Belief(GRID, p)).update_with_fix(Fix(position=(6.0, 9.0), sigma=0.2))
-    assert it.marginal().mean() == pytest.approx((6.0, 9.0), abs=0.05)
-
-
 def test_a_fix_weighs_by_its_sigma_and_the_cells_and_may_tell_the_heading() -> None:
     it = position_localizer(gaussian(GRID, (1.0, 5.0), 0.8), offset=(0.2, -0.15), heading=1.0)
     after = it.update_with_fix(Fix(position=(2.0, 6.0), sigma=0.3, heading=0.7, heading_sigma=0.1))
@@ -99,19 +92,6 @@ def test_a_fix_weighs_by_its_sigma_and_the_cells_and_may_tell_the_heading() -> N
     assert after.p == pytest.approx(expected / expected.sum(), abs=1e-12)
     assert after.heading == 0.7
     assert it.update_with_fix(Fix(position=(2.0, 6.0), sigma=0.3)).heading == 1.0
-
-
-@pytest.mark.parametrize("many", [1, 40])
-def test_noise_along_and_across_turns_with_the_heading(many: int) -> None:
-    """Whether the variance is still pending or was blurred into the grid, the marginal holds all of it."""
-    it = position_localizer(gaussian(GRID, (3.0, 6.0), 0.6))
-    before = it.marginal().covariance()
-    after = it
-    for _ in range(many):
-        after = after.predict(Motion(0.0, 0.0, 1.0, 0.6 / many, 0.1 / many, 0.0), 0.5)
-    c, s = math.cos(0.5) ** 2, math.sin(0.5) ** 2
-    grown = after.marginal().covariance() - before
-    assert np.diag(grown) == pytest.approx([0.6 * c + 0.1 * s, 0.6 * s + 0.1 * c], rel=0.05)
 
 
 def test_a_pending_variance_is_blurred_in_once_it_exceeds_a_third_of_a_cell() -> None:
@@ -158,12 +138,6 @@ def test_motion_moves_the_mean_and_does_not_blur() -> None:
     after = it.marginal()
     assert after.mean()[0] == pytest.approx(20 * 0.185, abs=0.01)
     assert after.covariance()[0, 0] - before[0, 0] <= 0.26 * 0.5**2  # of the one resampling into the team's grid
-
-
-def test_folding_what_was_reported_changes_nothing() -> None:
-    it = position_localizer(gaussian(GRID, (3.0, 6.0), 1.0), offset=(0.1, 0.2))
-    reported = it.marginal()
-    assert np.array_equal(it.fold(reported, reported).p, it.p / it.p.sum())
 
 
 def test_a_lost_position_forgets_its_offset_and_pending_noise() -> None:
