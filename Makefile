@@ -142,4 +142,4 @@ $(VENV)/bin/pip:
 	@$(PYTHON) -m venv $(VENV)
 
 clean: ## remove what make has made
-	rm -rf $(VENV) $(VENV)-bridges .cargo-target .mypy_cache .ruff_cache .hypothesis build dist docs/commands.md figures wheels
+	rm -rf $(VENV) $(VENV)-bridges .cargo-target .mypy_cache .ruff_cache .hypothesis build dist docs/commands.md docs/tables.md figures wheels

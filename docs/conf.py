@@ -1,7 +1,8 @@
-"""How the documentation becomes a site: `make docs`, into build/docs. The page of commands is made here, from the commands."""
+"""How the documentation becomes a site: `make docs`, into build/docs. Pages that are made from the code are made here."""
 
 from __future__ import annotations
 
+import importlib
 import re
 from importlib.metadata import version as version_of
 from pathlib import Path
@@ -32,6 +33,27 @@ that says where, what and the cure), 130 interrupted. Completion in a shell: `so
 """
 
 
+#: Modules with a table that decides, and what it is of.
+TABLES = {
+    "blackboard.board.lead": "Which board of a sub-team leads",
+    "blackboard.process.team_clock": "When a Clock is followed",
+    "blackboard.process.rounds": "When a phase of a tick is over",
+    "blackboard.process.reactions": "What a robot does on news of the team clock",
+}
+
+
+def write_tables(app: Any) -> None:
+    """Write docs/tables.md, which is no part of the sources."""
+    parts = [
+        "# The tables of the machines",
+        "Made from the code. `python -m MODULE` prints each. [ticks.md](ticks.md) explains them.",
+    ]
+    for module, what in TABLES.items():
+        text = importlib.import_module(module).text()
+        parts += [f"## {what}", f"`{module}`", f"```text\n{text.rstrip()}\n```"]
+    write("tables.md", "\n\n".join(parts) + "\n")
+
+
 def write_commands(app: Any) -> None:
     """Write docs/commands.md, which is no part of the sources."""
     import blackboard.__main__
@@ -42,7 +64,12 @@ def write_commands(app: Any) -> None:
     for module in (blackboard.__main__, robot_agent.__main__, sim_world.__main__):
         parts.append(module.app.generate_docs(output_format="markdown", heading_level=2))
     text = re.sub(r"^#+ Table of Contents\n.*?(?=^\*\*|^#)", "", "\n\n".join(parts), flags=re.MULTILINE | re.DOTALL)
-    file = Path(__file__).parent / "commands.md"
+    write("commands.md", text)
+
+
+def write(name: str, text: str) -> None:
+    """Write a page, unless it is there as it is to be: Sphinx reads what is new."""
+    file = Path(__file__).parent / name
     if not file.exists() or file.read_text(encoding="utf-8") != text:
         file.write_text(text, encoding="utf-8")
 
@@ -74,5 +101,6 @@ def plain_types(app: Any, what: str, name: str, thing: object, options: object, 
 def setup(app: Any) -> None:
     """Called by Sphinx."""
     app.connect("builder-inited", write_commands)
+    app.connect("builder-inited", write_tables)
     app.connect("autodoc-process-docstring", as_rst)
     app.connect("autodoc-process-signature", plain_types)

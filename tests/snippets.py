@@ -14,6 +14,7 @@ BLOCK = re.compile(
     r"^```(?P<word>[^\n]*)\n(?P<fenced>.*?)^```$|(?<=\n\n)(?P<indented> {4} *\S[^\n]*\n(?:(?: {4}[^\n]*)?\n)*)",
     re.M | re.S,
 )
+MADE = ("commands.md", "tables.md")  # pages that `make docs` makes
 PROMPT = re.compile(r"^(?:[a-z][\w-]*\$ +)?")  # `base$ blackboard router`: on which host
 WORDS = [
     "blackboard",
@@ -57,7 +58,7 @@ def pages() -> dict[str, str]:
     """The text of every page that is written by hand, by the file's name; a note is `notes/NAME.md`."""
     site = ROOT / "docs"
     found = {file.name: file for file in (ROOT / "README.md", ROOT / "CONTRIBUTING.md")}
-    found |= {str(file.relative_to(site)): file for file in sorted(site.glob("**/*.md")) if file.name != "commands.md"}
+    found |= {str(file.relative_to(site)): file for file in sorted(site.glob("**/*.md")) if file.name not in MADE}
     return {name: file.read_text(encoding="utf-8") for name, file in found.items()}
 
 

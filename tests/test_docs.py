@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -13,11 +16,12 @@ import blackboard.__main__
 import robot_agent.__main__
 import sim_world.__main__
 from tests.files import ROOT
+from tests.snippets import MADE
 
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
-    *sorted(p for p in (ROOT / "docs").glob("**/*.md") if p.name != "commands.md"),
+    *sorted(p for p in (ROOT / "docs").glob("**/*.md") if p.name not in MADE),
 ]
 APPS: dict[str, App] = {
     "blackboard": blackboard.__main__.app,
@@ -55,10 +59,19 @@ def test_every_page_has_its_place_in_the_site() -> None:
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     trees = re.findall(r"^:::\{toctree\}\n(?::[^\n]*\n)*\n(.*?)^:::$", index, re.MULTILINE | re.DOTALL)
     listed = [name for tree in trees for name in tree.split()]
-    site = ROOT / "docs"
-    pages = {str(path.relative_to(site).with_suffix("")) for path in site.glob("**/*.md")} - {"index", "commands"}
-    assert sorted(set(listed) - {"commands"}) == sorted(pages)
+    site, made = ROOT / "docs", {name.removesuffix(".md") for name in MADE}
+    pages = {str(path.relative_to(site).with_suffix("")) for path in site.glob("**/*.md")} - {"index", *made}
+    assert sorted(set(listed) - made) == sorted(pages)
     assert len(listed) == len(set(listed))
+
+
+@pytest.mark.parametrize("module", ["board.lead", "process.team_clock", "process.rounds", "process.reactions"])
+def test_a_module_with_a_table_prints_it(module: str) -> None:
+    """As docs/conf.py takes it for the page of tables."""
+    name = f"blackboard.{module}"
+    done = subprocess.run([sys.executable, "-m", name], capture_output=True, text=True, check=True)
+    assert done.stdout.rstrip() == import_module(name).text().rstrip()
+    assert name in (ROOT / "docs" / "conf.py").read_text(encoding="utf-8")
 
 
 def anchors(page: Path) -> set[str]:
@@ -74,6 +87,6 @@ def test_every_link_has_its_target(page: Path) -> None:
             continue
         name, _, anchor = target.partition("#")
         file = page.parent / name if name else page
-        assert file.exists() or file.name == "commands.md", target
+        assert file.exists() or file.name in MADE, target
         if anchor and file.suffix == ".md":
             assert anchor in anchors(file), target

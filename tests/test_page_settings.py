@@ -1,4 +1,4 @@
-"""The settings and lines of Python in more.md, rules.md, network.md and faults.md: each is read as the programs read it."""
+"""The settings and lines of Python in rules.md, network.md and faults.md: each is read as the programs read it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def tables(page: str, first: str) -> list[dict[str, Any]]:
 
 def test_the_pools_alone() -> None:
     space: dict[str, Any] = {"opinions": np.random.default_rng(1).dirichlet(np.ones(108), 5).reshape(5, 12, 9)}
-    exec(block("more.md", "from blackboard import Grid").text, space)
+    exec(block("rules.md", "from blackboard import Grid").text, space)
     fused = space["fused"]
     assert fused.shape == (12, 9)
     assert fused.sum() == pytest.approx(1.0)

@@ -34,6 +34,7 @@ DRAWING = NotRun("a drawing of the code, or an example of what is printed")
 SITE = NotRun("`make docs` runs it, with warnings as errors")
 HOSTS = NotRun("several hosts; tests/flow and tests/access run the same services")
 SYMPTOMS = NotRun("of a team in trouble; each command has tests of its own")
+COMPOSE = NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")
 MINUTES_OF_LAB = NotRun("minutes; tests/long/test_lab.py and tests/system/test_lab.py run short forms of all four")
 MINUTES = NotRun("many minutes; a short form is tested")
 
@@ -65,7 +66,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         *[("", CLIENT)] * 13,
         ("[grid]", "tests/system/test_client_page.py::test_its_scenario_is_one"),
     ),
-    "design.md": tuple(("", DRAWING) for _ in range(4)),
+    "design.md": tuple(("", DRAWING) for _ in range(2)),
     "faults.md": (
         ("[[fault]]", f"{SETTINGS}::test_a_fault_as_the_page_writes_it"),
         ("blackboard up liar", NotRun("two minutes; tests/flow/test_faults.py runs small teams with and without faults")),
@@ -77,19 +78,14 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard serve --team all", "tests/system/test_share.py::test_an_object_that_one_team_sees_is_known_in_the_others"),
     ),
     "hosts.md": (
-        ("base$    blackboard router", HOSTS),
+        ("base$    blackboard router", f"{NEWCOMER}::test_each_process_by_hand"),
         ("r1$      python examples/feed_robot.py", "tests/system/test_real_robot.py::test_readings_reach_the_team_with_no_world_running"),
+        ("docker compose up --build", COMPOSE),
+        ("export WORLD=", COMPOSE),
     ),
     "looking.md": (
         ("blackboard status", NotRun("of a team that runs, most without an end; tests/view/test_door.py runs them on a bus")),
         ("blackboard health", NotRun("of a team that runs; tests/run/test_health_door.py and tests/access/test_door.py")),
-    ),
-    "more.md": (
-        (".venv/bin/blackboard demo --robots 10", f"{NEWCOMER}::test_what_more_there_is"),
-        ("docker compose up --build", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
-        ("export WORLD=", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),
-        ("blackboard router -l", f"{NEWCOMER}::test_each_process_by_hand"),
-        ("from blackboard import Grid", f"{SETTINGS}::test_the_pools_alone"),
     ),
     "network.md": (
         ("[robot.send]", f"{SETTINGS}::test_a_poor_link_as_the_page_sets_it"),
@@ -129,6 +125,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("@localizer", f"{SETTINGS}::test_a_localizer_as_the_page_registers_it"),
         ("[project.entry-points", f"{SETTINGS}::test_entry_points_are_of_the_groups_that_are_looked_up"),
         ("[board]", f"{SETTINGS}::test_a_board_as_the_page_sets_it"),
+        ("from blackboard import Grid", f"{SETTINGS}::test_the_pools_alone"),
     ),
     "scaling.md": (("blackboard plan", PLAN), ("teams:", PLAN)),
     "fields.md": (
@@ -156,12 +153,6 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("[team]", OWN_TEAM),
         (".venv/bin/blackboard up", OWN_TEAM),
         (".venv/bin/blackboard tape", TAPE),
-    ),
-    "ticks.md": (
-        ("role     fact", "tests/board/test_lead_table.py::test_the_table_is_printed"),
-        ("state       event", "tests/process/test_team_clock_table.py::test_the_table_is_printed"),
-        ("process  pace", "tests/process/test_rounds.py::test_the_tables_are_printed"),
-        ("news      robot", "tests/process/test_peer.py::test_the_table_is_printed"),
     ),
     "bytes.md": (*[("", WIRE)] * 4, ("78 5e", "tests/wire/test_docs.py::test_the_worked_example_of_fine_levels_is_true")),
 }  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from functools import reduce
 from importlib import import_module
@@ -199,7 +200,7 @@ def figures(
     every: float = 5.0,
     output: OutputFlags = OutputFlags(),
 ) -> int:
-    """Draw the paper's figures into a folder (SVG and PNG), and list the files; with --json also the numbers behind them.
+    """Draw the paper's figures into a folder (SVG, PNG, a page of all), and list the files; with --json also their numbers.
 
     Figs. 1 to 5 are 1-D; Figs. 6 and 7 come from the simulated world with the paper's sensors. Needs the extra `plot`.
 
@@ -225,6 +226,7 @@ def figures(
     with progress("figures") as show_progress:
         found = paper.on_a_line(rng)
         files = drawing.save_all(drawing.paper(found), out)  # at once: the others take minutes
+        print(f"figures: Figs. 1 to 5 are in {drawing.gallery(out)}; Figs. 6 and 7 follow", file=sys.stderr, flush=True)
         worlds = [paper.world(load("paper"), n, robots, seconds) for n in sorted(sizes, reverse=True)]
         alike = [(dict[str, Rule](), worlds), *((paper.RULES, [one]) for one in worlds)]
         jobs = [(*job, number, every) for job in alike for number in range(seeds)]
@@ -235,7 +237,7 @@ def figures(
         for i, (world, of_world) in enumerate(zip(worlds, by_rules, strict=True))
     }
     shown = paper.in_the_world({n: runs[n] for n in sizes}, rng)
-    told = [str(file) for file in [*files, *drawing.save_all(drawing.paper(shown), out)]]
+    told = [str(file) for file in [*files, *drawing.save_all(drawing.paper(shown), out), drawing.gallery(out)]]
     output.show({**found, **shown, "files": told}, lambda _: "\n".join(told))
     return 0
 

@@ -5,6 +5,7 @@ Colours are Okabe and Ito's, which colour-blind readers can tell apart, and ever
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,13 +30,20 @@ STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
 }
+GALLERY = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>Figures</title>
+<style>body { font: 15px system-ui, sans-serif; max-width: 1100px; margin: 24px auto }
+img { width: 100% } figure { margin: 0 0 48px }</style>"""
 
 
 def save(figure: Figure, file: Path) -> None:
     """Write a figure, byte for byte the same each time; the name's ending says how: .svg or .png."""
-    metadata: dict[str, None] = {".svg": {"Date": None, "Creator": None}, ".png": {"Software": None}}.get(
-        file.suffix, {}
-    )
+    title = figure.get_suptitle() or None
+    known: dict[str, dict[str, str | None]] = {
+        ".svg": {"Date": None, "Creator": None, "Title": title},
+        ".png": {"Software": None},
+    }
+    metadata = known.get(file.suffix)
     if not metadata:
         raise UserError(f"{file}: pictures are written as .svg or .png; choose one of these endings")
     with writing(file), mpl.rc_context(STYLE):
@@ -49,6 +57,19 @@ def save_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
     for figure, file in files:
         save(figure, file)
     return [file for _, file in files]
+
+
+def gallery(folder: Path) -> Path:
+    """Write a page of all SVG pictures in a folder, each with its title: the page."""
+    shown = []
+    for file in sorted(folder.glob("*.svg")):
+        found = re.search(r"<dc:title>(.*?)</dc:title>", file.read_text(encoding="utf-8"), re.DOTALL)
+        title = f"{file.stem}: {found[1]}" if found else file.stem  # text of an XML file: escaped already
+        shown.append(f'<figure><img src="{file.name}" alt="{title}"><figcaption>{title}</figcaption></figure>')
+    page = folder / "index.html"
+    with writing(page):
+        page.write_text("\n".join([GALLERY, *shown]) + "\n", encoding="utf-8")
+    return page
 
 
 def comparison(found: Mapping[str, Any]) -> Figure:

@@ -1,4 +1,4 @@
-"""A progress bar on a terminal, with the time left; elsewhere nothing, or a line for each tenth."""
+"""A progress bar on a terminal, with the time left; elsewhere nothing, or a line after the first and each tenth."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def progress(name: str, lines: bool = True) -> Iterator[Show | None]:
 
 
 def _in_lines(name: str) -> Show:
-    """A function that prints a line on standard error whenever another tenth of all is done."""
-    told, clock = 0, UnixClock()
+    """A function that prints a line on standard error after the first, and whenever another tenth of all is done."""
+    told, clock = -1, UnixClock()
     began = clock.now()
 
     def show(done: int, total: int) -> None:

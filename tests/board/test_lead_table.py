@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from blackboard.board.lead import HOLD, BoardRole, Fact, text
+from blackboard.board.lead import HOLD, BoardRole, Fact
 from blackboard.wire.envelope import Kind
 from tests.board.seat import SILENT, Seat
-from tests.files import page
 
 Walk = list[Callable[[Seat], object]]
 COME: Walk = [lambda seat: seat.here("w")]
@@ -53,7 +52,3 @@ def test_each_row_is_walked(part: BoardRole, fact: Fact) -> None:
     last(seat)
     seat.it.check()
     assert seat.it.role is fact.value.then
-
-
-def test_the_table_is_printed() -> None:
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("ticks.md")

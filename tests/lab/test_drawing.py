@@ -41,6 +41,13 @@ def test_all_seven_figures_are_drawn() -> None:
     assert list(drawing.paper(numbers())) == [f"fig{n}" for n in range(1, 8)]
 
 
+def test_a_gallery_has_every_picture_of_its_folder_with_its_title(tmp_path: Path, told: dict[str, Any]) -> None:
+    drawing.save_all({"rules": drawing.comparison(told)}, tmp_path)
+    page = drawing.gallery(tmp_path).read_text(encoding="utf-8")
+    assert page.count("<img") == 1
+    assert "rules: all rules on the same opinions; thick: the default" in page
+
+
 def test_other_endings_and_places_are_refused(tmp_path: Path, told: dict[str, Any]) -> None:
     figure = drawing.comparison(told)
     with pytest.raises(UserError, match=r"\.svg or \.png"):

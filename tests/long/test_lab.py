@@ -58,10 +58,12 @@ def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
         said.append(done.stdout)
     told = json.loads(said[0])
     assert set(told) == {"files", *(f"fig{n}" for n in range(1, 8))}
-    assert told["files"] == sorted(told["files"], key=lambda name: (name[:-4], name[-4:] != ".svg"))
+    *pictures, page = told["files"]
+    assert pictures == sorted(pictures, key=lambda name: (name[:-4], name[-4:] != ".svg"))
+    assert [f'src="fig{n}.svg"' in Path(page).read_text() for n in range(1, 8)] == [True] * 7
     assert sorted(told["files"]) == sorted(str(path) for path in (tmp_path / "first").iterdir())
     assert said[1].splitlines() == [name.replace("/first/", "/second/") for name in told["files"]]
     files = sorted(path.name for path in (tmp_path / "first").iterdir())
-    assert files == [f"fig{n}.{ending}" for n in range(1, 8) for ending in ("png", "svg")]
+    assert files == [*(f"fig{n}.{ending}" for n in range(1, 8) for ending in ("png", "svg")), "index.html"]
     for file in files:
         assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes(), file

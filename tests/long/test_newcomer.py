@@ -1,7 +1,6 @@
-"""The newcomer's path: README.md, docs/tutorial.md and docs/more.md from a clone on, their commands one after the other in the clone itself.
+"""The newcomer's path: README.md, docs/tutorial.md and docs/hosts.md from a clone on, their commands one after the other in the clone itself.
 
-What docs/tutorial.md says runs at its full length, in the clone and once more with the wheel in an empty environment elsewhere. Of README.md what takes minutes is shortened, and what needs a recording, an
-engine or a screen is left out (`LEFT_OUT`).
+What docs/tutorial.md says runs at its full length, in the clone and once more with the wheel in an empty environment elsewhere.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import subprocess
 import sys
 import urllib.request
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -25,17 +24,6 @@ from tests.processes import Program, children, is_running, wait_until
 from tests.snippets import block, blocks
 
 pytestmark = pytest.mark.timeout(1200)
-
-#: Beginnings of the commands of docs/more.md -> what is added, so that they take seconds; the last word wins over one before it.
-SHORTER = {
-    "demo --realtime": "--seconds 3",
-    "demo": "--seconds 2",
-    "up my-scenario.toml": "--seconds 2",
-}
-LEFT_OUT = {
-    "--mrclam DIR": "a recording; tests/long/test_recorded.py scores one",
-    "make figures": "minutes; tests/long/test_lab.py makes small ones",
-}
 
 
 def environment() -> dict[str, str]:
@@ -194,28 +182,19 @@ def test_what_it_believes_and_why(made: tuple[Path, str]) -> None:
 
 
 def test_each_process_by_hand(made: tuple[Path, str]) -> None:
-    """Router, board, robot: each says that it is ready. The world then runs to its end once all boards are there, so a second board joins."""
+    """Router, boards, robots, each as docs/hosts.md starts it: each says that it is ready. The world then runs to its end."""
     clone, _ = made
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    router, board, robot, world = (
-        f".venv/bin/{command.replace('tcp/127.0.0.1:7447', endpoint)}"
-        for command in block("more.md", "blackboard router").commands
-    )
-    with started(clone, router) as first:
-        first.says("ready")
-        with started(clone, f"{board} -e {endpoint}") as second, started(clone, f"{robot} -e {endpoint}") as third:
-            second.says("ready")
-            third.says("ready")
-            with started(clone, f"{world} -e {endpoint}") as fourth:
-                fourth.says("ready")
+    world = "sim-world team.toml -e tcp/base:7447"
+    assert f"`{world}`" in (clone / "docs/hosts.md").read_text()
 
+    def here(command: str) -> str:
+        places = {"tcp/0.0.0.0:7447": endpoint, "tcp/base:7447": endpoint, "team.toml": "demo"}
+        for there, place in places.items():
+            command = command.replace(there, place)
+        return f".venv/bin/{command}"
 
-def test_what_more_there_is(made: tuple[Path, str]) -> None:
-    clone, _ = made
-    (clone / "my-scenario.toml").write_text(block("tutorial.md", "[team]").text)
-    for command in block("more.md", ".venv/bin/blackboard demo --robots 10").commands:
-        words = command.removeprefix(".venv/bin/blackboard ")
-        if any(words.startswith(what) or what in words.split(" --start")[0] for what in LEFT_OUT):
-            continue
-        more = next((flags for start, flags in SHORTER.items() if words.startswith(start)), "")
-        shell(clone, f"{command} {more}", (0, 1))
+    with ExitStack() as running:
+        for command in block("hosts.md", "base$    blackboard router").commands:
+            running.enter_context(started(clone, here(command))).says("ready")
+        running.enter_context(started(clone, here(world))).says("ready")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from typing import Any
 
 import pytest
@@ -11,7 +9,7 @@ import pytest
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.process.peer import WHOLE, Answers, Peer
-from blackboard.process.reactions import REACTIONS, Cue, Place, text
+from blackboard.process.reactions import REACTIONS, Cue, Place
 from blackboard.process.team_clock import WORLD_SILENT, News
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
@@ -19,7 +17,6 @@ from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
-from tests.files import page
 from tests.wire.envelopes import consensus, put, token
 
 NOW = 1_000_000.0
@@ -105,15 +102,6 @@ def test_each_news_is_followed_by_what_the_table_says(news: News, place: Place) 
     assert robot.it.intake.counters["repeated"] == (Cue.REPEAT in cues)
     assert robot.it.intake.counters["failed"] == 0
     assert robot.it.run == "x"
-
-
-def test_the_table_is_printed() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "blackboard.process.reactions"], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.rstrip() == text()
-    assert len(text().splitlines()) == 1 + len(REACTIONS)
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("ticks.md")
 
 
 def test_another_run_forgets_what_was_said() -> None:

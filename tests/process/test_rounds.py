@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 
 import pytest
 
-from blackboard.process.rounds import TABLES, Rounds, Row, text
+from blackboard.process.rounds import TABLES, Rounds, Row
 from blackboard.process.team_clock import Pace
-from tests.files import page
 
 NOW = 1_000_000.0
 WAITS = {"patience": 2.0, "half a period": 0.1, "gather": 60.0, "give_up": 20.0, "tick": 0.2, "linger": 1.0}
@@ -78,15 +75,6 @@ def test_a_phase_that_the_pace_does_not_have_lasts() -> None:
     it = rounds("board", "reports")
     assert it.turn(Pace.WAITING, NOW + 1e9, lambda fact: True) is None
     assert it.ends_at(Pace.WAITING) == math.inf
-
-
-def test_the_tables_are_printed() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "blackboard.process.rounds"], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.rstrip() == text()
-    assert len(text().splitlines()) == 1 + len(ROWS)
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("ticks.md")
 
 
 def test_a_phase_counts_as_late_where_time_ends_what_an_answer_should_have_ended() -> None:

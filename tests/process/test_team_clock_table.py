@@ -18,12 +18,10 @@ from blackboard.process.team_clock import (
     Pace,
     State,
     TeamClock,
-    text,
 )
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock
-from tests.files import page
 
 NOW = 1_000_000.0
 WORLD = keys.WORLD.key(team="t")
@@ -117,7 +115,3 @@ def test_whatever_happens_the_table_knows_it(done: list[tuple[Any, ...]]) -> Non
     for action in done:
         walk.do(action)
         assert (walk.it.pace is Pace.FREE) == (walk.it.state is State.FREE)
-
-
-def test_the_table_is_printed() -> None:
-    assert "\n".join(f"    {line}" for line in text().splitlines()) in page("ticks.md")

@@ -7,7 +7,7 @@ import pytest
 from blackboard.run.progress import progress
 
 
-def test_elsewhere_than_on_a_terminal_there_is_nothing_or_a_line_for_each_tenth(
+def test_elsewhere_than_on_a_terminal_there_is_nothing_or_a_line_for_the_first_and_each_tenth(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     with progress("quiet", lines=False) as show:
@@ -18,6 +18,6 @@ def test_elsewhere_than_on_a_terminal_there_is_nothing_or_a_line_for_each_tenth(
             show(done, 24)
     out, err = capsys.readouterr()
     assert out == ""
-    assert len(err.splitlines()) == 10
-    assert err.startswith("tune: 3 of 24 (")
+    assert len(err.splitlines()) == 11
+    assert err.startswith("tune: 1 of 24 (")
     assert err.endswith("tune: 24 of 24 (0.0 min left)\n")
