@@ -12,8 +12,10 @@ from blackboard.opinion.gaussian.assignment import CLEAR
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.naming import Unnamed, clear
 from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.sightings import of_object
 from blackboard.opinion.gaussian.state import TeamState
-from blackboard.opinion.gaussian.tracking import begin, near, watch
+from blackboard.opinion.gaussian.tracking import begin, near, places, watch
+from blackboard.opinion.gaussian.tracks import LIKELY
 from blackboard.opinion.gaussian.vehicle import Motion, correct
 
 MOST_SEEN = 16  # unnamed sightings of a robot in a tick, the newest first; of more nothing is worked out
@@ -137,7 +139,7 @@ def _odds(
     if not team.knows(observer):
         return [None] * len(frame)
     moved = {robot: known.motion for robot, known in team.known.items()} | dict(motions)
-    return team.naming.judge(team.joint, frame, candidates, moved, team.knows, team.tracks)
+    return team.naming.judge(team.joint, frame, candidates, moved, team.knows, team.tracks, places(team, observer))
 
 
 def _told(team: TeamState, it: Unnamed) -> Unnamed:
@@ -159,6 +161,9 @@ def take_in_the_mean(team: TeamState, doubt: Doubt, motions: Mapping[str, Motion
         return
     for _, relative in doubt:
         team.joint.begin(linearise(team.joint, relative, motions).priors)
+    for share, relative in doubt:
+        if relative.subject in team.tracks and share >= LIKELY:
+            of_object(team, relative, linearise(team.joint, relative, motions).widened(1.0 / share), motions)
     parts = []
     for share, relative in doubt:
         after = team.joint.copy()

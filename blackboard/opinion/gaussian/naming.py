@@ -12,7 +12,7 @@ from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, posterior
 from blackboard.opinion.gaussian.joint import Joint
 from blackboard.opinion.gaussian.relation import Relative, linearise
-from blackboard.opinion.gaussian.tracks import Tracks
+from blackboard.opinion.gaussian.tracks import Place, Tracks
 from blackboard.opinion.gaussian.vehicle import Motion
 
 IN_VIEW = 0.5  # that a frame shows a known subject: where it looked is not known
@@ -58,12 +58,13 @@ class Naming:
         motions: Mapping[str, Motion],
         knows: Callable[[str], bool],
         tracks: Tracks | None = None,
+        places: Mapping[str, Place] | None = None,
     ) -> list[dict[str, float] | None]:
         """The odds of each sighting of a frame, which are different things; None where they are not worked out.
 
         `candidates` are of each sighting the subjects that it may be of, with the sighting as one of that subject. Of a subject that
         somebody `knows` not to be anywhere in particular, any place is as likely. Tracks that the observer alone has seen are
-        strangers to the others.
+        strangers to the others; `places` are where tracks are, as it sees them.
         """
         tracks = tracks or Tracks()
         subjects = sorted({subject for its in candidates for subject in its})
@@ -73,16 +74,18 @@ class Naming:
             for subject, one in its.items():
                 area = tracks.area(seen.observer, seen.subject)
                 density = self._density(joint, one, motions, area) if knows(subject) else 1.0
-                chance = tracks.expected(seen.observer, subject) if subject in tracks else IN_VIEW
-                weight = seen.confidence * density / strange * (chance / (1.0 - chance))
+                chance, missed = IN_VIEW, 1.0 - IN_VIEW
+                if subject in tracks:
+                    chance = tracks.expected(seen.observer, subject)
+                    missed = 1.0 - chance * tracks.in_view(seen.observer, subject, (places or {})[subject])
+                weight = seen.confidence * density / strange * (chance / missed)
                 weights[row, subjects.index(subject)] = min(MOST, weight)
         found: list[dict[str, float] | None] = []
         strangers: dict[tuple[str, str], float] = {}
         for seen, shares in zip(frame, posterior(weights).tolist(), strict=True):
             known = not any(math.isnan(share) for share in shares)
             found.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT} if known else None)
-            familiar = sum(p for s, p in zip(subjects, shares, strict=True) if not tracks.is_alone(seen.observer, s))
-            rest = max(0.0, 1.0 - familiar) if known else 0.0
+            rest = max(0.0, 1.0 - sum(shares)) if known else 0.0
             key = seen.observer, seen.subject
             strangers[key] = strangers.get(key, 0.0) + seen.confidence * rest
         for key, seen_so in strangers.items():

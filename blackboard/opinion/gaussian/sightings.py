@@ -126,7 +126,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
         motions = {**motions, subject: known.motion}
     factor = linearise(team.joint, relative, motions)
     if not robot:
-        factor = _of_object(team, relative, factor, motions)
+        factor = of_object(team, relative, factor, motions)
     wider = _judged(team, relative, factor, team.joint.innovation(factor))
     if wider is None:
         return
@@ -155,7 +155,7 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, found: Innovati
     return factor if taken else None
 
 
-def _of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Factor:
+def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Factor:
     """A sighting of an object, once it has told how that moves; a range alone does not, and what is no news does not."""
     observer, subject = relative.observer, relative.subject
     if observer in team.left_out or len(factor.residual) < 2 or team.freshness.lacks(relative):

@@ -46,9 +46,10 @@ class Objects:
     model: Model = "learn"
     models: Mapping[str, Model] = field(default_factory=dict)  # of those that move otherwise, by name, as `can`
 
-    def model_of(self, subject: str) -> Model:
-        """How an object, named as `object/can`, moves."""
-        return self.models.get(subject.partition("/")[2], self.model)
+    def model_of(self, subject: str, kind: str = "") -> Model:
+        """How an object, named as `object/can`, moves; or a track of a kind, as `object/ball?`: as a `ball`, or it rolls."""
+        model = self.models.get(kind[:-1].partition("/")[2], "roll") if kind else self.model
+        return self.models.get(subject.partition("/")[2], model)
 
     def drift_of(self, subject: str) -> float:
         """The configured drift of an object, such as `object/can`; one that stands still may be kicked all the same."""

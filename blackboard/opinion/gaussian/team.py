@@ -200,7 +200,9 @@ class TeamJoint(TeamState):
         self.tracks.pass_time(dt)
         self.elapsed += dt
         for name in self.seen:
-            self.shift(name, self.walks.pass_time(name, self.objects.drift_of(name), dt, self.objects.model_of(name)))
+            kind = self.tracks.kind(name)
+            drift, model = self.objects.drift_of(name), self.objects.model_of(name, kind)
+            self.shift(name, self.walks.pass_time(name, drift, dt, model, kind))
             self.seen[name] += dt
         return motions
 
@@ -211,10 +213,8 @@ class TeamJoint(TeamState):
 
         Where such a robot is, the joint has from itself alone, and the others contradict it.
         """
-        names = [
-            b for b in self.joint.blocks if isinstance(b, str) and (b not in self.tracks or self.tracks.is_told(b))
-        ]
-        return sorted(n for n in names if self.knows(n) and n not in self.left_out)
+        names = [b for b in self.joint.blocks if isinstance(b, str) and self.knows(b) and b not in self.left_out]
+        return sorted(b for b in names if b not in self.tracks or self.tracks.is_told(b))
 
     def doubtful(self) -> dict[str, tuple[Place, ...]]:
         """Of the objects that are not in the joint, those that are in one of a few places, as two rings leave them."""

@@ -57,10 +57,10 @@ def watch(
                 shown[block] = min(1.0, shown.get(block, 0.0) + share)
                 if shown[block] >= LIKELY:
                     team.seen[block] = 0.0
-    team.tracks.judge(observer, _places(team, observer), shown)
+    team.tracks.judge(observer, places(team, observer), shown)
 
 
-def _places(team: TeamState, observer: str) -> dict[str, Place]:
+def places(team: TeamState, observer: str) -> dict[str, Place]:
     """Where the tracks are, as an observer would see them."""
     state = team.joint.moments(observer)
     camera = float(state.mean[HEADING] - state.mean[BEARING])
@@ -91,9 +91,9 @@ def begin(
 
 
 def _is_anywhere(team: TeamState, block: str) -> bool:
-    """Whether a track is nowhere in particular: its 99 % region is larger than what any observer sees of the map."""
+    """Whether a track is nowhere in particular: its 99 % region is larger than the map."""
     region = math.pi * quantile(DOUBT, 2) * math.sqrt(max(0.0, float(np.linalg.det(team.marginal(block).covariance))))
-    return region > team.tracks.largest_view(block)
+    return region > team.naming.area
 
 
 def end_tick(team: TeamState) -> None:
@@ -103,6 +103,8 @@ def end_tick(team: TeamState) -> None:
         team.tally.tracks["tracks_died"] += team.tracks.is_named(block)
         team.tracks.drop(block)
         team.forget_object(block)
+    for block in team.tracks:
+        team.tracks.lose(block, math.sqrt(team.marginal(block).covariance.trace() / 2))
     for block in team.tracks.to_be_named():
         name = team.tracks.name(block, lambda it: it in team.joint or it in team.known or it in team.rings)
         team.rename(block, name)

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from statistics import median
 
 from blackboard.opinion.classes import stem
 from blackboard.opinion.gaussian.assignment import CLEAR, FRAMES, Rate
@@ -24,7 +25,8 @@ from blackboard.opinion.gaussian.assignment import CLEAR, FRAMES, Rate
 #: Nats: the most that one observer's frames say for a track, as for an object that rolls (`walks`), and against it. Two that look
 #: there and see nothing outweigh one that sees it, and one does not: it may be hidden from that one for good.
 FOR, AGAINST = 10.0, -5.0
-MEMORY = 2.0  # seconds after which a frame counts for 1/e: what hides a thing is past by then
+MEMORY = 2.0  # seconds after which a frame without it counts for 1/e: what hides a thing is past by then
+STAYS = 60.0  # seconds for which something is there, in the mean: nobody sees it leave where nobody looks
 SEEN, HIDDEN = (
     20.0,
     2.0,
@@ -32,14 +34,20 @@ SEEN, HIDDEN = (
 VISIBLE = SEEN / (SEEN + HIDDEN)
 LIKELY = 0.5  # of what is likelier so than not
 NAMED = 0.99  # of existence: from there on a track has a name, and fewer than one in a hundred is false
-DETECTED = 0.99  # share of what is there that a frame shows, at most: no detector is taken for a perfect one
+#: Share of what is there and not hidden that a frame shows, at least and at most. What was mixed up with other things counts as
+#: not shown; a detector that is taken for a bad one for that would mix them up for ever.
+SELDOM, DETECTED = 0.5, 0.99
 RAREST, OFTENEST = 0.01, 0.5  # of the tracks that an observer begins, those that are of something, at least and at most
 GIVEN_UP = -3.0  # nats of all frames, from which on a track without a name is dropped
-FLEETING, KEPT = 2.0, 10.0  # seconds without a sighting, after which a track without a name, and one with, is dropped
+LOST = 1 / 8  # of how far such things are seen: sigma of a place from which on it is told of no more
+AGAIN = 2  # sightings from which on a track that was lost is told of again: one may be of nothing
+FLEETING, KEPT = 2.0, 60.0  # seconds without a sighting, after which a track without a name, and one with, is dropped
 NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
 UNKNOWN = Rate(1.0, 2.0)  # of what is there a frame shows a half, before anything was seen
 ROOM = 16  # tracks that one observer alone has seen
 MAX_TRACKS = 64  # that several have seen, or one
+FAINTEST = 0.01  # of a track that is in view: below that a frame says nothing of it
+TINY = 1e-9  # unit, and rad: more than no sigma at all
 Place = tuple[float, float, float]  # relative to an observer: distance (unit), bearing (rad), sigma of the place (unit)
 
 
@@ -53,8 +61,8 @@ class Vote:
     looked: bool = False  # whether it looked there in the last tick
 
     def passed(self, dt: float) -> Vote:
-        """After `dt` seconds: what speaks for it is forgotten, what speaks against it only once nobody looks there any more."""
-        stays = self.evidence if self.looked and self.evidence < 0 else self.evidence * math.exp(-dt / MEMORY)
+        """After `dt` seconds: what speaks against it is forgotten once nobody looks there any more."""
+        stays = self.evidence if self.looked or self.evidence > 0 else self.evidence * math.exp(-dt / MEMORY)
         back = math.exp(-dt * (1.0 / SEEN + 1.0 / HIDDEN))
         return Vote(stays, VISIBLE + back * (self.visible - VISIBLE), self.seen)
 
@@ -68,6 +76,7 @@ class Track:
     votes: Mapping[str, Vote]
     named: bool = False
     unseen: float = 0.0  # seconds since somebody saw it
+    shown: int = 0  # frames that have shown it since it was lost, or had a name
 
     @property
     def evidence(self) -> float:
@@ -76,9 +85,18 @@ class Track:
 
     @property
     def existence(self) -> float:
-        """The probability that it exists; a thing that nobody sees goes away as quickly as what was seen is forgotten."""
-        nats = self.prior + self.evidence - min(KEPT, self.unseen) / MEMORY
-        return 1.0 / (1.0 + math.exp(-nats))
+        """The probability that it exists."""
+        return 1.0 / (1.0 + math.exp(-self.prior - self.evidence))
+
+    def passed(self, dt: float) -> Track:
+        """After `dt` seconds, in which it may have gone: that takes the same share from all votes for it, and then from the prior."""
+        votes = {observer: vote.passed(dt) for observer, vote in self.votes.items()}
+        track = replace(self, votes=votes, unseen=self.unseen + dt)
+        surplus = _nats(track.existence) - _nats(track.existence * math.exp(-dt / STAYS))
+        behind = math.fsum(max(0.0, vote.evidence) for vote in votes.values())
+        kept = 1.0 - min(1.0, surplus / behind) if behind else 1.0
+        votes = {o: replace(it, evidence=it.evidence * kept) if it.evidence > 0 else it for o, it in votes.items()}
+        return replace(track, votes=votes, prior=self.prior - max(0.0, surplus - behind))
 
     @property
     def observers(self) -> set[str]:
@@ -104,12 +122,22 @@ class View:
     @property
     def detects(self) -> float:
         """The share of what is there and visible that a frame shows."""
-        return min(DETECTED, self.detected.rate)
+        return min(DETECTED, max(SELDOM, self.detected.rate))
 
     def holds(self, place: Place) -> bool:
         """Whether it would show a thing there, all that is unsure of its place considered."""
         distance, bearing, sigma = place
         return distance + sigma < self.farthest and abs(bearing) + sigma / max(distance, sigma) < self.widest
+
+    def share(self, place: Place) -> float:
+        """How likely a thing there is in it: as if distance and bearing were independent, and normal."""
+        distance, bearing, sigma = place
+        if not self.farthest:
+            return 0.0
+        within = _normal((self.farthest - distance) / max(sigma, TINY))
+        off = sigma / max(distance, sigma, TINY)
+        aside = _normal((self.widest - bearing) / max(off, TINY)) - _normal((-self.widest - bearing) / max(off, TINY))
+        return within * aside
 
 
 @dataclass
@@ -152,14 +180,25 @@ class Tracks:
         """The probability that what a track is of exists; None of all that is no track."""
         return self._tracks[block].existence if block in self._tracks else None
 
+    def kind(self, block: str) -> str:
+        """The class of what a track is of, as `person/?`; nothing of all that is no track."""
+        return self._tracks[block].kind if block in self._tracks else ""
+
     def is_named(self, block: str) -> bool:
         """Whether a track has a name that nothing else has."""
         return self._tracks[block].named
 
     def is_told(self, block: str) -> bool:
-        """Whether a track has a name, and likelier exists than not."""
+        """Whether a track has a name, likelier exists than not, and is not lost."""
         track = self._tracks[block]
-        return track.named and track.existence > LIKELY
+        return track.named and track.shown >= AGAIN and track.existence > LIKELY
+
+    def lose(self, block: str, sigma: float) -> None:
+        """A track is lost where its place is not known to `LOST` any more (sigma, unit): it has to be found again."""
+        track = self._tracks[block]
+        seen = [view.farthest for (_, kind), view in sorted(self._views.items()) if kind == track.kind]
+        if track.named and seen and sigma > LOST * median(seen):
+            self._tracks[block] = replace(track, shown=0)
 
     def expected(self, observer: str, block: str) -> float:
         """How likely an observer's frame shows a track, before it is looked at."""
@@ -175,10 +214,9 @@ class Tracks:
         """How large a part of the map an observer sees things of a class in (unit^2)."""
         return self._view(observer, kind).area
 
-    def largest_view(self, block: str) -> float:
-        """The largest part of the map in which somebody sees things of a track's class (unit^2)."""
-        kind = self._tracks[block].kind
-        return max((view.area for (_, seen), view in self._views.items() if seen == kind), default=math.inf)
+    def in_view(self, observer: str, block: str, place: Place) -> float:
+        """How likely a track is where an observer looks, relative to which it is at a place."""
+        return self._view(observer, self._tracks[block].kind).share(place)
 
     def _view(self, observer: str, kind: str) -> View:
         return self._views.get((observer, kind), View())
@@ -187,9 +225,7 @@ class Tracks:
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
-        for block, track in self._tracks.items():
-            votes = {observer: vote.passed(dt) for observer, vote in track.votes.items()}
-            self._tracks[block] = replace(track, votes=votes, unseen=track.unseen + dt)
+        self._tracks = {block: track.passed(dt) for block, track in self._tracks.items()}
 
     def look(self, observer: str, kind: str, distance: float, bearing: float) -> None:
         """An observer sees something of a class at a distance (unit) and a bearing (rad)."""
@@ -202,20 +238,23 @@ class Tracks:
         for block in sorted(places):
             track, share = self._tracks[block], seen.get(block, 0.0)
             view = self._view(observer, track.kind)
-            detects = view.detects if view.holds(places[block]) else 0.0
-            if not detects and not share:
+            detects, within = view.detects, view.share(places[block])
+            holds = view.holds(places[block])
+            if within < FAINTEST and not share:
                 continue
             vote = track.votes.get(observer, Vote())
             before = track.existence
-            after = share + (1.0 - share) * _unseen(before, detects * vote.visible)
+            after = share + (1.0 - share) * _unseen(before, detects * vote.visible * holds)
             news = _nats(after) - _nats(before)
             evidence = min(FOR, max(AGAINST, vote.evidence + news))
-            visible = share + (1.0 - share) * _unseen(vote.visible, detects)
-            votes = {**track.votes, observer: Vote(evidence, visible, vote.seen or share >= LIKELY, looked=True)}
-            unseen = 0.0 if share >= LIKELY else track.unseen
-            self._tracks[block] = replace(track, votes=votes, unseen=unseen)
-            if track.named and detects:
-                detected = view.detected.plus(share, after)
+            visible = share + (1.0 - share) * _unseen(vote.visible, detects * within)
+            looked = holds or share > 0.0
+            votes = {**track.votes, observer: Vote(evidence, visible, vote.seen or share >= LIKELY, looked)}
+            is_shown = share >= LIKELY
+            unseen = 0.0 if is_shown else track.unseen
+            self._tracks[block] = replace(track, votes=votes, unseen=unseen, shown=track.shown + is_shown)
+            if holds and self.is_told(block):
+                detected = view.detected.plus(share, after * visible)
                 self._views[observer, track.kind] = replace(view, detected=detected)
 
     def begin(self, observer: str, kind: str) -> str | None:
@@ -241,7 +280,7 @@ class Tracks:
             number += 1
         self._numbers[track.kind] = number
         self._learn(track, 1.0)
-        self._tracks[name] = replace(track, named=True)
+        self._tracks[name] = replace(track, named=True, shown=AGAIN)
         return name
 
     def ended(self) -> list[str]:
@@ -272,6 +311,11 @@ class Tracks:
         for block, track in self._tracks.items():
             votes = {observer: vote for observer, vote in track.votes.items() if observer not in observers}
             self._tracks[block] = replace(track, votes=votes)
+
+
+def _normal(sigmas: float) -> float:
+    """The share of a normal distribution that is below so many sigmas."""
+    return 0.5 * math.erfc(-sigmas / math.sqrt(2.0))
 
 
 def _unseen(probability: float, detects: float) -> float:

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.rolling import VELOCITY, Rolling, moved
+from blackboard.opinion.gaussian.rolling import VELOCITY, Habits, Rolling, moved
 from blackboard.opinion.grid import Array
 
 FACTORS = 2.0 ** np.arange(-5, 6)  # drifts of the members, as multiples of the configured drift
@@ -28,7 +28,6 @@ LOST = -20.0  # log likelihood by the best one's: a member that is less likely b
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.
 ROLLS, WALKS = (3.0, 0.0)
 SUREST = 10.0  # nats: the most that is held for or against, so that an object that begins to roll is soon found to
-
 Model = Literal["learn", "walk", "roll"]  # of an object: which of the two its sightings show, or one of them for good
 
 
@@ -48,6 +47,7 @@ class _Course:
     rolling: Rolling
     evidence: float
     rolls: bool
+    kind: str = ""  # the class of a track, whose things move alike
 
 
 @dataclass
@@ -56,10 +56,11 @@ class Walks:
 
     _banks: dict[str, _Bank] = field(default_factory=dict)
     _courses: dict[str, _Course] = field(default_factory=dict)
+    _habits: dict[str, Habits] = field(default_factory=dict)  # of things without a name, by class
 
     def copy(self) -> Walks:
         """The same, which may be changed without changing this one."""
-        return Walks(dict(self._banks), dict(self._courses))
+        return Walks(dict(self._banks), dict(self._courses), dict(self._habits))
 
     def drift(self, subject: str, prior: float) -> float:
         """The random walk of an object as found, by what it was before anything was seen."""
@@ -76,8 +77,11 @@ class Walks:
         now = course.rolling.moments()
         return Moments(now.mean[VELOCITY], now.covariance[VELOCITY, VELOCITY])
 
-    def pass_time(self, subject: str, prior: float, dt: float, model: Model = "learn") -> Moments:
-        """Let an object move for `dt` seconds: the way that it goes, shape (2,), and the covariance of that, shape (2, 2)."""
+    def pass_time(self, subject: str, prior: float, dt: float, model: Model = "learn", kind: str = "") -> Moments:
+        """Let an object move for `dt` seconds: the way that it goes, shape (2,), and the covariance of that, shape (2, 2).
+
+        What is a track of some `kind` moves as things of that kind were seen to move.
+        """
         walk = Moments(np.zeros(2), np.eye(2) * self.drift(subject, prior) ** 2 * dt)
         bank = self._banks.get(subject)
         if bank is None:
@@ -90,8 +94,9 @@ class Walks:
         course = self._courses.get(subject)
         if course is None:
             seen = Moments(bank.places[0], bank.covariances[0])
-            course = _Course(Rolling.begun(seen, prior), 0.0, model == "roll")
-        after = course.rolling.passed(dt)
+            course = _Course(Rolling.begun(seen, prior, self._habits_of(kind)), 0.0, model == "roll", kind)
+        habits = self._habits_of(kind)
+        after = course.rolling.passed(dt, habits.often if habits else 1.0)
         evidence = course.evidence * math.exp(-dt / MEMORY) if model == "learn" else math.inf
         self._courses[subject] = replace(course, rolling=after, evidence=evidence)
         return moved(course.rolling.moments(), after.moments()) if course.rolls else walk
@@ -132,8 +137,14 @@ class Walks:
         density, weights = rolling.expected(seen)
         evidence = float(np.clip(course.evidence + density - walking, -SUREST, SUREST))
         rolls = evidence > (WALKS if course.rolls else ROLLS)
-        self._courses[subject] = _Course(rolling.seen(seen), evidence, rolls)
+        after = rolling.seen(seen)
+        self._courses[subject] = replace(course, rolling=after, evidence=evidence, rolls=rolls)
+        if course.kind:
+            self._habits[course.kind] = (self._habits_of(course.kind) or Habits()).plus(after)
         return moved(rolling.moments(), replace(rolling, weights=weights).moments()) if rolls else None
+
+    def _habits_of(self, kind: str) -> Habits | None:
+        return self._habits.get(kind, Habits()) if kind else None
 
     def rename(self, subject: str, name: str) -> None:
         """An object has another name from now on."""

@@ -115,6 +115,19 @@ def test_who_was_hidden_for_a_while_is_the_same_afterwards() -> None:
     assert tracks(joint) == ["person/1"]
 
 
+def test_who_goes_on_where_nobody_looks_is_told_of_no_more_and_found_again_by_the_same_name() -> None:
+    joint, robots = a_team()
+    for tick in range(19):
+        place = robots[0].place + [5.0, -0.5 * tick]  # out of what was ever in view, from tick to tick
+        hidden = 10 <= tick < 16
+        people = {} if hidden else {it.name: [place] for it in robots}
+        joint.settle(tick, 1.0, with_people(robots, tick, people))
+        assert list(joint.tracks) == ["person/1"]
+        if not 10 <= tick < 15:
+            assert tracks(joint) == ([] if hidden else ["person/1"]), tick
+    assert joint.marginal("person/1").mean == pytest.approx(place, abs=1.0)
+
+
 def test_who_may_be_anywhere_is_no_track_any_more() -> None:
     joint, robots = a_team()
     walked(joint, robots, range(5), [4.0, -2.0])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard.opinion.gaussian.tracks import FLEETING, HIDDEN, KEPT, MAX_TRACKS, NAMED, ROOM, Tracks
+from blackboard.opinion.gaussian.tracks import FLEETING, HIDDEN, KEPT, LOST, MAX_TRACKS, NAMED, ROOM, STAYS, Tracks
 
 KIND = "person/?"
 HERE = (3.0, 0.1, 0.5)  # where a track is from all observers: in the view of those that have seen as far
@@ -154,6 +156,33 @@ def test_there_is_an_end_of_room_for_all_together() -> None:
     tracks = Tracks()
     found = [tracks.begin(f"robot/r{k}", KIND) for k in range(2 * MAX_TRACKS)]
     assert len([it for it in found if it is not None]) == MAX_TRACKS
+
+
+def test_what_was_lost_is_told_of_again_from_the_second_sighting_on() -> None:
+    tracks = looking("robot/r1")
+    name = begun(tracks, "robot/r1")
+    shown(tracks, name, {"robot/r1": 0.99}, 3.0)
+    name = tracks.name(name, lambda it: False)
+    tracks.lose(name, LOST * 10.0 * 0.99)
+    assert tracks.is_told(name)
+    tracks.lose(name, LOST * 10.0 * 1.01)
+    assert not tracks.is_told(name)
+    assert name in tracks
+    shown(tracks, name, {"robot/r1": 0.99}, DT)
+    assert not tracks.is_told(name)
+    shown(tracks, name, {"robot/r1": 0.99}, DT)
+    assert tracks.is_told(name)
+
+
+def test_who_stays_out_of_sight_may_be_gone() -> None:
+    """Two states, there or gone, with a constant rate of going: the odds after a time that nobody looks."""
+    tracks = looking("robot/r1")
+    name = begun(tracks, "robot/r1")
+    shown(tracks, name, {"robot/r1": 0.99}, 3.0)
+    before = existing(tracks, name)
+    for _ in range(10):
+        tracks.pass_time(1.0)
+    assert existing(tracks, name) == pytest.approx(before * math.exp(-10.0 / STAYS))
 
 
 def test_a_number_is_given_once_also_after_all_began_anew() -> None:
