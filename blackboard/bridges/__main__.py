@@ -117,26 +117,31 @@ def ros(
         raise UserError(f"--domain {domain}: give 0 to {names.MAX_DOMAIN}, as in ROS_DOMAIN_ID")
     chosen = which.chosen()
     name = chosen.team.name
-    space = (namespace or names.part(name)).strip("/")
-    if not names.is_topic(space):
-        raise UserError(f"--namespace {space!r}: use letters, digits, '_' and '/', as in names of ROS")
+    space = _space(namespace or names.part(name))
     sources = _sources(odometry, fix, pose, sees)
     members = {robot: _member(chosen, sub_team, robot) for robot in sources.poses}
     stop, clock = door.Stop(), UnixClock()
     opened = partial(AttachedLink, patience=door.PATIENCE, stopped=stop, clock=clock)
     with ExitStack() as stack:
         team = stack.enter_context(opened(flags.link(who=_certificate(flags, sources)), "ros"))
-        nodes = (
-            team
-            if ros_router is None
-            else stack.enter_context(opened(LinkConfig(connect=[ros_router]), "ros", beside=team))
-        )
+        theirs = None if ros_router is None else LinkConfig(connect=[ros_router])
+        nodes = team if theirs is None else stack.enter_context(opened(theirs, "ros", beside=team))
         node = names.Node("cop_blackboard", nodes.session_id, domain, clock.now)
         service = RosBridge(name, node, sources, members, space)
         nodes.outlet = node.publishers.get
         door.say("ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens))
         run(service, team if nodes is team else TwoRouters(team, nodes), clock, stop)
     return door.DONE
+
+
+def _space(namespace: str) -> str:
+    """What the topics of beliefs begin with. UserError: no name of ROS."""
+    from blackboard.bridges.ros.names import is_topic
+
+    space = namespace.strip("/")
+    if not is_topic(space):
+        raise UserError(f"--namespace {space!r}: use letters, digits, '_' and '/', as in names of ROS")
+    return space
 
 
 def _certificate(flags: door.ZenohFlags, sources: Sources) -> str:
