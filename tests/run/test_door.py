@@ -23,8 +23,9 @@ from tests.processes import IN_THE_BACKGROUND, LONG, children, is_running, progr
 pytestmark = pytest.mark.system
 
 
-@pytest.mark.parametrize("told", [{}, {"OPENBLAS_NUM_THREADS": "2"}])
-@pytest.mark.parametrize("door", ["blackboard.__main__", "robot_agent.__main__"])
+@pytest.mark.parametrize(
+    ("door", "told"), [("robot_agent.__main__", {}), ("blackboard.__main__", {"OPENBLAS_NUM_THREADS": "2"})]
+)
 def test_numpy_has_one_thread_unless_the_environment_says_otherwise(door: str, told: dict[str, str]) -> None:
     """Boards on hosts with different numbers of cores round alike."""
     asked = "import os, sys; sys.addaudithook(lambda event, found: event == 'import' and found[0] == 'numpy' and "
