@@ -106,6 +106,11 @@ class Intake:
                 self._log(envelope.key, refusal)
         return []
 
+    @property
+    def doubted(self) -> dict[str, str]:
+        """The keys of what was refused and may be handled after all, with the reasons."""
+        return {key: early.refusal.reason for key, early in self._early.items() if early.refusal is not None}
+
     def record_link_counters(self, counters: dict[str, int]) -> None:
         """Show the link's counters beside the service's own."""
         for name, count in counters.items():

@@ -45,7 +45,7 @@ class Fault:
     def is_active(self, at: float) -> bool:
         return self.begin <= at < self.end
 
-    def stops(self, process: str) -> bool:
+    def stops(self, process: str, at: float) -> bool:
         """Whether a process does not run."""
         return False
 
@@ -80,6 +80,10 @@ class Fault:
     def adds(self) -> str | None:
         """A process that runs only meanwhile."""
         return None
+
+    def lies(self) -> dict[str, str]:
+        """Which robots lie, by their processes, and which lie of the catalogue each tells."""
+        return {}
 
 
 # --- messages ----------------------------------------------------------------------------------------------------------
@@ -212,12 +216,19 @@ class Flapping(Fault):
 
 @dataclass(frozen=True)
 class Killed(Fault):
-    """A process is killed, and started again at the end with nothing."""
+    """A process is killed, and started again with nothing: at the end, or sooner with a token that is seen at the end."""
 
     who: str
+    unseen: float = 0.0  # seconds
 
-    def stops(self, process: str) -> bool:
-        return process == self.who
+    def moments(self) -> Iterator[float]:
+        yield from (self.begin, max(self.begin, self.end - self.unseen), self.end)
+
+    def stops(self, process: str, at: float) -> bool:
+        return process == self.who and at < self.end - self.unseen
+
+    def hides(self, process: str, at: float) -> bool:
+        return process == self.who and at >= self.end - self.unseen
 
 
 @dataclass(frozen=True)
@@ -227,6 +238,7 @@ class WorldKilled(Killed):
     recovery = 12.0
 
     who: str = "world"
+    unseen: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -327,10 +339,31 @@ class FullDisk(Fault):
 
 @dataclass(frozen=True)
 class Lies(Fault):
-    """A robot tells a lie of the catalogue (`blackboard.chaos.lies`)."""
+    """A robot tells a lie of the catalogue (`blackboard.chaos.lies`); a `partner` tells it, too."""
 
     who: str
     lie: str
+    partner: str | None = None
+
+    def lies(self) -> dict[str, str]:
+        return dict.fromkeys([self.who, *([self.partner] if self.partner else [])], self.lie)
+
+
+@dataclass(frozen=True)
+class LyingGuest(Fault):
+    """A robot that the scenario does not name joins a sub-team, and lies."""
+
+    recovery = 8.0
+
+    sub_team: str
+    name: str
+    lie: str
+
+    def adds(self) -> str:
+        return f"robot/{self.name}"
+
+    def lies(self) -> dict[str, str]:
+        return {self.adds(): self.lie}
 
 
 def _steps(begin: float, end: float, step: float) -> Iterator[float]:

@@ -26,7 +26,9 @@ SPEED, TURN_RATE = 0.5, 0.3  # units and rad a second
 ODOMETRY = {"along": 0.3 * SPEED**0.5, "turn": 0.0, "turning": 0.01, "compass": 0.01}
 FIRST = 2.0  # seconds: no fault begins earlier, so that the team has met
 LAST = 8.5  # seconds: every fault has ended
-LIES = sorted(name for name, lie in CATALOGUE.items() if lie.liars == 1)
+#: The lies of the catalogue for so many robots of the scenario, and those for guests.
+LIES = {liars: sorted(name for name, lie in CATALOGUE.items() if lie.liars == liars) for liars in (0, 1, 2)}
+TOGETHER = 0.3  # of the nights all faults begin at once in such a share
 CALM = 4.0  # seconds in which it is watched whether the team is well again
 
 
@@ -125,7 +127,7 @@ class Night:
     @property
     def liars(self) -> frozenset[str]:
         """The processes that lie."""
-        return frozenset(it.who for it in self.faults if isinstance(it, faults.Lies))
+        return frozenset(name for it in self.faults for name in it.lies())
 
     @property
     def is_honest(self) -> bool:
@@ -165,9 +167,17 @@ def draw_night(seed: int, number: int) -> Night:
     team = draw_team(draw)
     count = draw.one([0, 1, 2, 3, 4, 5, 6], [0.04, 0.2, 0.24, 0.22, 0.15, 0.1, 0.05])
     found = [draw_fault(draw, team) for _ in range(count)]
-    liars = [it for it in found if isinstance(it, faults.Lies)]
-    found = [it for it in found if it not in liars[1:]]  # one at most
+    lying = [it for it in found if it.lies()]
+    found = [it for it in found if it not in lying[1:]]  # one lie at most
+    if draw.chance(TOGETHER):
+        found = [at_once(it, found[0]) for it in found]
     return Night(team, tuple(found), int(draw.rng.integers(1, 1 << 31)), f"{seed}/{number}")
+
+
+def at_once(fault: Fault, first: Fault) -> Fault:
+    """A fault that begins with the first one."""
+    begin = max(FIRST, first.begin)
+    return replace(fault, begin=begin, end=round(min(begin + fault.end - fault.begin, LAST), 2))
 
 
 def draw_team(draw: Draw) -> Team:
@@ -210,9 +220,12 @@ def draw_fault(draw: Draw, team: Team) -> Fault:
     return draw.one(makers)(draw, team)
 
 
-def span(draw: Draw, longest: float = 5.0) -> tuple[float, float]:
+SHORT = (0.05, 0.3)  # seconds: less than a tick
+
+
+def span(draw: Draw, longest: float = 5.0, short: Sequence[float] = SHORT) -> tuple[float, float]:
     """Beginning and end of a fault: many are short."""
-    length = draw.one([0.05, 0.3, 1.0, 2.5, longest], [0.15, 0.2, 0.25, 0.25, 0.15])
+    length = draw.one([*short, 1.0, 2.5, longest])
     begin = draw.between(FIRST, LAST - length)
     return begin, round(begin + length, 2)
 
@@ -250,7 +263,9 @@ def too_large(draw: Draw, team: Team) -> Fault:
 
 
 def one_way(draw: Draw, team: Team) -> Fault:
-    return faults.OneWay(*span(draw), *draw.some(team.processes, 2)[:2])
+    """Half of them are between boards, or a board and the world."""
+    few = [it for it in team.processes if not it.startswith(("robot/", "guest/"))]
+    return faults.OneWay(*span(draw), *draw.some(few if len(few) > 1 and draw.chance(0.5) else team.processes, 2)[:2])
 
 
 def parted(draw: Draw, team: Team) -> Fault:
@@ -270,11 +285,13 @@ def routerless(draw: Draw, team: Team) -> Fault:
 
 
 def flapping(draw: Draw, team: Team) -> Fault:
-    return faults.Flapping(*span(draw), draw.one(team.processes), draw.one([0.2, 0.6, 1.5]))
+    return faults.Flapping(*span(draw), draw.one(team.processes), draw.one([0.2, 0.6, 1.5, 3.0]))
 
 
 def killed(draw: Draw, team: Team) -> Fault:
-    return faults.Killed(*span(draw), draw.one([it for it in team.processes if it != "world"]))
+    begin, end = span(draw)
+    unseen = draw.one([0.0, round((end - begin) / 2, 2)])
+    return faults.Killed(begin, end, draw.one([it for it in team.processes if it != "world"]), unseen)
 
 
 def new_world(draw: Draw, team: Team) -> Fault:
@@ -319,7 +336,15 @@ def full_disk(draw: Draw, team: Team) -> Fault:
 
 
 def lies(draw: Draw, team: Team) -> Fault:
-    return faults.Lies(*span(draw), draw.one(robots_of(team)), draw.one(LIES))
+    """One liar; where three others are honest, sometimes two."""
+    who, other = draw.some(robots_of(team), 2)[:2]
+    if len(team.robots) >= 5 and draw.chance(0.5):
+        return faults.Lies(*span(draw, short=()), who, draw.one(LIES[2]), other)
+    return faults.Lies(*span(draw, short=()), who, draw.one(LIES[1]))
+
+
+def lying_guest(draw: Draw, team: Team) -> Fault:
+    return faults.LyingGuest(*span(draw, short=()), draw.one(list(team.sub_teams)), "g9", draw.one(LIES[0]))
 
 
 Maker = Callable[[Draw, Team], Fault]
@@ -334,4 +359,5 @@ MAKERS: dict[Maker, Callable[[Team], bool]] = {
     **dict.fromkeys((new_world, second_world), lambda team: team.mode != "free"),
     hung: lambda team: team.boards > 1,
     lies: lambda team: len(team.robots) >= 3,
+    lying_guest: lambda team: len(team.robots) >= 3 and team.mode != "free",
 }

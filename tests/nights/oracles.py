@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -160,6 +161,9 @@ class ProvenanceIsWhole(Oracle):
 
     def _judge(self, at: float, it: Consensus) -> None:
         what = f"the {it.level} of {it.board} on {it.subject}"
+        for used in it.used:
+            if used.power > 1.0:
+                self.breaks(at, f"{what} takes {used.source} to the power {used.power:g}")
         multiplied = [used.source for used in it.used if used.how == "independent"]
         if len(multiplied) > len(set(multiplied)) and self.night.team.feedback != "paper":
             self.breaks(at, f"{what} multiplies {max(multiplied, key=multiplied.count)} twice")
@@ -256,16 +260,14 @@ class NobodyWaits(Oracle):
         return self._broken
 
 
-class Coverage(Oracle):
-    """How often the regions of what is agreed about robots hold the truth: judged over all nights together (`run.uncalibrated`)."""
+class Scored(Oracle):
+    """What is agreed about robots in one of `SCORED` ticks, beside the truth; what it finds is judged over all nights together."""
 
     sees = (Said, Sensed)
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
         self._truths: dict[int, Truth] = {}  # by tick, which every world of a seed repeats
-        #: subject and tick -> how far the regions of each board hold the truth
-        self._scores: dict[tuple[str, int], list[list[float]]] = defaultdict(list)
 
     def see(self, event: Event) -> None:
         if isinstance(event, Sensed):
@@ -273,24 +275,35 @@ class Coverage(Oracle):
         elif isinstance(event, Said) and isinstance(event.message, Truth):
             self._truths[event.message.tick] = event.message
         elif isinstance(event, Said) and isinstance(event.message, Consensus) and event.message.level == "agreed":
-            free = self.night.team.mode == "free"
-            self._score(event.message, self._tick(event.at) if free else event.message.tick)
+            it, team = event.message, self.night.team
+            tick = self._tick(event.at) if team.mode == "free" else it.tick
+            truth = self._truths.get(tick)
+            claims = team.feedback != "paper" and it.rule in ("joint", "coalition")  # others claim what they claim
+            if claims and tick % SCORED == 0 and truth is not None and it.subject in truth.positions:
+                self.score(event.at, tick, it, truth.positions[it.subject])
+
+    def score(self, at: float, tick: int, it: Consensus, place: Sequence[float]) -> None:
+        """Take what is agreed at a time about a robot that is in a place."""
+        raise NotImplementedError
 
     def _tick(self, at: float) -> int:
         return math.floor(at / self.night.team.tick + 1e-6)
 
-    def _score(self, it: Consensus, tick: int) -> None:
-        truth, team = self._truths.get(tick), self.night.team
-        if tick % SCORED or truth is None or it.subject not in truth.positions or not self.night.is_honest:
-            return
+
+class Coverage(Scored):
+    """How often the regions of what is agreed about robots hold the truth, where nobody lies (`run.uncalibrated`)."""
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        #: subject and tick -> how far the regions of each board hold the truth
+        self._scores: dict[tuple[str, int], list[list[float]]] = defaultdict(list)
+
+    def score(self, at: float, tick: int, it: Consensus, place: Sequence[float]) -> None:
         belief = unpack(it.belief)
-        index = belief.grid.index(truth.positions[it.subject])
-        if index is None:
-            return
-        if team.feedback == "paper" or it.rule not in ("joint", "coalition"):
-            return  # other rules, and Table I to the letter, claim what they claim
-        denser, border = hdr_level(belief.p, index), border_mass(belief.p, index)
-        self._scores[it.subject, tick].append([float(held(denser, border, share)) for share in SHARES])
+        index = belief.grid.index(place)
+        if index is not None and self.night.is_honest:
+            denser, border = hdr_level(belief.p, index), border_mass(belief.p, index)
+            self._scores[it.subject, tick].append([float(held(denser, border, share)) for share in SHARES])
 
     def sums(self) -> Counter[str]:
         found = Counter[str]({"coverage n": len(self._scores)})

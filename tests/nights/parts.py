@@ -1,4 +1,4 @@
-"""Whether somebody speaks for each sub-team, also while a board hangs, and whether an honest robot counts, whoever lies."""
+"""Whether somebody speaks for each sub-team, also while a board hangs."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 from blackboard.board.lead import HOLD, PHASES
 from blackboard.board.service import BoardService
-from blackboard.wire.messages import Consensus, Status
+from blackboard.wire.messages import Status
 from tests.nights.events import Began, Event, Moved, Said
 from tests.nights.night import Night
 from tests.nights.oracles import Oracle
 
 ASLEEP = 1.5  # seconds without being woken after which a board may have been frozen
-BARRED = "its evidence breaks the joint"
 LATE = 1.0  # seconds by which a board may be woken later than it asks, because it is slow
 
 
@@ -71,15 +70,3 @@ class SomebodySpeaks(Oracle):
                 self.breaks(
                     event.at, f"nobody publishes what {event.process} settled {event.at - it.since:.1f} s before"
                 )
-
-
-class TheHonestCount(Oracle):
-    """No honest robot is barred because its evidence breaks a joint, whoever lies."""
-
-    sees = (Said,)
-
-    def see(self, event: Event) -> None:
-        assert isinstance(event, Said)
-        for out in event.message.left_out if isinstance(event.message, Consensus) else ():
-            if out.reason == BARRED and f"robot/{out.source}" not in self.night.liars:
-                self.breaks(event.at, f"{event.process} bars {out.source}, which is honest")

@@ -46,6 +46,20 @@ class RostersAreTrue(Oracle):
                 self.breaks(event.at, f"{event.process} forgets {forgotten[0]} while the router is away")
 
 
+class EarlyIsTaken(Oracle):
+    """What a robot said before its token came is judged once the token is there."""
+
+    sees = (Moved,)
+
+    def see(self, event: Event) -> None:
+        if not isinstance(event, Moved) or not isinstance(board := event.service, BoardService):
+            return
+        for key, reason in board.intake.doubted.items():
+            parts = keys.REPORT.match(key)
+            if reason == "unregistered" and parts and parts["source"] in board.roster.robots.get(parts["sub_team"], ()):
+                self.breaks(event.at, f"{event.process} keeps {key}, whose sender is there, and does not judge it")
+
+
 def _counted(roster: Roster) -> set[str]:
     """All who count as there, by the names of processes in a night."""
     found = {

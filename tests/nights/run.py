@@ -28,13 +28,15 @@ from tests.nights.oracles import (
     StatusesAreTrue,
     TheNewestCounts,
 )
-from tests.nights.parts import SomebodySpeaks, TheHonestCount
-from tests.nights.rosters import RostersAreTrue
+from tests.nights.parts import SomebodySpeaks
+from tests.nights.rosters import EarlyIsTaken, RostersAreTrue
 from tests.nights.stage import Stage
+from tests.nights.votes import BoardsAgreeAgain, OneVote, TheHonestCount
 
 ORACLES: tuple[type[Oracle], ...] = (
     NobodyDies, InvariantsHold, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
-    SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, SomebodySpeaks, NobodyWaits, Coverage,
+    SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
+    BoardsAgreeAgain, Coverage, OneVote,
 )  # fmt: skip
 
 REPLAYED = 8  # of so many nights one is recorded, and its tape replayed
@@ -127,6 +129,8 @@ def recorded(night: Night) -> bytes:
 
 #: Between which shares the regions of 50 and of 95 % hold the truth, over all nights together.
 CALIBRATED = {"0.5": (0.45, 0.55), "0.95": (0.93, 0.97)}
+MOST = 1.5  # how much farther off the honest are while one robot lies, over all lies, at most
+ENOUGH_LIED = 3000  # beliefs about the honest on nights with a liar
 ENOUGH = 10_000  # beliefs; those of a night err together, so that fewer say little
 
 
@@ -136,11 +140,20 @@ def coverage(sums: Counter[str]) -> dict[str, float]:
     return {share: sums[f"coverage {share}"] / n for share in CALIBRATED} if n else {}
 
 
+def moved(sums: Counter[str]) -> float:
+    """By which factor the agreed places of honest robots are farther off while one robot lies; 1 where none was scored."""
+    if not (sums["lied n"] and sums["calm off"]):
+        return 1.0
+    return (sums["lied off"] / sums["lied n"]) / (sums["calm off"] / sums["calm n"])
+
+
 def uncalibrated(sums: Counter[str]) -> list[str]:
-    """What is wrong with the coverage of all nights together, in sentences."""
+    """What is wrong with the coverage, and with the votes, of all nights together, in sentences."""
     n = sums["coverage n"]
     found = coverage(sums) if n >= ENOUGH else {}
-    return [
+    share = moved(sums)
+    votes = [f"one liar moves the honest {share:.2f} times as far off as they are, not {MOST:g}"]
+    return votes * (sums["lied n"] >= ENOUGH_LIED and share > MOST) + [
         f"the {float(share):.0%} regions of {n} agreed beliefs hold the truth in {found[share]:.1%}, not {low:.0%} to {high:.0%}"
         for share, (low, high) in CALIBRATED.items()
         if found and not low <= found[share] <= high

@@ -233,7 +233,7 @@ class Stage(Scheduler):
         for name in [name for name in self.running if name not in cast]:
             self._stop(name)
         for name in dict.fromkeys(cast):
-            stopped = any(fault.stops(name) for fault in self._active)
+            stopped = any(fault.stops(name, at) for fault in self._active)
             renewed = [fault for fault in self._active if fault.renews(name)]
             if name in self.running and (stopped or renewed != self._renewed.get(name, [])):
                 self._stop(name)
@@ -270,7 +270,7 @@ class Stage(Scheduler):
     def _made(self, name: str) -> Service:
         kind, *rest = name.split("/")
         if kind == "robot":
-            return self._robot(rest[0])
+            return self._robot(name, rest[0])
         if kind == "world":
             unjudged: Any = Unjudged()
             return WorldService(self.scenario, open_sensor_source(self.scenario), unjudged)
@@ -284,15 +284,14 @@ class Stage(Scheduler):
         it = board_of(self.scenario, *rest)
         return Journaled(it, team="t", sub_team=rest[0], board=rest[1]) if self.records else it
 
-    def _robot(self, robot: str) -> Service:
+    def _robot(self, name: str, robot: str) -> Service:
         """A robot; one that lies does so as long as `_update` says."""
-        it, name = robot_of(self.scenario, robot), f"robot/{robot}"
-        lie = next(
-            (fault.lie for fault in self.night.faults if isinstance(fault, faults.Lies) and fault.who == name), None
-        )
+        guest = next((it for it in self.night.faults if isinstance(it, faults.LyingGuest) and it.adds() == name), None)
+        it = robot_of(self.scenario, robot, sub_teams=None if guest is None else [guest.sub_team])
+        lie = next((told[name] for fault in self.night.faults if name in (told := fault.lies())), None)
         if lie is None:
             return it
-        mates = sorted(set(self.night.team.robots) - {robot})
+        mates = sorted(set(self.night.team.robots) - {it.removeprefix("robot/") for it in self.night.liars})
         scene = Scene(robot, self.scenario.grid, mates, np.random.default_rng(self.night.seed))
         return Liar(it, scene, CATALOGUE[lie], math.inf, math.inf)
 
@@ -303,7 +302,7 @@ class Stage(Scheduler):
             assert isinstance(liar, Liar)
             agent = liar.inner
             assert isinstance(agent, AgentService)
-            lies = any(isinstance(fault, faults.Lies) for fault in self._active)
+            lies = any(name in fault.lies() for fault in self._active)
             if lies != (liar.begin < math.inf):
                 liar.begin = agent.clock.time(self.now + self._ahead(name)) if lies else math.inf
 

@@ -11,7 +11,7 @@ import pytest
 from tests.files import ROOT
 from tests.nights import faults, night
 from tests.nights.faults import Fault, OnWay
-from tests.nights.night import LAST, draw_night
+from tests.nights.night import LAST, Night, Team, draw_night
 from tests.nights.run import live
 
 NIGHTS = 10  # of those that `.ci/run` lives through
@@ -26,8 +26,14 @@ def test_nights(first: int) -> None:
 
 
 def test_robots_that_enter_again_count_no_evidence_twice() -> None:
-    it = draw_night(1, 123)
-    assert live(it) is None, it
+    team = Team(
+        {"a": ("r1", "r3"), "b": ("r2",)}, "lockstep", 2, tick=1.0, latency=0.2, fusion="joint", feedback="paper"
+    )
+    found = (
+        faults.ClockOff(6.51, 6.56, "world", 3.0, -0.05),
+        faults.AnotherBoard(0.0, 8.5, "b", "a-first", hangs=True),
+    )
+    assert live(Night(team, found, 1367784387)) is None
 
 
 def test_a_seed_and_a_number_are_always_the_same_night() -> None:

@@ -1,0 +1,100 @@
+"""One robot, one vote: who is honest counts, and boards agree again; how far a lie moves others is judged over all nights."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from blackboard.opinion.belief import Belief
+from blackboard.wire.arrays import unpack
+from blackboard.wire.messages import Consensus
+from tests.nights.events import Event, Recovered, Said
+from tests.nights.night import FIRST, Night
+from tests.nights.oracles import Broken, Oracle, Scored
+
+BARRED = "its evidence breaks the joint"
+APART = 6.0  # sigmas between what two boards agree on: they may have taken different evidence, and each is right
+
+
+class TheHonestCount(Oracle):
+    """No honest robot is barred; once the team is well, each counts in what is said of its place, whoever lied."""
+
+    sees = (Recovered, Said)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._is_well = False
+        #: Of a sub-team's level and a robot in it, whether the robot counted in what was said of its place.
+        self._counted: dict[tuple[str, str, str], bool] = {}
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Recovered):
+            self._is_well = True
+        elif isinstance(event, Said) and isinstance(event.message, Consensus):
+            it = event.message
+            for out in it.left_out:
+                if out.reason == BARRED and f"robot/{out.source}" not in self.night.liars:
+                    self.breaks(event.at, f"{event.process} bars {out.source}, which is honest")
+            robot = it.subject.removeprefix("robot/")
+            mine = robot in self.night.team.sub_teams[it.sub_team] and it.subject not in self.night.liars
+            if self._is_well and mine and (it.level == "consensus" or it.rule == "joint"):
+                who = it.sub_team, it.level, robot
+                counts = any(used.source == robot and used.weight > 0 for used in it.used)
+                self._counted[who] = self._counted.get(who, False) or counts
+
+    def verdict(self) -> Broken | None:
+        for (sub_team, level, robot), counts in self._counted.items():
+            if not counts:
+                self.breaks(self.night.end, f"{robot} does not count in the {level} of {sub_team} on its place")
+        return self._broken
+
+
+class BoardsAgreeAgain(Oracle):
+    """Once the team is well, all boards of a world's team agree about each robot to within `APART` sigmas, where nobody lied."""
+
+    sees = (Recovered, Said)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._is_well = False
+        self._agreed: dict[tuple[object, ...], tuple[str, Belief]] = {}
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Recovered):
+            self._is_well = self.night.is_honest and self.night.team.mode != "free"
+        elif self._is_well and isinstance(event, Said) and isinstance(event.message, Consensus):
+            it = event.message
+            if it.level == "agreed" and it.subject.startswith("robot/"):
+                self._compare(event, it)
+
+    def _compare(self, event: Said, it: Consensus) -> None:
+        mine = unpack(it.belief)
+        process, other = self._agreed.setdefault((it.tick, it.time, it.subject), (event.process, mine))
+        if process == event.process:
+            return
+        variance = max(float(np.trace(belief.covariance())) / mine.grid.ndim for belief in (mine, other))
+        apart = float(np.linalg.norm(mine.mean() - other.mean())) / variance**0.5
+        if apart > APART:
+            self.breaks(event.at, f"{process} and {event.process} are {apart:.1f} sigmas apart about {it.subject}")
+
+
+class OneVote(Scored):
+    """How far what is agreed about an honest robot is off, while one robot lies and where nobody does (`run.uncalibrated`)."""
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._found = Counter[str]()
+        lies = [it.begin for it in night.faults if it.lies()]
+        self._since = min(lies, default=FIRST)
+        self._group = {0: "calm", 1: "lied"}.get(len(night.liars))
+
+    def score(self, at: float, tick: int, it: Consensus, place: Sequence[float]) -> None:
+        if self._group is not None and at >= self._since and it.subject not in self.night.liars:
+            self._found[f"{self._group} n"] += 1
+            off = float(np.linalg.norm(unpack(it.belief).mean() - np.array(place)))
+            self._found[f"{self._group} off"] += off  # type: ignore[assignment]
+
+    def sums(self) -> Counter[str]:
+        return self._found
