@@ -13,6 +13,7 @@ PAGES = sorted(set(pages()) - set(GENERATED))
 #: Notes of what was measured: tables of numbers, with long sentences between them.
 PLAIN = [name for name in PAGES if not name.startswith("notes/")]
 MOST_WORDS = 1500  # of a page
+TOGETHER = 27_000  # words of all pages without the notes and what is made from code
 MOST, MEAN = 25, 14  # words of a sentence
 
 
@@ -39,6 +40,10 @@ def test_sentences_are_short(page: str) -> None:
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_is_read_in_minutes(page: str) -> None:
     assert len(pages()[page].split()) <= MOST_WORDS
+
+
+def test_all_pages_together_are_read_in_an_afternoon() -> None:
+    assert sum(len(pages()[page].split()) for page in PLAIN if page != "api.md") <= TOGETHER
 
 
 def test_the_readme_fits_a_screen_or_two() -> None:

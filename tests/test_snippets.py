@@ -64,7 +64,6 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
     "client.md": (
         ("blackboard router", CLIENT),
         *[("", CLIENT)] * 13,
-        ("[grid]", "tests/system/test_client_page.py::test_its_scenario_is_one"),
     ),
     "design.md": tuple(("", DRAWING) for _ in range(2)),
     "faults.md": (

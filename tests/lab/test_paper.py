@@ -16,6 +16,7 @@ from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases
 from blackboard.lab.team_joint import joint_sizes
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.opinion.weights import entropy
+from tests.files import page
 from tests.lab.figures import numbers, score_figures
 
 GOLDEN: dict[str, Any] = json.loads(
@@ -122,3 +123,18 @@ def test_the_arena_is_the_same_on_every_grid() -> None:
         assert world.grid.shape == (cells, cells)
         assert world.grid.cell * cells == 50.0
         assert len(world.team.robots) == 10
+
+
+def test_the_page_has_the_numbers_of_the_figures_on_a_line() -> None:
+    """docs/paper.md, "What holds" and "What does not hold as printed": Figs. 2, 3 and 5."""
+    told, found = " ".join(page("paper.md").split()), numbers()
+    two, three = found["fig2"]["cases"]["as printed"], found["fig3"]["ratios"]
+    fused = {rule: it["entropy"] for rule, it in two["fused"].items()}
+    best = min(two["entropies"])
+    assert f"{fused['cooperative']:.3f} against {fused['logarithmic']:.3f} of LGP and {best:.3f} of the best" in told
+    ratios = [f"{np.mean(three[rule]):.2f}" for rule in ("cooperative", "logarithmic", "linear")]
+    assert "its entropy is {} of the best sensor's, against {} of LGP and {} of LOP".format(*ratios) in told
+    peaks = {per_unit: round(it["as printed"]["peak"]) for per_unit, it in found["fig5"]["resolution"].items()}
+    assert {peaks["1"]} == {26}
+    assert {peaks[n] for n in ("2", "4", "10")} == {42}
+    assert "Fig. 5's answer is 26 with one cell per unit, and 42 with two, four or ten." in told

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from blackboard.config import Scenario
-from blackboard.opinion.grid import Anchor
 from blackboard.run.launch import free_port
 from examples import draw_beliefs
 from tests.files import ROOT
@@ -43,15 +41,6 @@ def test_every_line_of_the_page_does_what_it_says(name: str) -> None:
 
 def test_the_five_lines_are_five() -> None:
     assert len([line for line in blocks(PAGE)[0].splitlines() if line]) == 5
-
-
-def test_its_scenario_is_one() -> None:
-    import tomllib
-
-    found = re.search(r"^    \[grid\].*?(?=^\S)", PAGE, re.MULTILINE | re.DOTALL)
-    assert found
-    grid = Scenario(tomllib.loads(re.sub(r"^    ", "", found[0], flags=re.MULTILINE))).grid
-    assert (grid.frame, grid.anchor) == ("map", Anchor(59.3493, 18.0707, 90.0))
 
 
 def test_its_pictures_are_those_that_the_command_draws() -> None:
