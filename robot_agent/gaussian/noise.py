@@ -1,13 +1,14 @@
 """How large the noise of wheels and camera is, estimated on line, larger or smaller than the model says. Pure.
 
 Each kind of noise has a factor s of its sigma. Its logarithm has a mean and a sigma over a grid, by the likelihood of what was seen
-and a log-normal prior. Where somebody gave the model, one sigma of it, which may be luck, is not used. Where the model is a guess,
-s^2 is its expected value, so that doubt counts as noise. Errors that follow each other are alike and look smaller than they are. So
-few sightings are judged: one of each landmark in `ALIKE` seconds.
+and a log-normal prior. Where somebody gave the model, s is the median: the prior holds back what may be luck. Where the model is a
+guess, s^2 is its expected value, so that doubt counts as noise. Errors that follow each other are alike and look smaller than they
+are. So few sightings are judged: one of each landmark in `ALIKE` seconds.
 
 The wheels are judged by spans of motion: where did what was seen meanwhile put the robot, compared with odometry alone? With P the
-variance of the pose by odometry alone and P' that of the belief afterwards, a correction d is worth a measurement d / (1 - P' / P)
-of variance P P' / (P - P'). Short spans show jitter soon, and long ones an error that is alike for seconds: the larger counts.
+covariance of the pose by odometry alone and P' that of the belief afterwards, a correction d along an axis of both is worth a
+measurement d / (1 - P' / P) of variance P P' / (P - P'). Short spans show jitter soon, and long ones an error that is alike for
+seconds: the larger counts, by what is sure of it to one sigma.
 
 The camera's is judged by landmarks only. The wheels' is never taken for less than a given model, because what is alike over minutes
 looks small over a span, and what the whole team shares looks small to all of them. Wheels that nobody described guess the noise
@@ -17,12 +18,14 @@ along the way only: a heading that is believed too well turns the whole team, an
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments
 from blackboard.opinion.gaussian.relation import QUARTER, Bias, Relative
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING, RANGE, Motion, Nuisance, drive, wrap
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, POSE, RANGE, Motion, Nuisance, drive, wrap
 from blackboard.opinion.grid import Array
 
 ALIKE = 8.0  # seconds in which the errors of the sightings of one landmark are alike
@@ -35,7 +38,7 @@ SPANS = (1.0, 4.0, 16.0)
 LONGEST = 64.0  # seconds of motion after which a span is begun anew: too little was seen
 LEAST = 0.25  # of s^2 where the model is a guess
 INFORMED = 0.1  # share by which what was seen moves a pose from where odometry led it, at least
-FARTHEST = 9.0  # variances (by the present s): a larger squared correction, as by a misread barcode, counts as this
+TINY = 1e-9  # a share of odometry's variances; and unit^2 or radians^2: no measurement is more exact
 MEMORY = 40.0  # samples after which what was seen has faded to 1 / e
 LOGS = np.arange(-3.0, 3.01, 0.25)  # binary logarithms of s
 #: The logarithm of the log-normal prior of s, one sigma of which is a factor of 2. A given model is its median; a guess is what
@@ -59,19 +62,41 @@ class NoiseFactor:
         """Relative to the model's."""
         if not self.given:
             return max(self.least, self._expected)
-        return max(self.least, float(4.0 ** (np.sign(self.mean) * max(0.0, abs(self.mean) - self.sigma))))
+        return max(self.least, float(4.0**self.mean))
 
-    def weigh(self, squared: float, rest: float, added: float) -> None:
-        """Take a squared error whose variance is `rest + s^2 added`."""
-        squared = min(squared, FARTHEST * (rest + self.variance * added))
-        variances = rest + 4.0**LOGS * added
-        self._seen = self._seen * np.exp(-1 / MEMORY) - 0.5 * (squared / variances + np.log(variances))
+    def weigh(self, error: Array, rest: Array, added: Array) -> None:
+        """Take an error, shape (n,), whose covariance is `rest + s^2 added`, shape (n, n) each."""
+        present = float(error @ np.linalg.solve(rest + self.variance * added, error))
+        farthest = quantile(GATE, len(error))  # farther off, as by a misread barcode, counts as this
+        nearer = farthest / max(farthest, present)
+        covariances = rest + 4.0 ** LOGS[:, np.newaxis, np.newaxis] * added
+        squared = nearer * np.einsum("i,kij,j->k", error, np.linalg.inv(covariances), error)
+        self._seen = self._seen * np.exp(-1 / MEMORY) - 0.5 * (squared + np.linalg.slogdet(covariances)[1])
         logs = (GIVEN if self.given else GUESSED) + self._seen
         weights = np.exp(logs - logs.max())
         weights /= weights.sum()
         self._expected = float(weights @ 4.0**LOGS)
         self.mean = float(weights @ LOGS)
         self.sigma = float(np.sqrt(weights @ (LOGS - self.mean) ** 2))
+
+
+class _Measured(NamedTuple):
+    """What was seen in a span as one measurement of n directions of the pose: `rows` (n, 3), its `error` (n,) and `noise` (n, n)."""
+
+    rows: Array
+    error: Array
+    noise: Array
+
+
+def _measured(led: Moments, belief: Moments) -> _Measured:
+    """The measurement that leads from the pose by odometry alone to that of the belief, in the directions that it informs."""
+    apart = (belief.mean - led.mean)[POSE]
+    apart[HEADING] = wrap(float(apart[HEADING]))
+    whiten = np.linalg.inv(np.linalg.cholesky(led.covariance[POSE, POSE] + np.eye(3) * TINY))
+    left, axes = np.linalg.eigh(whiten @ belief.covariance[POSE, POSE] @ whiten.T)
+    gain = 1.0 - left
+    rows, gain = (axes.T @ whiten)[gain > INFORMED], gain[gain > INFORMED]
+    return _Measured(rows, rows @ apart / gain, np.diag(1.0 / gain - 1.0 + TINY))
 
 
 @dataclass
@@ -107,16 +132,18 @@ class Span:
             way[AXES] = np.linalg.eigh((led.covariance - bare.covariance)[AXES, AXES])[1][:, -1]
             head = np.zeros(len(led.mean))
             head[HEADING] = 1.0
-            apart = belief.mean - led.mean
-            apart[HEADING] = wrap(float(apart[HEADING]))
-            judged = False
+            seen, judged = _measured(led, belief), False
             for factor, present, axis, without in zip(
                 (self.along, self.heading), noise, (way, head), (bare, still), strict=True
             ):
                 by_odometry, rest, after = (float(axis @ it.covariance @ axis) for it in (led, without, belief))
                 added, gain = (by_odometry - rest) / present, 1.0 - after / by_odometry
                 if added > 0 and gain > INFORMED:
-                    factor.weigh((float(axis @ apart) / gain) ** 2, rest + after / gain, added)
+                    rows = seen.rows
+                    more = rows @ (led.covariance - without.covariance)[POSE, POSE] @ rows.T
+                    factor.weigh(
+                        seen.error, rows @ without.covariance[POSE, POSE] @ rows.T + seen.noise, more / present
+                    )
                     judged = True
             if judged:
                 self._begin(belief, by_team)
@@ -149,13 +176,13 @@ class WheelNoise:
 
     @property
     def along(self) -> NoiseFactor:
-        """Of the way, by the spans that show the most."""
-        return max((span.along for span in self.spans), key=lambda it: it.variance)
+        """Of the way, by the spans that surely show the most."""
+        return max((span.along for span in self.spans), key=lambda it: it.mean - it.sigma)
 
     @property
     def heading(self) -> NoiseFactor:
-        """Of the heading, by the spans that show the most."""
-        return max((span.heading for span in self.spans), key=lambda it: it.variance)
+        """Of the heading, by the spans that surely show the most."""
+        return max((span.heading for span in self.spans), key=lambda it: it.mean - it.sigma)
 
     def give_up(self) -> None:
         """Judge nothing of these spans, because the belief was given up or a motion was not measured."""
@@ -213,8 +240,10 @@ class CameraNoise:
         ):
             return
         self._judged[group] = time
-        u = measured.jacobians[relative.observer][:, RANGE] / relative.stretched
+        u = measured.jacobians[relative.observer][:, RANGE]
+        u = u / np.linalg.norm(u)
         for factor, axis in ((self.range, u), (self.bearing, QUARTER @ u)):
             total, fresh = float(axis @ found.covariance @ axis), float(axis @ measured.noise @ axis)
             once = fresh / COUNTED**2
-            factor.weigh(float(axis @ found.residual) ** 2, max(0.0, total - fresh), once / factor.variance)
+            rest, added = np.array([[max(0.0, total - fresh)]]), np.array([[once / factor.variance]])
+            factor.weigh(axis[np.newaxis] @ found.residual, rest, added)

@@ -34,6 +34,7 @@ UNSTEADY = (
     0.5  # share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after
 )
 NEAREST = 1e-6  # unit: nearer than this there is no line of sight
+STRETCHED = 4.0  # times the measured range is the farthest that a subject is taken to be
 EXACT = 1e-9  # radians ** 2: a heading with less variance is exact
 BiasBlock = tuple[str, str, str, float]  # "bias", observer, group, time constant (s)
 NOTHING = Moments(np.zeros(2), np.eye(2) * FLAT)  # of a subject's place
@@ -271,7 +272,7 @@ def _indices(joint: Joint, blocks: Sequence[Block], states: int) -> npt.NDArray[
 
 def _factors(joint: Joint, its: Sequence[Relative], ends: _Ends, seen: _Form) -> list[Factor]:
     """The factors of k sightings of one kind."""
-    stretched = seen.by_range * np.array([[it.stretched] for it in its])
+    stretched = seen.by_range * np.array([[it.stretched] for it in its]) * seen.larger[:, np.newaxis]
     residual = seen.residual - stretched * ends.observer[:, RANGE : RANGE + 1]
     by_observer = np.zeros((*residual.shape, STATES))
     by_observer[:, :, AXES], by_observer[:, :, RANGE] = -seen.by_place, stretched
@@ -291,7 +292,7 @@ def _factors(joint: Joint, its: Sequence[Relative], ends: _Ends, seen: _Form) ->
         if not ends.is_known and not ends.states:
             priors[it.subject] = Moments(anchors.pop(it.subject, NOTHING.mean), NOTHING.covariance)
         for block, sigma in it.blocks().items() if it.biases else ():
-            jacobians[block] = seen.by_range[number, :, np.newaxis] * sigma
+            jacobians[block] = seen.by_range[number, :, np.newaxis] * (seen.larger[number] * sigma)
             if block in joint:
                 rest = rest - jacobians[block] @ joint.mean[joint.blocks[block]]
             else:
@@ -397,6 +398,7 @@ class _Form:
     by_range: Array  # (k, m): of what was seen by an error of the range
     noise: Array  # (k, m, m); of a pose (k, 3, 3)
     distance: Array  # (k,): to the subject as expected
+    larger: Array  # (k,): by how many times the errors of its range are larger than they were told (`_larger`)
 
 
 def _form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, heading: Array) -> _Form:
@@ -424,6 +426,7 @@ def _form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, he
     residual[polar, 0] = (ranges - far)[polar]
     residual[polar, 1] = (far * wrap(bearings - np.arctan2(sight[:, 1], sight[:, 0]) + camera))[polar]
     by_range = np.where(row, [1.0, 0.0], along)
+    larger = _larger(its, sight, distance, spread)
     if exact:
         stretched = [max(it.range, NEAREST) for it in its]
         noise = np.array(
@@ -434,10 +437,28 @@ def _form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, he
         )
     else:
         radial, angular = _variances(its, sight, far, spread)
+        radial = radial * larger**2
         axes = _frames(by_range)
         along_axes = np.array([radial, np.where(polar, far, ranges) ** 2 * angular]).T
         noise = axes.swapaxes(1, 2) @ (along_axes[:, :, np.newaxis] * axes)
-    return _Form(residual, by_place, by_camera, by_range, noise, far)
+    return _Form(residual, by_place, by_camera, by_range, noise, far, larger)
+
+
+def _larger(its: Sequence[Relative], sight: Array, distance: Array, spread: Array) -> Array:
+    """How far subjects are likely to be over what was measured, where errors grow with the range; 1 of other sightings, shape (k,).
+
+    By the errors of the measured range, one that is too short would weigh more than one that is too long, and all of them pull.
+    """
+    larger = np.ones(len(its))
+    grow = [n for n, it in enumerate(its) if it.kind == "range-bearing" and it.biases and it.range >= NEAREST]
+    if grow:
+        ranges = np.array([its[n].range for n in grow])
+        own = np.array([its[n].range_variance + sum(bias.sigma**2 for bias in its[n].biases) for n in grow])
+        along = sight[grow, np.newaxis, :]
+        prior = np.maximum(0.0, (along @ spread[grow] @ along.swapaxes(1, 2))[:, 0, 0])
+        likely = distance[grow] + prior / (prior + own) * (ranges - distance[grow])
+        larger[grow] = np.clip(likely / ranges, 1 / STRETCHED, STRETCHED)
+    return larger
 
 
 def _unit(angles: Array) -> Array:
@@ -477,7 +498,8 @@ def _alone(kind: Kind, form: _Form, spread: Array) -> _Form:
         row, shift, curved = slice(1, 2), -tie / form.distance, along * across + tie**2
     noise = form.noise[:, row, row] + (curved / form.distance**2)[:, np.newaxis, np.newaxis]
     residual = form.residual[:, row] - shift[:, np.newaxis]
-    return _Form(residual, form.by_place[:, row], form.by_camera[:, row], form.by_range[:, row], noise, form.distance)
+    rows = form.by_place[:, row], form.by_camera[:, row], form.by_range[:, row]
+    return _Form(residual, *rows, noise, form.distance, form.larger)
 
 
 def _variances(its: Sequence[Relative], sight: Array, distance: Array, spread: Array) -> tuple[Array, Array]:
