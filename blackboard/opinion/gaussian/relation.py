@@ -34,6 +34,7 @@ UNSTEADY = (
     0.5  # share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after
 )
 NEAREST = 1e-6  # unit: nearer than this there is no line of sight
+TINY = np.finfo(float).tiny
 STRETCHED = 4.0  # times the measured range is the farthest that a subject is taken to be
 EXACT = 1e-9  # radians ** 2: a heading with less variance is exact
 BiasBlock = tuple[str, str, str, float]  # "bias", observer, group, time constant (s)
@@ -456,7 +457,7 @@ def _larger(its: Sequence[Relative], sight: Array, distance: Array, spread: Arra
         own = np.array([its[n].range_variance + sum(bias.sigma**2 for bias in its[n].biases) for n in grow])
         along = sight[grow, np.newaxis, :]
         prior = np.maximum(0.0, (along @ spread[grow] @ along.swapaxes(1, 2))[:, 0, 0])
-        likely = distance[grow] + prior / (prior + own) * (ranges - distance[grow])
+        likely = distance[grow] + prior / np.maximum(prior + own, TINY) * (ranges - distance[grow])
         larger[grow] = np.clip(likely / ranges, 1 / STRETCHED, STRETCHED)
     return larger
 
