@@ -64,6 +64,16 @@ class About:
                 return told[min(told, key=lambda name: (-told[name].message.tick, name))]
         return None
 
+    @property
+    def share(self) -> float:
+        """How solid it is to be drawn: a track by its existence, and what a sighting may be of by that sighting's odds."""
+        if self.best is None:
+            return 1.0
+        it = self.best.message
+        unclear = max((one.probability for one in it.unnamed), default=1.0)
+        clear = it.existence is None or any(one.taken for one in it.unnamed)
+        return (1.0 if it.existence is None else it.existence) * (1.0 if clear else unclear)
+
     def all(self) -> Iterator[Received[Report] | Received[Consensus]]:
         yield from self.agreed.values()
         yield from self.consensus.values()

@@ -149,6 +149,11 @@ def _subject(about: About, moment: Moment, cells: list[bytes], whole: bool) -> T
     return {
         **_numbers(about),
         **_motion(best),
+        "share": _short(about.share),
+        "existence": None if best is None or best.message.existence is None else _short(best.message.existence),
+        "unnamed": []
+        if best is None
+        else [[f"robot/{it.source}", _short(it.probability), it.taken] for it in best.message.unnamed],
         "conflict": best is not None and best.message.conflict,
         "rule": None if best is None else best.message.rule,
         "left_out": [] if best is None else [[it.source, it.reason] for it in best.message.left_out],

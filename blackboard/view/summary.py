@@ -12,7 +12,16 @@ from blackboard.state.processes import SILENT, Process
 from blackboard.state.received import REGION
 
 Table = dict[str, Any]
+LITTLE = 0.05  # odds below this are not told
 RECENT = 60.0  # seconds for which an alarm that is over is listed
+#: What is told of sightings without a name, by the counters of boards.
+UNNAMED = {
+    "born": "tracks_born",
+    "died": "tracks_died",
+    "taken": "unnamed_taken",
+    "ambiguous": "unnamed_ambiguous",
+    "strange": "unnamed_strange",
+}
 #: What falls away first where a terminal is narrow: of the processes, and of the subjects.
 PROCESSES_FALL = ("skipped", "late", "dropped", "kind", "ticks/s", "sub-team", "heard", "refused")
 SUBJECTS_FALL = ("rule", "sources", "95 % area", "entropy")
@@ -37,6 +46,7 @@ def team_summary(team: TeamFold, now: float, moment: Moment | None = None) -> Ta
         "settlements": max(boards, default=0.0),  # ticks settled per second, by the fastest board
         "processes": processes(team, now),
         "alarms": alarms(team, now),
+        "unnamed": _unnamed(team),
         "subjects": {} if newest is None else {name: subject(it) for name, it in newest.subjects.items()},
     }
 
@@ -52,6 +62,16 @@ def _lost(team: TeamFold, it: Process) -> float | None:
     """The probability that a robot is lost, as the newest belief about it says; None of others."""
     about = None if team.moments.newest is None else team.moments.newest.subjects.get(f"robot/{it.name}")
     return None if it.kind != "robot" or about is None or about.best is None else about.best.message.lost
+
+
+def _unnamed(team: TeamFold) -> dict[str, int]:
+    """Tracks that began and ended, and sightings without a name that were clear, unclear or of nobody known; nothing without any.
+
+    Each board of a team counts the same ones, so those of the board that counted the most.
+    """
+    boards = [it.status.counters for it in team.processes.values() if it.kind == "board" and it.status is not None]
+    most = {name: max((it.get(counter, 0) for it in boards), default=0) for name, counter in UNNAMED.items()}
+    return most if any(most.values()) else {}
 
 
 def _process(it: Process, now: float, lost: float | None) -> Table:
@@ -123,6 +143,14 @@ def subject(about: About) -> Table:
         "inside": None if score is None else score.denser < REGION,
         "rule": None if best is None else best.message.rule,
         "lost": None if best is None else best.message.lost,
+        "existence": None if best is None else best.message.existence,
+        "unclear": []
+        if best is None
+        else [
+            {"source": it.source, "mark": it.mark, "probability": it.probability}
+            for it in best.message.unnamed
+            if not it.taken
+        ],
         "conflict": best is not None and best.message.conflict,
         "left_out": []
         if best is None
@@ -144,7 +172,7 @@ def text(table: Table, width: int | None = None) -> str:
 
 
 def _team_text(it: Table, width: int | None) -> str:
-    lines = [team_line(it), *alarm_lines(it, width), "", *process_lines(it, width)]
+    lines = [team_line(it), *unnamed_lines(it, width), *alarm_lines(it, width), "", *process_lines(it, width)]
     return "\n".join([*lines, "", *subject_lines(it, width)] if it["subjects"] else lines)
 
 
@@ -165,6 +193,16 @@ def team_line(it: Table) -> str:
         "nothing settled yet" if it["tick"] is None else f"tick {it['tick']}, {it['time']:.1f} s, {it['age']:.1f} s ago"
     )
     return f"team {it['team']}: {it['mode']}, {tick}, {it['settlements']:.1f} settled/s"
+
+
+def unnamed_lines(it: Table, width: int | None = None) -> list[str]:
+    """What became of sightings without a name, in one line; none where all have one."""
+    one = it["unnamed"]
+    if not one:
+        return []
+    seen = f"{one['taken']} clear, {one['ambiguous']} ambiguous, {one['strange']} of nobody known"
+    line = f"without a name: {one['born']} tracks began, {one['died']} ended; sightings: {seen}"
+    return [line if width is None else shortened(line, width)]
 
 
 def process_lines(it: Table, width: int | None = None) -> list[str]:
@@ -220,7 +258,12 @@ def subject_lines(it: Table, width: int | None = None) -> list[str]:
 
 def _trouble(one: Table) -> str:
     lost = [f"lost with {100 * one['lost']:.0f} %"] if (one["lost"] or 0.0) >= LIKELY_LOST else []
+    track = [] if one["existence"] is None else [f"there with {100 * one['existence']:.0f} %"]
+    odds: dict[str, float] = {}
+    for it in one["unclear"]:
+        odds[it["source"]] = max(it["probability"], odds.get(it["source"], 0.0))
+    unclear = [f"{source} may have seen it ({100 * p:.0f} %)" for source, p in odds.items() if p >= LITTLE]
     left_out = [f"{out['source']} left out: {out['reason']}" for out in one["left_out"]]
     dissent = [f"{source} keeps disagreeing" for source in one["dissent"]]
     camps = " against ".join(",".join(camp) for camp in one["camps"])
-    return "; ".join([f"conflict {camps}".rstrip()] * one["conflict"] + lost + left_out + dissent)
+    return "; ".join([f"conflict {camps}".rstrip()] * one["conflict"] + track + unclear + lost + left_out + dissent)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from blackboard.errors import UserError
 from blackboard.state.fold import Fold
+from blackboard.state.moments import About
 from blackboard.state.processes import Process
 from blackboard.view.echo import Rates, in_order, key_expression, line
-from blackboard.view.summary import summary, text
+from blackboard.view.summary import subject, subject_lines, summary, text
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Status
+from blackboard.wire.messages import Status, UnnamedSighting
 from tests.view.recorded import folded, recorded
 
 
@@ -105,3 +107,46 @@ def test_the_newest_values_of_a_team_are_a_moment_once_they_are_in_order() -> No
     assert whole is not None
     assert moment.tick == whole.tick
     assert moment.subjects.keys() == whole.subjects.keys()
+
+
+def unclear(probability: float, *, taken: bool = False) -> UnnamedSighting:
+    return UnnamedSighting(source="r1", time=0.0, mark=0, probability=probability, taken=taken)
+
+
+def track(existence: float | None, *sightings: UnnamedSighting) -> About:
+    """The ball, as if it were a track that some sightings may be of."""
+    moment = folded().teams["t"].moments.newest
+    assert moment is not None
+    best = moment.subjects["object/ball"].best
+    assert best is not None
+    said = best.message.model_copy(update={"existence": existence, "unnamed": list(sightings)})
+    return About(agreed={"a": replace(best, message=said)})
+
+
+def test_a_track_says_how_sure_it_is_there_and_who_may_have_seen_it() -> None:
+    it = subject(track(0.9, unclear(0.4)))
+    assert (it["existence"], it["unclear"]) == (0.9, [{"source": "r1", "mark": 0, "probability": 0.4}])
+    (_, row) = subject_lines({"subjects": {"person/1": it}})
+    assert "there with 90 %; r1 may have seen it (40 %)" in row
+    named = subject(track(None))
+    assert (named["existence"], named["unclear"]) == (None, [])
+
+
+def test_what_one_sighting_may_be_of_is_drawn_faint_by_its_odds_and_what_may_be_gone_too() -> None:
+    both = track(1.0, unclear(0.6)), track(1.0, unclear(0.4))
+    assert [it.share for it in both] == [0.6, 0.4]
+    assert track(1.0, unclear(0.4), unclear(0.99, taken=True)).share == 1.0
+    assert track(0.7).share == 0.7
+    assert track(None, unclear(0.4)).share == 1.0, "a mate is there whatever was seen"
+
+
+def test_tracks_and_sightings_without_a_name_are_counted_once_for_all_boards() -> None:
+    fold = Fold()
+    assert "without a name" not in text(summary(fold, 1.0))
+    for board, born in (("a", 3), ("b", 2)):
+        counters = {"tracks_born": born, "tracks_died": 1, "unnamed_ambiguous": 7}
+        said = Status(process=board, kind="board", tick=1, time=0.0, counters=counters)
+        fold.take(Envelope(keys.STATUS.key(team="t", sub_team=board, process=board), encode(said)), 1.0)
+    it = summary(fold, 1.0)["teams"][0]
+    assert it["unnamed"] == {"born": 3, "died": 1, "taken": 0, "ambiguous": 7, "strange": 0}
+    assert "without a name: 3 tracks began, 1 ended; sightings: 0 clear, 7 ambiguous" in text(summary(fold, 1.0))

@@ -48,6 +48,8 @@ def colour(number: int) -> tuple[int, int, int]:
 def heat(moment: Moment, grid: Grid, chosen: str, rows: int, columns: int, log: bool) -> Heat:
     """All agreed beliefs on the whole grid, undistorted where a character is twice as high as wide; truths are crosses.
 
+    What is not sure to be there is fainter.
+
     Where the map is smaller than the grid, a pixel shows the largest of its cells, so that a sharp peak does not vanish.
     """
     scale = min(columns / grid.shape[0], 2 * rows / grid.shape[1])  # pixels for a cell
@@ -57,9 +59,8 @@ def heat(moment: Moment, grid: Grid, chosen: str, rows: int, columns: int, log: 
     for number, (name, about) in enumerate(moment.subjects.items()):
         drawn = None if about.best is None else about.best.drawn
         if drawn is not None:
-            share = _shares(drawn, grid, width, height, log)[..., None] * (
-                1.0 if name == chosen or not chosen else FADE
-            )
+            fade = about.share * (1.0 if name == chosen or not chosen else FADE)
+            share = _shares(drawn, grid, width, height, log)[..., None] * fade
             found[:height] = found[:height] * (1 - share) + np.array(colour(number)) * share
             row, column = _at((drawn.mean[0], drawn.mean[1]), grid, width, height)
             if (pose := pose_of(None if about.best is None else about.best.message.state)) is not None:

@@ -23,7 +23,15 @@ from blackboard.process.printable import printable
 from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
 from blackboard.view.feed import Source
-from blackboard.view.summary import Table, alarm_lines, process_lines, subject_lines, team_line, team_summary
+from blackboard.view.summary import (
+    Table,
+    alarm_lines,
+    process_lines,
+    subject_lines,
+    team_line,
+    team_summary,
+    unnamed_lines,
+)
 from blackboard.view.tui.heat import Heat, heat
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
@@ -137,7 +145,7 @@ class Top(App[None]):
         alarms = alarm_lines(table, self.size.width)
         self._show("alarms", alarms)
         self.query_one("#alarms").display = bool(alarms)
-        self._show("processes", process_lines(table, width))
+        self._show("processes", [*process_lines(table, width), *unnamed_lines(table, width)])
         names = list(table["subjects"])
         if self.chosen not in names:
             self.chosen = next((name for name in names if table["subjects"][name]["mean"] is not None), "")

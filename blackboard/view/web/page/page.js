@@ -261,6 +261,15 @@ function drawMap(header, names, colours) {
     context.globalAlpha = chosen ? 0.85 : 0.32; context.strokeStyle = chosen ? colours.ink : colours.soft;
     line(context, to.x(from[0]), to.y(from[1]), to.x(end[0]), to.y(end[1]));
   }
+  for (const seen of on("sighting") ? names.filter((name) => means[name]) : []) {
+    for (const [observer, odds, taken] of header.subjects[seen].unnamed || []) {
+      if (!means[observer]) continue;
+      context.globalAlpha = (observer === state.subject || seen === state.subject ? 0.85 : 0.32) * odds;
+      context.strokeStyle = colours.soft; context.setLineDash(taken ? [] : [2, 4]);
+      line(context, to.x(means[observer][0]), to.y(means[observer][1]), to.x(means[seen][0]), to.y(means[seen][1]));
+    }
+  }
+  context.setLineDash([]);
   context.globalAlpha = 1;
   const away = absent(header);
   for (const name of names) {
@@ -268,10 +277,12 @@ function drawMap(header, names, colours) {
     if (!belief) continue;
     const tone = away.has(name) ? colours.soft : tint(name), [r, g, b] = rgb(tone), chosen = name === state.subject;
     const share = belief.area / (grid.cell ** 2 * grid.shape[0] * grid.shape[1]), ink = 235 * Math.min(1, Math.sqrt(FAINT / Math.max(share, 1e-9)));
+    context.globalAlpha = it.share ?? 1; // what may not be there, or may be what was seen, is faint
     if (on("belief")) place(context, to, grid, belief, picture(belief, (at) => [r, g, b, at ? ink * Math.exp((at - 255) * header.step * 0.6) : 0]), true);
     context.strokeStyle = tone; context.lineWidth = chosen ? 2.6 : 1.5; context.setLineDash(it.conflict ? [5, 3] : []);
     if (on("region")) outline(context, to, grid, belief);
     context.setLineDash([]);
+    context.globalAlpha = 1;
     if (on("region")) drawMotion(context, to, it, belief, tone);
   }
   for (const name of names) {
@@ -410,6 +421,9 @@ function drawNumbers(header) {
     if (score) rows.push(["error", `${score.error.toFixed(2)} ${unit}`, !score.inside], ["truth is", score.inside ? "inside" : "outside", !score.inside]);
     if (it.heading) rows.push(["heads", `${(it.heading[0] * 180 / Math.PI).toFixed(0)}°, give or take ${(it.heading[1] * 180 / Math.PI).toFixed(2)}`]);
     if (it.velocity) rows.push(["moves at", `${Math.hypot(...it.velocity).toFixed(2)} ${unit}/s`]);
+    if (it.existence != null) rows.push(["is there with", `${(100 * it.existence).toFixed(1)} %`]);
+    const unclear = (it.unnamed || []).filter((one) => !one[2] && one[1] >= 0.05);
+    if (unclear.length) rows.push(["may have been seen by", unclear.map(([who, odds]) => `${who.split("/")[1]} (${(100 * odds).toFixed(0)} %)`).join(", "), true]);
     rows.push(["rule", it.rule]);
     if (it.dissent.length) rows.push(["keeps disagreeing", it.dissent.map(([who, sigmas, weight]) => `${who} (${sigmas.toFixed(1)} σ, counts ${(100 * weight).toFixed(0)} %)`).join(", "), true]);
     if (it.camps.length) rows.push(["camps", it.camps.map((camp) => camp.join(", ")).join(" against "), true]);
