@@ -23,7 +23,6 @@ NEWCOMER = "tests/long/test_newcomer.py"
 MAINTAINER = "tests/long/test_maintainer.py"
 CLIENT = "tests/system/test_client_page.py::test_every_line_of_the_page_does_what_it_says"
 ROBOTS = "tests/system/test_client_page.py::test_every_line_of_the_page_does_what_it_says"
-OWN_TEAM = "tests/system/test_newcomer.py::test_the_tutorial_s_own_team_runs_is_explained_and_swept"
 TAPE = "tests/view/test_tutorial.py::test_a_command_of_the_tutorial_does_what_it_says"
 RESEARCH = "tests/long/test_research_page.py::test_every_command_of_the_page_does_what_it_says"
 PLAN = "tests/run/test_plan.py::test_the_page_shows_what_is_printed"
@@ -149,8 +148,8 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("robot/r1 is believed to be at", f"{NEWCOMER}::test_the_tutorial_from_its_first_to_its_last_line"),
         (".venv/bin/blackboard why", TAPE),
         (".venv/bin/blackboard replay", TAPE),
-        ("[team]", OWN_TEAM),
-        (".venv/bin/blackboard up", OWN_TEAM),
+        ("[team]", f"{NEWCOMER}::test_the_tutorial_from_its_first_to_its_last_line"),
+        (".venv/bin/blackboard up", f"{NEWCOMER}::test_the_tutorial_from_its_first_to_its_last_line"),
         (".venv/bin/blackboard tape", TAPE),
     ),
     "bytes.md": (*[("", WIRE)] * 4, ("78 5e", "tests/wire/test_docs.py::test_the_worked_example_of_fine_levels_is_true")),
