@@ -91,34 +91,13 @@ def test_the_result_is_a_probability_vector_and_the_input_stays(opinions: Array)
 
 @few
 @given(weighted(("random",)), st.integers(0, 1000))
-def test_the_order_of_opinions_does_not_matter(drawn: tuple[Array, Array], seed: int) -> None:
+def test_the_order_of_weighted_opinions_does_not_matter(drawn: tuple[Array, Array], seed: int) -> None:
     opinions, weights = drawn
     order = np.random.default_rng(seed).permutation(len(opinions))
     for name in RULES:
-        assert pool(name, opinions[order]) == pytest.approx(pool(name, opinions), abs=1e-10), name
         assert pool(name, opinions[order], weights[order]) == pytest.approx(pool(name, opinions, weights), abs=1e-10), (
             name
         )
-
-
-@few
-@given(stacks(("random",)), st.integers(0, 1000))
-def test_the_order_of_cells_does_not_matter(opinions: Array, seed: int) -> None:
-    flat = opinions.reshape(len(opinions), -1)
-    order = np.random.default_rng(seed).permutation(flat.shape[1])
-    renamed = flat[:, order].reshape(opinions.shape)
-    for name in RULES:
-        p = pool(name, opinions).ravel()
-        assert pool(name, renamed).ravel() == pytest.approx(p[order], abs=1e-10), name
-        assert pool(name, flat) == pytest.approx(p, abs=1e-12), name
-
-
-@few
-@given(stacks(most=1))
-def test_a_single_opinion_is_returned_unchanged(opinions: Array) -> None:
-    for name in RULES:
-        assert pool(name, opinions) == pytest.approx(opinions[0], abs=1e-12), name
-        assert pool(name, opinions, np.ones(1)) == pytest.approx(opinions[0], abs=1e-12), name
 
 
 @few
