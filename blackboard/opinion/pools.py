@@ -33,7 +33,7 @@ from blackboard.opinion.averages import Linear, channel_filter_pool, linear_pool
 from blackboard.opinion.chernoff import chernoff
 from blackboard.opinion.cooperative import cooperative_pool
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.rules import Pooled, Rule
+from blackboard.opinion.rules import Pooled, Rule, returned
 from blackboard.opinion.vectors import TOLERANCE, checked
 
 __all__ = [
@@ -116,7 +116,7 @@ def _on(grid: Grid, opinions: npt.ArrayLike) -> Array:
 
 def _checked_result(rule: Rule, found: Pooled, stack: Array) -> Pooled:
     """What a rule returned, after checking it against `Pooled`; ValueError says what is wrong with it."""
-    n, shape = len(stack), stack.shape[1:]
+    found, n, shape = returned(rule, found), len(stack), stack.shape[1:]
     wrong = ""
     if np.shape(found.p) != shape:
         wrong = f"a belief of shape {np.shape(found.p)} for a grid of {shape}"

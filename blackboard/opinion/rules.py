@@ -95,7 +95,7 @@ class Rule:
 
     def belief(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Array:
         """The `p` of `pool` alone: a rule whose story takes its time can say it faster."""
-        return self.pool(opinions, weights, cell_ratio=cell_ratio).p
+        return returned(self, self.pool(opinions, weights, cell_ratio=cell_ratio)).p
 
     def weigh(self, opinions: Array, cell_ratio: float) -> Array | None:
         """The weights that a board pools with, shape (N,); None: none."""
@@ -210,6 +210,14 @@ def rule(name: str) -> Callable[[type[R]], type[R]]:
     return register
 
 
+def returned(rule: Rule, found: object) -> Pooled:
+    """What a rule returned. ValueError: it is no `Pooled`."""
+    if isinstance(found, Pooled):
+        return found
+    kind = type(found).__name__
+    raise ValueError(f"rule {rule.name!r} returned {kind}: give Pooled(belief, what each opinion contributed)")
+
+
 def find(name: str) -> type[Rule]:
     """The class of a rule by its name, from a plug-in where none is registered; RuleError for an unknown name."""
     from blackboard import plugins
@@ -218,7 +226,10 @@ def find(name: str) -> type[Rule]:
     if name not in REGISTRY:
         offered = plugins.load(plugins.POOLS, name)
         if offered is None:
-            raise RuleError("rule", f"{name!r} is none of {', '.join(sorted(names()))}{nearest(name, names())}")
+            known = f"{', '.join(sorted(names()))}{nearest(name, names())}"
+            raise RuleError(
+                "rule", f"{name!r} is none of {known}; one of your own is installed as a package (docs/rules.md)"
+            )
         if REGISTRY.get(name) is not offered:
             raise UserError(f"plug-in {name!r} of {plugins.POOLS}: offers {offered!r}, which is no Rule of this name")
     return REGISTRY[name]

@@ -13,7 +13,7 @@ from blackboard.opinion.agreement import kullback_leibler
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.chernoff import chernoff
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.pools import fuse
+from blackboard.opinion.pools import fuse, fuse_belief
 from blackboard.opinion.rules import Pooled, Rule, read_rule
 
 CELLS = (2, 3)
@@ -157,6 +157,13 @@ class Broken(Rule):
 
     def pool(self, opinions: Array, weights: Array | None = None, *, cell_ratio: float = 1.0) -> Pooled:
         return self.pooled  # type: ignore[attr-defined,no-any-return]
+
+
+def test_a_rule_that_returns_its_belief_alone_is_named() -> None:
+    rule = Broken(stack()[0])  # type: ignore[arg-type]
+    for pool in (fuse, fuse_belief):
+        with pytest.raises(ValueError, match=r"^rule 'broken' returned ndarray: give Pooled\(belief, "):
+            pool(rule, stack(), Grid(CELLS))
 
 
 @pytest.mark.parametrize(
