@@ -1,8 +1,8 @@
 """How far each source's evidence is from what the joint expects, against what it claims: an over-confident source counts for less.
 
 The squared Mahalanobis distance of a piece of evidence is chi-squared where its noise is as claimed. A median well above that of
-chi-squared says that the noise is larger, by about the ratio of the two. A source is never taken for better than it claims, because
-noise that is alike from one tick to the next looks smaller than it is.
+chi-squared says that the noise is larger: the excess is put down to the source's noise alone, which is a share of what was expected.
+A source is never taken for better than it claims, because noise that is alike from one tick to the next looks smaller than it is.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from blackboard.opinion.believed import ENOUGH, MOST_NOISE, WINDOW
 from blackboard.opinion.chi_squared import MEDIAN, quantile
 
+LEAST = 0.1  # of the share: with less, what was seen says more of the belief than of the source
 Source = tuple[str, str]  # a robot, and the kind of its evidence
 
 
@@ -27,9 +28,13 @@ class Innovations:
         """The same, which may be changed without changing this one."""
         return Innovations({source: ratios.copy() for source, ratios in self._ratios.items()})
 
-    def judge(self, source: Source, squared: float, freedom: int) -> None:
-        """Take the squared distance of a piece of evidence as it was claimed, with its degrees of freedom."""
-        self._ratios.setdefault(source, deque(maxlen=WINDOW)).append(squared / quantile(MEDIAN, freedom))
+    def judge(self, source: Source, squared: float, freedom: int, share: float = 1.0) -> None:
+        """Take the squared distance of a piece of evidence as it was claimed, with its degrees of freedom.
+
+        `share` is that of the source's noise in the variance that was expected, 0 to 1.
+        """
+        excess = (squared / quantile(MEDIAN, freedom) - 1.0) / max(share, LEAST)
+        self._ratios.setdefault(source, deque(maxlen=WINDOW)).append(1.0 + excess)
 
     def samples(self, source: Source) -> int:
         """How many pieces of evidence are remembered of a source."""

@@ -198,7 +198,8 @@ class TeamState:
     def weighed(self, source: Source, factor: Factor, found: Innovation) -> tuple[Factor, float]:
         """A factor with the noise that its source's evidence has shown to have, and the squared distance of what it says then."""
         if not any(block in self.tracks for block in factor.jacobians):  # what is wrong may be whose the sighting is
-            self.innovations.judge(source, found.squared, found.freedom)
+            share = float(np.trace(np.linalg.solve(found.covariance, factor.noise))) / found.freedom
+            self.innovations.judge(source, found.squared, found.freedom, share)
         wider = factor.widened(self.innovations.variance(source))
         return wider, squared_distance(found.residual, found.covariance + (wider.noise - factor.noise))
 

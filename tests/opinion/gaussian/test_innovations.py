@@ -25,6 +25,14 @@ def test_the_noise_that_is_seen_is_a_multiple_of_what_was_claimed_and_never_less
     assert low <= it.variance(CAMERA) <= high
 
 
+def test_noise_that_is_a_part_of_what_was_expected_has_all_of_the_excess() -> None:
+    """A third of the expected variance is the camera's, and four times as large as claimed: in all it is twice as large."""
+    chance, it = np.random.default_rng(4), Innovations()
+    for squared in 2.0 * chance.chisquare(2, WINDOW):
+        it.judge(CAMERA, float(squared), 2, 1 / 3)
+    assert it.variance(CAMERA) == pytest.approx(4.0, rel=0.4)
+
+
 def test_a_source_is_believed_until_enough_is_known() -> None:
     it = Innovations()
     for _ in range(ENOUGH - 1):
