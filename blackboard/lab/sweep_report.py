@@ -23,7 +23,16 @@ from blackboard.process.columns import columns
 Card = Mapping[str, Any]  # a scorecard, with "cpu_s"
 MEASURES = ("rmse", "log_score", "entropy", *(f"coverage_{level}" for level in SHARES))
 NO_LIMITS = (-math.inf, math.inf)
-LIMITS = {"rmse": (0.0, math.inf), "entropy": (0.0, math.inf), "coverage": (0.0, 1.0)}  # what intervals are cut off at
+#: What intervals are cut off at, by the first word of a name.
+LIMITS = {
+    "rmse": (0.0, math.inf),
+    "entropy": (0.0, math.inf),
+    "coverage": (0.0, 1.0),
+    **dict.fromkeys(("gospa", "localisation", "missed", "false", "switches"), (0.0, math.inf)),
+    "brier": (0.0, 1.0),
+}
+#: Of tracks of unnamed things, by kind.
+TRACKED = ("gospa", "localisation", "missed", "false", "missed_share", "switches", "false_tracks", "brier")
 NUMBERS = ("n", "rmse", "mean", "p95", "max", "entropy", "log_score")
 
 
@@ -34,12 +43,20 @@ def measure(card: Card, group: str, level: str, name: str) -> float:
     return float("nan") if value is None else float(value)
 
 
+def tracked(card: Card, kind: str, name: str) -> float:
+    """One number about the tracks of a kind; NaN where there was neither a thing nor a track."""
+    block = card.get("tracks", {}).get(kind, {})
+    value = block.get("existence", {}).get("brier") if name == "brier" else block.get(name)
+    return float("nan") if value is None else float(value)
+
+
 def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Generator) -> dict[str, Any]:
     """The result as JSON: for each combination its runs, scores and differences from the first one, with 95 % intervals."""
     runs: dict[int, dict[int, Card]] = {}
     for one, card in zip(planned, cards, strict=True):
         runs.setdefault(one.combination, {})[one.seed] = card
     settings = {one.combination: one.settings for one in planned}
+    kinds = sorted({kind for card in cards for kind in card.get("tracks", {})})
     found = []
     for number, by_seed in sorted(runs.items()):
         scores, differences, missing = {}, {}, {}
@@ -62,6 +79,8 @@ def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Gen
                 "not_judged": missing,
                 "scores": scores,
                 "difference": differences,
+                "tracks": {kind: _tracks(by_seed, kind, rng) for kind in kinds},
+                "tracks_difference": {kind: _tracks(by_seed, kind, rng, runs[0]) for kind in kinds} if number else {},
                 "hashes": {str(seed): card["hash"] for seed, card in by_seed.items()},
                 "cpu_s": sum(card["cpu_s"] for card in by_seed.values()) / len(by_seed),
             }
@@ -79,10 +98,12 @@ def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[dict[str, s
     """The table of all runs: its columns, one of each setting among them, and a row for each run, group and level."""
     settings = {key: _kind([one.settings[key] for one in planned]) for key in planned[0].settings}
     numbers = [*NUMBERS[1:], *(f"coverage_{level}" for level in SHARES)]
+    kinds = sorted({kind for card in cards for kind in card.get("tracks", {})})
+    of_tracks = {(kind, name): f"{kind}_{name}" for kind in kinds for name in TRACKED}
     columns = {
         **{_identifier(key): kind for key, kind in settings.items()},
         **{"seed": "int", "group": "str", "level": "str", "n": "int"},
-        **dict.fromkeys(numbers, "float"),
+        **dict.fromkeys([*numbers, *of_tracks.values()], "float"),
         **{"verdict": "str", "hash": "str", "cpu_s": "float"},
     }
     found = []
@@ -91,6 +112,7 @@ def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[dict[str, s
             **{_identifier(key): READERS[kind](one.settings[key]) for key, kind in settings.items()},
             **{"seed": one.seed, **{name: card[name] for name in ("verdict", "hash", "cpu_s")}},
         }
+        run |= {column: tracked(card, *it) for it, column in of_tracks.items()}
         for group in GROUPS:
             for level in LEVELS:
                 values = {name: measure(card, group, level, name) for name in numbers}
@@ -121,7 +143,22 @@ def text(found: Mapping[str, Any]) -> str:
             table.insert(1 + len(combinations), between)
         lines += ["", *table]
         lines += [line for one in combinations for line in _left_out(one, group, len(combinations) > 1)]
-    return "\n".join(lines)
+    return "\n".join(
+        [*lines, *(line for kind in combinations[0]["tracks"] for line in ("", *_of_tracks(combinations, kind)))]
+    )
+
+
+def _of_tracks(combinations: Sequence[Mapping[str, Any]], kind: str) -> list[str]:
+    """The table of the tracks of a kind."""
+    names = ("gospa", "switches", "false_tracks", "brier")
+    rows: list[tuple[str, ...]] = [(f"tracks of {kind}", "GOSPA", "switches", "false tracks", "Brier of existence")]
+    rows += [(one["label"], *(shown(one["tracks"][kind][name]) for name in names)) for one in combinations]
+    for one in combinations[1:]:
+        rows.append((one["label"], *(shown(one["tracks_difference"][kind][name], sign="+") for name in names)))
+    table = columns(rows, numbers=range(1, 1 + len(names)))
+    if len(combinations) > 1:
+        table.insert(1 + len(combinations), f"minus {combinations[0]['label']}, in pairs of runs of the same seed:")
+    return table
 
 
 def _left_out(one: Mapping[str, Any], group: str, several: bool) -> list[str]:
@@ -148,6 +185,17 @@ def _means(cards: Iterable[Card], group: str, level: str, rng: np.random.Generat
     return _estimates([[measure(card, group, level, name) for name in MEASURES] for card in cards], rng)
 
 
+def _tracks(
+    by_seed: Mapping[int, Card], kind: str, rng: np.random.Generator, first: Mapping[int, Card] | None = None
+) -> dict[str, Any]:
+    """The means of what is judged of the tracks of a kind; or of how they differ from those of the `first` combination."""
+    table = [
+        [tracked(card, kind, name) - (tracked(first[seed], kind, name) if first else 0.0) for name in TRACKED]
+        for seed, card in by_seed.items()
+    ]
+    return _estimates(table, rng, paired=first is not None, names=TRACKED)
+
+
 def _differences(both: Sequence[tuple[Card, Card]], group: str, level: str, rng: np.random.Generator) -> dict[str, Any]:
     table = [
         [measure(other, group, level, name) - measure(first, group, level, name) for name in MEASURES]
@@ -156,14 +204,16 @@ def _differences(both: Sequence[tuple[Card, Card]], group: str, level: str, rng:
     return _estimates(table, rng, paired=True)
 
 
-def _estimates(table: list[list[float]], rng: np.random.Generator, paired: bool = False) -> dict[str, Any]:
+def _estimates(
+    table: list[list[float]], rng: np.random.Generator, paired: bool = False, names: Sequence[str] = MEASURES
+) -> dict[str, Any]:
     """Each measure's mean over the runs in which something was judged; null where there is none."""
     numbers = np.array(table)
     known = numbers[~np.isnan(numbers).any(axis=1)]
     if not len(known):
-        return {name: {"value": None, "low": None, "high": None} for name in MEASURES}
+        return {name: {"value": None, "low": None, "high": None} for name in names}
     told = {}
-    for name, column in zip(MEASURES, known.T, strict=True):
+    for name, column in zip(names, known.T, strict=True):
         limits = NO_LIMITS if paired else LIMITS.get(name.split("_")[0], NO_LIMITS)
         told[name] = asdict(means(column[:, np.newaxis], rng, *limits)[0])
     return told

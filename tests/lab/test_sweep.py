@@ -18,7 +18,7 @@ from blackboard.judge.intervals import student
 from blackboard.lab import __main__ as room
 from blackboard.lab import parallel, sweep
 from blackboard.lab.sweep_plan import label, parse_seeds, plan
-from blackboard.lab.sweep_report import report, rows, text
+from blackboard.lab.sweep_report import TRACKED, report, rows, text
 from blackboard.lab.team import Team
 from blackboard.run.door import version
 from tests.commands import call
@@ -122,6 +122,28 @@ def test_means_have_intervals_and_differences_are_paired() -> None:
     lines = text(found).splitlines()
     assert "10 seeds" in lines[0]
     assert any(line.startswith("board.k=2") and "+0.250 [+0.250, +0.250]" in line for line in lines)
+
+
+def test_tracks_of_unnamed_things_are_compared_in_pairs_too() -> None:
+    planned = plan(TINY, range(1, 11), ["board.k=1,2"])
+    cards = []
+    for one in planned:
+        gospa = one.seed / 10 + 0.5 * one.combination
+        judged = dict.fromkeys(TRACKED, 1.0) | {"gospa": gospa, "existence": {"brier": 0.02}}
+        cards.append({**card(1.0, one.seed), "tracks": {"person": judged} if one.seed < 10 else {}})
+    found = report(planned, cards, np.random.default_rng(1))
+    first, second = found["combinations"]
+    assert first["tracks"]["person"]["gospa"]["value"] == pytest.approx(0.5), "the mean of nine seeds"
+    assert first["tracks"]["person"]["brier"]["value"] == pytest.approx(0.02)
+    assert first["tracks_difference"] == {}
+    gap = second["tracks_difference"]["person"]["gospa"]
+    assert (gap["value"], gap["low"], gap["high"]) == pytest.approx((0.5, 0.5, 0.5))
+    assert json.loads(json.dumps(found)) == found
+    assert any(line.startswith("tracks of person") and "GOSPA" in line for line in text(found).splitlines())
+    names, table = rows(planned, cards)
+    assert names["person_gospa"] == "float"
+    assert table[0]["person_gospa"] == pytest.approx(0.1)
+    assert math.isnan(table[-1]["person_gospa"])
 
 
 def test_seeds_in_which_nothing_was_judged_are_told() -> None:

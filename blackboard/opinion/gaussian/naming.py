@@ -10,8 +10,8 @@ import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, posterior
-from blackboard.opinion.gaussian.joint import Joint
-from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.joint import Innovation, Joint
+from blackboard.opinion.gaussian.relation import Relative, linearise_all
 from blackboard.opinion.gaussian.tracks import Place, Tracks
 from blackboard.opinion.gaussian.vehicle import Motion
 
@@ -68,24 +68,26 @@ class Naming:
         """
         tracks = tracks or Tracks()
         subjects = sorted({subject for its in candidates for subject in its})
+        shown = {subject: _shown(tracks, frame[0].observer, subject, places or {}) for subject in subjects}
+        known = {subject for subject in subjects if knows(subject)}
+        pairs = [(row, subject) for row, its in enumerate(candidates) for subject in its]
+        placed = [(row, subject) for row, subject in pairs if subject in known]
+        factors = linearise_all(joint, [candidates[row][subject] for row, subject in placed], motions)
+        densities = dict.fromkeys(pairs, 1.0)
+        for (row, subject), it in zip(placed, joint.innovations(factors), strict=True):
+            densities[row, subject] = self._density(it, tracks.area(frame[row].observer, frame[row].subject))
         weights = np.zeros((len(frame), len(subjects)))
-        for row, (seen, its) in enumerate(zip(frame, candidates, strict=True)):
+        for (row, subject), density in densities.items():
+            seen = frame[row]
             strange = seen.confidence * self._rate(seen) + 1.0 - seen.confidence
-            for subject, one in its.items():
-                area = tracks.area(seen.observer, seen.subject)
-                density = self._density(joint, one, motions, area) if knows(subject) else 1.0
-                chance, missed = IN_VIEW, 1.0 - IN_VIEW
-                if subject in tracks:
-                    chance = tracks.expected(seen.observer, subject)
-                    missed = 1.0 - chance * tracks.in_view(seen.observer, subject, (places or {})[subject])
-                weight = seen.confidence * density / strange * (chance / missed)
-                weights[row, subjects.index(subject)] = min(MOST, weight)
+            weight = seen.confidence * density / strange * shown[subject]
+            weights[row, subjects.index(subject)] = min(MOST, weight)
         found: list[dict[str, float] | None] = []
         strangers: dict[tuple[str, str], float] = {}
         for seen, shares in zip(frame, posterior(weights).tolist(), strict=True):
-            known = not any(math.isnan(share) for share in shares)
-            found.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT} if known else None)
-            rest = max(0.0, 1.0 - sum(shares)) if known else 0.0
+            is_known = not any(math.isnan(share) for share in shares)
+            found.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT} if is_known else None)
+            rest = max(0.0, 1.0 - sum(shares)) if is_known else 0.0
             key = seen.observer, seen.subject
             strangers[key] = strangers.get(key, 0.0) + seen.confidence * rest
         for key, seen_so in strangers.items():
@@ -95,14 +97,21 @@ class Naming:
     def _rate(self, seen: Relative) -> float:
         return self._strangers.get((seen.observer, seen.subject), Rate()).rate
 
-    def _density(self, joint: Joint, one: Relative, motions: Mapping[str, Motion], area: float) -> float:
+    def _density(self, it: Innovation, area: float) -> float:
         """How much likelier a sighting is of its subject than at any place that is seen; 0 beyond the gate."""
-        it = joint.innovation(linearise(joint, one, motions))
         if it.squared > quantile(GATE, it.freedom):
             return 0.0
         anywhere = min(self.area, area) ** -(min(it.freedom, 2) / 2) / (2 * math.pi if it.freedom > 2 else 1.0)
         determinant = float(np.linalg.det(2 * math.pi * it.covariance))
         return MOST if determinant <= 0 else min(MOST, math.exp(-it.squared / 2) / math.sqrt(determinant) / anywhere)
+
+
+def _shown(tracks: Tracks, observer: str, subject: str, places: Mapping[str, Place]) -> float:
+    """The odds that a frame of an observer shows a subject."""
+    if subject not in tracks:
+        return IN_VIEW / (1.0 - IN_VIEW)
+    chance = tracks.expected(observer, subject)
+    return chance / (1.0 - chance * tracks.in_view(observer, subject, places[subject]))
 
 
 def clear(odds: Mapping[str, float] | None) -> str | None:
