@@ -170,10 +170,29 @@ def test_a_killed_robot_is_shown_as_gone_within_two_seconds(look: Callable[[str]
         assert time.monotonic() - killed < 2.0
         assert page.get("document.querySelector('#pulse [title^=r2]').className") == "robot gone"
         assert "r2 is gone" in page.get("document.getElementById('latest').textContent")
-        alarm = "[...document.querySelectorAll('#alarms li')].find((it) => it.textContent.startsWith('r2 is gone'))"
+        alarms = "[...document.querySelectorAll('#alarms li')]"
+        alarm = f"{alarms}.find((it) => it.textContent.startsWith('r2 is gone'))"
         page.wait(alarm)
         page.get(f"{alarm}.lastChild.click()")
         page.wait(f"!{alarm}")
+
+
+def test_alarms_that_are_over_are_one_card(look: Callable[[str], Browser]) -> None:
+    live = Live()
+    tokens = [it.key for it, _ in recorded() if it.kind is Kind.ALIVE and it.key.endswith(("/r1", "/r2"))]
+    with served(live, "t") as url:
+        page = look(url)
+        alarms = "[...document.querySelectorAll('#alarms li')]"
+        for kind, card in ((Kind.GONE, "r1 is gone"), (Kind.ALIVE, "over: ")):
+            for token in tokens:
+                live.news.put(Envelope(token, kind=kind))
+            page.wait(f"{alarms}.find((it) => it.textContent.startsWith('{card}'))")
+        page.wait(f"{alarms}.length === 1")
+        card = page.get(f"{alarms}[0].textContent")
+        assert "r1 gone" in card
+        assert "r2 gone" in card
+        page.get(f"{alarms}[0].lastChild.click()")
+        page.wait(f"{alarms}.length === 0")
 
 
 def test_the_map_is_zoomed_moved_and_its_layers_hidden(look: Callable[[str], Browser]) -> None:
