@@ -11,7 +11,7 @@ from blackboard.config.world import DetectorSection, VisionSection
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Readings, Sighting, Truth
 from blackboard.wire.types import MAX_OPINIONS
-from sim_world.sensor_source import SensorSource
+from sim_world.sensor_source import Changed
 from sim_world.sensors import FAR, NEAR
 from sim_world.world import Place, Streams
 
@@ -19,27 +19,16 @@ NOTHING = ""  # who is seen where nobody is
 
 
 @dataclass
-class Detected:
+class Detected(Changed):
     """A `SensorSource` whose sightings went through each robot's detector; the truth says who the unnamed ones show.
 
     Each robot has random streams of its own, so one more changes nothing about the others.
     """
 
-    source: SensorSource
     settings: DetectorSection
     vision: VisionSection
     streams: Streams
     _noises: dict[str, np.random.Generator] = field(default_factory=dict)
-
-    @property
-    def robots(self) -> tuple[str, ...]:
-        return self.source.robots
-
-    def admit(self, robot: str) -> bool:
-        return self.source.admit(robot)
-
-    def judged(self, tick: int) -> bool:
-        return self.source.judged(tick)
 
     def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
         truth, readings = self.source.advance(run, tick)

@@ -8,27 +8,16 @@ from typing import Any
 
 from blackboard.faults import AnyFault, Drift, is_of_sensors
 from blackboard.wire.messages import Readings, Truth
-from sim_world.sensor_source import SensorSource
+from sim_world.sensor_source import Changed
 from sim_world.sensors import wrap
 
 
 @dataclass
-class Faulted:
+class Faulted(Changed):
     """A `SensorSource` whose readings are changed by faults; the truth stays."""
 
-    source: SensorSource
     faults: Sequence[AnyFault]
     _sound: dict[str, Readings] = field(default_factory=dict)  # robot -> its newest readings that were not frozen
-
-    @property
-    def robots(self) -> tuple[str, ...]:
-        return self.source.robots
-
-    def admit(self, robot: str) -> bool:
-        return self.source.admit(robot)
-
-    def judged(self, tick: int) -> bool:
-        return self.source.judged(tick)
 
     def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
         truth, readings = self.source.advance(run, tick)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from blackboard.wire.messages import Readings, Truth
@@ -22,3 +23,20 @@ class SensorSource(Protocol):
 
     def judged(self, tick: int) -> bool:
         """Whether the referee scores this tick."""
+
+
+@dataclass
+class Changed:
+    """What is the same of a source whose readings are those of another one, changed."""
+
+    source: SensorSource
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        return self.source.robots
+
+    def admit(self, robot: str) -> bool:
+        return self.source.admit(robot)
+
+    def judged(self, tick: int) -> bool:
+        return self.source.judged(tick)
