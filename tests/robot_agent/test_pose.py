@@ -247,6 +247,12 @@ def test_a_misread_barcode_does_little_harm() -> None:
     assert np.abs(after.marginal().mean() - it.marginal().mean()).max() < 0.1
 
 
+def test_folding_what_was_reported_changes_nothing() -> None:
+    it = at(0.3, 0.2, 1.0)
+    reported = it.marginal()
+    assert it.fold(reported, reported) is it
+
+
 def test_folding_keeps_heading_given_position() -> None:
     """Far ahead means heading straight on, far left heading left: a new position brings its heading with it."""
     it: Localizer = at(-1.0, 0.0, 0.0, sigma=0.08, heading_sigma=0.2)
