@@ -94,6 +94,14 @@ class Stepped(Event):
 
 
 @dataclass(frozen=True)
+class Looked(Event):
+    """A process as it is once strangers have spoken."""
+
+    process: str
+    service: Service
+
+
+@dataclass(frozen=True)
 class Sensed(Event):
     """What is true at this moment of a team without a world."""
 

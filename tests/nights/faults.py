@@ -333,6 +333,18 @@ class AnotherBoard(Fault):
 
 
 @dataclass(frozen=True)
+class Crowd(Fault):
+    """At its beginning so many strangers, who hold no token, speak to a sub-team, each under a name of its own."""
+
+    sub_team: str
+    count: int
+
+    @property
+    def names(self) -> list[str]:
+        return [f"x{number}" for number in range(self.count)]
+
+
+@dataclass(frozen=True)
 class FullDisk(Fault):
     """The disk of the recorder takes nothing."""
 

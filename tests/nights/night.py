@@ -29,6 +29,7 @@ LAST = 8.5  # seconds: every fault has ended
 #: The lies of the catalogue for so many robots of the scenario, and those for guests.
 LIES = {liars: sorted(name for name, lie in CATALOGUE.items() if lie.liars == liars) for liars in (0, 1, 2)}
 TOGETHER = 0.3  # of the nights all faults begin at once in such a share
+CROWD = 1100  # strangers, more than any process keeps anything of
 CALM = 4.0  # seconds in which it is watched whether the team is well again
 
 
@@ -331,6 +332,10 @@ def another_board(draw: Draw, team: Team) -> Fault:
     return faults.AnotherBoard(*span(draw), sub_team, name)
 
 
+def crowd(draw: Draw, team: Team) -> Fault:
+    return faults.Crowd(*span(draw), draw.one(list(team.sub_teams)), CROWD)
+
+
 def full_disk(draw: Draw, team: Team) -> Fault:
     return faults.FullDisk(*span(draw))
 
@@ -359,5 +364,6 @@ MAKERS: dict[Maker, Callable[[Team], bool]] = {
     **dict.fromkeys((new_world, second_world), lambda team: team.mode != "free"),
     hung: lambda team: team.boards > 1,
     lies: lambda team: len(team.robots) >= 3,
+    crowd: lambda team: len(team.robots) < 5,
     lying_guest: lambda team: len(team.robots) >= 3 and team.mode != "free",
 }

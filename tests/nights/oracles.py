@@ -8,21 +8,26 @@ Long, because all that is promised stands in one list.
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from blackboard.board.service import BoardService
 from blackboard.opinion.scores import border_mass, hdr_level, held
 from blackboard.process.team_clock import Pace
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import Consensus, Report, Status, Truth
-from tests.nights.events import Began, Died, Ended, Event, Moved, Recovered, Said, Sensed, Unsound
+from tests.nights.events import Began, Died, Ended, Event, Looked, Moved, Recovered, Said, Sensed, Unsound
 from tests.nights.night import Night
 
 SCORED = 3  # of so many ticks one is scored
 SHARES = (0.5, 0.95)  # of the mass, of the regions that are scored
+MOST_KEPT = 1060  # elements; the largest bound is 1024
+OURS = {"blackboard", "robot_agent", "sim_world"}
+PLAIN = (str, bytes, int, float, np.ndarray, type(None))
 SLACK = 0.5  # seconds by which a phase may be open longer than its wait: it ends when its process is woken
 
 
@@ -85,6 +90,38 @@ class InvariantsHold(Oracle):
     def see(self, event: Event) -> None:
         if isinstance(event, Unsound):
             self.breaks(event.at, f"{event.process}: {event.error!r:.200}")
+
+
+class NothingGrows(Oracle):
+    """No collection in a process has more than `MOST_KEPT` elements, also after more strangers than that have spoken."""
+
+    sees = (Looked,)
+
+    def see(self, event: Event) -> None:
+        assert isinstance(event, Looked)
+        for path, size in collections_of(event.service):
+            if size > MOST_KEPT:
+                self.breaks(event.at, f"{event.process} keeps {size} elements in {path}")
+
+
+def collections_of(root: object) -> Iterator[tuple[str, int]]:
+    """The collections in an object and in what it consists of, with where they are and their sizes."""
+    seen, left = {id(root)}, [("it", root)]
+    while left:
+        path, it = left.pop()
+        inside: list[tuple[str, object]] = []
+        if isinstance(it, Mapping):
+            inside = [*((f"{path}[...]", value) for value in it.values())]
+        elif isinstance(it, list | tuple | set | frozenset | deque):
+            inside = [(f"{path}[...]", value) for value in it]
+        elif type(it).__module__.split(".")[0] in OURS:
+            names = [*getattr(it, "__dict__", ()), *getattr(type(it), "__slots__", ())]
+            inside = [(f"{path}.{name}", getattr(it, name, None)) for name in names]
+        if isinstance(it, Mapping | list | tuple | set | frozenset | deque):
+            yield path, len(it)
+        fresh = [(where, value) for where, value in inside if not isinstance(value, PLAIN) and id(value) not in seen]
+        seen |= {id(value) for _, value in fresh}
+        left += fresh
 
 
 class EveryTickIsSettled(Oracle):

@@ -63,6 +63,12 @@ BUGS = {
         "out += self._retry(now) if envelope.kind is Kind.ALIVE else []",
         "out += []",
     ),
+    "crowd": Bug(
+        "what came too early is kept, however much of it there is",
+        "blackboard/process/intake.py",
+        "while len(self._early) > MAX_EARLY or self._early_bytes",
+        "while self._early_bytes",
+    ),
     "skipped": Bug(
         "a tick that was not settled is not counted",
         SERVICE,

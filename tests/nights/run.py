@@ -14,6 +14,7 @@ from blackboard.process import intake
 from blackboard.tape.content import load_tape
 from blackboard.tape.replay import is_consensus, replay
 from tests.nights.events import Event, opened
+from tests.nights.faults import Crowd
 from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits, watched
 from tests.nights.night import Night, draw_night
 from tests.nights.oracles import (
@@ -23,6 +24,7 @@ from tests.nights.oracles import (
     InvariantsHold,
     NobodyDies,
     NobodyWaits,
+    NothingGrows,
     Oracle,
     ProvenanceIsWhole,
     StatusesAreTrue,
@@ -34,7 +36,7 @@ from tests.nights.stage import Stage
 from tests.nights.votes import BoardsAgreeAgain, OneVote, TheHonestCount
 
 ORACLES: tuple[type[Oracle], ...] = (
-    NobodyDies, InvariantsHold, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
+    NobodyDies, InvariantsHold, NothingGrows, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
     SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
     BoardsAgreeAgain, Coverage, OneVote,
 )  # fmt: skip
@@ -100,7 +102,9 @@ def differs(stage: Stage) -> Broken | None:
         file.write(stage.disk.getvalue())
         file.flush()
         tape = load_tape(file.name)
-    recorded = Counter(envelope for _, envelope in tape.envelopes if is_consensus(envelope))
+    strangers = {name for fault in stage.night.faults if isinstance(fault, Crowd) for name in fault.names}
+    made = (it for _, it in tape.envelopes if is_consensus(it))
+    recorded = Counter(it for it in made if getattr(opened(it)[2], "board", None) not in strangers)
     found = replay(tape)
     left = recorded - Counter(envelope for _, envelope in found.output.sent)
     if not left and not found.missing and not found.gaps:
@@ -129,7 +133,7 @@ def recorded(night: Night) -> bytes:
 
 #: Between which shares the regions of 50 and of 95 % hold the truth, over all nights together.
 CALIBRATED = {"0.5": (0.45, 0.55), "0.95": (0.93, 0.97)}
-MOST = 1.5  # how much farther off the honest are while one robot lies, over all lies, at most
+MOST = 2.0  # how much farther off the honest are while one robot lies, over all lies, at most
 ENOUGH_LIED = 3000  # beliefs about the honest on nights with a liar
 ENOUGH = 10_000  # beliefs; those of a night err together, so that fewer say little
 

@@ -25,7 +25,7 @@ from blackboard.client.member import Member
 from blackboard.errors import Refused, RunFailed
 from blackboard.net.bus import intersects
 from blackboard.net.scheduler import AT_ONCE, Scheduler
-from blackboard.opinion.belief import gaussian
+from blackboard.opinion.belief import gaussian, uniform
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Joint
 from blackboard.opinion.gaussian.team import TeamJoint
@@ -34,9 +34,10 @@ from blackboard.tape.file import TapeWriter
 from blackboard.tape.journal import Journaled
 from blackboard.tape.recorder import Recorder
 from blackboard.wire import keys
+from blackboard.wire.arrays import pack
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Readings, Truth
+from blackboard.wire.messages import Consensus, Readings, Status, Truth
 from robot_agent.service import AgentService
 from robot_agent.team import robot_of
 from sim_world.sensor_source import SensorSource
@@ -49,6 +50,7 @@ from tests.nights.events import (
     Ended,
     Event,
     Healed,
+    Looked,
     Moved,
     Over,
     Recovered,
@@ -249,6 +251,9 @@ class Stage(Scheduler):
         self._tell_to_lie()
         self.disk.full = any(isinstance(fault, faults.FullDisk) for fault in self._active)
         self._show_tokens()
+        for fault in self.night.faults:
+            if isinstance(fault, faults.Crowd):
+                self._hear_crowd(fault, at)
         for name in sorted(self._frozen):
             if not any(fault.freezes(name, at) for fault in self._active):
                 self._frozen.discard(name)
@@ -362,6 +367,21 @@ class Stage(Scheduler):
         if delays:
             self._arrivals[key] = self.now + max(delays)
         return delays
+
+    def _hear_crowd(self, crowd: faults.Crowd, at: float) -> None:
+        """Let strangers speak when they begin, and show every process when they end."""
+        if at == crowd.end:
+            for name in sorted(self.running.keys() - {RECORDER}):  # which numbers the keys of its tape, up to 4 096
+                self.tell(Looked(at, name, self.running[name].machine))
+        belief, sub_team = pack(uniform(self.scenario.grid)), crowd.sub_team
+        more: dict[str, Any] = {"tick": 0, "time": self.now}
+        for name in crowd.names if at == crowd.begin else ():
+            status = Status(process=name, kind="robot", phase="reported", subjects=["object/ball"], **more)
+            said = Consensus(board=name, sub_team=sub_team, level="agreed", subject=f"object/{name}", belief=belief,
+                             ancestors={}, used=[], entropy=0.0, conflict=False, rule="coalition", **more)  # fmt: skip
+            at_status = keys.STATUS.key(team="t", sub_team=sub_team, process=name)
+            self.bus.send(Envelope(at_status, encode(status)))
+            self.bus.send(Envelope(keys.AGREED.key(team="t", sub_team=sub_team, subject=said.subject), encode(said)))
 
     # --- a team without a world -------------------------------------------------------------------------------------------
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.files import ROOT
-from tests.nights.faults import AnotherBoard, Frozen, Killed, Late, OneWay, Stale
-from tests.nights.night import Night, Team
+from tests.nights.faults import AnotherBoard, Crowd, Frozen, Killed, Late, OneWay, Stale
+from tests.nights.night import CROWD, Night, Team
 from tests.nights.planted import BUGS, Bug, breaks, notice
 from tests.nights.run import live
 
@@ -34,11 +34,12 @@ def test_a_planted_bug_is_noticed() -> None:
 TEAM = Team({"a": ("r1", "r2"), "b": ("r3",)}, "realtime", boards=2, patience=1.0, tick=1.0, latency=0.02)
 
 #: For a bug the night that it takes: its leader hangs, a newcomer hangs before anybody leads, a status of the board
-#: that follows is lost, messages come again while one robot is late, a robot's token comes after its reports.
+#: that follows is lost, messages come again while one robot is late, a robot's token comes after its reports, strangers speak.
 NIGHTS = {
     "stuck": Night(TEAM, (Frozen(2.0, 8.5, "board/a/board-a"),)),
     "awaited": Night(replace(TEAM, boards=1, patience=2.0), (AnotherBoard(0.0, 8.5, "a", "a-first", hangs=True),)),
     "early": Night(replace(TEAM, mode="free"), (Killed(3.0, 6.0, "robot/r1", unseen=2.0),)),
+    "crowd": Night(replace(TEAM, mode="free", boards=1), (Crowd(3.0, 4.0, "a", CROWD),)),
     "repeat": Night(replace(TEAM, mode="lockstep", latency=0.2), (OneWay(3.0, 5.0, "board/a/board-a2", "world"),)),
     "older": Night(
         replace(TEAM, mode="lockstep", boards=1, latency=0.1),
@@ -51,5 +52,5 @@ NIGHTS = {
 def test_a_bug_is_noticed_in_the_night_that_it_takes(name: str) -> None:
     assert live(NIGHTS[name]) is None
     assert breaks(BUGS[name], NIGHTS[name]).startswith(
-        ("SomebodySpeaks", "TheNewestCounts", "NobodyWaits", "NobodyDies", "EarlyIsTaken")
+        ("SomebodySpeaks", "TheNewestCounts", "NobodyWaits", "NobodyDies", "EarlyIsTaken", "NothingGrows")
     )

@@ -9,17 +9,18 @@ import numpy as np
 
 from blackboard.opinion.belief import Belief
 from blackboard.wire.arrays import unpack
-from blackboard.wire.messages import Consensus
+from blackboard.wire.messages import Consensus, Used
 from tests.nights.events import Event, Recovered, Said
 from tests.nights.night import FIRST, Night
 from tests.nights.oracles import Broken, Oracle, Scored
 
 BARRED = "its evidence breaks the joint"
+FRESH = 2.5  # seconds of age; a tick is at most one
 APART = 6.0  # sigmas between what two boards agree on: they may have taken different evidence, and each is right
 
 
 class TheHonestCount(Oracle):
-    """No honest robot is barred; once the team is well, each counts in what is said of its place, whoever lied."""
+    """No honest robot is barred; once the team is well, what each says newly of its place counts, whoever lied, and whatever its clock."""
 
     sees = (Recovered, Said)
 
@@ -41,8 +42,12 @@ class TheHonestCount(Oracle):
             mine = robot in self.night.team.sub_teams[it.sub_team] and it.subject not in self.night.liars
             if self._is_well and mine and (it.level == "consensus" or it.rule == "joint"):
                 who = it.sub_team, it.level, robot
-                counts = any(used.source == robot and used.weight > 0 for used in it.used)
+                counts = any(used.source == robot and used.weight > 0 and self._is_fresh(used) for used in it.used)
                 self._counted[who] = self._counted.get(who, False) or counts
+
+    def _is_fresh(self, used: Used) -> bool:
+        """Whether an opinion is of the newest ticks, by the clock of the board; on a poor link a robot says less."""
+        return self.night.team.budget is not None or -FRESH < used.age < FRESH
 
     def verdict(self) -> Broken | None:
         for (sub_team, level, robot), counts in self._counted.items():
