@@ -3,6 +3,7 @@
 All joint events count, as in Fortmann, Bar-Shalom, Scheffe, *Sonar tracking of multiple targets using joint probabilistic data
 association*, IEEE J. Oceanic Eng. 8(3), 1983. Their sum is that of all matchings. It is taken subject set by subject set, which costs
 m 2^n for m sightings of n subjects and not n!, and separately for each cluster of pairs that share a sighting or a subject.
+In a crowd that is too large for that it is approximated by belief propagation (Williams, Lau, IEEE TAES 50(4), 2014).
 How often something is seen that is no known subject is found out for each observer.
 """
 
@@ -15,7 +16,11 @@ import numpy as np
 from blackboard.opinion.grid import Array
 
 CLEAR = 0.95  # of a posterior; of all that are taken fewer are wrong than one in twenty, because most are clearer
-MAX_CLUSTER = 10  # sightings, or subjects, whichever are fewer; of a larger cluster nothing is worked out
+MAX_CLUSTER = 10  # sightings, or subjects, whichever are fewer; in a larger cluster beliefs are propagated
+ROUNDS, CLOSE = (
+    100,
+    1e-6,
+)  # of belief propagation, at most; and how little (relative) its messages change once it is done
 MOST = 1e20  # of a weight, so that the products of `MAX_CLUSTER` are finite
 STRANGE, FRAMES = (
     1.0,
@@ -42,7 +47,7 @@ class Rate:
 
 
 def posterior(weights: Array) -> Array:
-    """The probability that each sighting is of each subject, shape (m, n); NaN in clusters that are too large.
+    """The probability that each sighting is of each subject, shape (m, n).
 
     `weights`, shape (m, n), are how much likelier a pair is than that the sighting is of something else and the subject is not seen;
     0: it cannot be.
@@ -52,7 +57,7 @@ def posterior(weights: Array) -> Array:
     for rows, columns in _clusters(weights > 0):
         part = weights[np.ix_(rows, columns)]
         if min(part.shape) > MAX_CLUSTER:
-            found[np.ix_(rows, columns)] = np.nan
+            found[np.ix_(rows, columns)] = _propagated(part)
         else:
             wide = part.shape[1] > part.shape[0]
             found[np.ix_(rows, columns)] = _marginals(part.T).T if wide else _marginals(part)
@@ -93,4 +98,23 @@ def _marginals(weights: Array) -> Array:
             found[i, column] = (before[i][free[column]] * rest).sum() / total
             earlier[free[column]] += rest
         behind = earlier
+    return found
+
+
+def _propagated(weights: Array) -> Array:
+    """`posterior` of a cluster of any size, nearly: how much the subjects claim each sighting, and the sightings each subject."""
+    free = np.ones_like(weights)
+    for _ in range(ROUNDS):
+        claims = weights / (1.0 + _others(weights * free))
+        before, free = free, 1.0 / (1.0 + _others(claims.T).T)
+        if np.abs(free / before - 1.0).max() < CLOSE:
+            break
+    return np.asarray(claims / (1.0 + claims.sum(axis=1, keepdims=True)))
+
+
+def _others(values: Array) -> Array:
+    """Of each value the sum of all others in its column; without a difference, which would lose small ones beside large ones."""
+    found = np.zeros_like(values)
+    found[1:] += np.cumsum(values, axis=0)[:-1]
+    found[:-1] += np.cumsum(values[::-1], axis=0)[-2::-1]
     return found

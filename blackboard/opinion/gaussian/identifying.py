@@ -139,7 +139,7 @@ def _odds(
     if not team.knows(observer):
         return [None] * len(frame)
     moved = {robot: known.motion for robot, known in team.known.items()} | dict(motions)
-    return team.naming.judge(team.joint, frame, candidates, moved, team.knows, team.tracks, places(team, observer))
+    return [*team.naming.judge(team.joint, frame, candidates, moved, team.knows, team.tracks, places(team, observer))]
 
 
 def _told(team: TeamState, it: Unnamed) -> Unnamed:

@@ -59,8 +59,8 @@ class Naming:
         knows: Callable[[str], bool],
         tracks: Tracks | None = None,
         places: Mapping[str, Place] | None = None,
-    ) -> list[dict[str, float] | None]:
-        """The odds of each sighting of a frame, which are different things; None where they are not worked out.
+    ) -> list[dict[str, float]]:
+        """The odds of each sighting of a frame, which are different things.
 
         `candidates` are of each sighting the subjects that it may be of, with the sighting as one of that subject. Of a subject that
         somebody `knows` not to be anywhere in particular, any place is as likely. Tracks that the observer alone has seen are
@@ -82,12 +82,11 @@ class Naming:
             strange = seen.confidence * self._rate(seen) + 1.0 - seen.confidence
             weight = seen.confidence * density / strange * shown[subject]
             weights[row, subjects.index(subject)] = min(MOST, weight)
-        found: list[dict[str, float] | None] = []
+        found: list[dict[str, float]] = []
         strangers: dict[tuple[str, str], float] = {}
         for seen, shares in zip(frame, posterior(weights).tolist(), strict=True):
-            is_known = not any(math.isnan(share) for share in shares)
-            found.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT} if is_known else None)
-            rest = max(0.0, 1.0 - sum(shares)) if is_known else 0.0
+            found.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT})
+            rest = max(0.0, 1.0 - sum(shares))
             key = seen.observer, seen.subject
             strangers[key] = strangers.get(key, 0.0) + seen.confidence * rest
         for key, seen_so in strangers.items():

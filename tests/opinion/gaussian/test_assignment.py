@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from blackboard.opinion.gaussian.assignment import MAX_CLUSTER, Rate, posterior
+from blackboard.opinion.gaussian import assignment
+from blackboard.opinion.gaussian.assignment import MAX_CLUSTER, MOST, Rate, posterior
 from blackboard.opinion.grid import Array
 
 WEIGHTS = st.one_of(st.just(0.0), st.floats(1e-3, 1e6))
@@ -44,11 +45,36 @@ def test_two_sightings_are_not_of_one_thing() -> None:
     assert found[1, 0] > 0.99
 
 
-def test_of_a_crowd_that_is_too_large_nothing_is_said_and_of_others_all_the_same() -> None:
-    weights = np.zeros((MAX_CLUSTER + 2, MAX_CLUSTER + 2))
-    weights[:-1, :-1], weights[-1, -1] = 5.0, 99.0
+def crowd(rows: int, columns: int, seed: int = 1) -> Array:
+    """Weights of a crowd in which most pairs are possible."""
+    chance = np.random.default_rng(seed)
+    weights = np.exp(chance.normal(0, 3, (rows, columns))) * (chance.random((rows, columns)) < 0.6)
+    weights[:, 0] += 1e-3
+    return np.asarray(weights)
+
+
+def test_in_a_crowd_the_odds_are_nearly_those_of_all_assignments(monkeypatch: pytest.MonkeyPatch) -> None:
+    crowds = [crowd(7, 7, seed) for seed in range(30)]
+    exact = [posterior(it) for it in crowds]
+    monkeypatch.setattr(assignment, "MAX_CLUSTER", 0)
+    errors = np.array([np.abs(posterior(it) - right) for it, right in zip(crowds, exact, strict=True)])
+    assert errors.max() < 0.2
+    assert errors.mean() < 0.02
+
+
+@pytest.mark.parametrize("weights", [crowd(16, 64), np.full((16, 64), MOST), np.eye(16) * MOST + 1.0])
+def test_a_crowd_of_any_size_has_odds_and_no_sighting_counts_twice(weights: Array) -> None:
     found = posterior(weights)
-    assert np.isnan(found[:-1, :-1]).all()
+    assert ((found >= 0) & (found <= 1)).all()
+    assert found.sum(axis=1).max() <= 1 + 1e-9
+
+
+def test_what_is_clear_is_clear_in_a_crowd_too_and_what_is_apart_is_not_in_it() -> None:
+    weights = np.full((MAX_CLUSTER + 3, MAX_CLUSTER + 3), 0.01)
+    np.fill_diagonal(weights, 1e6)
+    weights[-1], weights[:, -1], weights[-1, -1] = 0.0, 0.0, 99.0
+    found = posterior(weights)
+    assert np.diag(found)[:-1].min() > 0.99
     assert found[-1, -1] == pytest.approx(0.99)
 
 
