@@ -329,10 +329,10 @@ class JointDesk:
                     source=source.removeprefix("robot/"),
                     weight=1.0 / len(taken),
                     age=0.0,
-                    entropy=self._entropy(source, subject),
+                    entropy=nats,
                     how="independent",
                 )
-                for source in taken
+                for source, nats in zip(taken, self._entropies(taken, subject), strict=True)
             ],
             left_out=[
                 LeftOut(source=source.removeprefix("robot/"), reason=reason[:MAX_NAME])
@@ -410,25 +410,24 @@ class JointDesk:
         found = self.team.velocity(subject) if self._age(subject, time) <= STALE else None
         return None if found is None else pack_velocity(found)
 
-    def _entropy(self, source: str, subject: str) -> float:
-        """Nats on the grid's cells of what a source says about a subject: itself in the joint, or a sighting from there."""
-        moments = self.team.marginal(source)
-        covariance = moments.covariance
-        if source != subject:
-            covariance = covariance + _spread(self.team.pose(source), self.team.marginal(subject))
-        determinant = float(np.linalg.det(covariance + np.eye(2) * self.grid.cell**2 / 12))
-        return max(
-            0.0, 0.5 * math.log((2 * math.pi * math.e) ** 2 * max(determinant, 1e-300)) - math.log(self.grid.volume)
-        )
+    def _entropies(self, sources: list[str], subject: str) -> list[float]:
+        """Nats on the grid's cells of what robots say about a subject: themselves in the joint, or a sighting from there.
+
+        At the subject's distance the uncertain heading and bearing of its observer count, too.
+        """
+        if not sources:
+            return []
+        poses = self.team.poses(sources)
+        away = self.team.marginal(subject).mean - poses.mean[:, AXES]
+        across = away[:, ::-1] * [-1.0, 1.0]
+        angles = poses.covariance[:, HEADING, HEADING] + poses.covariance[:, BEARING, BEARING]
+        covariance = poses.covariance[:, AXES, AXES] + np.eye(2) * self.grid.cell**2 / 12
+        covariance += (angles[:, np.newaxis] * across)[:, :, np.newaxis] * across[:, np.newaxis, :]
+        determinants = np.maximum(np.linalg.det(covariance), 1e-300)
+        nats = 0.5 * np.log((2 * math.pi * math.e) ** 2 * determinants) - math.log(self.grid.volume)
+        found: list[float] = np.maximum(0.0, nats).tolist()
+        return found
 
 
 def _became(it: Unnamed) -> str:
     return "taken" if it.taken is not None else "strange" if it.is_strange else "ambiguous"
-
-
-def _spread(observer: Moments, subject: Moments) -> np.ndarray:
-    """The covariance that the uncertain heading and bearing of an observer add at the distance of a subject, shape (2, 2)."""
-    away = subject.mean - observer.mean[AXES]
-    across = np.array([-away[1], away[0]])
-    heading = observer.covariance[HEADING, HEADING] + observer.covariance[BEARING, BEARING]
-    return np.asarray(np.outer(across, across) * heading)

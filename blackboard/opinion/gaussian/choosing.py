@@ -34,8 +34,7 @@ def choose_evidence(
         factors = {source: made[id(piece)] for source, piece in pieces.items() if id(piece) in made}
         if not any(doubtful for _, doubtful in factors.values()):
             continue
-        said = {source: about(team.joint, robot, piece, motions) for source, piece in pieces.items()}
-        opinions = {source: place for source, place in said.items() if place is not None}
+        opinions = about(team.joint, robot, pieces, motions)
         if len(opinions) > 1:
             predicted = team.marginal(robot)
             choice = choose({PREDICTION: predicted, **opinions}, team.rule)

@@ -15,8 +15,8 @@ import numpy as np
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
-from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative, linearise_all
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, Motion, correct
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy_weights
@@ -51,27 +51,29 @@ def choose(opinions: Mapping[str, Moments], rule: Coalition) -> Choice:
     return Choice(members, tuple(float(share) for share in pooled.components))
 
 
-def about(joint: Joint, robot: str, piece: Increment | Relative, motions: Mapping[str, Motion]) -> Moments | None:
-    """What one piece of evidence says about a robot's place if nothing else was known of it: mean and covariance, or None.
+def about(
+    joint: Joint, robot: str, pieces: Mapping[str, Increment | Relative], motions: Mapping[str, Motion]
+) -> dict[str, Moments]:
+    """What each piece of evidence says about a robot's place if nothing else was known of it; without those that say nothing.
 
-    The rest of the robot's states, and the other end of a sighting, are as the joint has them. KeyError: one is not in it.
+    `pieces` are by the robot itself, or by the other end of a sighting. The rest of the robot's states, and the other ends, are as the
+    joint has them. KeyError: one is not in it.
     """
-    alone = Joint()
-    block = joint.moments(robot)
+    block, found = joint.moments(robot), {}
     block.covariance[AXES, :] = block.covariance[:, AXES] = 0.0
     block.covariance[AXES, AXES] = np.eye(2) * FLAT
-    alone.add(robot, block)
-    if isinstance(piece, Increment):
-        factor = likelihood(alone, robot, piece)
-    else:
-        other = piece.subject if piece.observer == robot else piece.observer
-        alone.add(other, joint.moments(other))
-        factor = linearise(alone, piece, motions)
-    if factor is not None:
-        correct(alone, factor)
-    after = alone.moments(robot)
-    place = Moments(after.mean[AXES], after.covariance[AXES, AXES])
-    return place if np.trace(place.covariance) < KNOWN else None
+    alone = Joint.of({robot: block, **{it: joint.moments(it) for it in pieces if it != robot}})
+    seen = {source: it for source, it in pieces.items() if isinstance(it, Relative)}
+    factors: dict[str, Factor | None] = dict(zip(seen, linearise_all(alone, [*seen.values()], motions), strict=True))
+    for source, piece in pieces.items():
+        factor = likelihood(alone, robot, piece) if isinstance(piece, Increment) else factors[source]
+        after = alone.among(dict.fromkeys((robot, source)))
+        if factor is not None:
+            correct(after, factor)
+        place = after.moments(robot)
+        if np.trace(place.covariance[AXES, AXES]) < KNOWN:
+            found[source] = Moments(place.mean[AXES], place.covariance[AXES, AXES])
+    return found
 
 
 def _grid(opinions: list[Moments]) -> Grid:

@@ -122,9 +122,9 @@ class Contacts:
         names, parted = sorted(said), set[str]()
         for i, one in enumerate(names):
             for other in names[i + 1 :]:
-                agreed = (one, other) in self._pairs and not self.contradict(one, other)
-                self._pairs[one, other] = self._met(one, other, said)
-                if agreed and self.contradict(one, other):
+                before, now = self._pairs.get((one, other)), self._met(one, other, said)
+                self._pairs[one, other] = now
+                if before is not None and now.contradicts and not before.contradicts:
                     parted |= {one, other}
         return parted
 
@@ -162,26 +162,24 @@ class Contacts:
         corrected = (self._corrected[one], self._corrected[other])
         last = self._pairs.get((one, other))
         if last is None:
-            now = Contact(corrected, apart, fresh, 1, 1.0)
-        elif (
+            return Contact(corrected, apart, fresh, 1, 1.0, squared_distance(apart, lasting + fresh))
+        if (
             beyond := squared_distance(apart - last.apart, lasting + fresh + last.fresh) > quantile(GATE, 2)
         ) and last.misread < MISREAD:
             return replace(last, misread=last.misread + 1)
-        else:
-            variances = [float(claim.lasting[0, 0] + claim.lasting[1, 1]) for claim in claims]
-            left = [math.exp(then - it) for then, it in zip(last.corrected, corrected, strict=True)]
-            kept = sum(share * variance for share, variance in zip(left, variances, strict=True))
-            new = 1.0 - kept / sum(variances) if sum(variances) > 0 and not beyond else float(beyond)
-            if new < RENEWED:
-                n = last.claims + 1
-                average, noise = last.apart + (apart - last.apart) / n, (last.fresh * (n - 1) ** 2 + fresh) / n**2
-                now = replace(last, apart=average, fresh=noise, claims=n, misread=0)
-            else:
-                number, on_trial = last.number + last.weight, last.on_trial
-                mean = (last.mean * last.number + last.squared * last.weight) / number
-                if last.has_changed:
-                    number, mean, on_trial = last.weight, last.squared, True
-                on_trial = on_trial and number + new < CERTAIN
-                number = min(REMEMBERED, number)
-                now = Contact(corrected, apart, fresh, 1, new, 0.0, mean, number, on_trial=on_trial)
-        return replace(now, squared=squared_distance(now.apart, lasting + now.fresh))
+        variances = [float(claim.lasting[0, 0] + claim.lasting[1, 1]) for claim in claims]
+        left = [math.exp(then - it) for then, it in zip(last.corrected, corrected, strict=True)]
+        kept = sum(share * variance for share, variance in zip(left, variances, strict=True))
+        new = 1.0 - kept / sum(variances) if sum(variances) > 0 and not beyond else float(beyond)
+        if new < RENEWED:
+            n = last.claims + 1
+            average, noise = last.apart + (apart - last.apart) / n, (last.fresh * (n - 1) ** 2 + fresh) / n**2
+            squared = squared_distance(average, lasting + noise)
+            return replace(last, apart=average, fresh=noise, claims=n, misread=0, squared=squared)
+        number, on_trial = last.number + last.weight, last.on_trial
+        mean = (last.mean * last.number + last.squared * last.weight) / number
+        if last.has_changed:
+            number, mean, on_trial = last.weight, last.squared, True
+        on_trial = on_trial and number + new < CERTAIN
+        number, squared = min(REMEMBERED, number), squared_distance(apart, lasting + fresh)
+        return Contact(corrected, apart, fresh, 1, new, squared, mean, number, on_trial=on_trial)

@@ -42,6 +42,11 @@ class Covariance:
     @property
     def matrix(self) -> Array:
         """The whole, with all that waited; it may be changed in place."""
+        self.gather()
+        return self._matrix
+
+    def gather(self) -> None:
+        """Apply all that waits."""
         if self._waits:
             if len(self._rows):
                 self._matrix -= self._rows.T @ self._rows
@@ -49,7 +54,6 @@ class Covariance:
                 to = np.flatnonzero(self._lean)
                 _shear(self._matrix, to, self._on[to], self._lean[to])
             self._forget()
-        return self._matrix
 
     @property
     def _waits(self) -> bool:

@@ -152,6 +152,10 @@ class Joint:
         """The diagonal of `covariance`, shape (n,), for less."""
         return self._covariance.diagonal()
 
+    def gather(self) -> None:
+        """Apply all changes that wait, because much is asked before the next one."""
+        self._covariance.gather()
+
     def copy(self) -> Joint:
         """The same belief, which may be changed without changing this one."""
         other = Joint()

@@ -16,12 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.relation import Profile, Relative
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, correct, drive
 from blackboard.opinion.grid import Array
 
@@ -100,13 +101,13 @@ class Limits:
             blunted = self._blunted(covariance)
             spread = spread if blunted is covariance else tuple(blunted[rows].tolist())
         sharp = relative.range_variance < least or relative.bearing_variance < across or spread is not relative.spread
-        if not sharp and all(variance >= least for _, variance in relative.profile):
+        if not sharp and _floored(relative.profile, least) == relative.profile:
             return relative
         return replace(
             relative,
             range_variance=max(least, relative.range_variance),
             bearing_variance=max(across, relative.bearing_variance),
-            profile=tuple((at, max(least, variance)) for at, variance in relative.profile),
+            profile=_floored(relative.profile, least),
             spread=spread,
         )
 
@@ -119,6 +120,12 @@ class Limits:
         found = covariance.copy()
         found[AXES, AXES] += (axes * lacking) @ axes.T
         return found
+
+
+@lru_cache(maxsize=256)  # all sightings of a robot have one profile
+def _floored(profile: Profile, least: float) -> Profile:
+    """A profile with no variance below a least one."""
+    return tuple((at, max(least, variance)) for at, variance in profile)
 
 
 def _multiplied(alone: Joint, robot: str, increment: Increment, share: float) -> Joint:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ from blackboard.opinion.gaussian.rings import Place
 from blackboard.opinion.gaussian.sightings import close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.tracking import end_tick
-from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, drive, speed
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, speed
 from blackboard.opinion.grid import Grid
 
 PAUSE = 15  # ticks until ticks are settled again for the same robot, as many as at most are: so one liar no more than doubles the work
@@ -102,6 +102,7 @@ class TeamJoint(TeamState):
         self.forget_objects()
         end_tick(self)
         close_rings(self)
+        self.joint.gather()
 
     def _take(self, dt: float, news: Mapping[str, Evidence]) -> None:
         self.limits.pass_time(dt)
@@ -255,6 +256,12 @@ class TeamJoint(TeamState):
     def pose(self, robot: str) -> Moments:
         """The whole block of a robot, shape (12,) and (12, 12): where its first-hand filter may linearise."""
         return self.joint.moments(robot)
+
+    def poses(self, robots: Sequence[str]) -> Moments:
+        """Whole blocks of robots, shape (k, 12) and (k, 12, 12)."""
+        first = np.array([self.joint.blocks[robot].start for robot in robots])
+        index = first[:, np.newaxis] + np.arange(STATES)
+        return Moments(self.joint.mean[index], self.joint.among_each(index))
 
     def drawn(self, subject: str, grid: Grid) -> Belief:
         """The marginal on the team's grid."""

@@ -85,9 +85,8 @@ def test_whatever_the_opinions_are_the_choice_is_one(seed: int) -> None:
 
 @pytest.mark.parametrize("piece", [increment_at(3.0, 4.0), sees("robot/r2", "robot/r1", (3.0, 4.0))])
 def test_what_a_piece_says_of_a_place_does_not_depend_on_what_was_believed_of_it(piece: Increment | Relative) -> None:
-    it = team()
-    found = about(it.joint, "robot/r1", piece, {})
-    assert found is not None
+    source = "robot/r1" if isinstance(piece, Increment) else piece.observer
+    found = about(team().joint, "robot/r1", {source: piece}, {})[source]
     assert found.mean == pytest.approx((3.0, 4.0), abs=0.05)
     assert math.sqrt(found.covariance[0, 0]) < 0.5
 
@@ -95,7 +94,7 @@ def test_what_a_piece_says_of_a_place_does_not_depend_on_what_was_believed_of_it
 def test_what_an_increment_says_of_the_heading_alone_is_no_opinion_on_a_place() -> None:
     heading = increment_at(0, 0)
     heading = replace(heading, information=np.diag([0, 0, 100.0, *[0.0] * (STATES - 3)]))
-    assert about(team().joint, "robot/r1", heading, {}) is None
+    assert about(team().joint, "robot/r1", {"robot/r1": heading}, {}) == {}
 
 
 def carried(*relatives: Relative, own: Array | None = None) -> TeamJoint:
