@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -20,34 +20,36 @@ from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.vehicle import Motion, correct
 
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
+TOGETHER = 32  # sightings that are taken in one update, and as many as one robot has
 STRAIGHT = 0.1  # of its sigma: what a straight line may miss of a sighting before that is linearised anew
 ALONE = 4  # objects that one robot alone has seen and that tell it how it moved: together less than its odometry does
 
 
 def see(
     team: TeamState,
-    evidence: Evidence,
+    news: Sequence[Evidence],
     motions: Mapping[str, Motion],
     heard: set[str],
     doubts: Sequence[Relative] = (),
     apart: frozenset[str] = frozenset(),
 ) -> None:
-    """All that a robot sees in a tick: linearised, held against where the joint has it, and then taken.
+    """All that some robots see in a tick: linearised, held against where the joint has it, and then taken.
 
     Sightings of mates are taken together, but for those that move one end alone; then the others are, one by one. `doubts` are
     sightings of which it is not clear whose they are: they are held against the joint, too. `apart` are objects to be set aside.
     """
-    robot = evidence.robot
-    seen = sorted(evidence.relatives, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind))
-    seen = [it for it in seen if it.observer == robot and it.subject != robot]
-    if robot not in heard or not (seen or doubts):
-        return
-    known = {it.subject for it in (*seen, *doubts) if it.subject in heard or it.subject in team.seen}
-    known = {it for it in known if team.knows(it)} if team.knows(robot) else set()
-    clear = [it for it in (*seen, *doubts) if it.subject in known]
+    seen = [it for evidence in news if evidence.robot in heard for it in _own(evidence)]
+    known = {name for it in (*seen, *doubts) for name in (it.observer, it.subject)} & {*heard, *team.seen}
+    known = {name for name in known if team.knows(name)}
+    clear = [it for it in (*seen, *doubts) if it.observer in known and it.subject in known]
     pairs = list(zip(clear, linearise_all(team.joint, clear, motions), strict=True))
-    if not team.again and robot not in team.left_out:
-        _compare_with_joint(team, robot, pairs, motions, heard)
+    by_observer: dict[str, list[tuple[Relative, Factor]]] = {}
+    for it, factor in pairs:
+        by_observer.setdefault(it.observer, []).append((it, factor))
+    for robot, its in by_observer.items():
+        if not team.again and robot not in team.left_out:
+            with team.blaming(robot):
+                _compare_with_joint(team, robot, its, motions, heard)
     own = {id(it) for it in seen if it.subject in heard}
     mates = [(it, factor) for it, factor in pairs if id(it) in own and not factor.priors]
     mates = [(it, factor) for it, factor in mates if team.moved_by_sighting(it) is None]
@@ -56,10 +58,31 @@ def see(
         left = _take_together(team, mates)
         mates = list(zip(left, linearise_all(team.joint, left, motions), strict=True))
     for it in seen:
-        if it.subject in apart:
-            set_aside(team, it, motions)
-        elif id(it) not in done:
-            take_sighting(team, it, motions, heard)
+        if id(it) in done:
+            continue
+        with team.blaming(it.observer):
+            if it.subject in apart:
+                set_aside(team, it, motions)
+            else:
+                take_sighting(team, it, motions, heard)
+
+
+def batches(news: Iterable[Evidence]) -> Iterator[list[Evidence]]:
+    """The evidence of a tick in parts, in which robots see as many mates and objects as are taken together."""
+    part: list[Evidence] = []
+    for evidence in news:
+        part.append(evidence)
+        if sum(len(it.relatives) for it in part) >= TOGETHER:
+            yield part
+            part = []
+    if part:
+        yield part
+
+
+def _own(evidence: Evidence) -> list[Relative]:
+    """What a robot says that it sees itself, in an order that depends on that alone."""
+    own = [it for it in evidence.relatives if it.observer == evidence.robot != it.subject]
+    return sorted(own, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind))
 
 
 def _compare_with_joint(
@@ -97,7 +120,8 @@ def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> 
             noted.append(relative)
     taken = chain.taken()
     if taken is not None:
-        correct(team.joint, taken[0], expected=taken[1])
+        with team.blaming(""):
+            correct(team.joint, taken[0], expected=taken[1])
     for relative in noted:
         team.note_errors(relative)
     return left

@@ -26,7 +26,7 @@ from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_t
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import UNSTEADY
 from blackboard.opinion.gaussian.rings import Place
-from blackboard.opinion.gaussian.sightings import close_rings, see, seen_by_one
+from blackboard.opinion.gaussian.sightings import batches, close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.tracking import end_tick
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, speed
@@ -118,9 +118,8 @@ class TeamJoint(TeamState):
             with self.blaming(robot):
                 multiply(self, news[robot])
         apart = seen_by_one(self) if self.limits.sharpest else frozenset()
-        for robot, evidence in news.items():
-            with self.blaming(robot):
-                see(self, evidence, motions, heard, apart=apart)
+        for part in batches(news.values()):
+            see(self, part, motions, heard, apart=apart)
         self._take_unnamed(all_news, motions, heard)
 
     def _take_unnamed(self, news: Mapping[str, Evidence], motions: Mapping[str, Motion], heard: set[str]) -> None:
@@ -130,7 +129,7 @@ class TeamJoint(TeamState):
                 unclear[robot] = []
                 clearly = identified(self, evidence, news, motions, unclear[robot]) if robot in heard else []
                 likeliest = [max(doubt, key=lambda it: it[0])[1] for doubt in unclear[robot]]
-                see(self, replace(evidence, relatives=tuple(clearly)), motions, heard, likeliest)
+                see(self, [replace(evidence, relatives=tuple(clearly))], motions, heard, likeliest)
         for robot, doubts in unclear.items():
             with self.blaming(robot):
                 for doubt in doubts:
