@@ -27,7 +27,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "8662e5fa738c97ce4c81bec1bf0087196248d33a435c0250a00758b77baed738"
+HASH = "77419213506a068c32764d73bce59e2d69dfa88d553110636a5b63cbcbd731ac"
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:

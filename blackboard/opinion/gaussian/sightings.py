@@ -21,7 +21,7 @@ from blackboard.opinion.gaussian.vehicle import Motion, correct
 
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
 TOGETHER = 32  # sightings that are taken in one update, and as many as one robot has
-STRAIGHT = 0.1  # of its sigma: what a straight line may miss of a sighting before that is linearised anew
+STRAIGHT = 0.01  # of its sigma: what a straight line may miss of a sighting before that is linearised anew
 ALONE = 4  # objects that one robot alone has seen and that tell it how it moved: together less than its odometry does
 
 
