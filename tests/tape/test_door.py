@@ -27,7 +27,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "77419213506a068c32764d73bce59e2d69dfa88d553110636a5b63cbcbd731ac"
+HASH = "32cbc20f0d86d34735f96d736acd8162f2c6675a32ac86118e71e6cc78cd149a"
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def test_a_replay_says_how_far_it_is_on_standard_error(
     told = capsys.readouterr()
     assert json.loads(told.out)
     lines = [line.split() for line in told.err.splitlines() if line.startswith("replay: ")]
-    assert len(lines) == 10
+    assert len(lines) == 11  # the first, and each tenth
     assert [line[1] for line in lines] == sorted((line[1] for line in lines), key=int)
     assert lines[-1][1] == lines[-1][3]
 
