@@ -40,7 +40,7 @@ SELDOM, DETECTED = 0.5, 0.99
 RAREST, OFTENEST = 0.01, 0.5  # of the tracks that an observer begins, those that are of something, at least and at most
 GIVEN_UP = -3.0  # nats of all frames, from which on a track without a name is dropped
 LOST = 1 / 8  # of how far such things are seen: sigma of a place from which on it is told of no more
-AGAIN = 2  # sightings from which on a track that was lost is told of again: one may be of nothing
+AGAIN = 2  # clear sightings from which on a track that was lost is told of again: one may be of nothing
 FLEETING, KEPT = 2.0, 60.0  # seconds without a sighting, after which a track without a name, and one with, is dropped
 NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
 UNKNOWN = Rate(1.0, 2.0)  # of what is there a frame shows a half, before anything was seen
@@ -76,7 +76,7 @@ class Track:
     votes: Mapping[str, Vote]
     named: bool = False
     unseen: float = 0.0  # seconds since somebody saw it
-    shown: int = 0  # frames that have shown it since it was lost, or had a name
+    shown: int = 0  # frames that have clearly shown it since it was lost, or had a name
 
     @property
     def evidence(self) -> float:
@@ -252,7 +252,7 @@ class Tracks:
             votes = {**track.votes, observer: Vote(evidence, visible, vote.seen or share >= LIKELY, looked)}
             is_shown = share >= LIKELY
             unseen = 0.0 if is_shown else track.unseen
-            self._tracks[block] = replace(track, votes=votes, unseen=unseen, shown=track.shown + is_shown)
+            self._tracks[block] = replace(track, votes=votes, unseen=unseen, shown=track.shown + (share >= CLEAR))
             if holds and self.is_told(block):
                 detected = view.detected.plus(share, after * visible)
                 self._views[observer, track.kind] = replace(view, detected=detected)
