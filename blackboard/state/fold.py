@@ -255,6 +255,8 @@ class TeamFold:
         _keep(store, consensus.subject, consensus.sub_team, Received(consensus, now, size))
         if (grid := unpacked_grid(consensus.belief.grid)) != self.grid:  # that of a status has an anchor
             self.grid = grid
+        if consensus.level == "agreed":
+            self._close(now)
 
     def _hear_status(self, process: Process, sub_team: str, status: Status, now: float) -> None:
         status = status.beside(process.status)
@@ -313,9 +315,26 @@ class TeamFold:
         if self._open is None or status.tick == self._open[0]:
             before = -math.inf if self._open is None else self._open[1]
             self._open = (status.tick, max(before, status.time))
-        boards = [process for process in self.processes.values() if process.kind == "board" and process.speaks]
-        if all(board.tick >= status.tick for board in boards):
-            self._complete(now)
+        self._close(now)
+
+    def _close(self, now: float) -> None:
+        """Complete the open moment if every board has settled its tick, and what it lists has arrived: messages may overtake."""
+        if self._open is None:
+            return
+        tick = self._open[0]
+        for board in self.processes.values():
+            if board.kind != "board" or not board.speaks:
+                continue
+            told = board.status
+            if board.tick < tick:
+                return
+            if told is None or told.tick != tick or told.phase != "agreed":
+                continue
+            for sub_team in board.sub_teams:
+                by_subject = (self._agreed.get(subject, {}).get(sub_team) for subject in told.subjects)
+                if any(recent and recent[-1].message.tick < tick for recent in by_subject):
+                    return
+        self._complete(now)
 
     def _is_ahead(self, status: Status, now: float) -> bool:
         """Whether a status is of a tick that cannot have begun: taken as the newest it would hide all that comes after it."""

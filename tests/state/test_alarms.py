@@ -157,3 +157,17 @@ def test_a_robot_that_is_stuck_or_was_moved_says_so_itself(settings: dict[str, s
     for message in (told, board):
         team.hear({"sub_team": told.sub_team}, message, 1, 0.1)
     assert [(it.what, it.who) for it in team.alarms.all()] == [(kind, "r1") for kind in kinds]
+
+
+def test_a_moment_waits_for_a_belief_that_its_status_overtook() -> None:
+    team = settled(3)
+    told = CONSENSUS.model_copy(update={"tick": 3, "time": 1.5})
+    said = Status(process="b", kind="board", phase="agreed", subjects=[told.subject], tick=3, time=1.5)
+    token = keys.BOARD.key(team="t", sub_team=told.sub_team, board="b")
+    parts = {"team": "t", "sub_team": told.sub_team, "board": "b"}
+    team.hear_token(keys.BOARD, parts, Envelope(token, kind=Kind.ALIVE), 1.0)
+    team.hear({"sub_team": told.sub_team}, said, 1, 1.5)
+    assert team.moments.newest is not None
+    assert team.moments.newest.tick == 2
+    team.hear({"sub_team": told.sub_team}, told, 1, 1.6)
+    assert team.moments.newest.tick == 3
