@@ -68,6 +68,11 @@ def test_each_agreed_belief_is_published_once(taped: tuple[list[Envelope], list[
     assert {it.key for it in out} == {
         *(key(0, f"demo/{it.subject}/{what}", kind) for it in agreed for what, kind in (("pose", POSE), ("map", MAP))),
         *(key(0, f"demo/{robot}/mates", POINTS) for robot in robots),
+        *(
+            key(0, f"demo/{it.subject}/odometry", ODOMETRY)
+            for it in agreed
+            if it.velocity is not None and it.state is not None
+        ),
         key(0, "tf", TRANSFORMS),
     }
 
