@@ -99,7 +99,7 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
     taken = squared <= quantile(GATE, freedom) and not by
     team.add_verdict(Verdict(robot, robot, "increment", squared, freedom, taken, by))
     if taken:
-        correct(team.joint, factor, team.moved_by(robot))
+        correct(team.joint, factor, team.bounded(robot, factor, team.moved_by(robot)))
     left_out = 0 if taken else team.known[robot].left_out + 1
     if left_out >= PATIENCE:
         team.widen(robot)

@@ -65,6 +65,7 @@ class Tally:
     repeated: int = 0  # reports of a tick that is settled already
     gated: int = 0  # increments and relative beliefs that contradict the joint
     silent: int = 0  # relative beliefs about a robot of which no motion came in the tick, or that say too little alone
+    bounded: int = 0  # pieces of evidence that would have moved somebody farther than an honest robot does
     outvoted: int = 0  # predictions of a robot's place that a coalition contradicted
     verdicts: list[Verdict] = field(default_factory=list)  # of the last tick
     unnamed: list[Unnamed] = field(default_factory=list)  # what became of those of the last tick

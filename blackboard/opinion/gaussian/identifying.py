@@ -168,7 +168,8 @@ def take_in_the_mean(team: TeamState, doubt: Doubt, motions: Mapping[str, Motion
     for share, relative in doubt:
         after = team.joint.copy()
         if relative.subject not in team.left_out and not team.contradict(observer, relative.subject):
-            correct(after, linearise(after, relative, motions), team.moved_by_sighting(relative))
+            factor = linearise(after, relative, motions)
+            correct(after, factor, team.bounded(observer, factor, team.moved_by_sighting(relative), share=share))
         parts.append((share, after))
     parts.append((max(0.0, 1.0 - sum(share for share, _ in parts)), team.joint.copy()))
     mean = sum((share * part.mean for share, part in parts), np.zeros_like(team.joint.mean))

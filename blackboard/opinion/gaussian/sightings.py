@@ -47,7 +47,7 @@ def see(
     for it, factor in pairs:
         by_observer.setdefault(it.observer, []).append((it, factor))
     for robot, its in by_observer.items():
-        if not team.again and robot not in team.left_out:
+        if robot not in team.left_out:
             with team.blaming(robot):
                 _compare_with_joint(team, robot, its, motions, heard)
     own = {id(it) for it in seen if it.subject in heard}
@@ -121,7 +121,9 @@ def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> 
     taken = chain.taken()
     if taken is not None:
         with team.blaming(""):
-            correct(team.joint, taken[0], expected=taken[1])
+            together, expected = taken
+            only = team.bounded(seen[0][0].observer, together, expected=expected)
+            correct(team.joint, together, only, expected)
     for relative in noted:
         team.note_errors(relative)
     return left
@@ -156,7 +158,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
         return
     if not robot and team.freshness.lacks(relative):  # nobody else may see the object, so it counts for a little
         wider = wider.widened(MOST_NOISE)
-    correct(team.joint, wider, team.moved_by_sighting(relative))
+    correct(team.joint, wider, team.bounded(observer, wider, team.moved_by_sighting(relative)))
     team.note_errors(relative)
     if not robot:
         team.seen[subject] = 0.0
@@ -212,6 +214,7 @@ def set_aside(team: TeamState, relative: Relative, motions: Mapping[str, Motion]
         return
     place = projected(team.joint, relative, motions.get(observer, Motion()))
     team.joint.drop(subject)
+    team.influence.drop(subject)
     team.joint.add(subject, place)
     team.seen[subject] = 0.0
     team.add_verdict(Verdict(observer, subject, "relative", 0.0, 2, True))

@@ -15,8 +15,9 @@ from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Contacts
 from blackboard.opinion.gaussian.evidence import Tally, Verdict
 from blackboard.opinion.gaussian.freshness import Freshness
+from blackboard.opinion.gaussian.influence import Influence
 from blackboard.opinion.gaussian.innovations import Innovations, Source
-from blackboard.opinion.gaussian.joint import Block, Factor, Innovation, Joint, Moments, squared_distance
+from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Innovation, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
@@ -82,6 +83,7 @@ class TeamState:
     contacts: Contacts = field(default_factory=Contacts)
     innovations: Innovations = field(default_factory=Innovations)
     offsets: Offsets = field(default_factory=Offsets)
+    influence: Influence = field(default_factory=Influence)
     freshness: Freshness = field(default_factory=Freshness)
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
@@ -91,7 +93,6 @@ class TeamState:
     elapsed: float = 0.0  # seconds that were settled
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
     tick: int = -1
-    again: bool = False  # what is settled was settled before: who is doubted is known, and stays so
     left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, for now
     refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     known: dict[str, Known] = field(default_factory=dict)
@@ -114,6 +115,7 @@ class TeamState:
             contacts=self.contacts.copy(),
             innovations=self.innovations.copy(),
             offsets=self.offsets.copy(),
+            influence=self.influence.copy(),
             freshness=self.freshness.copy(),
             walks=self.walks.copy(),
             limits=self.limits.copy(),
@@ -127,6 +129,7 @@ class TeamState:
 
     def drop(self, subject: str) -> None:
         """Forget a subject, and the lasting errors of what it saw and of sightings of it."""
+        self.influence.drop(subject)
         for block in list(self.joint.blocks):
             if block == subject or (isinstance(block, tuple) and subject in block[1:3]):
                 self.joint.drop(block)
@@ -155,6 +158,7 @@ class TeamState:
             self.joint.drop(block)
             del self.used[block[1]][block]
         self.joint.rename(old, new)
+        self.influence.rename(old, new)
         self.walks.rename(old, new)
         self.seen[new] = self.seen.pop(old)
 
@@ -194,6 +198,28 @@ class TeamState:
     def doubts(self, robot: str) -> bool:
         """Whether what a robot sees keeps one side, or tells nothing new."""
         return self.offsets.doubts(robot) or self.freshness.doubts(robot)
+
+    def bounded(
+        self,
+        robot: str,
+        factor: Factor,
+        only: Collection[Block] | None = None,
+        expected: Expected | None = None,
+        share: float = 1.0,
+    ) -> Collection[Block] | None:
+        """Which blocks a factor that a robot tells may move, None: all; who would have moved others too far then moves itself alone.
+
+        That it is taken, or a `share` of its gain, is noted.
+        """
+        if not self.influence.is_counted(len(self.known)):
+            return only
+        self.joint.begin(factor.priors, factor.anchors)
+        expected = expected or self.joint.expected(factor)
+        if only is None and (beyond := self.influence.beyond(self.joint, robot, factor, expected)):
+            self.tally.bounded += 1
+            only = self._of(beyond)
+        self.influence.take(self.joint, robot, factor, expected, only, share)
+        return only
 
     def weighed(self, source: Source, factor: Factor, found: Innovation) -> tuple[Factor, float]:
         """A factor with the noise that its source's evidence has shown to have, and the squared distance of what it says then."""

@@ -10,18 +10,16 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blackboard.errors import Degenerate
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.choosing import choose_evidence
 from blackboard.opinion.gaussian.comparing import compare, enter, multiply
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
-from blackboard.opinion.gaussian.history import History
 from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_the_mean
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import UNSTEADY
@@ -32,8 +30,6 @@ from blackboard.opinion.gaussian.tracking import end_tick
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, speed
 from blackboard.opinion.grid import Grid
 
-PAUSE = 15  # ticks until ticks are settled again for the same robot, as many as at most are: so one liar no more than doubles the work
-MOST_AGAIN = 300  # sightings in these ticks: half a second of a core; in a larger team a doubt holds from now on alone
 LATELY = 2.0  # seconds after which what a robot did counts for 1/e in how fast it is told to go on
 
 
@@ -41,50 +37,24 @@ LATELY = 2.0  # seconds after which what a robot did counts for 1/e in how fast 
 class TeamJoint(TeamState):
     """Mutable; `settle` once per tick."""
 
-    _history: History[TeamJoint, tuple[int, float, dict[str, Evidence]]] = field(default_factory=History)
     _doubted: frozenset[str] = frozenset()  # who was a tick ago
-    _again: Mapping[str, int] = field(default_factory=dict)  # robot -> in which tick others were settled again for it
 
     def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
         """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing.
 
-        Where a robot is found out to keep one side, or to tell nothing new, the last ticks are settled again with that doubt.
+        Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back.
 
         Degenerate: some evidence leaves no Gaussian that can be kept. The team is in no defined state then.
         """
         if tick <= self.tick:
             self.tally.repeated += sum(1 for _ in reports)
             return []
-        news = self._aligned(self._news(tick, reports))
-        self._history = self._history.plus(self._checkpoint, (tick, dt, news))
-        self._settle(tick, dt, news)
-        doubted = {robot for robot in self.known if self.doubts(robot)}
-        due = {robot for robot in doubted if tick - self._again.get(robot, -PAUSE) >= PAUSE}
-        if due - self._doubted and self._is_quick():
-            self._again = {**self._again, **dict.fromkeys(sorted(due), tick)}
-            self._settle_again()
-        self._doubted = frozenset(doubted)
+        self._settle(tick, dt, self._aligned(self._news(tick, reports)))
+        doubted = frozenset(robot for robot in self.known if self.doubts(robot))
+        for robot in sorted(doubted - self._doubted):
+            self.influence.take_back(self.joint, robot)
+        self._doubted = doubted
         return self.tally.verdicts
-
-    def _checkpoint(self) -> TeamJoint:
-        return replace(self.copy(), _history=History())
-
-    def _is_quick(self) -> bool:
-        """Whether the last ticks can be settled again before the boards that wait for this one take it for gone."""
-        return sum(len(it.relatives) for _, _, news in self._history.since() for it in news.values()) <= MOST_AGAIN
-
-    def _settle_again(self) -> None:
-        """Settle the last ticks again, and doubt from the first of them on who is doubted now."""
-        then = self._history.parts[0][0].copy()
-        then.freshness, then.offsets, then.again = self.freshness, self.offsets, True
-        try:
-            for tick, dt, news in self._history.since():
-                then._settle(tick, dt, news)
-        except Degenerate:
-            return  # as it was settled first, it is sound
-        for one in fields(TeamState):
-            setattr(self, one.name, getattr(then, one.name))
-        self.again = False
 
     def _settle(self, tick: int, dt: float, news: dict[str, Evidence]) -> None:
         self.tick = tick
@@ -106,6 +76,7 @@ class TeamJoint(TeamState):
 
     def _take(self, dt: float, news: Mapping[str, Evidence]) -> None:
         self.limits.pass_time(dt)
+        self.influence.pass_time(dt)
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if enter(self, evidence)}
         all_news = self._bounded(news, set(motions) - entered)
@@ -118,7 +89,10 @@ class TeamJoint(TeamState):
             with self.blaming(robot):
                 multiply(self, news[robot])
         apart = seen_by_one(self) if self.limits.sharpest else frozenset()
-        for part in batches(news.values()):
+        alone = self.influence.is_counted(
+            len(self.known)
+        )  # what each robot moves is known where its sightings are taken alone
+        for part in ([it] for it in news.values()) if alone else batches(news.values()):
             see(self, part, motions, heard, apart=apart)
         self._take_unnamed(all_news, motions, heard)
 
@@ -194,9 +168,8 @@ class TeamJoint(TeamState):
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self.forget_errors(dt)
-        if not self.again:
-            self.offsets.pass_time(dt)
-            self.freshness.pass_time(dt)
+        self.offsets.pass_time(dt)
+        self.freshness.pass_time(dt)
         self.tracks.pass_time(dt)
         self.elapsed += dt
         for name in self.seen:

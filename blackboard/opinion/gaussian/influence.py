@@ -1,0 +1,192 @@
+"""How far each robot's evidence has moved what the team believes: nobody moves others much farther than an honest robot would.
+
+Beside the estimate x stands, for each robot i, what would be believed if i had said nothing: x - D, with the same gains. Evidence
+of i with the innovation v, its covariance S and the gain K adds K v to D. Evidence of others, whose derivatives are H, leaves
+(I - K H) D of it: they correct what i has moved. This is solution separation (Brown and McBurney, Navigation 34(1), 1987) with shared
+gains, so that a mean for each robot is enough. The innovations of honest evidence are white. So the covariance C of D is known:
+K S K^T is added, and (I - K H) C (I - K H)^T is left. Headings are left out of both.
+
+Evidence that moves somebody else's place, so that D is beyond the 90 % region of C and farther than before, moves the own places of
+those alone who have moved it (Schmidt 1966). Of honest evidence that is a small part, and mostly what errs most.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from blackboard.opinion.gaussian.coalitions import KNOWN
+from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Joint
+from blackboard.opinion.gaussian.vehicle import AXES, STATES
+from blackboard.opinion.grid import Array
+
+FARTHEST = 2 * math.log(10)  # of |D|^2 by C: the 90 % quantile of chi-squared with two degrees of freedom
+MEMORY = 5.0  # seconds after which what a robot has moved, and no other has corrected, counts for 1/e
+FAINT = 0.01  # share of a place's variance that D may have without being counted: the models are no better
+MOST = 30_000  # numbers in all C: 19 robots, or 6 and 29 objects; in larger teams one counts for little, and this is left out
+
+
+@dataclass
+class Influence:
+    """Mutable. Robots are the sources, in the order in which they came; places are x and y of robots and objects."""
+
+    _sources: list[str] = field(default_factory=list)
+    _places: list[str] = field(default_factory=list)
+    _moved: Array = field(default_factory=lambda: np.zeros((0, 0)))  # D, shape (sources, 2 places)
+    _honest: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))  # C, shape (sources, 2 places, 2 places)
+
+    def copy(self) -> Influence:
+        """The same, which may be changed without changing this one."""
+        return Influence(list(self._sources), list(self._places), self._moved.copy(), self._honest.copy())
+
+    def is_counted(self, robots: int) -> bool:
+        """Whether a team of so many is small enough."""
+        return 4 * robots**3 <= MOST
+
+    def drop(self, place: str) -> None:
+        """A place is no longer in the joint, or is there for other reasons from now on."""
+        if place in self._places:
+            at = self._places.index(place)
+            keep = np.r_[0 : 2 * at, 2 * at + 2 : 2 * len(self._places)]
+            del self._places[at]
+            self._moved, self._honest = self._moved[:, keep], self._honest[:, keep][:, :, keep]
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` seconds pass."""
+        keep = np.exp(-dt / MEMORY)
+        self._moved = self._moved * keep
+        self._honest = self._honest * keep
+
+    def rename(self, old: str, new: str) -> None:
+        """A place has another name from now on."""
+        self._places = [new if it == old else it for it in self._places]
+
+    def _follow(self, joint: Joint) -> None:
+        """Note who has come into the joint and who has gone; where they were when they came counts for nobody."""
+        subjects = [it for it in joint.blocks if isinstance(it, str)]
+        robots = [it for it in subjects if joint.blocks[it].stop - joint.blocks[it].start == STATES]
+        room = int(math.sqrt(MOST / max(1, len(robots))) / 2)
+        places = [*robots, *(it for it in subjects if it not in robots)][:room] if self.is_counted(len(robots)) else []
+        if (robots, places) == (self._sources, self._places):
+            return
+        before = self._sources, self._places, self._moved, self._honest
+        size = 2 * len(places)
+        self._moved, self._honest = np.zeros((len(robots), size)), np.zeros((len(robots), size, size))
+        kept = [it for it in places if it in before[1]]
+        to, of = _pairs(places, kept), _pairs(before[1], kept)
+        for row, robot in enumerate(robots):
+            if robot in before[0]:
+                old = before[0].index(robot)
+                self._moved[row, to] = before[2][old, of]
+                self._honest[row][np.ix_(to, to)] = before[3][old][np.ix_(of, of)]
+        self._sources, self._places = robots, places
+
+    def beyond(self, joint: Joint, robot: str, factor: Factor, expected: Expected) -> set[str]:
+        """Whose evidence would have moved another's place too far if a factor that `robot` tells were taken."""
+        self._follow(joint)
+        return self._beyond(joint, *self._after(joint, robot, factor, expected))
+
+    def take(
+        self,
+        joint: Joint,
+        robot: str,
+        factor: Factor,
+        expected: Expected,
+        only: Collection[Block] | None = None,
+        share: float = 1.0,
+    ) -> None:
+        """A factor that `robot` tells is taken next, into `only` some blocks if given, with a `share` of its gain.
+
+        What is `expected` is as before any of it; the factor's blocks are in the joint.
+        """
+        self._follow(joint)
+        self._moved, self._honest = self._after(joint, robot, factor, expected, only, share)
+
+    def moved(self, robot: str) -> tuple[Array, Array]:
+        """D and C of a robot, shape (2 places,) and (2 places, 2 places). ValueError: it is not in the joint."""
+        row = self._sources.index(robot)
+        return self._moved[row].copy(), self._honest[row].copy()
+
+    def take_back(self, joint: Joint, robot: str) -> None:
+        """Others are where they were without a robot's evidence, and as uncertain as that leaves them."""
+        self._follow(joint)
+        if robot not in self._sources:
+            return
+        row, own = self._sources.index(robot), np.repeat([it == robot for it in self._places], 2)
+        moved, honest = np.where(own, 0.0, self._moved[row]), np.where(own | own[:, np.newaxis], 0.0, self._honest[row])
+        rows = self._rows(joint)
+        joint.mean[rows] -= moved
+        joint.covariance[np.ix_(rows, rows)] += honest
+        self._moved[row] -= moved
+        self._honest[row] -= honest
+
+    def _rows(self, joint: Joint) -> Array:
+        """The indices of x and y of all places, shape (2 places,)."""
+        first = np.array([joint.blocks[it].start for it in self._places], dtype=np.intp)
+        return np.asarray((first[:, np.newaxis] + np.arange(2)).ravel())
+
+    def _after(
+        self,
+        joint: Joint,
+        robot: str,
+        factor: Factor,
+        expected: Expected,
+        only: Collection[Block] | None = None,
+        share: float = 1.0,
+    ) -> tuple[Array, Array]:
+        """D and C after a factor."""
+        rows, spread = self._rows(joint), expected.spread + factor.noise
+        by = np.zeros((len(factor.residual), len(rows)))
+        for block, part in factor.jacobians.items():
+            if block in self._places:
+                at = 2 * self._places.index(block)
+                by[:, at : at + 2] = part[:, AXES]
+        gain = share * np.linalg.solve(spread, expected.cross[:, rows]).T
+        if only is not None:
+            gain *= np.repeat([it in only for it in self._places], 2)[:, np.newaxis]
+        seen = self._honest @ by.T  # C H^T
+        pulled = seen @ gain.T
+        moved = self._moved - (self._moved @ by.T) @ gain.T
+        honest = self._honest - pulled - pulled.transpose(0, 2, 1) + gain @ (by @ seen) @ gain.T
+        if robot in self._sources:
+            mine = self._sources.index(robot)
+            moved[mine] = self._moved[mine] + gain @ factor.residual
+            honest[mine] = self._honest[mine] + gain @ spread @ gain.T
+        enter = np.repeat(joint.variances[rows].reshape(-1, 2).sum(axis=1) > KNOWN, 2)
+        moved[:, enter], honest[:, enter], honest[:, :, enter] = 0.0, 0.0, 0.0
+        return moved, honest
+
+    def _beyond(self, joint: Joint, moved: Array, honest: Array) -> set[str]:
+        """Whose D would be too far by its C, and farther than it is, at another place than its own."""
+        variances = joint.variances[self._rows(joint)].reshape(-1, 2).mean(axis=1)
+        faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
+        now, then = _squared(self._moved, _blocks(self._honest) + faint), _squared(moved, _blocks(honest) + faint)
+        too_far = then > np.maximum(FARTHEST, now)
+        if not too_far.any():
+            return set()
+        found = zip(*np.nonzero(too_far), strict=True)
+        return {self._sources[one] for one, place in found if self._sources[one] != self._places[place]}
+
+
+def _pairs(places: list[str], some: list[str]) -> npt.NDArray[np.intp]:
+    """Where x and y of some places are, shape (2 some,)."""
+    at = 2 * np.array([places.index(it) for it in some], dtype=np.intp)
+    return np.asarray((at[:, np.newaxis] + np.arange(2)).ravel())
+
+
+def _blocks(matrices: Array) -> Array:
+    """The blocks of two rows on the diagonals of matrices, shape (k, 2 n, 2 n): (k, n, 2, 2)."""
+    k, n = len(matrices), matrices.shape[1] // 2
+    return np.asarray(np.einsum("knxny->knxy", matrices.reshape(k, n, 2, n, 2)))
+
+
+def _squared(vectors: Array, covariances: Array) -> Array:
+    """Squared Mahalanobis distances, shape (k, n), of vectors of two, shape (k, 2 n), by covariances (k, n, 2, 2)."""
+    x, y = vectors[:, ::2], vectors[:, 1::2]
+    a, b, d = covariances[..., 0, 0], covariances[..., 0, 1], covariances[..., 1, 1]
+    across = np.maximum(a * d - b * b, np.finfo(float).tiny)
+    return np.asarray((d * x * x - 2 * b * x * y + a * y * y) / across)

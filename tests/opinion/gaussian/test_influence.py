@@ -1,0 +1,124 @@
+"""What each robot has moved is known exactly, and stays within what an honest one would move, whatever it says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.influence import MEMORY, Influence
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.limits import Limits
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, STATES
+from blackboard.opinion.grid import Array
+from tests.opinion.gaussian.test_offsets import BOUND, LIAR, PLACES, says
+
+ROBOTS = ("robot/r1", "robot/r2", "robot/r3")
+TICKS, BEGIN = 10, 3
+
+
+def drawn(rng: np.random.Generator) -> tuple[str, Factor]:
+    """A sighting of one robot by another, or a fix of its own, by who tells it."""
+    one, other = rng.choice(ROBOTS, 2, replace=False)
+    rows = np.zeros((2, STATES))
+    rows[:, AXES] = rng.normal(size=(2, 2))
+    seen = {str(one): rows} if rng.random() < 0.3 else {str(one): -rows, str(other): rows}
+    return str(one), Factor(rng.normal(size=2), seen, np.diag(rng.uniform(0.1, 2.0, 2)))
+
+
+def beginning() -> Joint:
+    """Three robots that know where they are, each by itself, and whose headings are no matter."""
+    joint = Joint()
+    for robot in ROBOTS:
+        joint.add(robot, Moments(np.zeros(STATES), np.diag([1.0, 2.0, *[0.0] * (STATES - 2)])))
+    return joint
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 10_000))
+def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(seed: int) -> None:
+    rng, joint, it, others = np.random.default_rng(seed), beginning(), Influence(), beginning().mean
+    begun = Factor(np.zeros(2), {LIAR: np.zeros((2, STATES))}, np.eye(2))
+    it.take(joint, LIAR, begun, joint.expected(begun))
+    errors = np.kron(np.ones((2, 2)), joint.covariance)  # of both means
+    for _ in range(12):
+        robot, factor = drawn(rng)
+        h = np.zeros((2, len(joint.mean)))
+        for block, rows in factor.jacobians.items():
+            h[:, joint.blocks[block]] = rows
+        expected = joint.expected(factor)
+        gain = np.linalg.solve(expected.spread + factor.noise, expected.cross).T
+        measured = factor.residual + h @ joint.mean
+        left = np.eye(len(joint.mean)) - gain @ h
+        if robot != LIAR:
+            others = others + gain @ (measured - h @ others)
+        heard = np.kron(np.diag([1.0, float(robot != LIAR)]), left - np.eye(len(left))) + np.eye(2 * len(left))
+        noisy = np.vstack([gain, gain * (robot != LIAR)])
+        errors = heard @ errors @ heard.T + noisy @ factor.noise @ noisy.T
+        it.take(joint, robot, factor, expected)
+        joint.update(factor)
+    apart = np.hstack([np.eye(len(others)), -np.eye(len(others))])
+    moved, honest = it.moved(LIAR)
+    places = [joint.blocks[robot].start + axis for robot in ROBOTS for axis in (0, 1)]
+    assert moved == pytest.approx((joint.mean - others)[places], abs=1e-9)
+    assert honest == pytest.approx((apart @ errors @ apart.T)[np.ix_(places, places)], abs=1e-9)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 10_000))
+def test_what_is_taken_back_leaves_others_as_uncertain_as_they_were_without(seed: int) -> None:
+    rng, joint, it = np.random.default_rng(seed), beginning(), Influence()
+    before = joint.copy()
+    for _ in range(6):
+        _, factor = drawn(rng)
+        it.take(joint, LIAR, factor, joint.expected(factor))
+        joint.update(factor)
+    it.take_back(joint, LIAR)
+    for robot in set(ROBOTS) - {LIAR}:
+        assert joint.moments(robot).mean == pytest.approx(before.moments(robot).mean, abs=1e-9)
+        assert joint.moments(robot).covariance == pytest.approx(before.moments(robot).covariance, abs=1e-9)
+    assert np.linalg.eigvalsh(joint.covariance).min() > -1e-9
+
+
+def anything(rng: np.random.Generator, team: TeamJoint) -> tuple[Increment | None, tuple[Relative, ...]]:
+    """What a liar may say in a tick: of itself, and of mates it sees aside of where the team has them or anywhere."""
+    seen = []
+    for mate in sorted((PLACES.keys() & team.subjects()) - {LIAR}):
+        if rng.random() < 0.7:
+            x, y = team.marginal(mate).mean + rng.normal(size=2) * 10.0 ** rng.uniform(-2, 1.5) - PLACES[LIAR]
+            variances = 10.0 ** rng.uniform(-6, 2, 2)
+            seen.append(Relative(LIAR, mate, math.hypot(x, y), math.atan2(y, x), *variances))
+    if rng.random() < 0.5:
+        return None, tuple(seen)
+    information = np.zeros((STATES, STATES))
+    information[AXES, AXES] = np.eye(2) * 10.0 ** rng.uniform(-3, 9)
+    mean = np.zeros(STATES)
+    mean[AXES] = PLACES[LIAR] + rng.normal(size=2) * 10.0 ** rng.uniform(-2, 1.5)
+    return Increment(mean, information, np.zeros(STATES)), tuple(seen)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 100_000), st.booleans())
+def test_whatever_one_of_six_says_its_mates_are_no_farther_off_than_an_honest_one_would_move_them(
+    seed: int, same: bool
+) -> None:
+    """All others are exact. So how far off they are is what the liar has moved."""
+    rng, team, farthest = np.random.default_rng(seed), TeamJoint(limits=Limits(0.5)), 0.0
+    lies: tuple[Increment | None, tuple[Relative, ...]] = None, ()
+    for tick in range(TICKS):
+        if tick == BEGIN or (tick > BEGIN and not same):
+            lies = anything(rng, team)
+        said = [says(it, tick) for it in PLACES if it != LIAR]
+        increment, seen = lies
+        mine = says(LIAR, tick, seen)
+        team.settle(tick, 0.2, [*said, mine if increment is None else replace(mine, increment=increment)])
+        away: list[Array] = [team.marginal(it).mean - at for it, at in PLACES.items() if it != LIAR]
+        farthest = max(farthest, *(float(np.hypot(*it)) for it in away))
+    assert farthest <= BOUND * math.exp((TICKS - BEGIN) * 0.2 / MEMORY)
