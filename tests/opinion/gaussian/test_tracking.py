@@ -123,8 +123,10 @@ def test_who_goes_on_where_nobody_looks_is_told_of_no_more_and_found_again_by_th
         people = {} if hidden else {it.name: [place] for it in robots}
         joint.settle(tick, 1.0, with_people(robots, tick, people))
         assert list(joint.tracks) == ["person/1"]
-        if not 10 <= tick < 15:
-            assert tracks(joint) == ([] if hidden else ["person/1"]), tick
+        if tick < 10 or tick > 16:  # the first sightings after a while are not clear yet
+            assert tracks(joint) == ["person/1"], tick
+        elif tick > 13:
+            assert tracks(joint) == [], tick
     assert joint.marginal("person/1").mean == pytest.approx(place, abs=1.0)
 
 
