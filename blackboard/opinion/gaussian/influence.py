@@ -34,6 +34,7 @@ MOST = 30_000  # numbers in all C: 19 robots, or 6 and 29 objects; in larger tea
 class Influence:
     """Mutable. Robots are the sources, in the order in which they came; places are x and y of robots and objects."""
 
+    farthest: float = FARTHEST
     _sources: list[str] = field(default_factory=list)
     _places: list[str] = field(default_factory=list)
     _moved: Array = field(default_factory=lambda: np.zeros((0, 0)))  # D, shape (sources, 2 places)
@@ -41,7 +42,9 @@ class Influence:
 
     def copy(self) -> Influence:
         """The same, which may be changed without changing this one."""
-        return Influence(list(self._sources), list(self._places), self._moved.copy(), self._honest.copy())
+        return Influence(
+            self.farthest, list(self._sources), list(self._places), self._moved.copy(), self._honest.copy()
+        )
 
     def is_counted(self, robots: int) -> bool:
         """Whether a team of so many is small enough."""
@@ -165,7 +168,7 @@ class Influence:
         variances = joint.variances[self._rows(joint)].reshape(-1, 2).mean(axis=1)
         faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
         now, then = _squared(self._moved, _blocks(self._honest) + faint), _squared(moved, _blocks(honest) + faint)
-        too_far = then > np.maximum(FARTHEST, now)
+        too_far = then > np.maximum(self.farthest, now)
         if not too_far.any():
             return set()
         found = zip(*np.nonzero(too_far), strict=True)
