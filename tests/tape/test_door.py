@@ -27,7 +27,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "32cbc20f0d86d34735f96d736acd8162f2c6675a32ac86118e71e6cc78cd149a"
+HASH = "8662e5fa738c97ce4c81bec1bf0087196248d33a435c0250a00758b77baed738"
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:

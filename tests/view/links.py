@@ -31,7 +31,7 @@ class Recording(Deaf):
         return
 
     def subscribe(self, key_expr: str) -> None:
-        self.team = key_expr.split("/")[1]
+        self.team = "*" if key_expr == "**" else key_expr.split("/")[1]
 
     def get(self, key_expr: str) -> list[Envelope]:
         """The statuses of all, where these are asked for."""

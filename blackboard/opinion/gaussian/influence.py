@@ -6,8 +6,8 @@ of i with the innovation v, its covariance S and the gain K adds K v to D. Evide
 gains, so that a mean for each robot is enough. The innovations of honest evidence are white. So the covariance C of D is known:
 K S K^T is added, and (I - K H) C (I - K H)^T is left. Headings are left out of both.
 
-Evidence that moves somebody else's place, so that D is beyond the 90 % region of C and farther than before, moves the own places of
-those alone who have moved it (Schmidt 1966). Of honest evidence that is a small part, and mostly what errs most.
+Evidence that moves somebody else's place, so that D is beyond the 99.9 % region of C and farther than before, moves the own places
+of those alone who have moved it (Schmidt 1966).
 """
 
 from __future__ import annotations
@@ -19,12 +19,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Joint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array
 
-FARTHEST = 2 * math.log(10)  # of |D|^2 by C: the 90 % quantile of chi-squared with two degrees of freedom
+FARTHEST = quantile(
+    GATE, 2
+)  # of |D|^2 by C: the 99.9 % quantile; at 90 % a robot that alone sees landmarks no longer led its mates
 MEMORY = 5.0  # seconds after which what a robot has moved, and no other has corrected, counts for 1/e
 FAINT = 0.01  # share of a place's variance that D may have without being counted: the models are no better
 MOST = 30_000  # numbers in all C: 19 robots, or 6 and 29 objects; in larger teams one counts for little, and this is left out
@@ -34,7 +37,6 @@ MOST = 30_000  # numbers in all C: 19 robots, or 6 and 29 objects; in larger tea
 class Influence:
     """Mutable. Robots are the sources, in the order in which they came; places are x and y of robots and objects."""
 
-    farthest: float = FARTHEST
     _sources: list[str] = field(default_factory=list)
     _places: list[str] = field(default_factory=list)
     _moved: Array = field(default_factory=lambda: np.zeros((0, 0)))  # D, shape (sources, 2 places)
@@ -42,9 +44,7 @@ class Influence:
 
     def copy(self) -> Influence:
         """The same, which may be changed without changing this one."""
-        return Influence(
-            self.farthest, list(self._sources), list(self._places), self._moved.copy(), self._honest.copy()
-        )
+        return Influence(list(self._sources), list(self._places), self._moved.copy(), self._honest.copy())
 
     def is_counted(self, robots: int) -> bool:
         """Whether a team of so many is small enough."""
@@ -168,7 +168,7 @@ class Influence:
         variances = joint.variances[self._rows(joint)].reshape(-1, 2).mean(axis=1)
         faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
         now, then = _squared(self._moved, _blocks(self._honest) + faint), _squared(moved, _blocks(honest) + faint)
-        too_far = then > np.maximum(self.farthest, now)
+        too_far = then > np.maximum(FARTHEST, now)
         if not too_far.any():
             return set()
         found = zip(*np.nonzero(too_far), strict=True)

@@ -11,17 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.increment import Increment
-from blackboard.opinion.gaussian.influence import MEMORY, Influence
+from blackboard.opinion.gaussian.influence import FARTHEST, MEMORY, Influence
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array
-from tests.opinion.gaussian.test_offsets import BOUND, LIAR, PLACES, says
+from tests.opinion.gaussian.standing import LIAR, PLACES, SPREAD, says
 
 ROBOTS = ("robot/r1", "robot/r2", "robot/r3")
 TICKS, BEGIN = 10, 3
+BOUND = math.sqrt(FARTHEST * SPREAD)  # no farther than honest sightings move a mate in 999 of 1000 cases
 
 
 def drawn(rng: np.random.Generator) -> tuple[str, Factor]:

@@ -10,22 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blackboard.opinion.gaussian.evidence import Evidence
-from blackboard.opinion.gaussian.increment import Increment
-from blackboard.opinion.gaussian.influence import FARTHEST
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.offsets import MEMORY
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance
 from blackboard.opinion.grid import Array
 from tests.opinion.gaussian import driving
+from tests.opinion.gaussian.standing import LIAR, PLACES, says
 
-LIAR, BEGIN, END = "robot/r2", 5, 40
-PLACES = {f"robot/r{k}": 10.0 * np.array([math.cos(k), math.sin(k)]) for k in range(6)}
-SPREAD = 0.3  # the variance of a place with which each robot enters
-BOUND = math.sqrt(FARTHEST * SPREAD)  # no farther than honest sightings move a mate in nine of ten cases
-FIX = 3.0  # the sigma of what each robot is told of its place in each tick
+BEGIN, END = 5, 40
 
 
 def told(team: TeamJoint, robot: str, at: Array, lie: float) -> tuple[Relative, ...]:
@@ -34,15 +27,6 @@ def told(team: TeamJoint, robot: str, at: Array, lie: float) -> tuple[Relative, 
     return tuple(
         Relative(robot, mate, math.hypot(x, y), math.atan2(y, x), 0.25, 0.0025) for mate, (x, y) in apart.items()
     )
-
-
-def says(robot: str, tick: int, seen: tuple[Relative, ...] = ()) -> Evidence:
-    """A robot that stands, entered near to where it is, and is told its place without an error in each tick."""
-    mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
-    mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
-    belief = Moments(mean, np.diag([SPREAD, SPREAD, *[1e-4] * (STATES - 2)]))
-    increment = Increment(mean, information, np.zeros(STATES)) if tick else None
-    return Evidence(robot, 0, tick, Motion(), Nuisance(), belief if not tick else None, increment, seen)
 
 
 def worst(lie: float, ticks: int = END, names: bool = True) -> tuple[float, set[str]]:
@@ -69,14 +53,14 @@ def test_who_sees_its_mates_aside_of_where_they_are_believed_to_be_does_not_take
 @pytest.mark.parametrize("lie", [1.5, 2.0, 2.5, 2.75, 3.0, 4.0, 6.0])
 def test_smaller_lies_move_mates_by_less_and_larger_ones_are_refused(lie: float) -> None:
     farthest, doubted = worst(lie)
-    assert farthest < BOUND
+    assert farthest < 0.92
     assert doubted <= {LIAR}
 
 
 @pytest.mark.parametrize("lie", [1.5, 2.0, 2.5, 2.75, 3.0, 3.5, 4.0, 6.0])
 def test_to_leave_out_their_names_helps_no_liar(lie: float) -> None:
     farthest, doubted = worst(lie, names=False)
-    assert farthest < BOUND
+    assert farthest < 0.92
     assert doubted <= {LIAR}
 
 

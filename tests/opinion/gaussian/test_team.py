@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from blackboard.opinion.gaussian.comparing import PATIENCE
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
-from blackboard.opinion.gaussian.influence import Influence
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
 from blackboard.opinion.gaussian.state import FADED, MAX_ERRORS, Objects
@@ -52,7 +51,7 @@ def test_where_all_is_linear_it_is_the_plain_joint_kalman_filter(seed: int) -> N
     """The oracle: positions only, one matrix, every reading once, in one process."""
     chance = np.random.default_rng(seed)
     owns = [Own(name, np.array([0.0, 3.0 * k]), chance) for k, name in enumerate(ROBOTS)]
-    team = TeamJoint(influence=Influence(np.inf))  # one that bounds nobody
+    team = TeamJoint()
     mean, covariance, doubted = np.concatenate([o.place for o in owns]), np.eye(6) * 0.5, set[str]()
 
     def update(row: Array, measured: Array, noise: Array) -> None:
