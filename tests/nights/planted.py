@@ -114,8 +114,8 @@ BUGS = {
     "twice": Bug(
         "evidence that comes a second time counts a second time",
         DESK,
-        "(packed.epoch, tick) <= (before[0].epoch, before[1])",
-        "(packed.epoch, tick) < (before[0].epoch, before[1])",
+        "tick <= taken.get(packed.epoch, -1)",
+        "tick < taken.get(packed.epoch, -1)",
     ),
     "epoch": Bug(
         "a robot that is started again numbers its epochs from 0",

@@ -62,6 +62,7 @@ FINEST = 8  # one sensor places a robot no better than a cell over this, where `
 STRIKES = 3  # times that a robot's evidence broke the joint until it is left out
 PENALTY = 60.0  # seconds of team time for which it is then left out; afterwards one more time is enough
 STALE = 1.0  # seconds after which it is not known how fast a robot moves
+EPOCHS = 8  # of one robot of which it is known what was taken; a stale one may arrive after the newest
 MAX_WAITING = 64  # ticks of one robot that wait to be settled; the oldest are dropped
 
 #: Makes a consensus of what the joint knows about a subject: its board adds its names, the tick and the time.
@@ -88,7 +89,8 @@ class JointDesk:
         self._waiting: dict[str, deque[Evidence]] = {}
         #: Of the objects that the joint takes sightings of, the first first: who saw it, and when last (team time, s).
         self._objects: dict[str, dict[str, float]] = {}
-        self._newest: dict[str, tuple[PackedEvidence, int]] = {}  # robot -> the newest that was taken, and its tick
+        self._newest: dict[str, PackedEvidence] = {}  # robot -> the newest that was taken
+        self._taken: dict[str, dict[int, int]] = {}  # robot -> its last epochs -> the newest tick that was taken
         self._states: dict[str, Moments | None] = {}  # robot -> its own belief in the newest
         self._until: dict[str, float] = {}  # robot -> team time until which its evidence is in the joint
         self._forward: list[tuple[float, Forwarded]] = []  # with its team time, seconds
@@ -118,25 +120,28 @@ class JointDesk:
     def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool, skew: float = 0.0) -> None:
         """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.
 
-        `skew` is how many seconds the robot's clock, by which it numbers its epochs, may be ahead.
+        `skew` is how many seconds the robot's clock, by which it numbers its epochs, may be ahead. Where that clock was set back, a
+        smaller epoch begins: what it says is later all the same.
 
         Refused: "mass", "too-many", "future" (an epoch that has not begun), "backwards" (sums that shrink within an epoch, as
         of a robot that was started again and did not begin a greater one).
         """
-        before = self._newest.get(robot)
-        if before is not None and (packed.epoch, tick) <= (before[0].epoch, before[1]):
+        before, taken = self._newest.get(robot), self._taken.get(robot, {})
+        is_over = before is not None and packed.epoch < before.epoch and time <= self._until[robot]
+        if is_over or tick <= taken.get(packed.epoch, -1):
             return
         if packed.epoch > 1000 * (time + self.settings.future + skew):
             raise Refused("future", f"epoch {packed.epoch} of {robot} is later than {1000 * time:.0f} ms of team time")
-        if before is not None and shrank(before[0], packed):
+        if before is not None and shrank(before, packed):
             raise Refused("backwards", f"the sums of {robot} shrank within epoch {packed.epoch}; begin a greater epoch")
         if before is None and len(self._newest) >= MAX_ROBOTS:
             raise Refused("too-many", f"{robot} would be one more than {MAX_ROBOTS} robots in the joint")
         evidence = self._bounded(unpack(robot, tick, time, packed))
         if unknown := sum(not it.is_known for it in packed.seen):
             self.counters["unknown_kinds"] += unknown  # sightings of kinds that are not known here
-        self._newest[robot], self._states[robot] = (packed, tick), evidence.belief
-        self._until[robot] = time
+        self._newest[robot], self._states[robot], self._until[robot] = packed, evidence.belief, time
+        others = [(epoch, newest) for epoch, newest in taken.items() if epoch != packed.epoch]
+        self._taken[robot] = dict([*others[1 - EPOCHS :], (packed.epoch, tick)])
         waiting = self._waiting.setdefault(robot, deque())
         waiting.append(evidence)
         if len(waiting) > MAX_WAITING:

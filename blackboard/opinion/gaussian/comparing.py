@@ -78,7 +78,7 @@ def enter(team: TeamState, evidence: Evidence) -> bool:
     stays: who could begin with a clean record would do so after each lie.
     """
     robot, known = evidence.robot, team.known.get(evidence.robot)
-    if known is None or known.epoch < evidence.epoch:
+    if known is None or known.epoch != evidence.epoch:
         team.known[robot] = Known(evidence.epoch, evidence.travelled)
         team.drop(robot)
         team.contacts.begin(robot)

@@ -71,6 +71,10 @@ class Known:
     lately: Motion = field(default_factory=Motion)
     time: float = 0.0
 
+    def is_over(self, epoch: int, time: float) -> bool:
+        """Whether evidence until a team time (s) is of an epoch that is over; where it is later, a clock was set back."""
+        return epoch < self.epoch and time <= self.time
+
 
 @dataclass
 class TeamState:

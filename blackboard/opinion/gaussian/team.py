@@ -132,7 +132,7 @@ class TeamJoint(TeamState):
         news: dict[str, Evidence] = {}
         for evidence in sorted(reports, key=lambda e: (e.robot, e.epoch, e.tick)):
             known = self.known.get(evidence.robot)
-            over = known is not None and evidence.epoch < known.epoch
+            over = known is not None and known.is_over(evidence.epoch, evidence.time)
             if (
                 evidence.tick != tick
                 or over

@@ -273,6 +273,21 @@ def test_sums_that_shrink_and_epochs_to_come_are_refused() -> None:
     assert means(it.settle(0.2, MAKE)) == {"robot/r1": (12.0, 10.0)}
 
 
+def test_a_robot_whose_clock_was_set_back_counts_again_and_what_it_said_before_counts_once() -> None:
+    """Epochs are numbered by the robot's own clock, which was 3 s ahead; the times are those of the board's."""
+    it = desk()
+    ahead, right = (at(x, 10).model_copy(update={"epoch": epoch}) for x, epoch in ((10, 3000), (20, 500)))
+    it.take("r1", 0, 0.0, ahead, own=True, skew=30.0)
+    it.settle(0.0, MAKE)
+    for tick, time in enumerate((0.5, 1.0)):
+        it.take("r1", tick, time, right, own=True)
+        assert means(it.settle(time, MAKE)) == {"robot/r1": (20.0, 10.0)}
+    it.take("r1", 0, 1.5, ahead, own=True, skew=30.0)
+    it.take("r1", 2, 0.9, right.model_copy(update={"epoch": 400}), own=True)
+    assert means(it.settle(1.5, MAKE)) == {"robot/r1": (20.0, 10.0)}
+    assert [(one.tick, one.evidence.epoch) for one in it.forward(1.5)] == [(0, 3000), (0, 500), (1, 500)]
+
+
 def test_one_refused_robot_does_not_cost_the_others_of_a_forward() -> None:
     it = desk()
     bad = Forwarded(robot="r1", tick=0, evidence=at(5, 5).model_copy(update={"epoch": 1 << 40}))

@@ -150,7 +150,7 @@ def test_a_new_epoch_replaces_the_robot_and_an_old_one_is_not_heard() -> None:
     team = settled(reports)
     fresh = entering(Moments(np.array([20.0, 20.0, 0.0]), np.eye(3)), NUISANCE)
     old = replace(reports[2][0], tick=4)
-    team.settle(3, 1.0, [Evidence("robot/r1", 1, 3, Motion(), NUISANCE, fresh)])
+    team.settle(3, 1.0, [Evidence("robot/r1", 1, 3, Motion(), NUISANCE, fresh, time=3.0)])
     assert team.marginal("robot/r1").mean == pytest.approx((20.0, 20.0))
     team.settle(4, 1.0, [old])
     assert team.marginal("robot/r1").mean == pytest.approx((20.0, 20.0))
