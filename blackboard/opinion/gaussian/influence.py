@@ -41,10 +41,15 @@ class Influence:
     _places: list[str] = field(default_factory=list)
     _moved: Array = field(default_factory=lambda: np.zeros((0, 0)))  # D, shape (sources, 2 places)
     _honest: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))  # C, shape (sources, 2 places, 2 places)
+    _went: dict[str, Array] = field(
+        default_factory=dict
+    )  # object -> how far it went as it was seen to move, shape (2,)
 
     def copy(self) -> Influence:
         """The same, which may be changed without changing this one."""
-        return Influence(list(self._sources), list(self._places), self._moved.copy(), self._honest.copy())
+        return Influence(
+            list(self._sources), list(self._places), self._moved.copy(), self._honest.copy(), dict(self._went)
+        )
 
     def is_counted(self, robots: int) -> bool:
         """Whether a team of so many is small enough."""
@@ -52,6 +57,7 @@ class Influence:
 
     def drop(self, place: str) -> None:
         """A place is no longer in the joint, or is there for other reasons from now on."""
+        self._went.pop(place, None)
         if place in self._places:
             at = self._places.index(place)
             keep = np.r_[0 : 2 * at, 2 * at + 2 : 2 * len(self._places)]
@@ -63,10 +69,23 @@ class Influence:
         keep = np.exp(-dt / MEMORY)
         self._moved = self._moved * keep
         self._honest = self._honest * keep
+        self._went = {place: way * keep for place, way in self._went.items()}
 
     def rename(self, old: str, new: str) -> None:
         """A place has another name from now on."""
         self._places = [new if it == old else it for it in self._places]
+        self._went = {new if it == old else it: way for it, way in self._went.items()}
+
+    def go(self, place: str, way: Array) -> None:
+        """An object goes a way, shape (2,), as it was seen to move: on whoever is taken back, by the shares of what they moved it."""
+        self._went[place] = self._went.get(place, 0.0) + way
+
+    def _share_of_ways(self, row: int) -> Array:
+        """What of the ways that objects went is put down to a robot, shape (2 places,)."""
+        norms = np.hypot(self._moved[:, ::2], self._moved[:, 1::2])
+        shares = norms[row] / np.maximum(norms.sum(axis=0), np.finfo(float).tiny)
+        ways = np.array([self._went.get(place, np.zeros(2)) for place in self._places])
+        return np.asarray((shares[:, np.newaxis] * ways).ravel())
 
     def _follow(self, joint: Joint) -> None:
         """Note who has come into the joint and who has gone; where they were when they came counts for nobody."""
@@ -122,7 +141,7 @@ class Influence:
         row, own = self._sources.index(robot), np.repeat([it == robot for it in self._places], 2)
         moved, honest = np.where(own, 0.0, self._moved[row]), np.where(own | own[:, np.newaxis], 0.0, self._honest[row])
         rows = self._rows(joint)
-        joint.mean[rows] -= moved
+        joint.mean[rows] -= moved + self._share_of_ways(row)
         joint.covariance[np.ix_(rows, rows)] += honest
         self._moved[row] -= moved
         self._honest[row] -= honest

@@ -52,9 +52,16 @@ class TeamJoint(TeamState):
         self._settle(tick, dt, self._aligned(self._news(tick, reports)))
         doubted = frozenset(robot for robot in self.known if self.doubts(robot))
         for robot in sorted(doubted - self._doubted):
-            self.influence.take_back(self.joint, robot)
+            self._take_back(robot)
         self._doubted = doubted
         return self.tally.verdicts
+
+    def _take_back(self, robot: str) -> None:
+        """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
+        self.influence.take_back(self.joint, robot)
+        for subject, observers in self.trust.by_subject().items():
+            if subject in self.seen and robot in observers:
+                self.walks.forget(subject)
 
     def _settle(self, tick: int, dt: float, news: dict[str, Evidence]) -> None:
         self.tick = tick
@@ -175,7 +182,9 @@ class TeamJoint(TeamState):
         for name in self.seen:
             kind = self.tracks.kind(name)
             drift, model = self.objects.drift_of(name), self.objects.model_of(name, kind)
-            self.shift(name, self.walks.pass_time(name, drift, dt, model, kind))
+            way = self.walks.pass_time(name, drift, dt, model, kind)
+            self.shift(name, way)
+            self.influence.go(name, way.mean)
             self.seen[name] += dt
         return motions
 
