@@ -121,14 +121,16 @@ class JointDesk:
         """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.
 
         `skew` is how many seconds the robot's clock, by which it numbers its epochs, may be ahead. Where that clock was set back, a
-        smaller epoch begins: what it says is later all the same.
+        smaller epoch begins: what it says is later all the same. An epoch after which another one began is over for good.
 
         Refused: "mass", "too-many", "future" (an epoch that has not begun), "backwards" (sums that shrink within an epoch, as
         of a robot that was started again and did not begin a greater one).
         """
         before, taken = self._newest.get(robot), self._taken.get(robot, {})
-        is_over = before is not None and packed.epoch < before.epoch and time <= self._until[robot]
-        if is_over or tick <= taken.get(packed.epoch, -1):
+        if before is not None and packed.epoch != before.epoch:
+            if packed.epoch in taken or (packed.epoch < before.epoch and time <= self._until[robot]):
+                return
+        elif tick <= taken.get(packed.epoch, -1):
             return
         if packed.epoch > 1000 * (time + self.settings.future + skew):
             raise Refused("future", f"epoch {packed.epoch} of {robot} is later than {1000 * time:.0f} ms of team time")

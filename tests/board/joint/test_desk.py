@@ -288,6 +288,17 @@ def test_a_robot_whose_clock_was_set_back_counts_again_and_what_it_said_before_c
     assert [(one.tick, one.evidence.epoch) for one in it.forward(1.5)] == [(0, 3000), (0, 500), (1, 500)]
 
 
+def test_a_robot_that_goes_back_to_an_epoch_it_left_is_not_heard() -> None:
+    """Each change of the epoch lets a robot enter anew, so that one that alternates would be corrected by nobody."""
+    it = desk()
+    first, second = (at(x, 10).model_copy(update={"epoch": epoch}) for x, epoch in ((10, 0), (20, 200)))
+    for tick, said in enumerate((first, second, first, first)):
+        it.take("r1", tick, 0.2 * tick, said, own=True)
+        told = means(it.settle(0.2 * tick, MAKE))
+    assert told == {"robot/r1": (20.0, 10.0)}
+    assert [one.tick for one in it.forward(0.6)] == [0, 1]
+
+
 def test_one_refused_robot_does_not_cost_the_others_of_a_forward() -> None:
     it = desk()
     bad = Forwarded(robot="r1", tick=0, evidence=at(5, 5).model_copy(update={"epoch": 1 << 40}))
