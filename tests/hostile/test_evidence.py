@@ -18,7 +18,8 @@ from tests.board.joint.desks import MAKE, absurd, at, desk, means, wild
 
 PLACES = {"r1": (10.0, 10.0), "r2": (15.0, 10.0), "r3": (20.0, 10.0)}
 #: Of 1060 seeds those that ended a tick of the joint for everybody, made it begin anew, moved an honest robot, or had one left out.
-FOUND = [21, 31, 86, 100, 129, 133, 211, 215, 237, 260, 293, 486, 1002, 1020]
+FOUND = [21, 31, 54, 86, 100, 129, 133, 178, 211, 215, 237, 260, 293, 486, 1002, 1020]
+ANEW = [26, 100, 146, 268]  # the same where each of the liar's ticks begins a new epoch
 
 
 def honest(tick: int, name: str) -> PackedEvidence:
@@ -97,13 +98,24 @@ def _spoil(rng: np.random.Generator, said: dict[str, Any]) -> None:
 def test_a_liar_s_numbers_cost_the_honest_robots_nothing_of_their_places(
     seed: int, caplog: pytest.LogCaptureFixture
 ) -> None:
+    lives_through(seed, caplog)
+
+
+@pytest.mark.parametrize("seed", ANEW)
+def test_nor_do_those_of_one_that_begins_anew_each_tick(seed: int, caplog: pytest.LogCaptureFixture) -> None:
+    lives_through(seed, caplog, anew=True)
+
+
+def lives_through(seed: int, caplog: pytest.LogCaptureFixture, *, anew: bool = False) -> None:
     rng, it, liar = np.random.default_rng(seed), desk(), ("r0", "r9")[seed % 2]
     for tick in range(20):
         for name in PLACES:
             it.take(name, tick, 0.2 * tick, honest(tick, name), own=True)
         if tick >= 3:
             with suppress(Refused, ValueError):
-                it.take(liar, tick, 0.2 * tick, absurd(rng) if rng.random() < 0.3 else lie(rng, tick), own=True)
+                said = absurd(rng) if rng.random() < 0.3 else lie(rng, tick)
+                said = said.model_copy(update={"epoch": 10 * tick}) if anew else said
+                it.take(liar, tick, 0.2 * tick, said, own=True)
         told = means(it.settle(0.2 * tick, MAKE))
         for name, place in PLACES.items():
             assert np.hypot(*np.subtract(told[f"robot/{name}"], place)) < 3.0

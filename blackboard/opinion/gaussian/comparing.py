@@ -49,9 +49,7 @@ def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str,
         claims = claimed(Joint.of(sure), seen, motions)
     for relative, claim in zip(seen, claims, strict=True):
         said.setdefault(relative.subject, {})[relative.observer] = claim
-    parted: set[str] = set()
-    for _, by_source in sorted(said.items()):
-        parted |= team.contacts.judge(by_source)
+    parted = team.contacts.judge(*(by_source for _, by_source in sorted(said.items())))
     refuted = team.contacts.left_out() if parted or team.refuted else frozenset()
     team.leave_out(team.left_out | refuted)
     back = team.refuted - refuted

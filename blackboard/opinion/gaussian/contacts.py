@@ -80,7 +80,7 @@ class Contact:
 
 @dataclass
 class Contacts:
-    """Mutable; `correct` once per robot and tick, then `judge` for each thing that several robots spoke of."""
+    """Mutable; `correct` once per robot and tick, then `judge` all things of which robots spoke."""
 
     _pairs: dict[tuple[str, str], Contact] = field(default_factory=dict)
     # robot -> - ln(the share of its first error that is left)
@@ -114,19 +114,19 @@ class Contacts:
         reckoned, variance = self._reckoned.get(robot, (0.0, 0.0))
         return reckoned > RECKONED * variance
 
-    def judge(self, said: Mapping[str, Claim]) -> set[str]:
-        """Compare what robots say of one thing in one tick.
+    def judge(self, *things: Mapping[str, Claim]) -> set[str]:
+        """Compare what robots say in one tick, in the order of the things that they speak of: of each what each robot says.
 
-        Returned are the robots that now contradict another one with which they agreed before.
+        Returned are the robots that contradict another one after the tick with which they agreed before it.
         """
-        names, parted = sorted(said), set[str]()
-        for i, one in enumerate(names):
-            for other in names[i + 1 :]:
-                before, now = self._pairs.get((one, other)), self._met(one, other, said)
-                self._pairs[one, other] = now
-                if before is not None and now.contradicts and not before.contradicts:
-                    parted |= {one, other}
-        return parted
+        before = dict(self._pairs)
+        for said in things:
+            names = sorted(said)
+            for i, one in enumerate(names):
+                for other in names[i + 1 :]:
+                    self._pairs[one, other] = self._met(one, other, said)
+        agreed = [pair for pair, contact in before.items() if not contact.contradicts]
+        return {robot for pair in agreed if self._pairs[pair].contradicts for robot in pair}
 
     def contradict(self, one: str, other: str) -> bool:
         """Whether two robots can hardly both be honest, by all that both spoke of lately."""

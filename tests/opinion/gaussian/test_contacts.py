@@ -68,6 +68,19 @@ def test_a_robot_that_begins_anew_is_believed_again_once_it_agrees_for_long() ->
     assert not contacts.contradict("one", "other")
 
 
+def test_a_pair_is_judged_once_by_all_that_both_spoke_of_in_a_tick() -> None:
+    """One robot's tick that contradicts in one thing and agrees in the next has parted nobody."""
+    sigma, contacts = PLACE * 2**0.5, Contacts()
+    before, far, near = (
+        {"one": own(np.zeros(2)), "other": seen(np.array([at * sigma, 0.0]))} for at in (2.6, 4.6, 1.2)
+    )
+    contacts.judge(before)
+    contacts.begin("one")
+    contacts.begin("other")
+    assert contacts.copy().judge(far) == {"one", "other"}
+    assert contacts.judge(far, near) == set()
+
+
 def told(contradicting: str, agreeing: str) -> Contacts:
     """Robots a to z, of which pairs such as "ab" contradict each other or agree."""
     contacts = Contacts()
