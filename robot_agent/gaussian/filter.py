@@ -20,7 +20,8 @@ from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
+from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.relation import Relative, forget_biases
 from blackboard.opinion.gaussian.rings import LEAST, SURE, Line, Ring
 from blackboard.opinion.gaussian.vehicle import (
     AXES,

@@ -14,7 +14,8 @@ import numpy as np
 from blackboard.config import Scenario
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, forget_biases, linearise
+from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.relation import Relative, forget_biases
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, correct, drive, entering
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Odometry, Readings

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, drive
 from blackboard.opinion.grid import Array
 

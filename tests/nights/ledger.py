@@ -15,7 +15,7 @@ from blackboard.board.board import Board
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint
-from blackboard.opinion.gaussian.relation import linearise
+from blackboard.opinion.gaussian.linearising import linearise
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct, drive
 from blackboard.wire.messages import Consensus, Used

@@ -11,7 +11,8 @@ import numpy as np
 from blackboard.config import Scenario
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Joint, Moments, squared_distance
-from blackboard.opinion.gaussian.relation import forget_biases, linearise
+from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.relation import forget_biases
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct, drive, entering
 from blackboard.run.flags import RecordingFlags

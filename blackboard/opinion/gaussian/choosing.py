@@ -11,7 +11,8 @@ from blackboard.opinion.gaussian.coalitions import PREDICTION, Choice, about, ch
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Factor
-from blackboard.opinion.gaussian.relation import Relative, linearise_all
+from blackboard.opinion.gaussian.linearising import linearise_all
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.vehicle import Motion
 

@@ -16,7 +16,8 @@ from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, linearise_all
+from blackboard.opinion.gaussian.linearising import linearise_all
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, Motion, correct
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy_weights

@@ -10,8 +10,9 @@ import numpy as np
 from blackboard.opinion.classes import ROBOTS, could_be, is_class
 from blackboard.opinion.gaussian.assignment import CLEAR
 from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.linearising import linearise
 from blackboard.opinion.gaussian.naming import Unnamed, clear
-from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import of_object
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.tracking import begin, near, places, watch

@@ -11,7 +11,8 @@ import numpy as np
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, posterior
 from blackboard.opinion.gaussian.joint import Innovation, Joint
-from blackboard.opinion.gaussian.relation import Relative, linearise_all
+from blackboard.opinion.gaussian.linearising import linearise_all
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.tracks import Place, Tracks
 from blackboard.opinion.gaussian.vehicle import Motion
 

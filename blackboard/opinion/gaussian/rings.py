@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.relation import NEAREST, Relative
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in
 from blackboard.opinion.grid import Array
 
@@ -27,7 +27,6 @@ APART = 3.0  # sigmas between two places that are two
 COMPACT = 0.25  # of the least distance to an observer: the largest sigma of a place that is one, no piece of a ring
 SURE = 0.99  # the weight of a place that is taken for the only one
 UNLIKELY = 1e6  # a place that is so many times less likely than the likeliest is none
-NEAREST = 1e-6  # unit: nearer than this there is no line of sight
 LEAST = 1e-12  # of a variance
 FEWEST = 3  # sightings before a place is believed: two rings meet in two places
 

@@ -14,7 +14,8 @@ from blackboard.opinion.gaussian.chain import Chain
 from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, linearise, linearise_all
+from blackboard.opinion.gaussian.linearising import linearise, linearise_all
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.vehicle import Motion, correct

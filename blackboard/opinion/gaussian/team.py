@@ -22,12 +22,11 @@ from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_the_mean
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import UNSTEADY
 from blackboard.opinion.gaussian.rings import Place
 from blackboard.opinion.gaussian.sightings import batches, close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.tracking import end_tick
-from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, drive, speed
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, UNSTEADY, Motion, Nuisance, drive, speed
 from blackboard.opinion.grid import Grid
 
 LATELY = 2.0  # seconds after which what a robot did counts for 1/e in how fast it is told to go on

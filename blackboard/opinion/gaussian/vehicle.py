@@ -27,6 +27,8 @@ POSE = slice(0, 3)
 ANYWHERE = math.pi**2 / 3  # radians ** 2: the variance of a heading of which nothing is known
 CURVED, SPINNING = 0.3, 0.6  # shares (`kinds`) from which on a way is a curve, and a turn begins to be one on the spot
 Angle = TypeVar("Angle", float, Array)
+# The share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after.
+UNSTEADY = 0.5
 FLAT = 1e6  # unit ** 2: the variance of a coordinate of which nothing is known
 
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.chain import Chain
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Bias, Relative, linearise, linearise_all, measured
+from blackboard.opinion.gaussian.linearising import linearise, linearise_all
+from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import FLAT, FORWARD, STATES, TURN, Motion
 from blackboard.opinion.grid import Array
 

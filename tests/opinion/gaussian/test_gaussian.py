@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import gained, likelihood
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Bias, Relative, forget_biases, linearise
+from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.relation import Bias, Relative, forget_biases
 from blackboard.opinion.gaussian.vehicle import (
     AXES,
     BEARING,

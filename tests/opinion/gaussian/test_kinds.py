@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import NUMBERS, Bias, Kind, Relative, linearise, measured
+from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.relation import NUMBERS, Bias, Kind, Relative, measured
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, STATES, Motion, Nuisance, correct, wrap
 from blackboard.opinion.grid import Array

@@ -12,7 +12,8 @@ import pytest
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.relation import Relative, linearise
+from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, correct, drive, entering, wrap
 from blackboard.opinion.grid import Array
