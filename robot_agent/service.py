@@ -165,8 +165,9 @@ class AgentService(Around):
         return out
 
     def _wait_with(self, readings: Readings, now: float) -> None:
-        self._readings.next = readings
-        self.rounds.enter("readings", now)
+        before, self._readings.next = self._readings.next, readings
+        if before is None or (before.run, before.tick) != (readings.run, readings.tick):  # else the world asks again
+            self.rounds.enter("readings", now)
 
     # --- when to act --------------------------------------------------------------------------------------------------
 

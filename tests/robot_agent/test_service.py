@@ -72,6 +72,16 @@ def test_in_lockstep_its_patience_ends() -> None:
     assert robot.counters["late"] == 1
 
 
+def test_its_patience_does_not_begin_anew_when_the_world_asks_again() -> None:
+    robot = service()
+    for envelope in (world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"])):
+        robot.receive(envelope, NOW)
+    patience = robot.settings.patience
+    for envelope in (readings(1), clock(1)):
+        robot.receive(envelope, NOW + patience / 2)
+    assert "Report" in kinds(robot.wake(NOW + patience))
+
+
 def test_the_world_that_asks_again_gets_the_same_answers_and_the_last_word_gets_none() -> None:
     robot = service()
     robot.receive(world(), NOW)
