@@ -36,6 +36,11 @@ def test_robots_that_enter_again_count_no_evidence_twice() -> None:
     assert live(Night(team, found, 1367784387)) is None
 
 
+def test_a_robot_counts_whose_motion_alone_fits_its_link() -> None:
+    team = Team({"a": ("r1",), "b": ("r1", "r2")}, "free", 1, 1.0, 1.0, 0.001, "joint", budget=600.0)
+    assert live(Night(team, (), 1169596795)) is None
+
+
 def test_a_seed_and_a_number_are_always_the_same_night() -> None:
     nights = [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
     assert nights == [draw_night(seed, number) for seed in (1, 2) for number in range(30)]

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import math
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 
 import numpy as np
 
 from blackboard.opinion.belief import Belief
 from blackboard.wire.arrays import unpack
-from blackboard.wire.messages import Consensus, Used
+from blackboard.wire.messages import Consensus, Report, Used
 from tests.nights.events import Event, Recovered, Said
 from tests.nights.night import FIRST, Night
 from tests.nights.oracles import Broken, Oracle, Scored
 
 BARRED = "its evidence breaks the joint"
 FRESH = 2.5  # seconds of age; a tick is at most one
+WATCHED = 2  # ticks at the end of a night in which a board has what robots on a poor link said
 APART = 6.0  # sigmas between what two boards agree on: they may have taken different evidence, and each is right
 
 
@@ -29,6 +31,8 @@ class TheHonestCount(Oracle):
         self._is_well = False
         #: Of a sub-team's level and a robot in it, whether the robot counted in what was said of its place.
         self._counted: dict[tuple[str, str, str], bool] = {}
+        #: Of a sub-team and a robot, when it gave evidence of its place, in seconds of the night, and its stamps.
+        self._given: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
 
     def see(self, event: Event) -> None:
         if isinstance(event, Recovered):
@@ -43,7 +47,21 @@ class TheHonestCount(Oracle):
             if self._is_well and mine and (it.level == "consensus" or it.rule == "joint"):
                 who = it.sub_team, it.level, robot
                 counts = any(used.source == robot and used.weight > 0 and self._is_fresh(used) for used in it.used)
-                self._counted[who] = self._counted.get(who, False) or counts
+                self._counted[who] = self._counted.get(who, False) or counts or self._takes(event, it, robot)
+        elif isinstance(event, Said) and isinstance(it := event.message, Report) and it.evidence is not None:
+            self._given[event.parts["sub_team"], it.source].append((event.at, it.time))
+
+    def _takes(self, event: Said, it: Consensus, robot: str) -> bool:
+        """Whether a joint has all that a robot on a poor link has said a tick before, or earlier: that may be its motion, or nothing."""
+        if (
+            self.night.team.budget is None
+            or it.rule != "joint"
+            or event.at < self.night.end - WATCHED * self.night.team.tick
+        ):
+            return False
+        since, until = self.night.well, event.at - self.night.team.tick
+        said = [time for at, time in self._given[it.sub_team, robot] if since < at < until]
+        return not said or it.ancestors.get(robot, -math.inf) >= said[-1]
 
     def _is_fresh(self, used: Used) -> bool:
         """Whether an opinion is of the newest ticks, by the clock of the board; on a poor link a robot says less."""
