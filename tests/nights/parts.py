@@ -55,8 +55,15 @@ class SomebodySpeaks(Oracle):
             for process, silence in self._silences.items():
                 if process.split("/")[1] == sub_team and (is_new or done >= self._done.get(process, done)):
                     silence.since = None
-        elif is_new and mine is not None and mine.since is None and done > self._published.get(sub_team, (-1.0, 0)):
+        elif is_new and mine is not None and mine.since is None and self._is_later(done, self._published.get(sub_team)):
             mine.since = event.at
+
+    def _is_later(self, done: tuple[float, int], published: tuple[float, int] | None) -> bool:
+        """Whether one is of a later phase; where time runs on two boards settle one tick at two times."""
+        if published is None:
+            return True
+        later = done[0] - published[0]
+        return later > self.night.team.tick / 2 or (abs(later) <= self.night.team.tick / 2 and done[1] > published[1])
 
     def _look(self, event: Moved, board: BoardService) -> None:
         knows = board.clock.run, board.clock.pace, board.lead.leader, tuple(board.roster.boards.get(board.sub_team, ()))

@@ -41,6 +41,12 @@ def test_a_robot_counts_whose_motion_alone_fits_its_link() -> None:
     assert live(Night(team, (), 1169596795)) is None
 
 
+def test_what_boards_settled_of_one_tick_was_said_once_when_the_run_ends_there() -> None:
+    team = Team({"a": ("r1",), "b": ("r2",)}, "realtime", 2, 1.0, 1.0, 0.02, "joint", "cooperative", feedback="paper")
+    found = faults.SecondWorld(2.46, 2.54), faults.Routerless(2.38, 2.43)
+    assert live(Night(team, found, 1130463444)) is None
+
+
 def test_a_seed_and_a_number_are_always_the_same_night() -> None:
     nights = [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
     assert nights == [draw_night(seed, number) for seed in (1, 2) for number in range(30)]

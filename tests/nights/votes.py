@@ -48,8 +48,8 @@ class TheHonestCount(Oracle):
                 who = it.sub_team, it.level, robot
                 counts = any(used.source == robot and used.weight > 0 and self._is_fresh(used) for used in it.used)
                 self._counted[who] = self._counted.get(who, False) or counts or self._takes(event, it, robot)
-        elif isinstance(event, Said) and isinstance(it := event.message, Report) and it.evidence is not None:
-            self._given[event.parts["sub_team"], it.source].append((event.at, it.time))
+        elif isinstance(event, Said) and isinstance(event.message, Report) and event.message.evidence is not None:
+            self._given[event.parts["sub_team"], event.message.source].append((event.at, event.message.time))
 
     def _takes(self, event: Said, it: Consensus, robot: str) -> bool:
         """Whether a joint has all that a robot on a poor link has said a tick before, or earlier: that may be its motion, or nothing."""
