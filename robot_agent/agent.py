@@ -20,7 +20,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.evidence import unpack_state
+from blackboard.wire.gaussians import unpack_state
 from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings, Report, Solo
 from robot_agent.budget import Choice
 from robot_agent.config import RobotSection

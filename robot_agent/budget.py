@@ -25,7 +25,8 @@ from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import PackedEvidence, unpack_increment, unpack_state
+from blackboard.wire.evidence import PackedEvidence
+from blackboard.wire.gaussians import unpack_increment, unpack_state
 from blackboard.wire.messages import PackedBelief, Report
 from blackboard.wire.opinions import reported
 from robot_agent.coarse import coarser

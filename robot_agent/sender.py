@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from blackboard.errors import Refused
-from blackboard.wire.evidence import unpack_state
+from blackboard.wire.gaussians import unpack_state
 from blackboard.wire.messages import Consensus, Report
 from robot_agent.budget import Budget, Choice, Standing
 

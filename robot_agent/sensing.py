@@ -13,7 +13,8 @@ import numpy as np
 
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.grid import Array
-from blackboard.wire.evidence import Seen, unpack_seen
+from blackboard.wire.evidence import Seen
+from blackboard.wire.gaussians import unpack_seen
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from robot_agent.config import OdometrySection, RobotSection, VisionSection
 

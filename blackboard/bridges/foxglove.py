@@ -18,8 +18,8 @@ import numpy as np
 
 from blackboard.bridges.stream import Stream, agreed, corner, masses
 from blackboard.errors import UserError, extra, writing
-from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import Moment, Point
+from blackboard.state.team import Event, TeamFold
 from blackboard.view.taped import Taped
 
 FRAME = "map"  # where the team's grid names none

@@ -23,8 +23,8 @@ import numpy.typing as npt
 from blackboard.bridges.stream import TRAIL, agreed, masses
 from blackboard.errors import UserError, extra
 from blackboard.opinion.grid import Grid
-from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import Moment, Point
+from blackboard.state.team import Event, TeamFold
 
 DEPTH = 9.0  # nats below the highest peak that are shown
 TROUBLE = {"gone", "conflict", "left out", "refused", "namesake"}  # events that are warnings

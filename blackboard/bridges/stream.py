@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import About, Moment
 from blackboard.state.received import STEP, Drawn
+from blackboard.state.team import Event, TeamFold
 from blackboard.view.feed import Source
 
 TRAIL = 60.0  # seconds of team time

@@ -11,7 +11,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import pose_of, velocity_of
+from blackboard.wire.gaussians import pose_of, velocity_of
 from blackboard.wire.messages import Consensus, Refusal
 from blackboard.wire.types import Message
 

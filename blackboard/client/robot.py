@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.client.agreed import TeamNews
+from blackboard.client.arguments import Call
 from blackboard.client.membership import Membership
 from blackboard.opinion.classes import LANDMARK
 from blackboard.opinion.gaussian.joint import Moments
@@ -19,15 +20,12 @@ from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Sighting
 from blackboard.wire.names import SIGHTED
-from blackboard.wire.types import LARGEST
+from blackboard.wire.types import LEAST
 
 if TYPE_CHECKING:
     from robot_agent.driven import Driven, Gathered, Independence, Pose
 
 log = logging.getLogger(__name__)
-
-SMALLEST = 1e-9  # the smallest eigenvalue of a covariance, of its scale
-LEAST = 1e-6  # the smallest sigma, unit or radians: a message holds no smaller one
 
 
 class Robot(Membership):
@@ -75,7 +73,7 @@ class Robot(Membership):
 
         Several pieces between two steps add up. A step without any means that the robot stood.
         """
-        known = _Call("odometry")
+        known = Call("odometry")
         self._tell(
             odometry=Odometry(
                 distance=known.number("distance", distance),
@@ -93,7 +91,7 @@ class Robot(Membership):
 
         Only the way between two poses counts. After a jump of that frame call it once with `dt=0`.
         """
-        known = _Call("moved_to")
+        known = Call("moved_to")
         x, y, heading = known.numbers("pose", pose, (3,))
         seconds = known.number("dt", dt, least=0.0)
         sigmas = known.sigma("distance_sigma", distance_sigma), known.sigma("turn_sigma", turn_sigma)
@@ -107,7 +105,7 @@ class Robot(Membership):
 
     def compass(self, heading: float, sigma: float | None = None) -> None:
         """The robot's heading in the team's frame, as a compass says it: 0 along x, counter-clockwise."""
-        known = _Call("compass")
+        known = Call("compass")
         self._tell(compass=(known.angle("heading", heading), known.sigma("sigma", sigma)))
 
     def fix(
@@ -118,7 +116,7 @@ class Robot(Membership):
         heading_sigma: float | None = None,
     ) -> None:
         """Where the robot is in the team's frame, as of GPS, or where it starts; of two between steps the newest counts."""
-        known = _Call("fix")
+        known = Call("fix")
         x, y = known.numbers("position", position, (2,))
         if heading_sigma is not None and heading is None:
             raise ValueError(f"fix(heading_sigma={heading_sigma!r}): give heading too")
@@ -157,7 +155,7 @@ class Robot(Membership):
         one it sees, the subject is a class: `robot/?`, `person/?`, `object/ball?`, or `landmark/?` of the scenario's map. `confidence`
         is how sure the detector is.
         """
-        known = _Call("see")
+        known = Call("see")
         self._check_seen(subject, alone=range is None or bearing is None, at=at)
         common: dict[str, Any] = {
             "subject": subject,
@@ -168,13 +166,7 @@ class Robot(Membership):
         if position is not None:
             if not (range is bearing is range_sigma is bearing_sigma is None):
                 raise ValueError("see(position=...): give either a position or a range and a bearing")
-            if covariance is None:
-                raise ValueError("see(covariance=None): give the covariance of the position, shape (2, 2)")
-            size = 3 if np.shape(position) == (3,) else 2
-            values = known.numbers("position", position, (size,))
-            matrix = known.covariance("covariance", covariance, size)
-            kind, upper = ("position", "pose")[size - 2], tuple(matrix[np.triu_indices(size)].tolist())
-            self._tell(own=None, seen=(Seen(kind=kind, values=values, covariance=upper, **common),))
+            self._see_position(known, position, covariance, common)
             return
         if covariance is not None:
             raise ValueError("see(covariance=...): belongs to a position; give range_sigma and bearing_sigma")
@@ -194,6 +186,18 @@ class Robot(Membership):
             elif sigma is not None:
                 raise ValueError(f"see({name}_sigma={sigma!r}): give {name} too")
 
+    def _see_position(
+        self, known: Call, position: npt.ArrayLike, covariance: npt.ArrayLike | None, common: dict[str, Any]
+    ) -> None:
+        """A sighting of two numbers, or with the heading of three."""
+        if covariance is None:
+            raise ValueError("see(covariance=None): give the covariance of the position, shape (2, 2)")
+        size = 3 if np.shape(position) == (3,) else 2
+        values = known.numbers("position", position, (size,))
+        matrix = known.covariance("covariance", covariance, size)
+        kind, upper = ("position", "pose")[size - 2], tuple(matrix[np.triu_indices(size)].tolist())
+        self._tell(own=None, seen=(Seen(kind=kind, values=values, covariance=upper, **common),))
+
     # --- a filter of one's own ----------------------------------------------------------------------------------------
 
     def belief(self, mean: npt.ArrayLike, covariance: npt.ArrayLike, odometry: npt.ArrayLike) -> None:
@@ -203,7 +207,7 @@ class Robot(Membership):
         gives it. What the posterior gained over its prediction goes to the team, once. Nothing that came from the team may be in it:
         neither `pose` nor `agreed`. Sightings of mates and objects go to `see` as before, fixes and landmarks into your filter.
         """
-        known = _Call("belief")
+        known = Call("belief")
         place = known.numbers("mean", mean, (3,))
         self._posterior(known, np.array(place), known.covariance("covariance", covariance, 3), odometry)
 
@@ -216,7 +220,7 @@ class Robot(Membership):
         """
         from robot_agent.driven import of_particles
 
-        known = _Call("particles")
+        known = Call("particles")
         points = known.array("particles", particles, 3)
         share = None if weights is None else known.weights("weights", weights, len(points))
         found = of_particles(points, share)
@@ -228,7 +232,7 @@ class Robot(Membership):
         """Of a robot that gives beliefs: how independent of the team's belief they are; `fed_back` where they come from it."""
         return self._desk.call(lambda now: (self._driven.independence, []))
 
-    def _posterior(self, known: _Call, mean: Any, covariance: Any, odometry: npt.ArrayLike) -> None:
+    def _posterior(self, known: Call, mean: Any, covariance: Any, odometry: npt.ArrayLike) -> None:
         size = 5 if np.shape(odometry) == (5,) else 3
         distance, turn, dt, *sigmas = known.numbers("odometry", odometry, (size,))
         if dt < LEAST or any(sigma < 0 for sigma in sigmas):
@@ -247,7 +251,7 @@ class Robot(Membership):
         what a board has refused.
         """
         if time is not None:
-            stamp = _Call("step").number("time", time)
+            stamp = Call("step").number("time", time)
             if stamp < self._stepped:
                 raise ValueError(f"step(time={time!r}): is before the last step, at {self._stepped!r}")
             self._stepped = stamp
@@ -286,73 +290,3 @@ class Robot(Membership):
         self._own = self._own if own is None else own
         with self._lock:
             self._told = (self._told or Gathered()).plus(Gathered(**told))
-
-
-class _Call:
-    """The arguments of a call, checked. ValueError: one that cannot be, by its name, in one sentence."""
-
-    def __init__(self, method: str) -> None:
-        self._method = method
-
-    def number(self, name: str, value: Any, least: float = -LARGEST) -> float:
-        found = self._float(value)
-        if not (math.isfinite(found) and least <= found <= LARGEST):
-            bound = "" if least < 0 else f" of at least {least:g}"
-            raise self.wrong(name, value, f"give a finite number{bound}")
-        return found
-
-    def angle(self, name: str, value: Any) -> float:
-        return math.remainder(self.number(name, value), math.tau)
-
-    def bearing(self, name: str, value: Any) -> float:
-        if abs(found := self.number(name, value)) > math.tau:
-            raise self.wrong(name, value, "give radians; this is more than a whole turn")
-        return math.remainder(found, math.tau)
-
-    def share(self, name: str, value: Any) -> float:
-        found = self._float(value)
-        if not 0.0 < found <= 1.0:
-            raise self.wrong(name, value, "give a number above 0 and at most 1")
-        return found
-
-    def sigma(self, name: str, value: Any) -> float | None:
-        return None if value is None else self.number(name, value, least=LEAST)
-
-    def numbers(self, name: str, value: Any, shape: tuple[int, ...]) -> Any:
-        try:
-            found = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError):
-            found = np.array(np.nan)
-        if found.shape != shape or not np.isfinite(found).all() or np.abs(found).max() > LARGEST:
-            raise self.wrong(name, value, f"give {' x '.join(str(n) for n in shape)} finite numbers")
-        return tuple(found.tolist())
-
-    def covariance(self, name: str, value: Any, size: int) -> Any:
-        found = np.array(self.numbers(name, value, (size, size)))
-        scale = np.sqrt(np.maximum(np.diag(found), LEAST**2))
-        symmetric = np.abs(found - found.T).max() <= 1e-6 * np.abs(found).max()
-        if not symmetric or np.linalg.eigvalsh(found / np.outer(scale, scale))[0] < SMALLEST:
-            raise self.wrong(name, value, "give a symmetric matrix with positive eigenvalues")
-        return found
-
-    def array(self, name: str, value: Any, columns: int) -> Any:
-        shape = np.shape(value)
-        if len(shape) != 2 or shape[1] != columns or not shape[0]:
-            raise self.wrong(name, shape, f"give an array of shape (N, {columns})")
-        return np.array(self.numbers(name, value, shape))
-
-    def weights(self, name: str, value: Any, count: int) -> Any:
-        found = np.array(self.numbers(name, value, (count,)))
-        if (found < 0).any() or not found.sum() > 0:
-            raise self.wrong(name, value, "give numbers of at least 0, not all 0")
-        return found
-
-    def _float(self, value: Any) -> float:
-        try:
-            return math.nan if isinstance(value, bool | str) else float(value)
-        except (TypeError, ValueError, OverflowError):
-            return math.nan
-
-    def wrong(self, name: str, value: Any, cure: str) -> ValueError:
-        shown = " ".join(repr(value).split())  # that of an array has lines
-        return ValueError(f"{self._method}({name}={shown}): {cure}")

@@ -14,7 +14,7 @@ from blackboard.opinion.gaussian.joint import squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, wrap
 from blackboard.opinion.grid import Array
 from blackboard.opinion.scores import LEVELS
-from blackboard.wire.evidence import pose_of, velocity_of
+from blackboard.wire.gaussians import pose_of, velocity_of
 
 LEAST = 1e-12  # of a variance: who claims to err less than a millionth counts as that
 

@@ -22,7 +22,8 @@ from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.run.recording import recording
 from blackboard.run.supervisor import Process, Supervisor, print_line
-from blackboard.state.fold import WORLD, Fold, TeamFold
+from blackboard.state.fold import Fold
+from blackboard.state.team import WORLD, TeamFold
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 

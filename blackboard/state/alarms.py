@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+
+from blackboard.state.moments import Moment
+from blackboard.wire.messages import Consensus
 
 MAX_ALARMS = 256
 QUIET = 5.0  # seconds without it after which something that comes and goes counts as over
 AGAIN = 20.0  # seconds after its end within which it is the same alarm again, with its beginning
 BRIEF = 2.0  # seconds for which a FLEETING one has to last before it is shown
+
+LOST = 0.1  # share of the grid's cells: who may be on more of them, exp(entropy), is lost
+LIKELY_LOST = 0.3  # the probability that a robot is not where the team believes, from which on it is said to be lost
 
 #: Of the worst first.
 KINDS = ("gone", "full disk", "liar", "lost", "refused", "stuck", "moved", "over-confident")
@@ -86,3 +93,41 @@ def of_robot(name: str, settings: Mapping[str, object]) -> dict[tuple[str, str],
             f"{name} is not where its wheels led: it was pushed or carried, or its landmarks are wrong"
         )
     return found
+
+
+def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], dict[tuple[str, str], str]]:
+    """What a settled tick shows on a grid of so many cells, as texts.
+
+    First conflicts, by subject and "", and sources that are left out or disagree, by subject and source. Then alarms, by kind and
+    name.
+    """
+    found, alarms = dict[tuple[str, str], str](), dict[tuple[str, str], str]()
+    for subject, about in moment.subjects.items():
+        if about.best is None or about.best.message.tick < moment.tick:
+            continue
+        it = about.best.message
+        if it.conflict:
+            found[subject, ""] = f"conflict about {subject}"
+        for one in it.dissent:
+            text = f"{one.source} keeps disagreeing about {subject}, by {one.sigmas:.1f} sigmas"
+            found[subject, one.source] = alarms["liar", one.source] = text
+        for out in it.left_out:
+            found[subject, out.source] = f"{out.source} left out about {subject}: {out.reason}"
+        if text := _lost(it, cells):
+            alarms["lost", subject] = text
+        for learned in it.learned:
+            if learned.since is not None and not learned.echo:
+                times = math.sqrt(max(0.0, learned.variance))
+                text = f"{learned.source} is over-confident: its errors are {times:.1f} times what it claims"
+                alarms["over-confident", learned.source] = text
+    return found, alarms
+
+
+def _lost(it: Consensus, cells: float) -> str:
+    """Why the place of a subject is not known; empty where it is."""
+    share = math.exp(min(it.entropy, 99.0)) / cells
+    if share > LOST:
+        return f"{it.subject} is lost: it may be on {100 * share:.0f} % of the map"
+    if it.lost is not None and it.lost >= LIKELY_LOST:
+        return f"{it.subject} is lost with {100 * it.lost:.0f} %: it may not be where the team believes"
+    return ""

@@ -16,11 +16,12 @@ from dataclasses import asdict
 from typing import Any
 
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING
-from blackboard.state.fold import Event, TeamFold
+from blackboard.opinion.grid import Grid
 from blackboard.state.moments import About, Moment
 from blackboard.state.received import REGION, STEP, Drawn, Received
+from blackboard.state.team import Event, TeamFold
 from blackboard.view.summary import alarms, processes
-from blackboard.wire.evidence import pose_of, velocity_of
+from blackboard.wire.gaussians import pose_of, velocity_of
 from blackboard.wire.messages import Consensus, Report
 
 MAX_EVENTS = 30  # and alarms
@@ -45,7 +46,6 @@ def frame(
     processes and `mode` the pace of a moment that is over [default: as they are now].
     """
     cells: list[bytes] = []
-    grid = team.grid
     subjects = {}
     if moment is not None:
         for name, about in moment.subjects.items():
@@ -58,33 +58,14 @@ def frame(
         "tick": None if moment is None else moment.tick,
         "time": None if moment is None else _short(moment.time),
         "at": round(now, 3),
-        "grid": None
-        if grid is None
-        else {
-            "shape": grid.shape,
-            "cell": grid.cell,
-            "origin": grid.origin,
-            "unit": grid.unit,
-            **({"frame": grid.frame} if grid.frame else {}),
-            **({"anchor": asdict(grid.anchor)} if grid.anchor else {}),
-        },
+        "grid": None if team.grid is None else _grid(team.grid),
         "step": STEP,
         "chosen": chosen,
         "subjects": subjects,
         "sightings": () if moment is None else moment.sightings,
         "processes": slim(team, now) if shown is None else shown,
         "alarms": alarms(team, now)[:MAX_EVENTS],
-        "events": [
-            {
-                "at": round(it.at, 3),
-                "tick": it.tick,
-                "what": it.what,
-                "who": it.who,
-                "text": it.text,
-                "severity": it.severity,
-            }
-            for it in _last(team.events, now)
-        ],
+        "events": [{**vars(it), "at": round(it.at, 3), "severity": it.severity} for it in _last(team.events, now)],
     }
     head = json.dumps(header, separators=(",", ":")).encode()
     return b"".join([len(head).to_bytes(4, "little"), head, *cells])
@@ -111,6 +92,13 @@ def slim(team: TeamFold, now: float) -> list[Table]:
         }
         for it in processes(team, now)
     ]
+
+
+def _grid(grid: Grid) -> Table:
+    """A grid as the page has it: without a frame and an anchor that nobody named."""
+    known = {"shape": grid.shape, "cell": grid.cell, "origin": grid.origin, "unit": grid.unit}
+    frame = {"frame": grid.frame} if grid.frame else {}
+    return {**known, **frame, **({"anchor": asdict(grid.anchor)} if grid.anchor else {})}
 
 
 def _last(events: Iterable[Event], now: float) -> list[Event]:

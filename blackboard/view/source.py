@@ -15,8 +15,8 @@ from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.run import door
 from blackboard.run.flags import WhichTeam
-from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment, When
+from blackboard.state.team import TeamFold
 from blackboard.view.feed import Feed
 from blackboard.view.taped import Taped
 from blackboard.wire import keys

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from blackboard.process.columns import cell, columns, shortened
-from blackboard.state.alarms import Alarm
-from blackboard.state.fold import LIKELY_LOST, Fold, TeamFold
+from blackboard.state.alarms import LIKELY_LOST, Alarm
+from blackboard.state.fold import Fold
 from blackboard.state.moments import About, Moment
 from blackboard.state.processes import SILENT, Process
 from blackboard.state.received import REGION
+from blackboard.state.team import TeamFold
 
 Table = dict[str, Any]
 LITTLE = 0.05  # odds below this are not told

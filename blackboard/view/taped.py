@@ -10,8 +10,8 @@ from types import TracebackType
 
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
-from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment, When
+from blackboard.state.team import TeamFold
 from blackboard.tables import parse
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.envelope import Envelope

@@ -25,11 +25,11 @@ from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.provenance import Opinion
-from blackboard.state.fold import TeamFold
-from blackboard.state.moments import About, Moment, scored
+from blackboard.state.moments import About, Moment, Point, scored
 from blackboard.state.received import REGION, Received, read
-from blackboard.wire.evidence import pose_of, velocity_of
-from blackboard.wire.messages import Consensus, Report, Used
+from blackboard.state.team import TeamFold
+from blackboard.wire.gaussians import pose_of, velocity_of
+from blackboard.wire.messages import Consensus, PackedBelief, Report, Used
 from blackboard.wire.opinions import reported, settled
 
 JOINT = "joint"
@@ -81,7 +81,6 @@ def _level(told: Received[Consensus], about: About, moment: Moment, feedback: st
     """One consensus: its belief, its sources, and what it would be without each."""
     it = told.message
     drawn, pose, velocity = told.drawn, pose_of(it.state), velocity_of(it.velocity)
-    score = None if about.truth is None else scored(it.belief, about.truth)
     found: Table = {
         "level": it.level,
         "sub_team": it.sub_team,
@@ -109,20 +108,22 @@ def _level(told: Received[Consensus], about: About, moment: Moment, feedback: st
         "unnamed": [one.model_dump() for one in it.unnamed],
         "existence": it.existence,
         "camps": [{"sources": list(camp.sources), "weight": camp.weight} for camp in it.camps],
-        "truth": None
-        if score is None
-        else {
-            "error": score.error,
-            "log_score": score.log_score,
-            "denser": score.denser,
-            "inside": score.denser < REGION,
-        },
+        "truth": None if about.truth is None else _truth(it.belief, about.truth),
         "recomputed": None,
         "without": {},
     }
     if it.rule != JOINT:
         found["recomputed"], found["without"] = _without(it, about, moment, feedback, drift)
     return found
+
+
+def _truth(belief: PackedBelief, truth: Point) -> Table | None:
+    """How far a belief is from the truth; None where it is no belief on two axes."""
+    score = scored(belief, truth)
+    if score is None:
+        return None
+    kept = {name: getattr(score, name) for name in ("error", "log_score", "denser")}
+    return {**kept, "inside": score.denser < REGION}
 
 
 def _message(it: Consensus, source: str, about: About) -> Report | Consensus | None:

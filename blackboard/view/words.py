@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from blackboard.state.fold import LIKELY_LOST
+from blackboard.state.alarms import LIKELY_LOST
 from blackboard.view.why import JOINT
 
 Table = dict[str, Any]

@@ -27,7 +27,7 @@ from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, POSE, Motion, correct, drive
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
-from blackboard.wire.evidence import pack_evidence
+from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.messages import Informed, PackedBelief, Readings, Report, Solo
 from blackboard.wire.types import capped
 from robot_agent.agent import SNAPSHOTS, Agent, Feedback, TeamBelief

@@ -14,7 +14,8 @@ from mcap.reader import make_reader
 
 from blackboard.bridges.foxglove import CELL
 from blackboard.errors import UserError
-from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.fold import Fold
+from blackboard.state.team import TeamFold
 from blackboard.tape.file import read
 from blackboard.wire.arrays import unpack
 from tests.commands import call

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from blackboard.bridges.stream import Stream, agreed, corner, masses
-from blackboard.state.fold import Event, TeamFold
 from blackboard.state.moments import Moment
+from blackboard.state.team import Event, TeamFold
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.arrays import unpack

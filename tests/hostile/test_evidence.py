@@ -13,7 +13,8 @@ from blackboard.opinion.gaussian.contacts import Claim, Contacts
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import FARTHEST, Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
-from blackboard.wire.evidence import PackedEvidence, PackedRelative, pack_evidence
+from blackboard.wire.evidence import PackedEvidence, PackedRelative
+from blackboard.wire.gaussians import pack_evidence
 from tests.board.joint.desks import MAKE, absurd, at, desk, means, wild
 
 PLACES = {"r1": (10.0, 10.0), "r2": (15.0, 10.0), "r3": (20.0, 10.0)}

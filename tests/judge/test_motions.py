@@ -10,7 +10,7 @@ import pytest
 from blackboard.judge.instant import Instant
 from blackboard.judge.motions import Motions
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.wire.evidence import pack_state, pack_velocity
+from blackboard.wire.gaussians import pack_state, pack_velocity
 from blackboard.wire.messages import Truth
 from tests.judge.instants import TEAMS, at
 from tests.wire import envelopes as messages

@@ -14,7 +14,8 @@ from blackboard.opinion.gaussian.relation import Bias, Relative
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance, correct
 from blackboard.opinion.grid import Array
 from blackboard.wire.codec import decode, encode
-from blackboard.wire.evidence import PackedEvidence, pack_evidence, unpack_increment, unpack_state
+from blackboard.wire.evidence import PackedEvidence
+from blackboard.wire.gaussians import pack_evidence, unpack_increment, unpack_state
 from blackboard.wire.messages import Report
 from robot_agent.short import OFF, ROUNDED, WIDER, shorter
 from tests.wire.messages import REPORT

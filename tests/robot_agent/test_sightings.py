@@ -11,7 +11,8 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.opinion.grid import Grid
-from blackboard.wire.evidence import PackedEvidence, pack_evidence
+from blackboard.wire.evidence import PackedEvidence
+from blackboard.wire.gaussians import pack_evidence
 from robot_agent.sightings import MOST, Sightings
 
 GRID = Grid((100, 100), 0.1)

@@ -16,7 +16,8 @@ from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.evidence import PackedEvidence, pack_evidence
+from blackboard.wire.evidence import PackedEvidence
+from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.messages import Report, Status
 from robot_agent.config import RobotSection, SendSection
 from robot_agent.service import AgentService

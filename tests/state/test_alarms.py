@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from blackboard.state.alarms import MAX_ALARMS, QUIET, Alarms
-from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.fold import Fold
+from blackboard.state.team import TeamFold
 from blackboard.view.summary import alarm_lines, summary, team_summary, text
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode

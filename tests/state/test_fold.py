@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from blackboard.errors import Refused
 from blackboard.opinion.scores import Score
-from blackboard.state import fold as room
-from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.fold import MAX_TEAMS, Fold
 from blackboard.state.processes import MAX_PROCESSES
+from blackboard.state.store import MAX_SOURCES, MAX_SUBJECTS
+from blackboard.state.team import MAX_TRUTHS, TeamFold
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
@@ -192,7 +193,7 @@ def test_names_without_end_are_refused() -> None:
     for n in range(1000):
         token = keys.MEMBER.key(team=f"t{n}", sub_team="a", robot="r1")
         fold.take(Envelope(token, kind=Kind.ALIVE), 0.0)
-    assert len(fold.teams) == room.MAX_TEAMS
+    assert len(fold.teams) == MAX_TEAMS
     for n in range(2000):
         fold.take(Envelope(keys.MEMBER.key(team="t0", sub_team=f"s{n}", robot=f"r{n}"), kind=Kind.ALIVE), 0.0)
     assert len(fold.teams["t0"].processes) == MAX_PROCESSES
@@ -203,22 +204,22 @@ def test_subjects_sources_and_truths_are_bounded() -> None:
     report = next(it for it in of(Report, "report"))
     team = TeamFold("t")
     parts = {"sub_team": "a"}
-    for n in range(room.MAX_SUBJECTS + 5):
+    for n in range(MAX_SUBJECTS + 5):
         made = report.model_copy(update={"subject": f"object/o{n}"})
-        if n < room.MAX_SUBJECTS:
+        if n < MAX_SUBJECTS:
             team.hear(parts, made, 1, 0.0)
         else:
             with pytest.raises(Refused, match="subjects"):
                 team.hear(parts, made, 1, 0.0)
-    for n in range(room.MAX_SOURCES - 1):
+    for n in range(MAX_SOURCES - 1):
         team.hear(parts, report.model_copy(update={"subject": "object/o0", "source": f"x{n}"}), 1, 0.0)
     with pytest.raises(Refused, match="sources"):
         team.hear(parts, report.model_copy(update={"subject": "object/o0", "source": "y"}), 1, 0.0)
     held = []
-    for n in range(3 * room.MAX_TRUTHS):
+    for n in range(3 * MAX_TRUTHS):
         team.hear({}, Truth(run="r", tick=n, time=0.0, positions={"robot/r1": (0.0, 0.0)}), 1, 0.0)
         held.append(holdings(team, "team"))
-    assert held[room.MAX_TRUTHS - 2] != held[room.MAX_TRUTHS - 1] == held[-1]
+    assert held[MAX_TRUTHS - 2] != held[MAX_TRUTHS - 1] == held[-1]
 
 
 def test_refusals_and_conflicts_are_events() -> None:

@@ -9,7 +9,8 @@ from typing import Any
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
 from blackboard.process.service import Service
-from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.fold import Fold
+from blackboard.state.team import TeamFold
 from blackboard.wire.envelope import Envelope, Kind
 from tests.scenarios import SCENARIO
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.fold import Fold
 from blackboard.state.moments import Moment
+from blackboard.state.team import TeamFold
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.arrays import unpack

@@ -14,8 +14,9 @@ from blackboard.errors import UserError
 from blackboard.opinion.agreement import kullback_leibler
 from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.provenance import Opinion
-from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.fold import Fold
 from blackboard.state.moments import Moment
+from blackboard.state.team import TeamFold
 from blackboard.view.feed import TapeFeed
 from blackboard.view.summary import summary, text
 from blackboard.view.why import explain

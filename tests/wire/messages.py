@@ -15,7 +15,8 @@ from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.evidence import Forward, Forwarded, Seen, pack_evidence
+from blackboard.wire.evidence import Forward, Forwarded, Seen
+from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory, PackedNewest, PackedStanding
 from blackboard.wire.messages import (
     Clock,

@@ -11,7 +11,7 @@ from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import HEADING, STATES, Motion, Nuisance
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
-from blackboard.wire.evidence import pack_evidence
+from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.messages import Informed, Report
 
 GRID = Grid((30, 30), 0.5)

@@ -16,11 +16,8 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.wire.codec import decode, encode
-from blackboard.wire.evidence import (
-    Forward,
-    PackedIncrement,
-    PackedState,
-    Seen,
+from blackboard.wire.evidence import Forward, PackedIncrement, PackedState, Seen
+from blackboard.wire.gaussians import (
     pack_evidence,
     pack_state,
     pose_of,

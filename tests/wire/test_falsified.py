@@ -7,8 +7,9 @@ import pytest
 
 from blackboard.opinion.belief import gaussian
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import Seen, unpack_increment, unpack_state
+from blackboard.wire.evidence import Seen
 from blackboard.wire.falsified import displaced, moved, narrowed, overconfident
+from blackboard.wire.gaussians import unpack_increment, unpack_state
 from blackboard.wire.messages import Report
 from tests.wire.reports import GRID, report
 

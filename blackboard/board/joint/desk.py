@@ -39,15 +39,8 @@ from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack
-from blackboard.wire.evidence import (
-    Forward,
-    Forwarded,
-    PackedEvidence,
-    PackedState,
-    PackedVelocity,
-    pack_state,
-    pack_velocity,
-)
+from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedState, PackedVelocity
+from blackboard.wire.gaussians import pack_state, pack_velocity
 from blackboard.wire.messages import Consensus, LeftOut, UnnamedSighting, Used
 from blackboard.wire.types import MAX_NAME, MAX_OPINIONS
 

@@ -10,14 +10,8 @@ from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.relation import Relative
-from blackboard.wire.evidence import (
-    PackedEvidence,
-    unpack_increment,
-    unpack_motion,
-    unpack_nuisance,
-    unpack_relatives,
-    unpack_state,
-)
+from blackboard.wire.evidence import PackedEvidence
+from blackboard.wire.gaussians import unpack_increment, unpack_motion, unpack_nuisance, unpack_relatives, unpack_state
 from blackboard.wire.messages import Learned
 
 MOST = 1e7  # of places and their variances: ten times what stands for a place of which nothing is known

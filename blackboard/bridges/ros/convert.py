@@ -19,7 +19,7 @@ from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Array
-from blackboard.state.fold import LIKELY_LOST
+from blackboard.state.alarms import LIKELY_LOST
 
 ANY_HEADING = math.pi**2 / 3  # variance of a heading of which nothing is known
 MAX_BYTES = 1 << 16  # of a message that is taken; the ones we read have 1 kB and the names of two frames

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from blackboard.bridges.ros import convert
 from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, ODOMETRY, POINTS, POSE, TRANSFORMS, Node, part
 from blackboard.errors import Refused
-from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
 from blackboard.state.received import Received, read
+from blackboard.state.team import TeamFold
 from blackboard.view.summary import Table, processes
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.evidence import unpack_state, velocity_of
+from blackboard.wire.gaussians import unpack_state, velocity_of
 from blackboard.wire.messages import Consensus
 
 log = logging.getLogger(__name__)

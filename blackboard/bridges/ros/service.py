@@ -19,7 +19,8 @@ from blackboard.bridges.ros.publisher import Publisher
 from blackboard.client.member import Member
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
-from blackboard.state.fold import WORLD, Fold, TeamFold
+from blackboard.state.fold import Fold
+from blackboard.state.team import WORLD, TeamFold
 from blackboard.view.summary import Table
 from blackboard.wire import keys
 from blackboard.wire.codec import encode

@@ -20,16 +20,9 @@ from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, wrap
 from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.evidence import (
-    MAX_RELATIVES,
-    PackedEvidence,
-    PackedIncrement,
-    PackedMotion,
-    PackedRelative,
-    Seen,
-    unpack_state,
-)
+from blackboard.wire.evidence import MAX_RELATIVES, PackedEvidence, PackedIncrement, PackedMotion, PackedRelative, Seen
 from blackboard.wire.falsified import displaced, narrowed, overconfident
+from blackboard.wire.gaussians import unpack_state
 from blackboard.wire.messages import Consensus, Informed, Report
 from blackboard.wire.types import LARGEST
 

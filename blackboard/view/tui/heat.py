@@ -12,7 +12,7 @@ from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.state.moments import Moment, Point
 from blackboard.state.received import STEP, Drawn
-from blackboard.wire.evidence import pose_of
+from blackboard.wire.gaussians import pose_of
 
 BACK = (13, 17, 23)
 #: Okabe and Ito's orange, sky, green, pink and yellow, brighter where they are too faint on black, and three that differ from them.

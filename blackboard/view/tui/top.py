@@ -20,8 +20,8 @@ from textual.widgets import Footer, Static
 from blackboard.errors import UserError
 from blackboard.process.columns import shortened
 from blackboard.process.printable import printable
-from blackboard.state.fold import TeamFold
 from blackboard.state.moments import Moment
+from blackboard.state.team import TeamFold
 from blackboard.view.feed import Source
 from blackboard.view.summary import (
     Table,

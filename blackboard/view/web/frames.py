@@ -6,7 +6,8 @@ import json
 from collections import deque
 from dataclasses import dataclass
 
-from blackboard.state.fold import Fold, TeamFold
+from blackboard.state.fold import Fold
+from blackboard.state.team import TeamFold
 from blackboard.view.frame import frame, line, slim
 
 LEAST_GAP = 0.1  # seconds between two frames at least; of ticks that come faster the newest is shown

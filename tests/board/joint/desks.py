@@ -13,7 +13,8 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, entering
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import PackedEvidence, PackedRelative, pack_evidence
+from blackboard.wire.evidence import PackedEvidence, PackedRelative
+from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.messages import Consensus
 
 GRID = Grid((30, 30))

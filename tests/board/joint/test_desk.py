@@ -14,7 +14,8 @@ from blackboard.errors import Refused
 from blackboard.opinion.gaussian.state import MAX_ERRORS
 from blackboard.opinion.gaussian.vehicle import STATES
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import Forward, Forwarded, PackedVelocity, Seen, pack_evidence, velocity_of
+from blackboard.wire.evidence import Forward, Forwarded, PackedVelocity, Seen
+from blackboard.wire.gaussians import pack_evidence, velocity_of
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of

@@ -20,7 +20,7 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.evidence import pack_state, pack_velocity
+from blackboard.wire.gaussians import pack_state, pack_velocity
 from blackboard.wire.messages import Consensus, Status
 from tests.files import GOLDEN
 from tests.wire.envelopes import consensus, put, token

@@ -1,0 +1,220 @@
+"""States, increments and sightings as the messages of `evidence` have them, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import astuple, replace
+from typing import Any
+
+import numpy as np
+
+from blackboard.errors import Refused
+from blackboard.opinion.classes import is_class
+from blackboard.opinion.gaussian.increment import Increment
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import Bias, Relative, measured, triangle, upper_indices
+from blackboard.opinion.gaussian.vehicle import POSE, STATES, Motion, Nuisance
+from blackboard.opinion.grid import Array
+from blackboard.wire.evidence import (
+    FORMER,
+    MAX_RELATIVES,
+    PackedEvidence,
+    PackedIncrement,
+    PackedMotion,
+    PackedNuisance,
+    PackedRelative,
+    PackedState,
+    PackedVelocity,
+    Seen,
+)
+from blackboard.wire.types import LARGEST
+
+NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
+
+
+# --- ours to the wire ------------------------------------------------------------------------------------------------------
+
+
+def pack_evidence(
+    epoch: int,
+    travelled: Motion,
+    nuisance: Nuisance,
+    state: Moments | None,
+    increment: Increment | None,
+    relatives: Sequence[Relative],
+) -> PackedEvidence:
+    """The evidence of one tick for a Report, but for a sighting with an error that no message holds; the profile is sent once."""
+    errors = [(it.range_variance, it.bearing_variance, *(bias.sigma for bias in it.biases)) for it in relatives]
+    sound = [it for it, its in zip(relatives, errors, strict=True) if max(its) <= LARGEST]
+    told = [it for it in sound if it.kind == "range-bearing"]
+    if not all(it.profile for it in told):  # one profile is of all sightings of a message
+        told = [it.without_profile() for it in told]
+    states = STATES if any(nuisance.sigmas[6:]) else FORMER
+    sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(travelled))), strict=True))
+    return PackedEvidence(
+        epoch=epoch,
+        travelled=PackedMotion.model_validate(sums),
+        nuisance=PackedNuisance(
+            forward=nuisance.forward,
+            turn=nuisance.turn,
+            sigmas=nuisance.sigmas if states == STATES else nuisance.sigmas[:6],
+            walks=nuisance.walks if states == STATES else nuisance.walks[:3],
+            memory=tuple(0.0 if np.isinf(seconds) else seconds for seconds in nuisance.memory),
+        ),
+        state=None if state is None else pack_state(state, states),
+        increment=None
+        if increment is None
+        else PackedIncrement(
+            reference=_row(increment.reference[:states]),
+            information=_upper(increment.information[:states, :states]),
+            vector=_row(increment.vector[:states]),
+        ),
+        relatives=[
+            PackedRelative(
+                range=it.range,
+                bearing=it.bearing,
+                range_variance=it.range_variance,
+                bearing_variance=it.bearing_variance,
+                **_packed(it),
+            )
+            for it in told[:MAX_RELATIVES]
+        ],
+        profile=list(told[0].profile) if told else [],
+        seen=[_seen(it) for it in sound if it.kind != "range-bearing"][:MAX_RELATIVES],
+    )
+
+
+def _seen(it: Relative) -> Seen:
+    values, covariance = it.numbers()
+    return Seen(kind=it.kind, values=values, covariance=covariance, **_packed(it))
+
+
+def _packed(it: Relative) -> dict[str, Any]:
+    """The fields that sightings of all kinds have."""
+    same = {name: getattr(it, name) for name in ("subject", "age", "group", "confidence", "mark")}
+    return {**same, "biases": [(bias.sigma, bias.seconds) for bias in it.biases]}
+
+
+def pack_state(state: Moments, states: int | None = None) -> PackedState:
+    """Mean, shape (12,), and covariance, shape (12, 12), of a robot's block; by default without those that are all 0."""
+    if states is None:
+        states = STATES if state.mean[FORMER:].any() or state.covariance[FORMER:].any() else FORMER
+    return PackedState(mean=_row(state.mean[:states]), covariance=_upper(state.covariance[:states, :states]))
+
+
+def pack_velocity(velocity: Moments) -> PackedVelocity:
+    """Mean, shape (2,) or (3,), and covariance."""
+    return PackedVelocity(mean=_row(velocity.mean), covariance=_upper(velocity.covariance))
+
+
+# --- the wire to ours ------------------------------------------------------------------------------------------------------
+
+
+def unpack_state(packed: PackedState) -> Moments:
+    """Mean, shape (12,), and covariance, shape (12, 12). Refused: "mass", a covariance that is none."""
+    return Moments(_whole(packed.mean), _symmetric(packed.covariance, "state.covariance"))
+
+
+def pose_of(packed: PackedState | None) -> Moments | None:
+    """Mean (x, y, heading), shape (3,), and covariance, shape (3, 3), of a robot's block; None without a sound one."""
+    if packed is None:
+        return None
+    with suppress(Refused):
+        state = unpack_state(packed)
+        return Moments(state.mean[POSE], state.covariance[POSE, POSE])
+    return None
+
+
+def velocity_of(packed: PackedVelocity | None) -> Moments | None:
+    """Mean, shape (2,), or (3,) of a robot (its rate of turn is last), and covariance; None without a sound one."""
+    if packed is None:
+        return None
+    with suppress(Refused):
+        return Moments(np.array(packed.mean), _matrix(packed.covariance, "velocity.covariance"))
+    return None
+
+
+def unpack_increment(packed: PackedIncrement) -> Increment:
+    """Refused: "mass", an information matrix with a negative eigenvalue."""
+    information = _symmetric(packed.information, "increment.information")
+    return Increment(_whole(packed.reference), information, _whole(packed.vector))
+
+
+def unpack_motion(packed: PackedMotion) -> Motion:
+    return Motion(*(value for _, value in packed))
+
+
+def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
+    memory = tuple(seconds or np.inf for seconds in packed.memory)
+    return Nuisance(packed.forward, packed.turn, packed.sigmas, packed.walks, memory)
+
+
+def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:
+    """The relative beliefs of a robot, named by its subject, `robot/r1`; without those of kinds that are not known here."""
+    profile = tuple(packed.profile)
+    found = [unpack_seen(it, observer) for it in packed.seen if it.is_known and it.covariance]
+    return tuple(found) + tuple(
+        Relative(
+            observer=observer,
+            subject=it.subject,
+            range=it.range,
+            bearing=it.bearing,
+            range_variance=it.range_variance,
+            bearing_variance=it.bearing_variance,
+            profile=profile,
+            **_unpacked(it),
+        )
+        for it in packed.relatives
+    )
+
+
+def unpack_seen(it: Seen, observer: str) -> Relative:
+    """A sighting of a further kind that is known here, with its covariance."""
+    seen = measured(it.kind, observer, it.subject, it.values, it.covariance)  # type: ignore[arg-type]
+    return replace(seen, **_unpacked(it))
+
+
+def _unpacked(it: PackedRelative | Seen) -> dict[str, Any]:
+    """What sightings of all kinds have beside their numbers and names; what names its subject has no mark."""
+    same = {name: getattr(it, name) for name in ("age", "group", "confidence")}
+    biases = tuple(Bias(sigma, seconds) for sigma, seconds in it.biases)
+    return {**same, "biases": biases, "mark": it.mark if is_class(it.subject) else None}
+
+
+def _row(values: Array) -> tuple[float, ...]:
+    """The numbers, at most as large as a message can hold: a robot whose readings are absurd says so, and is refused."""
+    return tuple(float(v) for v in np.clip(values, -LARGEST, LARGEST))
+
+
+def _upper(matrix: Array) -> tuple[float, ...]:
+    return _row(matrix[upper_indices(len(matrix))])
+
+
+def _whole(row: Sequence[float]) -> Array:
+    """The numbers of all states: those that were not sent are exactly 0."""
+    whole = np.zeros(STATES)
+    whole[: len(row)] = row
+    return whole
+
+
+def _symmetric(upper: Sequence[float], field: str) -> Array:
+    """The matrix of all states: those that were not sent are exactly 0."""
+    matrix = _matrix(upper, field)
+    whole = np.zeros((STATES, STATES))
+    whole[: len(matrix), : len(matrix)] = matrix
+    return whole
+
+
+def _matrix(upper: Sequence[float], field: str) -> Array:
+    matrix = triangle(upper)
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    scaled = matrix / np.outer(scale + (scale == 0), scale + (scale == 0))
+    values = np.linalg.eigvalsh(scaled)
+    if values[0] < NEGATIVE * max(1.0, float(values[-1])):
+        raise Refused("mass", f"{field} has a negative eigenvalue, {values[0]:.3g} of its scale")
+    if values[0] < 0:  # rounding, or somebody who would have others fail on it
+        values, axes = np.linalg.eigh(scaled)
+        scaled = (axes * np.maximum(values, 0.0)) @ axes.T
+        matrix = 0.5 * (scaled + scaled.T) * np.outer(scale, scale)
+    return matrix
