@@ -15,38 +15,28 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from blackboard.errors import Refused
 from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.belief import Belief, uniform
-from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.vehicle import AXES, STATES
-from blackboard.opinion.grid import Array, Grid
+from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import PackedEvidence
-from blackboard.wire.gaussians import unpack_increment, unpack_state
-from blackboard.wire.messages import PackedBelief, Report
+from blackboard.wire.messages import Report
 from blackboard.wire.opinions import reported
 from robot_agent.coarse import coarser
 from robot_agent.config import SendSection
 from robot_agent.short import shorter
 from robot_agent.sightings import Sightings
 from robot_agent.slots import DATAGRAM, Slots
+from robot_agent.worth import COARSER, COARSEST, Offers, Option, Standing, divergence, gained
 
-#: Precisions beside the one that a report has: nats between two levels, and how far below the peak the box reaches.
-FINER, COARSER, COARSEST = (0.2, 8.0), (0.5, 7.0), (1.0, 5.0)
 #: Factor on the worth of a belief about a subject that the boards' joint knows from evidence: such a belief enters the consensus only.
 JOINT = 0.05
 PRICE = 1e-4  # nats per byte at the beginning
 #: Seconds of team time between two whole states in evidence where the boards have the robot in their joint: one that comes needs it.
 STATE_EVERY = 10.0
-MOST = 20.0  # nats that an increment counts at most
 CHEAPEST, DEAREST = 1e-7, 1e3  # nats per byte
 #: Doublings of the price at once, and in each `burst` seconds, between a full bucket and an empty one.
 STIFF, SLOW = 4.0, 2.0
-FLOOR = 1e-12  # of a probability in a logarithm
 
 
 @dataclass
@@ -83,31 +73,11 @@ class LastSent:
 
 
 @dataclass(frozen=True, eq=False)
-class Option:
-    """A report as it could be sent: its bytes on the wire, what it is worth, and the belief that a board then has."""
-
-    report: Report
-    size: int
-    worth: float  # nats
-    belief: Belief
-    whole: bool = True  # False: the motion alone
-
-
-@dataclass(frozen=True, eq=False)
 class Choice:
     """The choice of a tick: the reports that are sent, and on the other subjects what the boards still have."""
 
     reports: list[Report]
     kept: Mapping[str, Belief]
-
-
-@dataclass(frozen=True)
-class Standing:
-    """What the team agreed on about a subject: the entropy in nats, and whether it is a marginal of the boards' joint."""
-
-    entropy: float
-    joint: bool
-    state: Moments | None = None  # of the robot itself in that joint
 
 
 @dataclass
@@ -125,6 +95,7 @@ class Budget:
     price: float = PRICE
     sent: dict[str, LastSent] = field(default_factory=dict)
     sightings: Sightings = field(default_factory=Sightings)  # what boards that keep a joint know from those in evidence
+    _offers: Offers = field(init=False)
     _priced_at: float = -math.inf  # team time, seconds
     _since: dict[str, float] = field(default_factory=dict)  # subject -> team time since which nothing was said about it
     _state_at: tuple[int, float] = (-1, -math.inf)  # epoch and team time of the last whole state in evidence
@@ -132,6 +103,7 @@ class Budget:
     def __post_init__(self) -> None:
         rate = self.settings.budget or math.inf
         self.bucket = Bucket(rate, rate * self.settings.burst)
+        self._offers = Offers(self.grid, self.robot, self.size)
 
     def choose(
         self, reports: Sequence[Report], time: float, speed: float | None, team: Mapping[str, Standing]
@@ -151,8 +123,8 @@ class Budget:
                 silent = {report.subject for report in reports} & self.sent.keys()
                 return Choice([], {subject: self.aged(subject, time, speed) for subject in sorted(silent)})
             if evidence is not None:
-                told = {"evidence": self.slots.told(time, evidence)}
-                reports = [it if it.evidence is None else it.model_copy(update=told) for it in reports]
+                gathered = {"evidence": self.slots.told(time, evidence)}
+                reports = [it if it.evidence is None else it.model_copy(update=gathered) for it in reports]
         most = math.log(self.grid.size)  # a board may tell an entropy that no belief on this grid has
         team = {subject: replace(it, entropy=min(most, max(0.0, it.entropy))) for subject, it in team.items()}
         subjects = {report.subject for report in reports}
@@ -173,15 +145,7 @@ class Budget:
                 options, time, {s for s, it in team.items() if it.joint and s != f"robot/{self.robot}"}
             )
         self._reprice(time)
-        for subject, option in chosen.items():
-            self.sent[subject] = LastSent(time, option.belief)
-            if option.whole:
-                self._since[subject] = time
-            evidence = option.report.evidence
-            if evidence is not None and evidence.state is not None:
-                self._state_at = evidence.epoch, time
-            if evidence is not None:
-                self.sightings.said(evidence)
+        self._note_sent(chosen, time)
         kept = {s: stale[s] for s in sorted(subjects) if s not in chosen and s in self.sent}
         return Choice([chosen[r.subject].report for r in reports if r.subject in chosen], kept)
 
@@ -202,6 +166,18 @@ class Budget:
         return self.slots is not None or math.isfinite(self.bucket.rate)
 
     # --- inside -------------------------------------------------------------------------------------------------------
+
+    def _note_sent(self, chosen: Mapping[str, Option], time: float) -> None:
+        """Keep what the boards have from now on."""
+        for subject, option in chosen.items():
+            self.sent[subject] = LastSent(time, option.belief)
+            if option.whole:
+                self._since[subject] = time
+            evidence = option.report.evidence
+            if evidence is not None and evidence.state is not None:
+                self._state_at = evidence.epoch, time
+            if evidence is not None:
+                self.sightings.said(evidence)
 
     def _chosen(self, options: Mapping[str, list[Option]], time: float, known: Collection[str]) -> dict[str, Option]:
         """Who has waited too long comes first; then the best for its bytes, as long as it is worth the price.
@@ -266,8 +242,8 @@ class Budget:
         best = {report.subject: reported(report, self.grid)[-1].belief for report in reports}
         for report in reports:
             known = team.get(report.subject)
-            mate = self._is_mate(report.subject)
-            share = 1.0 if mate else self._share(report.subject, best[report.subject], team)
+            mate = self._offers.is_mate(report.subject)
+            share = 1.0 if mate else _share(best[report.subject], known)
             if known is not None and known.joint and report.evidence is None:
                 share *= JOINT
             if report.evidence is not None:
@@ -275,62 +251,9 @@ class Budget:
                     report, best[report.subject], stale[report.subject], share, time, team
                 )
             else:
-                found[report.subject] = self._options(report, best[report.subject], stale[report.subject], known, share)
-        return found
-
-    def _share(self, subject: str, belief: Belief, team: Mapping[str, Standing]) -> float:
-        """How much of what the team knows about a subject a belief may be: the area of the one over that of the other."""
-        known = team.get(subject)
-        return 1.0 if known is None else min(1.0, math.exp(known.entropy - entropy(belief.p)))
-
-    def _options(
-        self, report: Report, best: Belief, stale: Belief, known: Standing | None, share: float
-    ) -> list[Option]:
-        """The report as it is, then coarser."""
-        informed, first = report.informed, unpack(report.belief, self.grid)
-        if self._is_mate(report.subject):
-            return self._of_mate(report, first, stale, known, share)
-        lost = _divergence(best.p, stale.p)
-        found = [self._option(report, best, best, lost, share)]
-        plain = report.model_copy(update={"ancestors": {}})  # which says the same: the source alone
-        for precisions in (
-            (FINER, FINER),
-            (COARSER, FINER),
-            (COARSER, COARSER),
-            (COARSEST, COARSER),
-            (COARSEST, COARSEST),
-        ):
-            changes: dict[str, object] = {"belief": coarser(first, report.belief, *precisions[0])}
-            told = changes["belief"]
-            if informed is not None:
-                told = coarser(best, informed.belief, *precisions[1])
-                changes["informed"] = informed.model_copy(update={"belief": told})
-            assert isinstance(told, PackedBelief)
-            found.append(self._option(plain.model_copy(update=changes), unpack(told, self.grid), best, lost, share))
-        return found
-
-    def _is_mate(self, subject: str) -> bool:
-        return subject.startswith("robot/") and subject != f"robot/{self.robot}"
-
-    def _of_mate(
-        self, report: Report, first: Belief, stale: Belief, known: Standing | None, factor: float
-    ) -> list[Option]:
-        """What a robot sees of a mate in a tick replaces what it saw before, and is no more right for being another noise.
-
-        So it is worth what its lesser age adds to the precision, the inverse of the area, of all that the team knows. What the team
-        made of it comes from the team, and is left out.
-        """
-        area = float(self.grid.size) if known is None else math.exp(known.entropy)
-        more = max(0.0, math.exp(-entropy(first.p)) - math.exp(-entropy(stale.p)))
-        worth = math.log1p(area * more)
-        share = min(1.0, area * math.exp(-entropy(first.p)))
-        found = [Option(report, self.size(report), worth * factor, first)]
-        plain = report.model_copy(update={"ancestors": {}, "informed": None})
-        for precision in (FINER, COARSER, COARSEST):
-            packed = coarser(first, report.belief, *precision)
-            it, told = plain.model_copy(update={"belief": packed}), unpack(packed, self.grid)
-            lost = share * _divergence(first.p, told.p)
-            found.append(Option(it, self.size(it), (worth - lost) * factor, told))
+                found[report.subject] = self._offers.of_belief(
+                    report, best[report.subject], stale[report.subject], known, share
+                )
         return found
 
     def _with_evidence(
@@ -344,7 +267,7 @@ class Budget:
         assert evidence is not None
         mine = team.get(report.subject)
         entered = mine is not None and mine.joint
-        worth = share * _divergence(best.p, stale.p)
+        worth = share * divergence(best.p, stale.p)
         areas = {subject: it.entropy for subject, it in team.items() if it.joint}
         news = self.sightings.news(evidence, time, None if mine is None else mine.state, areas, self.grid)
         first = coarser(unpack(report.belief, self.grid), report.belief, *(COARSEST if entered else COARSER))
@@ -364,13 +287,9 @@ class Budget:
                 update={"increment": None, "state": None, "relatives": [], "profile": [], "seen": []}
             )
             less = lean.model_copy(update={"evidence": moved})
-            gained = _gained(evidence, None if mine is None else mine.state)
-            found.append(Option(less, self.size(less), max(0.0, worth - share * gained), best, False))
+            lost = gained(evidence, None if mine is None else mine.state)
+            found.append(Option(less, self.size(less), max(0.0, worth - share * lost), best, False))
         return found
-
-    def _option(self, report: Report, told: Belief, best: Belief, lost: float, share: float) -> Option:
-        worth = share * (lost - _divergence(best.p, told.p))
-        return Option(report, self.size(report), worth, told)
 
     def _lean(self, report: Report, entered: bool) -> Report:
         """The evidence without its state, where the boards have it in their joint and heard one lately.
@@ -398,25 +317,6 @@ def _short(report: Report) -> Report:
     return report.model_copy(update={"evidence": shorter(report.evidence)})
 
 
-def _gained(evidence: PackedEvidence, known: Moments | None) -> float:
-    """Nats that an increment adds to what is `known` of a robot's place, or where no board knows it, to what it knows itself."""
-    if evidence.increment is None or (known is None and evidence.state is None):
-        return 0.0
-    try:
-        information = unpack_increment(evidence.increment).information
-        if known is not None:
-            before = known.covariance
-            after = np.linalg.solve(np.eye(STATES) + before @ information, before)
-        else:
-            assert evidence.state is not None
-            after = unpack_state(evidence.state).covariance
-            before = np.linalg.solve(np.eye(STATES) - after @ information, after)
-        nats = 0.5 * math.log(np.linalg.det(before[AXES, AXES]) / np.linalg.det(after[AXES, AXES]))
-    except (Refused, ValueError, np.linalg.LinAlgError):  # the numbers of a robot that knows nothing yet
-        return MOST
-    return float(min(MOST, max(0.0, nats))) if math.isfinite(nats) else MOST
-
-
-def _divergence(p: Array, q: Array) -> float:
-    """KL(p || q) in nats."""
-    return float((p * (np.log(np.maximum(p, FLOOR)) - np.log(np.maximum(q, FLOOR)))).sum())
+def _share(belief: Belief, known: Standing | None) -> float:
+    """How much of what the team knows about a subject a belief may be: the area of the one over that of the other."""
+    return 1.0 if known is None else min(1.0, math.exp(known.entropy - entropy(belief.p)))

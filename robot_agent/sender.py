@@ -10,7 +10,8 @@ import numpy as np
 from blackboard.errors import Refused
 from blackboard.wire.gaussians import unpack_state
 from blackboard.wire.messages import Consensus, Report
-from robot_agent.budget import Budget, Choice, Standing
+from robot_agent.budget import Budget, Choice
+from robot_agent.worth import Standing
 
 FASTEST = 1e6  # unit per second that is said at most
 SPAN = 5  # ticks over which a steady speed is averaged

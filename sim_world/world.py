@@ -124,9 +124,8 @@ class World:
         body.heading = wrap(body.heading + turn)
         body.x += distance * math.cos(body.heading)
         body.y += distance * math.sin(body.heading)
-        if math.dist(body.place, body.waypoint) < 2 * self._radius(
-            body.speed
-        ):  # a nearer waypoint might be circled for ever
+        # A nearer waypoint might be circled for ever.
+        if math.dist(body.place, body.waypoint) < 2 * self._radius(body.speed):
             body.waypoint = self._random_place(body.rng, body.speed)
         return distance, turn
 

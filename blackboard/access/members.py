@@ -17,12 +17,8 @@ if TYPE_CHECKING:
 #: with a `link` the router of another site connects to this one. A `bridge` speaks for the robot of its name, and gives it readings.
 MemberKind = Literal["router", "world", "board", "robot", "bridge", "link", "viewer", "recorder", "health"]
 KINDS: tuple[MemberKind, ...] = get_args(MemberKind)
-NAMED: tuple[MemberKind, ...] = (
-    "board",
-    "robot",
-    "bridge",
-    "link",
-)  # of the other kinds a team has one certificate each
+# Of the other kinds a team has one certificate each.
+NAMED: tuple[MemberKind, ...] = ("board", "robot", "bridge", "link")
 ROLES: dict[MemberKind, Role] = {
     "world": "world",
     "board": "board",

@@ -51,9 +51,8 @@ class Standing:
 
     verdicts: Verdicts = field(default_factory=Verdicts)  # one of each second, with the distance from the others
     taken: float = 1.0  # share of its newest evidence that a joint took; 1 where there is none
-    seen: float = (
-        0.0  # how far, in sigmas, sightings that a joint did not take had this robot from where it is; weighted alike
-    )
+    # How far, in sigmas, sightings that a joint did not take had this robot from where it is; weighted alike.
+    seen: float = 0.0
     since: float | None = None
     logged: bool = False
 

@@ -12,7 +12,8 @@ from itertools import combinations
 import numpy as np
 
 from blackboard.board.dissent import Dissent, Standing
-from blackboard.board.learning import Learner, Sample
+from blackboard.board.factors import Sample
+from blackboard.board.learning import Learner
 from blackboard.errors import Refused
 from blackboard.opinion.believed import MAX_SOURCES, MAX_SUBJECTS, PAIR_WINDOW, Verdicts
 from blackboard.opinion.grid import Array

@@ -6,6 +6,7 @@ import re
 import sys
 from collections import Counter
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -70,16 +71,44 @@ def rerun(
     return door.DONE
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class TopicFlags:
+    """Which topics of ROS are taken in, each as what."""
+
+    odometry: Topics = None
+    "ROBOT=TOPIC, may be given again: a nav_msgs/Odometry that becomes the readings of that robot's `robot-agent`."
+    fix: Topics = None
+    "ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /initialpose, that becomes an absolute position in these readings."
+    pose: Topics = None
+    "ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /amcl_pose, reported as that robot's own belief, without a `robot-agent`."
+    sees: Topics = None
+    "ROBOT:SUBJECT=TOPIC, as r1:object/ball=/r1/ball: a PoseWithCovarianceStamped of what the robot sees, in its own frame."
+
+    def sources(self) -> Sources:
+        """What the flags name, each robot and each topic in one way. UserError: what cannot be, or not together."""
+        from blackboard.bridges.ros.service import Sources
+
+        fixes, poses = _topics("--fix", self.fix), _topics("--pose", self.pose)
+        sources = Sources(_topics("--odometry", self.odometry), fixes, poses, _sightings("--sees", self.sees))
+        if both := sources.poses.keys() & sources.driven:
+            raise UserError(
+                f"--pose {min(both)}: --odometry, --fix and --sees are for a robot with a `robot-agent`, which reports by itself; "
+                "give one of them"
+            )
+        taken = Counter(topic.strip("/") for kind in (fixes, poses, sources.sees) for topic in kind.values())
+        if twice := [topic for topic, number in taken.items() if number > 1]:
+            raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix, --pose or --sees")
+        return sources
+
+
 def ros(
     *,
     which: WhichTeam = WhichTeam(),
     sub_team: str | None = None,
     domain: int = 0,
     namespace: str | None = None,
-    odometry: Topics = None,
-    fix: Topics = None,
-    pose: Topics = None,
-    sees: Topics = None,
+    topics: TopicFlags = TopicFlags(),
     ros_router: Annotated[str | None, Parameter(name="--ros-router")] = None,
     flags: door.ZenohFlags = door.ZenohFlags(),
 ) -> int:
@@ -95,30 +124,17 @@ def ros(
         The ROS domain (ROS_DOMAIN_ID).
     namespace
         What the topics of beliefs begin with [default: the team's name].
-    odometry
-        ROBOT=TOPIC, may be given again: a nav_msgs/Odometry that becomes the readings of that robot's `robot-agent`.
-    fix
-        ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /initialpose, that becomes an absolute position in these readings.
-    pose
-        ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /amcl_pose, reported as that robot's own belief, without a `robot-agent`.
-    sees
-        ROBOT:SUBJECT=TOPIC, as r1:object/ball=/r1/ball: a PoseWithCovarianceStamped of what the robot sees, in its own frame.
     ros_router
         The endpoint of the nodes' own router, as tcp/localhost:7447 [default: the team's router]. With --keys it must be another one.
     """
     with extra("ros", "the bridge to ROS 2"):
         from blackboard.bridges.ros import names
         from blackboard.bridges.ros.service import RosBridge
-    if flags.keys is not None and ros_router is None:
-        raise UserError(
-            "--keys: nodes of ROS have no certificates; name their own router, as --ros-router tcp/localhost:7447"
-        )
-    if not 0 <= domain <= names.MAX_DOMAIN:
-        raise UserError(f"--domain {domain}: give 0 to {names.MAX_DOMAIN}, as in ROS_DOMAIN_ID")
+    _check_nodes(flags, domain, ros_router)
     chosen = which.chosen()
     name = chosen.team.name
     space = _space(namespace or names.part(name))
-    sources = _sources(odometry, fix, pose, sees)
+    sources = topics.sources()
     members = {robot: _member(chosen, sub_team, robot) for robot in sources.poses}
     stop, clock = door.Stop(), UnixClock()
     opened = partial(AttachedLink, patience=door.PATIENCE, stopped=stop, clock=clock)
@@ -132,6 +148,18 @@ def ros(
         door.say("ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens))
         run(service, team if nodes is team else TwoRouters(team, nodes), clock, stop)
     return door.DONE
+
+
+def _check_nodes(flags: door.ZenohFlags, domain: int, ros_router: str | None) -> None:
+    """UserError: nodes of ROS cannot be reached so."""
+    from blackboard.bridges.ros.names import MAX_DOMAIN
+
+    if flags.keys is not None and ros_router is None:
+        raise UserError(
+            "--keys: nodes of ROS have no certificates; name their own router, as --ros-router tcp/localhost:7447"
+        )
+    if not 0 <= domain <= MAX_DOMAIN:
+        raise UserError(f"--domain {domain}: give 0 to {MAX_DOMAIN}, as in ROS_DOMAIN_ID")
 
 
 def _space(namespace: str) -> str:
@@ -150,28 +178,6 @@ def _certificate(flags: door.ZenohFlags, sources: Sources) -> str:
     if flags.keys is not None and len(robots) > 1:
         raise UserError(f"--keys: a certificate is one robot; run a bridge for each of {', '.join(robots)}")
     return f"bridge/{robots[0]}" if len(robots) == 1 else "viewer"
-
-
-def _sources(
-    odometry: list[str] | None, fix: list[str] | None, pose: list[str] | None, sees: list[str] | None
-) -> Sources:
-    """What the flags name, each robot and each topic in one way. UserError: what cannot be, or not together."""
-    from blackboard.bridges.ros.service import Sources
-
-    sources = Sources(
-        _topics("--odometry", odometry), _topics("--fix", fix), _topics("--pose", pose), _sightings("--sees", sees)
-    )
-    if both := sources.poses.keys() & sources.driven:
-        raise UserError(
-            f"--pose {min(both)}: --odometry, --fix and --sees are for a robot with a `robot-agent`, which reports by itself; "
-            "give one of them"
-        )
-    taken = Counter(
-        topic.strip("/") for kind in (sources.fixes, sources.poses, sources.sees) for topic in kind.values()
-    )
-    if twice := [topic for topic, number in taken.items() if number > 1]:
-        raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix, --pose or --sees")
-    return sources
 
 
 def _member(scenario: Scenario, sub_team: str | None, robot: str) -> Member:

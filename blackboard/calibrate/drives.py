@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,9 +12,8 @@ from blackboard.opinion.gaussian.vehicle import kinds
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings
 
-EVERY = (
-    1.0  # seconds: one sighting of each thing by each robot in so long, because frames that follow each other err alike
-)
+# Seconds: one sighting of each thing by each robot in so long, because frames that follow each other err alike.
+EVERY = 1.0
 MOST_TICKS = 20_000  # that are taken of a recording
 
 
@@ -79,29 +79,24 @@ class Drives:
 
         def moved(it: Absolute) -> Absolute:
             some = it.where(inside(it.tick))
-            return Absolute(some.tick - first, some.robot, some.value, some.sigma)
+            return replace(some, tick=some.tick - first)
 
         seen = self.sightings.where(inside(self.sightings.tick))
-        seen = Sightings(seen.tick - first, *(getattr(seen, name) for name in list(seen.__dataclass_fields__)[1:]))
         told, measured = self.told[first:until].copy(), self.measured[first:until].copy()
         told[0], measured[0] = 0.0, True
-        ticks = self.times[first:until]
-        return Drives(
-            self.robots,
-            self.landmarks,
-            self.places,
-            ticks,
-            told,
-            measured,
-            seen,
-            moved(self.fixes),
-            moved(self.headings),
+        return replace(
+            self,
+            times=self.times[first:until],
+            told=told,
+            measured=measured,
+            sightings=replace(seen, tick=seen.tick - first),
+            fixes=moved(self.fixes),
+            headings=moved(self.headings),
         )
 
     def without(self, landmarks: Iterable[int]) -> Drives:
         """The same without the sightings of some landmarks, by their numbers."""
-        seen = self.sightings.where(~np.isin(self.sightings.landmark, list(landmarks)))
-        return Drives(**{**vars(self), "sightings": seen})
+        return replace(self, sightings=self.sightings.where(~np.isin(self.sightings.landmark, list(landmarks))))
 
     def kinds(self, track: float) -> tuple[Array, Array]:
         """Which share of each way is on a curve, and of each turn is driven, shape (K, N); `track` is from wheel to wheel (unit)."""
@@ -113,10 +108,7 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
 
     Not `trusted`: fixes and headings are left out, as those of a replay, which come from the truth.
     """
-    by_tick: dict[int, dict[str, Readings]] = {}
-    for one in readings:
-        if one.tick in by_tick or len(by_tick) < MOST_TICKS:
-            by_tick.setdefault(one.tick, {})[one.robot] = one
+    by_tick = _by_tick(readings)
     ticks = sorted(by_tick)
     robots = tuple(sorted({name for some in by_tick.values() for name in some}))
     number = {f"robot/{name}": n for n, name in enumerate(robots)}
@@ -137,27 +129,7 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
                 headings.append((k, n, one.fix.heading, one.fix.heading_sigma or compass))
             if trusted and one.compass is not None:
                 headings.append((k, n, one.compass, one.compass_sigma or compass))
-            for it in sorted(one.sightings, key=lambda s: -s.age):
-                at = one.time - it.age
-                known = it.landmark is not None or it.subject in number
-                if (
-                    not k
-                    or not known
-                    or it.subject == f"robot/{name}"
-                    or at - newest.get((n, it.subject), -1e9) < EVERY
-                ):
-                    continue
-                newest[n, it.subject] = at
-                back = k
-                while back > 1 and times[back - 1] > at:
-                    back -= 1
-                if it.landmark is not None:
-                    places.setdefault(it.subject, (it.landmark[0], it.landmark[1]))
-                landmark = list(places).index(it.subject) if it.landmark is not None else -1
-                share = min(1.0, max(0.0, (times[back] - at) / (times[back] - times[back - 1])))
-                seen.append(
-                    (back, n, number.get(it.subject, -1) if landmark < 0 else -1, landmark, it.range, it.bearing, share)
-                )
+            seen += _rows(one, k, times, number, places, newest)
     measured[0] = True
     columns = np.array(seen, dtype=float).reshape(-1, 7)
     columns = columns[np.argsort(columns[:, 0], kind="stable")]
@@ -167,6 +139,45 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
     return Drives(
         robots, tuple(places), spots, times, told, measured, sightings, _absolute(fixes, 2), _absolute(headings, 1)
     )
+
+
+def _by_tick(readings: Iterable[Readings]) -> dict[int, dict[str, Readings]]:
+    """Readings by tick and robot, of so many ticks at most."""
+    found: dict[int, dict[str, Readings]] = {}
+    for one in readings:
+        if one.tick in found or len(found) < MOST_TICKS:
+            found.setdefault(one.tick, {})[one.robot] = one
+    return found
+
+
+def _rows(
+    one: Readings,
+    k: int,
+    times: Array,
+    number: Mapping[str, int],
+    places: dict[str, tuple[float, float]],
+    newest: dict[tuple[int, str], float],
+) -> Iterator[tuple[float, ...]]:
+    """The sightings of a robot's tick k, of landmarks and mates, as rows of `Sightings`.
+
+    Each landmark is added to `places`, and the time of the newest sighting of each subject to `newest`, by observer and subject.
+    """
+    own = f"robot/{one.robot}"
+    for it in sorted(one.sightings, key=lambda s: -s.age) if k else ():
+        at, name = one.time - it.age, (number[own], it.subject)
+        known = it.landmark is not None or it.subject in number
+        if not known or it.subject == own or at - newest.get(name, -math.inf) < EVERY:
+            continue
+        newest[name] = at
+        back = k
+        while back > 1 and times[back - 1] > at:
+            back -= 1
+        share = min(1.0, max(0.0, (times[back] - at) / (times[back] - times[back - 1])))
+        mate, landmark = number.get(it.subject, -1), -1
+        if it.landmark is not None:
+            places.setdefault(it.subject, (it.landmark[0], it.landmark[1]))
+            mate, landmark = -1, list(places).index(it.subject)
+        yield back, number[own], mate, landmark, it.range, it.bearing, share
 
 
 def _absolute(rows: list[tuple[float, ...]], size: int) -> Absolute:

@@ -23,9 +23,8 @@ class Case:
     seconds: float = 0.0
     trouble: Trouble | None = None  # of the lines in both directions
     cut: bool = False
-    signal: signal.Signals | None = (
-        None  # SIGSTOP is taken back with SIGCONT at the end; what is killed is started again at once
-    )
+    # SIGSTOP is taken back with SIGCONT at the end; what is killed is started again at once.
+    signal: signal.Signals | None = None
     lose: float = 0.0  # share of reports that never arrive (`[[fault]] kind = "lose"`)
 
 

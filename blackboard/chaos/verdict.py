@@ -18,9 +18,8 @@ WARM = 60.0  # seconds at the beginning of a life that are left out: caches fill
 GROWTH = 1.5
 MORE = 2  # threads or descriptors by which two halves of a life may differ: a connection that ends while another one begins
 AGAIN = 5.0  # seconds until a surviving subject is settled again
-BEHIND = (
-    50  # messages that may be on their way to the observer when a status is: it goes before reports and consensuses
-)
+# Messages that may be on their way to the observer when a status is: it goes before reports and consensuses.
+BEHIND = 50
 HEARD = 0.9  # share of the soak in which the observer must have looked
 
 

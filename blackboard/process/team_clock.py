@@ -96,9 +96,8 @@ class TeamClock:
         self._clock_due: float | None = None  # until when the Clock of a world that has a token is waited for
         self._has_waited = False  # whether that was in vain, so that a token alone is not waited for again
         self._token_seen = 0  # how often the world's token had come when its Clock was followed last
-        self._rival: tuple[Clock, float] | None = (
-            None  # the newest, and when the first one arrived that it goes on from
-        )
+        # The newest, and when the first one arrived that it goes on from.
+        self._rival: tuple[Clock, float] | None = None
         self._was_away = False  # whether no Clock could arrive when it was looked last
 
     @property

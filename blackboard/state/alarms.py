@@ -20,10 +20,8 @@ LIKELY_LOST = 0.3  # the probability that a robot is not where the team believes
 #: Of the worst first.
 KINDS = ("gone", "full disk", "liar", "lost", "refused", "stuck", "moved", "over-confident")
 OF_PROCESSES = ("gone", "full disk", "refused")  # they outlast a run
-FLEETING = (
-    "lost",
-    "refused",
-)  # of a moment they are nothing to act on: a wide belief between two sightings, one message too late
+# Of a moment they are nothing to act on: a wide belief between two sightings, one message too late.
+FLEETING = ("lost", "refused")
 
 
 @dataclass(frozen=True)

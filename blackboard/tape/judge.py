@@ -150,9 +150,8 @@ class Match:
     only_replayed: int
     first: str  # the first that is not the same; empty if all are
     exact_from: int | None  # the tick from which all are the same; None if there is none
-    cut_off: int = (
-        0  # of a run without an end: what boards said after the last that is on the tape; it counts for nothing
-    )
+    # Of a run without an end: what boards said after the last that is on the tape; it counts for nothing.
+    cut_off: int = 0
 
     @property
     def exact(self) -> bool:

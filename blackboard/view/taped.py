@@ -65,9 +65,8 @@ class Taped:
         def look() -> None:
             nonlocal found, seen
             newest = self.fold.moments.newest
-            if (
-                when is not None and newest is not None and newest is not seen
-            ):  # each moment once: the older ones are packed
+            # Each moment once: the older ones are packed.
+            if when is not None and newest is not None and newest is not seen:
                 last = seen.tick if seen is not None and seen.run == newest.run else -1
                 fitting = [moment for moment in self.fold.moments.since(last) if when.fits(moment)]
                 found, seen = (fitting[-1] if fitting else found), newest

@@ -154,9 +154,8 @@ def _rest(p: Array, peak: float, lo: tuple[int, ...], levels: Levels, scale: Sca
     if not left:
         return 0.0
     rest = _outside(p, lo, levels.shape) + float(p[_slices(lo, levels.shape)][own].sum())
-    if rest / left > peak * math.exp(
-        (0.4 - scale.top - 1.0) * scale.step
-    ):  # as it is read, the peak is less than a step off
+    # As it is read, the peak is less than a step off.
+    if rest / left > peak * math.exp((0.4 - scale.top - 1.0) * scale.step):
         peak = (1.0 - rest) / _total(*_counted(levels, scale.step)[:2])  # as it will be read
         if rest / left > peak * math.exp((0.4 - scale.top) * scale.step):  # the floor would round up to level 1
             rest = left * peak * math.exp(-scale.top * scale.step)

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blackboard.board import learning
 from blackboard.board.dissent import Dissent, Standing
+from blackboard.board.factors import RIDGE, weights_of
 from blackboard.board.fusion import as_advised, fuse_opinions
 from blackboard.board.learning import Learner
 from blackboard.config import BoardSection
@@ -184,7 +184,7 @@ def test_what_follows_too_soon_or_is_old_is_not_compared() -> None:
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of sources and subjects, with smaller bounds, so that few opinions are needed; of samples with the real one."""
     monkeypatch.setattr(believed, "MAX_SOURCES", 6)
-    monkeypatch.setattr(learning, "MAX_SUBJECTS", 4)
+    monkeypatch.setattr("blackboard.board.learning.MAX_SUBJECTS", 4)
     it = Learner()
     for second in range(12):
         names = [f"n{(second * 3 + i) % 11}" for i in range(4)]
@@ -234,8 +234,8 @@ def test_weights_of_equally_wide_opinions_are_those_of_the_formula(n: int, corre
     """(1 + l) (R + l I)^-1 1 with equal correlations is (1 + l) / (1 + l + (n - 1) rho) for each."""
     matrix = np.full((n, n), correlation)
     np.fill_diagonal(matrix, 1.0)
-    told = (1 + learning.RIDGE) / (1 + learning.RIDGE + (n - 1) * correlation)
-    np.testing.assert_allclose(learning._weights(matrix, np.full(n, 3.0)), told, atol=1e-9)
+    told = (1 + RIDGE) / (1 + RIDGE + (n - 1) * correlation)
+    np.testing.assert_allclose(weights_of(matrix, np.full(n, 3.0)), told, atol=1e-9)
 
 
 # --- the board ----------------------------------------------------------------------------------------------------------

@@ -13,9 +13,8 @@ from tests.holdings import grown, holdings
 from tests.scenarios import JOINT, SCENARIO
 
 TICKS = 80  # by then windows, histories and caches are full
-LOOKS = (
-    4  # what one tick holds depends on what is seen in it: the least of some looks is held against the most of others
-)
+# What one tick holds depends on what is seen in it: the least of some looks is held against the most of others.
+LOOKS = 4
 
 
 def held(team: Team, tick: int) -> list[Counter[str]]:

@@ -133,9 +133,8 @@ def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
                     assert "<title>" in page(viewer)
             else:
                 more = [flags for words, flags in shorter.items() if words in command]
-                said = shell(
-                    where, " ".join([command, *more]), (0, 1) if more else (0,)
-                )  # so short a run need not PASS
+                # So short a run need not PASS.
+                said = shell(where, " ".join([command, *more]), (0, 1) if more else (0,))
                 if " why robot/r1 " in command and not shorter:
                     shown = block("tutorial.md", "robot/r1 is believed").text
                     assert_told(shown, "".join(said.splitlines(keepends=True)[:2]))

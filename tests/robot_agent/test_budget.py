@@ -27,10 +27,11 @@ from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import PackedEvidence
 from blackboard.wire.messages import Consensus, Report, Status
-from robot_agent.budget import STATE_EVERY, Bucket, Budget, Standing
+from robot_agent.budget import STATE_EVERY, Bucket, Budget
 from robot_agent.coarse import coarser
 from robot_agent.config import RobotSection, SendSection
 from robot_agent.gaussian.agent import JointAgent
+from robot_agent.worth import Standing
 from tests.heard import Heard
 from tests.robot_agent.robots import GRID as AGENT_GRID
 from tests.robot_agent.robots import readings

@@ -48,9 +48,8 @@ log = logging.getLogger(__name__)
 
 MAX_ROBOTS = 64
 TICKS = 8  # of another board that are remembered as heard; a stale one may arrive after the newest
-MAX_OBJECTS = (
-    64  # in the joint that one robot has seen, and as many that several have; others are left to the pooled opinions
-)
+# In the joint that one robot has seen, and as many that several have; others are left to the pooled opinions.
+MAX_OBJECTS = 64
 FINEST = 8  # one sensor places a robot no better than a cell over this, where `[board] sharpest` does not say
 STRIKES = 3  # times that a robot's evidence broke the joint until it is left out
 PENALTY = 60.0  # seconds of team time for which it is then left out; afterwards one more time is enough
@@ -76,9 +75,8 @@ class JointDesk:
         self._ageing = ageing or Ageing(settings.drift, grid)
         self.team = self._begun()
         self.dissent = Dissent("agreed", joint=True)
-        self.counters = (
-            counters  # counted here, and kept where the joint begins anew: `joint_restarts`, `joint_dropped`
-        )
+        # Counted here, and kept where the joint begins anew: `joint_restarts`, `joint_dropped`.
+        self.counters = counters
         self._waiting: dict[str, deque[Evidence]] = {}
         #: Of the objects that the joint takes sightings of, the first first: who saw it, and when last (team time, s).
         self._objects: dict[str, dict[str, float]] = {}

@@ -15,10 +15,8 @@ from dataclasses import dataclass, field
 
 from blackboard.opinion.gaussian.evidence import Verdict
 
-SOUND, ASTRAY = (
-    200.0,
-    10.0,
-)  # seconds; these numbers are the likeliest of some on 12 runs of `blackboard lab --lost`, seeds 1 and 2
+# Seconds; these numbers are the likeliest of some on 12 runs of `blackboard lab --lost`, seeds 1 and 2.
+SOUND, ASTRAY = (200.0, 10.0)
 WIDE = 1.5
 #: What a robot gained, what it says of where it is, and sightings.
 AGREES = {"increment": 0.9, "own": 0.4, "relative": 0.6}

@@ -18,10 +18,8 @@ WILDNESS = np.array([0.15, 1.0, 10.0])  # 1 / s: random walks of the velocity, o
 FASTEST = 8.0  # 1 / sqrt(s): sigma of an unknown velocity, over the configured drift
 FAST = 4.0  # the same of a thing without a name: if nothing is near, the next sighting is of another one
 STAY = 5.0  # seconds, in the mean, until an object goes over to another member
-FEW, MANY = (
-    10.0,
-    1000.0,
-)  # sightings: what is assumed of a kind counts for so many, and after so many a sighting for 1/e
+# Sightings: what is assumed of a kind counts for so many, and after so many a sighting for 1/e.
+FEW, MANY = (10.0, 1000.0)
 PLACE, VELOCITY = slice(0, 2), slice(2, 4)
 
 

@@ -31,10 +31,8 @@ from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
 MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
 FADED = 5.0  # time constants after which a lasting error that no sighting used is dropped: 0.7 % of it is left
-WIDENED = (
-    3.0,
-    0.3,
-)  # sigmas added to a robot that may have moved: of the position, times its own; of the heading, radians
+# Sigmas added to a robot that may have moved: of the position, times its own; of the heading, radians.
+WIDENED = (3.0, 0.3)
 
 
 @dataclass(frozen=True)
