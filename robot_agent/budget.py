@@ -1,12 +1,12 @@
 """What a robot on a poor link says in a tick: the reports whose change is worth most for their bytes. Pure.
 
-A board keeps the last report about each subject and lets it spread with age. So a report is worth, in expected nats of log score,
-KL(now || what the board has) - KL(now || what it would have): the first term is what silence costs, the second what a coarser
-report loses. What the team knows better than the robot is worth less, by the area that the team's belief covers over that of the
-robot's own. A sighting of a mate is another matter (`_of_mate`, `sightings.py`): two that follow each other differ by their noise,
-which is no news. A token bucket in team time bounds the bytes, and a price in nats per byte, which rises while the bucket is empty and
-falls while it is full, decides whether to spend now or to wait for something better. Where messages are counted (`slots.py`), one is
-said in each slot.
+A board keeps the last report about each subject and lets it spread with age. So a report is worth KL(now || what the board has)
+- KL(now || what it would have), in expected nats of log score. The first term is what silence costs, the second what a coarser
+report loses. What the team knows better than the robot is worth less, by the area that the team's belief covers over that of
+the robot's own. A sighting of a mate is another matter (`_of_mate`, `sightings.py`): two that follow each other differ by their
+noise, which is no news. A token bucket in team time bounds the bytes. A price in nats per byte decides whether to spend now, or
+to wait for something better. It rises while the bucket is empty, and falls while it is full. Where messages are counted
+(`slots.py`), one is said in each slot.
 """
 
 from __future__ import annotations

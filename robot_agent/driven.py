@@ -1,7 +1,7 @@
 """A robot whose program gives it its readings by calls, in the program's own process. Pure.
 
-It is the robot process (`robot_agent.service`) without Readings on the wire: the program says what its sensors told since the last
-step, and a step makes one tick of that.
+It is the robot process (`robot_agent.service`) without Readings on the wire. The program hands over its measurements since the
+last step, and a step makes one tick of them.
 """
 
 from __future__ import annotations

@@ -174,8 +174,8 @@ def combined(tracked: Belief | None, seen: Belief, fresh: float) -> Belief:
     """A tracked object's belief after a new sighting of it.
 
     Both rest on the robot's own pose, so they are not simply multiplied. Where they contradict each other, both hypotheses are
-    kept (linear pool). Otherwise: the Chernoff pool, tracked^w seen^(1 - w) with the w of least entropy; and where that is
-    w = 1, the tracked belief as it was, tracked * seen^fresh, because the share `fresh` of the sighting is new.
+    kept (linear pool). Otherwise it is the Chernoff pool, tracked^w seen^(1 - w) with the w of least entropy. Where that is w =
+    1, it is tracked * seen^fresh, because the share `fresh` of the sighting is new.
     """
     if tracked is None:
         return seen

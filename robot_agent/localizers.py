@@ -1,8 +1,8 @@
 """Which localizers there are: the package's own, those of installed packages, and those that a script registers.
 
-A localizer is named in a scenario, `[robot] localizer = "mine"`, and made by a factory, called as `factory(settings, grid)`
-with the RobotSection and the team's Grid; it returns a `robot_agent.localizer.Localizer` without any reading yet. A package
-offers its factory as an entry point of the group `cop_blackboard.localizers`; a script registers one with `localizer`.
+A localizer is named in a scenario, `[robot] localizer = "mine"`, and made by a factory. `factory(settings, grid)` gets the
+RobotSection and the team's Grid, and returns a `robot_agent.localizer.Localizer` without any reading yet. A package offers its
+factory as an entry point of the group `cop_blackboard.localizers`; a script registers one with `localizer`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Probability mass over (heading, x, y), and its motion.
 
-A heading bin is a slice of the grid and moves along its own heading: by whole cells, with the remainder kept as the slice's
-offset, because interpolating at every step would blur. Turning rolls the slices by whole bins, with the remainder in
-`turned`. Only slices and cells that hold mass are worked on: what is below `FAINT` of the total is dropped.
+A heading bin is a slice of the grid and moves along its own heading, by whole cells. The remainder is kept as the slice's
+offset, because interpolation at every step would blur. Turning rolls the slices by whole bins, with the remainder in `turned`.
+Only slices and cells that hold mass are worked on: what is below `FAINT` of the total is dropped.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The paper's localizer: a grid over (x, y); the heading is a number, from the compass or from odometry alone.
 
-On a grid of more than `SMALL` cells only a window of cells is worked on. What is left out is at most `FAINT` a cell, 4e-11 of the
-mass on 200 x 200 cells; each of these cells counts as holding `FILL`, and comes in again where evidence raises it above `FAINT`,
-so that a robot that is wrong finds itself again. Evidence that meets the share s of a belief makes of what was left out FAINT / s a
-cell at most. A belief to a power (`tempered`) is on all cells.
+On a grid of more than `SMALL` cells only a window of cells is worked on. What is left out is at most `FAINT` a cell, 4e-11 of
+the mass on 200 x 200 cells. Each of these cells counts as holding `FILL`. It comes in again where evidence raises it above
+`FAINT`, so that a robot that is wrong finds itself again. Evidence that meets the share s of a belief makes of what was left
+out FAINT / s a cell at most. A belief to a power (`tempered`) is on all cells.
 """
 
 from __future__ import annotations

@@ -44,13 +44,13 @@ def reach_of(variance: float) -> int:
 def diffused(p: Array, covariance: Array, walls: Sequence[Sequence[bool]] = ALL_WALLS) -> Array:
     """Mass spread by a Gaussian of a covariance (cells ** 2, shape (2, 2)), in any direction; the border reflects it.
 
-    `p` has shape (nx, ny), and so has the result. `walls[axis]` says whether the first and the last row of an axis are at a border
-    that reflects; where one is not, `p` must hold nothing that matters within `reach_of` cells, because what leaves there comes in
+    `p` has shape (nx, ny), and so has the result. `walls[axis]` says whether the first and the last row of an axis are at a
+    border that reflects. Where one is not, `p` must hold no mass within `reach_of` cells of it: what leaves there comes in
     again at the other end.
 
-    The heat kernel of the grid with a mixed difference, a product in the Fourier domain: its symbol is smooth across the highest
-    frequency, where the plain quadratic form jumps and rings through the whole grid. What it still rings nearby is cut off: no
-    cell falls below LEAST_SHARE of what it had, so that no zero appears, which would rule the cell out for good.
+    The heat kernel of the grid with a mixed difference, a product in the Fourier domain. Its symbol is smooth across the
+    highest frequency. The plain quadratic form jumps there, and rings through the whole grid. What it still rings nearby is cut
+    off: no cell falls below LEAST_SHARE of what it had, so that no zero appears, which would rule the cell out for good.
     """
     (xx, xy), (_, yy) = covariance
     # on a whole grid, six standard deviations: beyond arrives less than 1e-6

@@ -1,8 +1,8 @@
 """Evidence for a joint in fewer bytes, which every reader reads. Pure.
 
-Numbers are rounded to float32, and to whole ones where nothing is lost by it, because `codec.encode(shortest=True)` writes such in
-five bytes or in one. What would break, or claim more than is known, if each number were rounded for itself is rounded so that it
-does not: sums never shrink, a covariance only grows, and an increment gains nothing in directions in which it gained nothing.
+Numbers are rounded to float32, and to whole ones where nothing is lost by it, because `codec.encode(shortest=True)` writes such
+in five bytes or in one. Some numbers cannot be rounded each for itself: a message would be refused, or would claim more than is
+known. So sums never shrink, a covariance only grows, and an increment gains nothing in directions in which it gained nothing.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ def _state(packed: PackedState) -> PackedState:
 def _increment(packed: PackedIncrement, covariance: Array | None) -> PackedIncrement:
     """The likelihood as rows, each a measurement with noise 1, whose products are float32 to the bit once they are rounded.
 
-    The reference may be anywhere, so it is where its numbers are short. `covariance`, shape (12, 12), is what is left of the states'
-    errors: of a state that gained less than `NOTHING` of its own nothing is said, and where rounding changes more of what is known
-    than `CHANGED`, in any direction, the increment stays as it is.
+    The reference may be anywhere, so it is where its numbers are short. `covariance`, shape (12, 12), is what is left of the
+    states' errors. A state whose variance fell by a share of less than `NOTHING` is left out. Where rounding changes more than
+    `CHANGED` of what is known in any direction, the increment stays as it is.
     """
     whole, vector = triangle(packed.information), np.array(packed.vector)
     information = whole.copy()

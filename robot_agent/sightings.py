@@ -1,8 +1,8 @@
 """What the sightings in a robot's evidence tell boards that keep a joint, so that the best can be sent on a poor link. Pure.
 
-A sighting says where its subject is relative to the robot that took it. How well the joint knows that already is more than the two
-places tell, because it keeps what they share. So it is reckoned from the sightings that were sent: each leaves an uncertainty along
-and across the line of sight, which grows with time, and which is at most that of both places.
+A sighting says where its subject is relative to the robot that took it. How well the joint knows that already is more than the
+two places tell, because it keeps what they share. So it is computed from the sightings that were sent. Each leaves an
+uncertainty along and across the line of sight. It grows with time, and is at most that of both places.
 """
 
 from __future__ import annotations

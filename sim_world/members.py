@@ -1,7 +1,7 @@
 """Who takes part in a run: those on the roster that get sensor data and send answers. Pure.
 
-A token alone is nobody: a board, and a robot that the scenario does not name, takes part once it has said something under its
-token. Such a robot is waited for once it has answered a tick.
+A token alone does not count: a board, or a robot that the scenario does not name, takes part once it has sent something under
+its token. Such a robot is waited for once it has answered a tick.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A recorded real team as a factor graph (`blackboard.config.pyfg`), replayed tick by tick.
 
-Team time is seconds since the start. What a robot is given at time t rests on nothing stamped later than t. Where it starts it is told
-with an error, which is drawn; its odometry is dead reckoning over the ticks, and what it measured carries its age.
+Team time is seconds since the start. What a robot is given at time t rests on nothing stamped later than t. A robot gets its
+start with an error that is drawn. Its odometry is dead reckoning over the ticks, and each measurement carries its age.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The world process: it sends the readings and the Clock of each tick, waits for the answers, and gives the tick to the referee.
 
-docs/ticks.md, "A tick in lockstep", is the protocol, and `blackboard.process.rounds.WORLD` the table of its phases.
+The protocol is in docs/ticks.md, "A tick in lockstep", and the table of its phases in `blackboard.process.rounds.WORLD`.
 """
 
 from __future__ import annotations

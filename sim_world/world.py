@@ -4,7 +4,7 @@ Robots and people travel at constant speed from waypoint to waypoint, turning at
 straight along the new heading. Objects stand or do a random walk, reflected half a unit before the walls.
 
 Every robot, object and person has random streams of its own, drawn from the seed by name (a sighting's by observer and
-subject), so one more robot changes nothing about the others, except that they may see it.
+subject). So one more robot changes nothing about the others, except that they may see it.
 """
 
 from __future__ import annotations

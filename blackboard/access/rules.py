@@ -109,8 +109,8 @@ def link_grant(link: Member, members: Iterable[Member]) -> Grant:
 def access_control(members: Iterable[Member]) -> dict[str, Any]:
     """The section `access_control` of a router's Zenoh configuration: one subject for each member, and deny for everything else.
 
-    Where there are links it is that of the routers of all sites. One that connects with a link knows the other by the name of
-    the routers' certificate, with which nobody can connect, and takes everything from it.
+    Where there are links it is that of the routers of all sites. A router with a link knows the other by the name of the
+    routers' certificate, with which no process can connect. It takes everything from it.
     """
     members = list(members)
     links = [member for member in members if member.kind == "link"]
@@ -155,7 +155,7 @@ def _rules(member: Member) -> list[dict[str, Any]]:
 
 
 def _rules_between(other: Member, may: Grant) -> list[dict[str, Any]]:
-    """Those of another site's router; doors stay at their own site, so nobody is told by the wrong router."""
+    """Those of another site's router; doors stay at their own site, so that no process hears the wrong router."""
     who = other.who
     rows = [
         ("writes", "ingress", TELLS, may.writes),

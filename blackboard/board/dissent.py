@@ -1,12 +1,13 @@
 """Who disagrees with what the others believe: since when, how far, and how much it counts meanwhile. Pure.
 
-Each source is judged by the consensus without it: once a second of team time (SPACING), on every subject on which at least three
-independent opinions are bell-shaped. A distance beyond the 99 % quantile is a contradiction, and a second in which most of a
-source's opinions contradict speaks against it. Whoever most of the last seconds speak against is named, and its opinions are taken
-to a power that falls to LEAST_WEIGHT; it returns as slowly as REDEEMED says. As long as nobody is named, nothing is changed.
+Each source is judged by the consensus without it: once a second of team time (SPACING), on every subject on which at least
+three independent opinions are bell-shaped. A distance beyond the 99 % quantile is a contradiction, and a second in which most
+of a source's opinions contradict speaks against it. A source that disagreed in most of the last seconds is named. Its opinions
+are taken to a power that falls to LEAST_WEIGHT, and that rises again as slowly as REDEEMED says. As long as nobody is named,
+nothing is changed.
 
-Where half of the sources or more would be named at once, nobody can tell who is wrong, and nobody is. What is told then are the
-camps: groups that agree among themselves and contradict each other, two of them equally large.
+Where half of the sources or more would be named at once, it cannot be decided which are wrong, and none is named. What is told
+then are the camps: groups that agree among themselves and contradict each other, two of them equally large.
 """
 
 from __future__ import annotations

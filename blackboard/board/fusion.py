@@ -83,13 +83,13 @@ def fuse_opinions(
 ) -> Fusion:
     """Pool opinions about one subject, at least one, all on `grid`; the order does not matter.
 
-    Where the subject's rule is a coalition with independence "learn", the learner hears the independent opinions at the team time
-    `now`, in seconds, and says how far each is to be believed; without a learner the rule is as cautious as before any evidence.
-    `counts` says of a robot whether its evidence belongs to the first-hand part, or to the fused belief alone.
-    Unless `feedback` is "paper", independent opinions that are uniform are left out where others are not: they hold no information,
-    but would change the exponents of a rule, which depend on the number of opinions. Their shares are 0.
-    With `dissent`, who keeps disagreeing with the others counts for less, where the learner does not see to that, and where
-    `feedback` is not "paper". `powers` are those of a fusion that is to be done again, without a learner and dissent.
+    Where the subject's rule is a coalition with independence "learn", the learner takes the independent opinions at the team
+    time `now` (s), and advises how to weigh each. Without a learner the rule is as cautious as before any evidence. `counts`
+    says of a robot whether its evidence belongs to the first-hand part, or to the fused belief alone. Unless `feedback` is
+    "paper", independent opinions that are uniform are left out where others are not. They hold no information, but would change
+    the exponents of a rule, which depend on the number of opinions. Their shares are 0. With `dissent`, who keeps disagreeing
+    with the others counts for less, where the learner does not see to that, and where `feedback` is not "paper". `powers` are
+    those of a fusion that is to be done again, without a learner and dissent.
     """
     opinions = sorted(opinions, key=lambda o: (o.source, len(o.ancestors)))
     everything = settings.feedback == "paper"  # Table I to the letter: everything is multiplied

@@ -1,13 +1,14 @@
 """How far the sources of a board may be believed, learned from how well they agree, without any truth. Pure.
 
 For two sources i and j whose opinions rest on different evidence, d the difference of their means and S their covariances,
-a = d^T (S_i + S_j)^-1 d / 2 is exponentially distributed with mean 1 where both are honest (2-D). So its median over a window says
+a = d^T (S_i + S_j)^-1 d / 2 is exponentially distributed with mean 1 where both are honest (2-D). So its median over a window gives
 
     m = median(a) / ln 2,  about  (v_i + v_j) / 2 - rho s_i s_j sqrt(v_i v_j) / mean(s_i^2, s_j^2)
 
-with v the *variance factor* of a source (above 1: over-confident) and rho the *correlation* of the errors of the two. m above 1 is
-read as over-confidence, m below 1 as correlation: agreement alone cannot tell a source that claims too wide from one that echoes.
-Who disagrees with a majority whose members agree is *outside* of it, and its variance factor is measured against the members.
+with v the *variance factor* of a source (above 1: over-confident) and rho the *correlation* of the errors of the two. m above 1
+is read as over-confidence, m below 1 as correlation. Agreement alone cannot distinguish a source whose claims are too wide from
+one that repeats another. Who disagrees with a majority whose members agree is *outside* of it, and its variance factor is
+measured against the members.
 
 Before any evidence the advice is the rule's default; an estimate counts with the share n / (n + PRIOR_COUNT) of n effective samples.
 """

@@ -16,8 +16,8 @@ WAITING = 256  # pieces of one direction that are on their way; more are not rea
 class Lane:
     """Listens on a port of 127.0.0.1 and passes each connection on to another one; an asynchronous context.
 
-    `trouble` may be changed at any time. While it is cut, nothing passes in either direction and nothing is lost: what was sent, and
-    who connects, waits, as on a cable that is pulled out and put in again before TCP gives up. Zenoh gives up after its lease.
+    `trouble` may be changed at any time. While it is cut, nothing passes in either direction and nothing is lost. Data and new
+    connections wait, as on a cable that is put in again before TCP gives up. Zenoh gives up after its lease.
     """
 
     def __init__(self, name: str, port: int, target: int, rng: np.random.Generator) -> None:

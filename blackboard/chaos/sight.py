@@ -1,7 +1,7 @@
 """What an observer of a team sees of its recovery: whether every board's newest beliefs rest on what each robot said just now. Pure.
 
-A board's belief about a robot is settled while the newest agreed one is no more than `FRESH` seconds of team time old and contains
-what the robot itself said no more than `FRESH` seconds ago; a belief about an object while it is that fresh.
+A board's belief about an object is settled while the newest agreed one is at most `FRESH` seconds of team time old. One about a
+robot must also contain what the robot itself said at most `FRESH` seconds ago.
 """
 
 from __future__ import annotations

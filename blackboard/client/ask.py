@@ -43,8 +43,8 @@ def ask(
 ) -> Found:
     """The team, sub-team and grid of a board that answers within `patience` seconds; `team` and `sub_teams` where they are known.
 
-    UserError, a sentence that begins with `who`: nobody answers, or boards of several sub-teams do and none was named, for which
-    `cure` says what to do.
+    UserError: no board answers, or boards of several sub-teams do and none was named. Its sentence begins with `who` and ends
+    with `cure`.
     """
     end, pause = now() + patience, threading.Event()
     known = dict[tuple[str, str], Found]()

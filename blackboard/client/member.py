@@ -1,8 +1,8 @@
 """A robot whose beliefs another program makes, as a service: what it reports when. Pure.
 
-Where no world gives the clock, a report is sent at once, stamped with Unix time. Where a world does, what was reported is sent again
-at each of its ticks with the stamp that it had, until it is `STANDS` seconds old, because a world that waits for everybody waits for
-this robot, too.
+Where no world gives the clock, a report is sent at once, stamped with Unix time. Where a world does, a report is sent again at
+each of its ticks with the stamp that it had, until it is `STANDS` seconds old. A world that waits for everybody waits for this
+robot, too.
 """
 
 from __future__ import annotations

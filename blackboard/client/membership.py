@@ -62,9 +62,10 @@ class Membership:
     ) -> None:
         """Join as `robot`; team, sub-team and grid are those of the scenario (a file, or the name of one that comes with the package).
 
-        Without a scenario a board that answers at the endpoint [default: tcp/127.0.0.1:7447] says them, if there is one team and
-        sub-team, or the robot's certificate in `keys` (a directory of `blackboard keys`). With `strict` the next call raises what
-        a board refused before; otherwise that is logged, once for each board and reason. `patience` is in seconds.
+        Without a scenario they come from a board that answers at the endpoint [default: tcp/127.0.0.1:7447], if there is one
+        team and sub-team. Or they come from the robot's certificate in `keys` (a directory of `blackboard keys`). With `strict`
+        the next call raises what a board refused before; otherwise that is logged, once for each board and reason. `patience`
+        is in seconds.
         """
         self.robot = robot
         self._scenario = scenario if scenario is None or isinstance(scenario, Scenario) else load(scenario)

@@ -245,9 +245,10 @@ class Robot(Membership):
     # --- the place in the team ----------------------------------------------------------------------------------------
 
     def step(self, time: float | None = None) -> Pose | None:
-        """Take all that was told since the last step, and tell the team: where the robot is, None before anybody knows.
+        """Process all that was given since the last step, and send it to the team: where the robot is, None while its place is
+        unknown.
 
-        `time` is team time in seconds of what was told [default: now]. Call it a few times per second. Refused: with `strict`,
+        `time` is the team time (s) of what was given [default: now]. Call it a few times per second. Refused: with `strict`,
         what a board has refused.
         """
         if time is not None:

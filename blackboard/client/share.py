@@ -3,9 +3,9 @@
 So large fleets become a tree of teams that are small enough for everybody to hear everybody, and sites share what both see.
 
 Nothing is counted twice, whatever the teams tell each other in a circle: what is shared is an informed belief beside a uniform
-first-hand one. A board pools such beliefs by Chernoff's rule, for which the same information again adds nothing, and leaves uniform
-ones out. Whose information a belief contains goes with it, each robot under the name of its team (`north..r1`), until when it was
-gathered too. What has nothing newer than the other team knows already is not told, and what has nothing that is newer than
+first-hand one. A board pools such beliefs by Chernoff's rule, for which the same information again adds nothing, and leaves
+uniform ones out. Whose information a belief contains goes with it, each robot under the name of its team (`north..r1`), until
+when it was gathered too. What holds nothing newer than the other team has is not sent, and what holds nothing newer than
 `max_age` ends. So a belief that nobody has seen evidence of ends in all teams.
 """
 
@@ -114,7 +114,7 @@ class Share(Around):
     # --- from one team to the other -----------------------------------------------------------------------------------
 
     def _learn(self, agreed: Agreed) -> None:
-        """Hear what the team that is told agrees on, so that it is not told its own knowledge again."""
+        """Note what the receiving team agrees on, so that its own knowledge is not sent back to it."""
         self._known.pop(agreed.subject, None)
         self._known[agreed.subject] = agreed.story.ancestors
         if len(self._known) > MAX_SUBJECTS:
@@ -157,8 +157,8 @@ class Share(Around):
     def _told(self, subject: str, agreed: Agreed, came: float, now: float) -> list[Envelope]:
         """A report, if some ancestor is newer than the other team knows; its withdrawal, if all ancestors are older than `max_age`.
 
-        Whose information it is, and until when, is told by the names and in the time of the other team. How old it is, only the
-        team that is heard says, and for how long it has been here, so that it does not matter by which clock that team goes.
+        Whose information it is, and until when, is given by the names and in the time of the other team. Its age is the age in
+        the source team plus the seconds since it came here, so the clock of the source team plays no part.
         """
         stamp = self.tells.clock.time(now) - max(0.0, now - came)
         gathered, news = dict[str, float](), list[tuple[str, float]]()

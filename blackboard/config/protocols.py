@@ -1,7 +1,7 @@
 """The protocols of a replay: which landmark sightings the robots may use, and who is not given its start pose.
 
-A protocol makes the recording harder, so that the team matters: without landmarks a robot depends on its team-mates. In those of
-the families `O1_landmark` and `O2_mate` one landmark, or one robot, is an object that the others look for: nobody is told where the
+A protocol makes the recording harder, so that the team matters: without landmarks a robot depends on its team-mates. In the
+families `O1_landmark` and `O2_mate` one landmark, or one robot, is an object that the others look for. No robot knows where the
 landmark is, and the robot does not take part.
 """
 

@@ -1,7 +1,7 @@
 """The [world] tables of a scenario: what is true, how the sensors measure, and what the referee asks for a PASS.
 
-Positions, distances and sigmas are in the grid's unit (cells in the paper's world), angles in radians, seconds;
-the robots' own models have keys of their own in [robot], on purpose: a robot with a wrong model can be tested.
+Positions, distances and sigmas are in the grid's unit (cells in the paper's world), angles in radians, times in seconds. The
+robots' models have keys of their own in [robot], so that a robot with a wrong model can be tested.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Samples that a team owed and that could not be judged, because a robot was not there or a belief was missing. Pure.
+"""Samples that were expected and could not be judged, because a robot was not there or a belief was missing. Pure.
 
-A robot owes a belief about its own place in every judged tick, and its board the consensus and the agreed one. About an object
-nobody owes anything before the robot has seen it; then the team does.
+In every judged tick a robot is expected to have a belief about its own place, and its board the consensus and the agreed one. A
+belief about an object is expected only after the robot has seen it; from then on also of the team.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Attendance:
         """Of which subjects more than the share `most` of the samples is missing, and which robots were gone at the end.
 
         Of a robot that was never judged at all the verdict says so by itself. A robot that the scenario does not name and that has
-        left owes nothing any more.
+        left is expected no more.
         """
         found = []
         for subject in subjects:

@@ -1,8 +1,8 @@
 """GOSPA, the distance of a set of tracks from the things that are there, and its parts. Pure.
 
 A. S. Rahmathullah, A. F. Garcia-Fernandez, L. Svensson, "Generalized optimal sub-pattern assignment metric", FUSION 2017, with
-alpha = 2. It is the least, over all assignments of tracks to things, of
-(sum of d^p over what is assigned + c^p / 2 for each thing and each track that is left over)^(1/p).
+alpha = 2. It is the least value of (sum of d^p over assigned pairs + c^p / 2 for each thing and each track left over)^(1/p),
+over all assignments of tracks to things.
 """
 
 from __future__ import annotations

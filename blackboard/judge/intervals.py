@@ -100,11 +100,11 @@ def share_of_blocks(hits: npt.ArrayLike, samples: npt.ArrayLike, z: float = Z) -
 def effective_samples(hits: npt.ArrayLike, samples: npt.ArrayLike) -> float:
     """How many independent samples would give the share of hits the variance that it has over blocks.
 
-    `hits` and `samples` are those of each block in order of time, both of shape (B,). With h_b hits among n_b samples, p the share of
-    all and d_b = h_b - p n_b, the variance of p is the ratio estimator's times (1 + r) / (1 - r), where r is the `autocorrelation`
-    of d (Bayley and Hammersley, J. R. Stat. Soc. Suppl. 8, 1946). The answer is p (1 - p) over it: at most the number of samples, so
-    that luck in the blocks makes no interval narrower than independence does; at least (B - 1) (1 - r) / (1 + r) where blocks are
-    equal. B where p is 0 or 1, and 1 where there is one block: no spread can be seen.
+    `hits` and `samples` are those of each block in order of time, both of shape (B,). With h_b hits among n_b samples, p the
+    share of all and d_b = h_b - p n_b, the variance of p is the ratio estimator's times (1 + r) / (1 - r), where r is the
+    `autocorrelation` of d (Bayley and Hammersley, J. R. Stat. Soc. Suppl. 8, 1946). The answer is p (1 - p) over it. It is at
+    most the number of samples, so that chance in the blocks makes no interval narrower than independence does. Where blocks are
+    equal it is at least (B - 1) (1 - r) / (1 + r). B where p is 0 or 1, and 1 where there is one block: no spread can be seen.
     """
     h, n = np.asarray(hits, dtype=float), np.asarray(samples, dtype=float)
     total = float(n.sum())

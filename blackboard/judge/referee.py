@@ -1,10 +1,10 @@
 """The referee: beliefs compared with the truth at each tick. Pure.
 
-A sample is one robot, one subject (its own place, or an object) and one instant, for which all three beliefs exist: what the
-robot believed alone (`solo`), its sub-team's `consensus`, and what was `agreed` after the exchange. So the three are judged on
-the same samples; where one is missing it is counted under its level. A robot in several sub-teams is judged once, in the first by
-name, through which its evidence counts in the exchange.
-Robots that a [[fault]] is about are the group `faulty`, and what they believe about objects is not judged.
+A sample is one robot, one subject (its own place, or an object) and one instant. Three beliefs must exist: what the robot
+believed alone (`solo`), its sub-team's `consensus`, and what was `agreed` after the exchange. So the three are judged on the
+same samples; where one is missing it is counted under its level. A robot in several sub-teams is judged once, in the first by
+name, through which its evidence counts in the exchange. Robots that a [[fault]] is about are the group `faulty`, and what they
+believe about objects is not judged.
 """
 
 from __future__ import annotations
@@ -253,8 +253,8 @@ class Referee:
         checks.append((not objects or scores["objects"]["solo"]["n"] > 0, "no object was ever judged"))
         failed = [text for passed, text in checks if not passed]
         lacking = self._attendance.lacking
-        owing = [*self._subjects("robots", lacking), *self._subjects("objects", lacking)]
-        failed += self._attendance.reasons(owing, self.check.missing)
+        expected = [*self._subjects("robots", lacking), *self._subjects("objects", lacking)]
+        failed += self._attendance.reasons(expected, self.check.missing)
         compared = [check for group in GROUPS for check in self._checks(group, scores[group])]
         failed += [text for passed, text in compared if not passed]
         return not failed, failed or [text for _, text in compared]

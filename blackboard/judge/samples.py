@@ -1,8 +1,8 @@
 """Samples: beliefs against the truth, a row of a table for each, from which all else can be computed. Pure but for its files.
 
-The scorecard has sums only. What depends on time (when a robot found itself, how it did without landmarks, how correlated the
-misses are) is computed from samples: those that a referee judged (a series), or those that are on a tape. Floats are written so
-that reading gives them back exactly. docs/scorecard.md says what each column of a series is.
+The scorecard has sums only. What depends on time is computed from samples: when a robot found itself, how it did without
+landmarks, how correlated the misses are. They are those that a referee judged (a series), or those on a tape. Floats are
+written so that reading gives them back exactly. docs/scorecard.md says what each column of a series is.
 """
 
 from __future__ import annotations

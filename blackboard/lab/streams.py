@@ -1,7 +1,7 @@
 """Streams: the same sources fused again and again, so that a board can learn how far each may be believed. Pure.
 
-Each stream is a situation: how sources err, how they claim to err, and who repeats whom. The rules see the opinions alone; the oracle
-is told the truth about the sources, their correlations and what they really err by, and so bounds what any learner can reach.
+Each stream is a situation: how sources err, how they claim to err, and who repeats whom. The rules see the opinions alone. The
+oracle knows the true correlations and errors of the sources, and so bounds what any learner can reach.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""The opinions that the boards of a team would be given: robots and world in one process, without network, board or feedback;
-and what a team with all of these agrees on.
+"""The opinions that the boards of a team would be given, and what a whole team agrees on. For the former, robots and world run
+in one process, without network, board or feedback.
 
 First-hand beliefs do not depend on what a board makes of them, so the cases of one run serve every rule.
 """

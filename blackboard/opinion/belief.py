@@ -126,8 +126,8 @@ def gaussian(grid: Grid, mean: Sequence[float], sigma: float | Sequence[float]) 
 def blur(p: Array, sigma: float | Sequence[float]) -> Array:
     """Diffuse mass by `sigma` cells, one for all axes or one for each: the Gaussian blur of a grid.
 
-    The heat kernel of the grid: a random walk of variance sigma^2, however small sigma is (a sampled Gaussian would lose
-    nearly all of it below half a cell), so that blurs add up: sigma 3, then 4, is sigma 5. Mass that would leave the grid is
+    The heat kernel of the grid: a random walk of variance sigma^2, however small sigma is. So blurs add up: sigma 3, then 4, is
+    sigma 5. A sampled Gaussian would lose nearly all of the variance below half a cell. Mass that would leave the grid is
     turned back at the border: mass is conserved, a uniform belief stays uniform, and entropy never falls.
     """
     sigmas = (

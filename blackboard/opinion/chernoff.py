@@ -28,9 +28,9 @@ MAX_STEPS = 50  # of the search over more than two weights
 def chernoff(first: Array, second: Array) -> tuple[Array, float]:
     """first^w second^(1-w), normalised, and the w in [0, 1] for which its entropy is least. Both in the grid's shape.
 
-    The ends are the opinions as they stand (P^0 = 1, also for P = 0), so the result is never less sharp than the sharper one,
-    and it is that one where no cell is possible for both. Of equals `first` is taken: an exact echo changes nothing.
-    Raises OpinionError for an argument that is no PV or of another shape.
+    The ends are the opinions as they stand (P^0 = 1, also for P = 0). So the result is never less sharp than the sharper one.
+    Where no cell is possible for both, it is the sharper one. Of equals `first` is taken: an exact echo changes nothing. Raises
+    OpinionError for an argument that is no PV or of another shape.
     """
     if first.shape != second.shape:
         raise OpinionError(f"opinions of shapes {first.shape} and {second.shape}; give two on one grid")

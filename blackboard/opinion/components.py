@@ -7,10 +7,10 @@ The paper sums over every subset of q opinions (V-.2). With E_0 = 1 and all else
 where E_q is the sum of all products of q opinions and W_q the same with the weights of each product: C_q = W_q. All terms
 are non-negative, so nothing cancels.
 
-The magnitudes span hundreds of decades (1 / alpha_1 = 2^N - 1), so only ratios at most 1 are ever multiplied, and the rest
-is done with logarithms: each cell is scaled by its largest opinion. Where opinions differ so much in a cell that even the
-products of these ratios would underflow, the cell sorts its opinions, P_1 >= P_2 >= ..., and keeps E_q and W_q relative to
-P_1 P_2 ... P_q, the largest product of q there is: E_q is then between 1 and the number of subsets. Both are exact to rounding.
+The magnitudes span hundreds of decades (1 / alpha_1 = 2^N - 1). So only ratios of at most 1 are multiplied, and the rest is
+done with logarithms: each cell is scaled by its largest opinion. Where opinions differ so much in a cell that even the products
+of these ratios would underflow, the cell sorts its opinions, P_1 >= P_2 >= ..., and keeps E_q and W_q relative to P_1 P_2 ...
+P_q, the largest product of q there is: E_q is then between 1 and the number of subsets. Both are exact to rounding.
 
 C_q is linear in each opinion, so P_i dC_q/dP_i is the part of C_q that comes from subsets with opinion i in them. The recursion
 run backwards (reverse differentiation) gives it for all opinions at once, again with non-negative terms only.

@@ -65,10 +65,10 @@ class GeometricMedian(Rule):
 class Clique(Rule):
     """The rule `inner` for the largest set of opinions that agree in pairs; the others are left out.
 
-    Two agree within a Bhattacharyya distance of the threshold `xi`, in nats (II-A.1): 2 is that of equally wide Gaussians 4 sigma
-    apart, which honest ones exceed in 2 of 100 cases (2-D). Where several sets are equally large, the result is the mean of their
-    pools, which keeps the hypotheses of all. As a flat table it has the inner rule's parameters, too; `inner` is then its name.
-    Contribution of an opinion: the share of the largest sets that it is in, 0 or 1 where there is one.
+    Two agree within a Bhattacharyya distance of the threshold `xi`, in nats (II-A.1). 2 is that of equally wide Gaussians 4
+    sigma apart; honest ones exceed it in 2 of 100 cases (2-D). Where several sets are equally large, the result is the mean of
+    their pools, which keeps the hypotheses of all. As a flat table it has the inner rule's parameters, too; `inner` is then its
+    name. Contribution of an opinion: the share of the largest sets that it is in, 0 or 1 where there is one.
     """
 
     inner: Rule = field(default_factory=Logarithmic)

@@ -1,8 +1,8 @@
 """Whether a process does its work: what the health check of a container asks of the process itself, over Zenoh.
 
-A process may exist and do nothing. So a robot is healthy while its belief about its own place is fresh, a board while what it
-settled last is, a world while it answers with its Clock, a router while a session opens through it. The status of a board carries
-the time of the tick that was settled, so that a board which repeats its status and settles nothing is not healthy.
+A process may exist and do nothing. A robot is healthy while its belief about its own place is fresh, and a board while what it
+settled last is. A world must answer with its Clock, and a session must open through a router. The status of a board carries the
+time of the tick that was settled, so that a board which repeats its status and settles nothing is not healthy.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The reference of scenario keys: a Markdown table for each section, made from the models. docs/scenario.md is this text.
 
 A field's own docstring says what it means, and begins with its unit in brackets where it has one: "[s] Length of a tick." What
-may be given comes from the model's schema, by the words that error messages use too.
+may be given comes from the model's schema, in the words of error messages.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ class Tape:
 def load_tape(path: str | Path, scenario: str | None = None) -> Tape:
     """A whole tape. `scenario` is a file, or the name of one, to be used instead of the recorded one.
 
-    UserError: it is no tape or broken, or nobody says which scenario it is of.
+    UserError: the file is no tape or broken, or its scenario is neither on it nor given.
     """
     about = About()
     path = Path(path)

@@ -1,10 +1,10 @@
 """What if: the boards of a tape with other settings, without somebody, or with losses. Pure.
 
-What the world and the robots sent comes from the tape, in the recorder's order and at its times; what boards sent is made anew and
-goes from board to board at once. So it is an estimate, not a repetition: in lockstep, where order and time do not matter, it is
-exact where nothing is changed; in real time the boards see another order, by milliseconds. The robots do not hear the changed
-boards. Readings do not depend on the team, but `informed` beliefs do, and so does where a joint lets a robot linearise: these
-are those of the recorded run.
+What the world and the robots sent comes from the tape, in the recorder's order and at its times. What boards sent is computed
+again, and goes from board to board at once. So it is an estimate, not a repetition. In lockstep, where order and time play no
+part, it is exact where nothing is changed. In real time the boards see another order, by milliseconds. The robots do not hear
+the changed boards. Readings do not depend on the team, but `informed` beliefs do, and so does where a joint lets a robot
+linearise: these are those of the recorded run.
 """
 
 from __future__ import annotations

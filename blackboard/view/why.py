@@ -1,9 +1,9 @@
 """Why a team believes what it believes about a subject: what each source gave, and what would be without it. Pure.
 
-The consensus of a moment is fused again from the reports of that moment, once as it was and once without each source, both with the
-parameters and the powers that the board published; how far the first is from what was published (`recomputed`, nats) says how far
-the rest may be trusted. A belief of the joint is a marginal of one Gaussian of the whole team: there no source has a weight, and
-only who was used and who was not is shown.
+The consensus of a moment is fused again from the reports of that moment, once as it was and once without each source, both with
+the parameters and the powers that the board published; how far the first is from what was published (`recomputed`, nats) says
+how far the rest may be trusted. A belief of the joint is a marginal of one Gaussian of the whole team. There no source has a
+weight, so only who was used and who was not is shown.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The joint of a board: evidence from the wire in, once each; agreed consensuses with their story out. Pure.
 
 Evidence is numbered by robot, epoch and tick, so that what a robot reports to two boards, or what two boards forward, counts
-once. What has arrived is settled step by step, in each step one tick of every robot: in lockstep that is the tick itself, and
-where ticks are the robots' own it is as many steps as the robot that reports most often needs.
+once. What has arrived is settled step by step, in each step one tick of every robot. In lockstep that is the tick itself. Where
+ticks are the robots' own, there are as many steps as the robot that reports most often needs.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ Make = Callable[..., Consensus]
 class JointDesk:
     """Takes evidence, settles it, and publishes what the joint knows.
 
-    A robot that falls silent stays in the joint, because the sum of its motions restores what was lost once it is heard again;
-    its marginal spreads as it moves meanwhile, and is not published after `max_age`.
+    A robot that falls silent stays in the joint, because the sum of its motions restores what was lost once it is heard again.
+    Meanwhile its marginal spreads as it moves, and is not published after `max_age`.
     """
 
     def __init__(
@@ -354,7 +354,7 @@ class JointDesk:
         )
 
     def _now(self, subject: str, time: float) -> Moments:
-        """Where a subject is at a team time (s): a robot that was heard lately has gone on as it went; after that, who knows where."""
+        """Where a subject is at a team time (s): a robot goes on as it went for a short time, then its variance grows."""
         age, marginal = self._age(subject, time), self.team.marginal(subject)
         ahead = self.team.ahead(subject, age) if 0.0 < age <= STALE else None
         if ahead is not None:

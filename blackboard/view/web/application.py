@@ -1,7 +1,7 @@
 """The live page as an ASGI application: files, one WebSocket that carries the newest frame, what is over, and the reasons.
 
-One task takes in what arrives and makes each frame once, however many browsers look on; each browser is sent the newest frame as
-soon as it has taken the one before, so that a slow one loses frames and nothing else. Nothing is loaded from elsewhere.
+One task takes in what arrives and makes each frame once, however many browsers look on. Each browser is sent the newest frame
+as soon as it has taken the one before. So a slow one loses frames and nothing else. Nothing is loaded from elsewhere.
 """
 
 from __future__ import annotations
