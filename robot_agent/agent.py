@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -21,12 +21,22 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.gaussians import unpack_state
-from blackboard.wire.messages import Consensus, Informed, PackedBelief, Readings, Report, Solo
+from blackboard.wire.messages import (
+    MAX_UNNAMED,
+    Consensus,
+    Informed,
+    PackedBelief,
+    Readings,
+    Report,
+    Sighting,
+    Solo,
+    UnnamedBelief,
+)
 from robot_agent.budget import Choice
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
 from robot_agent.localizers import heading_of
-from robot_agent.sensing import placed, trackable
+from robot_agent.sensing import placed, trackable, unnamed
 
 Feedback = Literal["paper", "guarded", "off"]
 
@@ -116,6 +126,7 @@ class Agent:
 
         The solo message holds the same first-hand beliefs as the reports, but for the sighted mates; it is for a referee.
         """
+        strange = unnamed(readings)
         readings = trackable(placed(readings), self.firsthand.objects.keys() | self.informed.objects.keys())
         if self.feedback != "off":
             self._fold(agreed)
@@ -125,6 +136,8 @@ class Agent:
         packed = {subject: pack(belief, self.settings.coding) for subject, belief in sorted(first.items())}
         informed = self._informed(first)
         reports = [self._report(readings, subject, own, informed.get(subject)) for subject, own in packed.items()]
+        own = next(i for i, report in enumerate(reports) if report.subject == self.subject)
+        reports[own] = reports[own].model_copy(update={"unnamed": self._unnamed(strange)})
         reported = informed.get(self.subject, packed[self.subject])
         self._snapshots.append(Snapshot(readings, self.mates, self.informed, reported))
         solo = {s: own for s, own in packed.items() if s == self.subject or s not in self.firsthand.seen}
@@ -220,6 +233,16 @@ class Agent:
             if subject == self.subject
             or (subject in first and entropy(belief.p) < entropy(first[subject].p) - LEAST_GAIN)
         }
+
+    def _unnamed(self, strange: Sequence[tuple[int, Sighting]]) -> list[UnnamedBelief]:
+        """Where the things are that it sees and cannot name, as far as it knows where it is itself."""
+        most, found = self.settings.objects.forget * math.log(self.grid.size), list[UnnamedBelief]()
+        for mark, it in strange[:MAX_UNNAMED]:
+            belief = self.firsthand.place(it)
+            if entropy(belief.p) < most:
+                where = pack(belief, self.settings.coding)
+                found.append(UnnamedBelief(kind=it.subject, belief=where, mark=mark, confidence=it.confidence))
+        return found
 
     def _report(self, readings: Readings, subject: str, own: PackedBelief, informed: PackedBelief | None) -> Report:
         ancestors = dict(sorted(self.informed.ancestors.items()))

@@ -57,6 +57,7 @@ class Estimator:
     robot: str
     localizer: Localizer
     last: Readings | None = None  # the newest ones that were taken
+    moved: Motion | None = None  # in their tick
     objects: dict[str, Belief] = field(default_factory=dict)
     seen: dict[str, Belief] = field(default_factory=dict)  # mates, only where sighted in this tick
     ancestors: dict[str, float] = field(default_factory=dict)
@@ -91,6 +92,7 @@ class Estimator:
             self,
             localizer=localizer,
             last=readings,
+            moved=moved,
             ancestors={**self.ancestors, self.robot: readings.time},
             seen={},
         )
@@ -99,6 +101,10 @@ class Estimator:
     def beliefs(self) -> dict[str, Belief]:
         """All that is believed about somebody's place on the team's grid, by subject."""
         return {f"robot/{self.robot}": self.localizer.marginal(), **self.objects, **self.seen}
+
+    def place(self, sighting: Sighting) -> Belief:
+        """Where something is that was seen in the newest readings."""
+        return self.localizer.project(sighting, self.moved)
 
     def folded(self, agreed: Belief, reported: Belief | None, ancestors: Mapping[str, float]) -> Estimator:
         """Fold the team's agreed belief about this robot back; `reported` is what the robot reported, None if nothing.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blackboard.opinion.classes import is_class
+from blackboard.opinion.classes import LANDMARK, is_class
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import Seen
 from blackboard.wire.gaussians import unpack_seen
@@ -70,15 +70,28 @@ def trackable(readings: Readings, tracked: Collection[str]) -> Readings:
 
 def placed(readings: Readings) -> Readings:
     """The readings with positions and poses that were seen as sightings in range and bearing, for beliefs on grids."""
-    found = []
-    for it in readings.seen:
-        if it.kind in ("position", "pose"):
-            seen = unpack_seen(it, "")
-            sighting = Sighting(
-                subject=it.subject, range=seen.range, bearing=seen.bearing, landmark=it.landmark, age=it.age
-            )
-            found.append(sighting)
+    found = [_placed(it) for it in readings.seen if it.kind in ("position", "pose")]
     return readings.model_copy(update={"sightings": [*readings.sightings, *found]}) if found else readings
+
+
+def _placed(it: Seen) -> Sighting:
+    seen, told = unpack_seen(it, ""), it.confidence
+    return Sighting(
+        subject=it.subject, range=seen.range, bearing=seen.bearing, landmark=it.landmark, age=it.age, confidence=told
+    )
+
+
+def unnamed(readings: Readings) -> list[tuple[int, Sighting]]:
+    """Of the newest frame what has no name and a place, each with its number among all that has no name; no landmarks."""
+    everything: list[Sighting | Seen] = [*readings.sightings, *readings.seen]
+    there = [it for it in everything if is_class(it.subject)]
+    found = [
+        (mark, it if isinstance(it, Sighting) else _placed(it))
+        for mark, it in enumerate(there)
+        if it.subject != LANDMARK and (isinstance(it, Sighting) or it.kind in ("position", "pose"))
+    ]
+    newest = min((it.age for _, it in found), default=0.0)
+    return [(mark, it) for mark, it in found if it.age == newest]
 
 
 def unseen(before: Readings | None, readings: Readings) -> Unseen:

@@ -210,13 +210,14 @@ class AgentService(Around):
         if isinstance(self.agent, Agent):
             parts = sum(it.kind in PARTS and it.landmark is None for it in readings.seen)
             self.counters.update({"unused_parts": parts} if parts else {})
-            if unnamed := sum(is_class(subject) for subject in readings.subjects):
-                self.counters["unused_unnamed"] += unnamed
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         self._failed += 1
         with self.peer.intake.failures.survive("the robot's tick"):
             reports, solo = self.agent.tick(readings, TeamBeliefs(agreed, self.grid))
+            if isinstance(self.agent, Agent):
+                unnamed = sum(map(is_class, readings.subjects)) - sum(len(report.unnamed) for report in reports)
+                self.counters.update({"unused_unnamed": unnamed} if unnamed else {})
             if self._sender is not None:
                 choice = self._sender.choose(reports, readings.time, speed, agreed, self.peer.boards)
                 reports, kept = choice.reports, sorted(choice.kept)

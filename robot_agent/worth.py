@@ -67,7 +67,9 @@ class Offers:
             return self._of_mate(report, first, stale, known, share)
         lost = divergence(best.p, stale.p)
         found = [self._option(report, best, best, lost, share)]
-        plain = report.model_copy(update={"ancestors": {}})  # which says the same: the source alone
+        plain = report.model_copy(
+            update={"ancestors": {}, "unnamed": []}
+        )  # the key says that the source is the only one
         for precisions in (
             (FINER, FINER),
             (COARSER, FINER),

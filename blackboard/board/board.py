@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 
 from blackboard.board import learning
+from blackboard.board.clusters import Clusters
 from blackboard.board.dissent import Dissent
 from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
@@ -22,6 +23,7 @@ from blackboard.board.guests import WAITS, Guests
 from blackboard.board.joint.desk import FINEST, JointDesk
 from blackboard.board.learning import Learner
 from blackboard.board.memory import packed_memory, remembered
+from blackboard.board.unnamed import may_be
 from blackboard.config import BoardSection
 from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.belief import Belief, blur
@@ -70,7 +72,9 @@ class Board:
         self._learners = {"consensus": Learner(), "agreed": Learner()}  # of robots, and of sub-teams
         self._dissents = {level: Dissent(level) for level in ("consensus", "agreed")}  # the same
         counters = Counter() if counters is None else counters
-        self.joint = None if settings.fusion == "opinions" else JointDesk(grid, settings, counters, self.ageing)
+        is_apart = settings.fusion == "opinions"
+        self.joint = None if is_apart else JointDesk(grid, settings, counters, self.ageing)
+        self.clusters = Clusters(grid, self.ageing, sub_team) if is_apart else None
 
     # --- the sub-team's reports ---------------------------------------------------------------------------------------
 
@@ -79,6 +83,9 @@ class Board:
         self.check_time(report.time, now)
         opinions = reported(report, self.grid, self.settings.feedback)
         self._entries.keep(report.subject, report.source, Entry(report.tick, report.time, opinions))
+        is_own = report.subject == f"robot/{report.source}"
+        if self.clusters is not None and is_own and not self._guests.waits(report.source):
+            self.clusters.hear(report)
 
     def hear_evidence(self, report: Report, skew: float) -> None:
         """Take what a report holds for the joint, by a clock that may be `skew` seconds ahead. Refused: as in `JointDesk.take`."""
@@ -95,10 +102,11 @@ class Board:
 
         A robot in several sub-teams `counts` in the exchange through one of them: elsewhere it is left out of the first-hand part.
         """
-        found = []
-        for subject in self._entries:
+        found, tracks = [], self._cluster(now)
+        for subject in sorted({*self._entries, *tracks}):
             with self._survive(subject):
                 entries, silent = self._entries.usable(subject, now, self.settings.max_age)
+                entries = {**tracks.get(subject, {}), **entries}
                 if subject.startswith("robot/"):
                     self._guests.look(subject.removeprefix("robot/"), entries)
                 aside = self._guests.aside(entries, now)
@@ -108,11 +116,30 @@ class Board:
                 if opinions:
                     fusion = self._fuse("consensus", opinions, subject, now, counts)
                     left_out = [*_left_out(silent), *(LeftOut(source=one, reason=WAITS) for one in sorted(aside))]
-                    found.append(self._consensus("consensus", subject, tick, now, fusion, left_out))
+                    made = self._consensus("consensus", subject, tick, now, fusion, left_out)
+                    existence = None if self.clusters is None else self.clusters.existence(subject)
+                    found.append(made.model_copy(update={"existence": existence}))
                     self.hear_consensus(found[-1], now)
         self.withdraw_consensuses(self.sub_team, tick, [consensus.subject for consensus in found])
         self._guests.forget(self._entries.sources())
         return found
+
+    def _cluster(self, now: float) -> Mapping[str, Mapping[str, Entry]]:
+        """What robots say of subjects that they did not name, by subject and robot."""
+        if self.clusters is None:
+            return {}
+        here, others = dict[str, Belief](), dict[str, Belief]()
+        for subject in () if self.clusters.is_idle else self._consensuses:
+            known = self._consensuses.young(subject, now, self.settings.max_age)
+            mine = {source: entry for source, entry in known.items() if source == (self.sub_team, self.name)}
+            for found, entries in ((here, mine), (others, {it: known[it] for it in known.keys() - mine.keys()})):
+                if entries:
+                    newest = max(entries, key=lambda source: (entries[source].time, source))
+                    whole = self._aged(replace(it := entries[newest], opinions=it.opinions[-1:]), subject, now)
+                    found[subject] = whole[0].belief
+        with self._survive("unnamed sightings"):
+            return self.clusters.settle(now, self.settings.max_age, here, others)
+        return {}
 
     def forward(self, time: float) -> list[Forwarded]:
         """The evidence of the own robots since the last call, at a team time (s), for the joints of the other boards."""
@@ -123,7 +150,7 @@ class Board:
     def hear_consensus(self, consensus: Consensus, now: float) -> None:
         """Take a consensus of another sub-team's board, or this board's own, for the exchange. Refused as in `hear`."""
         self.check_time(consensus.time, now)
-        entry = Entry(consensus.tick, consensus.time, settled(consensus, self.grid))
+        entry = Entry(consensus.tick, consensus.time, settled(consensus, self.grid), consensus.existence)
         self._consensuses.keep(consensus.subject, (consensus.sub_team, consensus.board), entry)
 
     def withdraw_consensuses(self, sub_team: str, tick: int, subjects: Collection[str]) -> None:
@@ -156,7 +183,9 @@ class Board:
                     fusion = self._fuse("agreed", opinions, subject, now)
                     lost = None if self.joint is None else self.joint.lost(subject)
                     consensus = self._consensus("agreed", subject, tick, now, fusion, left_out)
-                    found[subject] = consensus.model_copy(update={"lost": lost})
+                    exists = [it.existence for it in entries.values() if it.existence is not None]
+                    told = {"lost": lost, "existence": max(exists, default=None)}
+                    found[subject] = consensus.model_copy(update=told)
         kept = sorted(found, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
         return [found[subject] for subject in sorted(kept)]
 
@@ -276,6 +305,7 @@ class Board:
             learned=[_told(level, it) for it in fusion.learned],
             dissent=dissent.told({share.opinion.source for share in fusion.shares}),
             camps=camps,
+            unnamed=[] if self.clusters is None else may_be(subject, self.clusters.unnamed),
         )
 
 

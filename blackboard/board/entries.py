@@ -27,6 +27,7 @@ class Entry:
     tick: int
     time: float
     opinions: tuple[Opinion, ...]
+    existence: float | None = None  # of a consensus on a track: the probability that there is such a thing
 
 
 class Entries(Generic[Source]):
@@ -69,12 +70,14 @@ class Entries(Generic[Source]):
             if subject not in subjects and source in entries and entries[source].tick < tick:
                 self._drop(subject, source)
 
+    def young(self, subject: str, now: float, max_age: float) -> dict[Source, Entry]:
+        """The entries on a subject that are young enough, by source."""
+        return {source: it for source, it in self._table.get(subject, {}).items() if it.time >= now - max_age}
+
     def usable(self, subject: str, now: float, max_age: float) -> tuple[dict[Source, Entry], dict[Source, float]]:
         """The entries on a subject that are young enough; the others are forgotten, and returned once as source -> age (s)."""
-        entries = self._table.get(subject, {})
-        silent = {source: now - entries[source].time for source in sorted(entries)}
-        silent = {source: age for source, age in silent.items() if entries[source].time < now - max_age}
-        young = {source: entry for source, entry in entries.items() if source not in silent}
+        entries, young = self._table.get(subject, {}), self.young(subject, now, max_age)
+        silent = {source: now - entries[source].time for source in sorted(entries) if source not in young}
         for source in silent:
             self._drop(subject, source)
         return young, silent

@@ -70,6 +70,7 @@ class Publisher:
             if level == "consensus":
                 self.participants.note_members()
                 found = self.board.settle(tick, time, self.participants.counts)
+                self.intake.counters.update({} if self.board.clusters is None else self.board.clusters.tally)
             else:
                 found = self.board.exchange(tick, time, self.participants.robots())
                 found = [self.clocks.addressed(consensus) for consensus in found]

@@ -19,6 +19,7 @@ from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS
 from blackboard.wire.types import (
     MAX_OPINIONS,
     Ancestors,
+    Class,
     Confidence,
     Count,
     Counts,
@@ -59,6 +60,7 @@ REASONS = {
 }
 
 MAX_JOURNAL_NAME = 512  # characters; no key of a topic is longer
+MAX_UNNAMED = 16  # things in one report of which only the class is known
 MAX_CELLS = 1 << 20  # the largest grid that is unpacked
 
 
@@ -129,6 +131,21 @@ class Informed(Part):
     """whose; of a robot's belief a board adds the source, of a board's the ancestors of its `firsthand`"""
 
 
+class UnnamedBelief(Part):
+    """Where something is that a robot saw in this tick, and of which it knows the class alone. What a report holds of
+    these are different things. A board that keeps no joint finds out which sightings are of one thing.
+    """
+
+    kind: Class
+    """its class, as `robot/?`"""
+    belief: PackedBelief
+    """from the robot's own readings alone"""
+    mark: Tick
+    """its number among the unnamed ones of that tick's Readings, `sightings` first and then `seen`, from 0"""
+    confidence: Confidence = 1.0
+    """how sure the detector is that something is there"""
+
+
 # --- robots and boards ---------------------------------------------------------------------------------------------------
 
 
@@ -151,6 +168,8 @@ class Report(Message):
     """the same with the team's agreed beliefs folded in, and whose information that is"""
     evidence: PackedEvidence | None = None
     """in the report about the source itself, for a board that keeps a joint: see Evidence for a joint"""
+    unnamed: Annotated[list[UnnamedBelief], Field(max_length=MAX_UNNAMED)] = Field(default_factory=list)
+    """in the report about the source itself, for a board that keeps none: what it sees and cannot name"""
 
 
 class Used(Part):
@@ -318,7 +337,7 @@ class Consensus(Message):
     camps: Annotated[list[Camp], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     """opposed camps of its sources, the heaviest first: nobody can tell which is right"""
     unnamed: Annotated[list[UnnamedSighting], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
-    """of a joint: the sightings since the last tick that named a class, and may be of this"""
+    """the sightings since the last tick that named a class, and may be of this"""
     existence: Annotated[float, Field(ge=0, le=1)] | None = None
     """of a track, as `person/7`: the probability that there is such a thing"""
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from blackboard.wire.names import NAME, SIGHTED, SUBJECT_KINDS
+from blackboard.wire.names import CLASS, NAME, SIGHTED, SUBJECT_KINDS
 from blackboard.wire.raw import MAX_ITEMS
 
 MAX_OPINIONS = 256  # the longest list in a message: sources of a consensus, sightings of a tick
@@ -18,6 +18,7 @@ MAX_NAME = 200  # characters of a text for people, or of a name of a counter or 
 
 Name = Annotated[str, Field(pattern=f"^{NAME}$")]
 Subject = Annotated[str, Field(pattern=f"^({SUBJECT_KINDS})/{NAME}$")]
+Class = Annotated[str, Field(pattern=f"^({CLASS})$")]
 Sighted = Annotated[str, Field(pattern=f"^({SIGHTED})$")]
 InView = Annotated[str, Field(pattern=rf"^({SIGHTED}|landmark/\?)$")]  # by a robot, which has a map; a board has none
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]

@@ -110,7 +110,8 @@ class JointAgent:
             self.searching = None
             reports, solo = self._report(readings, told)
         self._time = readings.time
-        return [r.model_copy(update={"evidence": evidence}) if r.subject == self.subject else r for r in reports], solo
+        told_own = {"evidence": evidence, "unnamed": []}  # the evidence has what it cannot name
+        return [r.model_copy(update=told_own) if r.subject == self.subject else r for r in reports], solo
 
     def pose(self) -> Moments | None:
         """Where the robot is, (x, y, heading) with covariance, shape (3,) and (3, 3): as the team has it, else by its own readings."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from blackboard.config import BoardSection
 from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.messages import Consensus, Informed, Report
+from blackboard.wire.messages import Consensus, Informed, Report, UnnamedBelief
 
 GRID = Grid((40, 30))
 
@@ -31,6 +31,13 @@ def report(
 ) -> Report:
     packed = None if informed is None else Informed(belief=pack(informed[0]), ancestors=dict(informed[1]))
     return Report(source=source, subject=subject, tick=tick, time=time, belief=pack(belief), informed=packed)
+
+
+def sees(source: str, own: Belief, things: Sequence[tuple[str, Belief]], tick: int, step: float = 1.0) -> Report:
+    """What a robot reports of itself where it sees things of some classes, a tick each `step` seconds."""
+    unnamed = [UnnamedBelief(kind=kind, belief=pack(it), mark=mark) for mark, (kind, it) in enumerate(things)]
+    it = report(source, own, tick * step, subject=f"robot/{source}", tick=tick)
+    return it.model_copy(update={"unnamed": unnamed})
 
 
 def at(x: float, y: float, sigma: float) -> Belief:

@@ -64,3 +64,46 @@ def test_the_order_in_which_messages_come_changes_no_track() -> None:
         assert {name: it.existence for name, it in told.items()} == {
             name: it.existence for name, it in shuffled[sub_team].items()
         }
+
+
+#: Two people and an opponent, whom nobody names, in a team that knows where it is and keeps no joint.
+OPINIONS = Scenario(
+    {
+        **PEOPLE.tables,
+        "board": {"fusion": "opinions"},
+        "world": {
+            "seed": 4,
+            "objects": {},
+            "people": {"count": 2, "speed": 0.5},
+            "detector": {"anonymous": ["person", "robot"], "missed": 0.1, "clutter": 0.1},
+        },
+    }
+)
+
+
+@cache
+def pooled(shuffle: int | None) -> tuple[Told, dict[str, Any]]:
+    team = Team(OPINIONS, None if shuffle is None else np.random.default_rng(shuffle))
+    heard = Heard(team.bus)
+    card = team.run()
+    agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}
+    told = {s: {(it.tick, it.subject): it for it in its} for s, its in agreed.items()}
+    return told, card["tracks"]["person"]
+
+
+def test_boards_of_opinions_have_tracks_that_are_near_people() -> None:
+    told, judged = pooled(None)
+    people = {name: it for name, it in told["a"].items() if name[1].startswith("person/")}
+    assert people
+    assert all(it.existence is not None and it.existence > 0.5 for it in people.values())
+    assert any({one.source for one in it.used} == {"a", "b"} for it in people.values())
+    assert judged["missed_share"] < 0.6
+    assert judged["false_tracks"] <= 1
+
+
+def test_boards_of_opinions_agree_on_tracks_to_the_bit_in_whichever_order_messages_come() -> None:
+    told, shuffled = pooled(None)[0], pooled(1)[0]
+    assert told["a"].keys() == told["b"].keys()
+    for name, it in told["a"].items():
+        others = told["b"][name], shuffled["a"][name], shuffled["b"][name]
+        assert all((it.belief, it.existence) == (other.belief, other.existence) for other in others), name

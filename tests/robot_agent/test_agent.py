@@ -218,3 +218,18 @@ def test_a_second_agreed_belief_of_the_same_tick_is_compared_with_the_first_repo
     assert it.informed.localizer.predict(STILL, 0.0).marginal().mean() == pytest.approx(
         Belief(FINE, after).mean(), abs=1e-6
     )
+
+
+def test_what_it_cannot_name_is_reported_beside_its_own_place_with_the_class_and_its_number() -> None:
+    strange = [Sighting(subject=kind, range=4.0, bearing=0.0, confidence=0.8) for kind in ("person/?", "object/can?")]
+    older = Sighting(subject="person/?", range=6.0, bearing=0.5, age=0.2)
+    reports, _ = agent().tick(readings(0, BALL, older, *strange, fix=(10, 10)), {})
+    own = by_subject(reports)["robot/r1"]
+    assert [(it.kind, it.mark, it.confidence) for it in own.unnamed] == [("person/?", 1, 0.8), ("object/can?", 2, 0.8)]
+    assert all(unpack(it.belief).mean() == pytest.approx((14, 10), abs=0.5) for it in own.unnamed)
+    assert not any(it.unnamed for it in reports if it is not own)
+
+
+def test_who_does_not_know_where_it_is_does_not_know_where_anything_is_that_it_sees() -> None:
+    reports, _ = agent().tick(readings(0, Sighting(subject="person/?", range=4.0, bearing=0.0)), {})
+    assert not by_subject(reports)["robot/r1"].unnamed

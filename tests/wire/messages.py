@@ -34,6 +34,7 @@ from blackboard.wire.messages import (
     Solo,
     Status,
     Truth,
+    UnnamedBelief,
     UnnamedSighting,
     Used,
 )
@@ -58,7 +59,14 @@ READINGS = Readings(
 TRUTH = Truth(run="x1", tick=3, time=0.6, positions={"robot/r1": (1.0, 2.0)})
 SOLO = Solo(robot="r1", tick=3, time=0.6, beliefs={"robot/r1": BELIEF})
 REPORT = Report(
-    source="r1", subject="object/ball", tick=3, time=0.6, belief=BELIEF, ancestors={"r1": 0.6}, informed=INFORMED
+    source="r1",
+    subject="object/ball",
+    tick=3,
+    time=0.6,
+    belief=BELIEF,
+    ancestors={"r1": 0.6},
+    informed=INFORMED,
+    unnamed=[UnnamedBelief(kind="person/?", belief=BELIEF, mark=1, confidence=0.9)],
 )
 CONSENSUS = Consensus(
     board="a1",

@@ -17,6 +17,7 @@ import numpy as np
 
 from blackboard.board.dissent import Dissent, distance
 from blackboard.board.joint.evidence import learned, names, reason, shrank, unpack
+from blackboard.board.unnamed import counters, may_be
 from blackboard.config import BoardSection
 from blackboard.errors import Degenerate, Refused
 from blackboard.opinion.ageing import Ageing
@@ -41,8 +42,8 @@ from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedState, PackedVelocity
 from blackboard.wire.gaussians import pack_state, pack_velocity
-from blackboard.wire.messages import Consensus, LeftOut, UnnamedSighting, Used
-from blackboard.wire.types import MAX_NAME, MAX_OPINIONS
+from blackboard.wire.messages import Consensus, LeftOut, Used
+from blackboard.wire.types import MAX_NAME
 
 log = logging.getLogger(__name__)
 
@@ -224,7 +225,7 @@ class JointDesk:
             verdicts += self._settle(number, elapsed / max(1, steps), batch)
             self._unnamed += self.team.tally.unnamed
             self.counters.update(+self.team.tally.tracks)
-        self.counters.update(f"unnamed_{_became(it)}" for it in self._unnamed)
+        self.counters.update(counters(self._unnamed))
         self._judge(time, verdicts)
         known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
         doubtful = self.team.doubtful().items()
@@ -349,7 +350,7 @@ class JointDesk:
                 {it.source.removeprefix("robot/") for it in about} | {subject.removeprefix("robot/")}
             ),
             camps=camps,
-            unnamed=self._may_be(subject),
+            unnamed=may_be(subject, self._unnamed),
             existence=self.team.tracks.existence(subject),
         )
 
@@ -360,21 +361,6 @@ class JointDesk:
         if ahead is not None:
             return ahead
         return Moments(marginal.mean, marginal.covariance + np.eye(2) * self._ageing.variance(subject, age))
-
-    def _may_be(self, subject: str) -> list[UnnamedSighting]:
-        """The unnamed sightings that may be of a subject, the likeliest first."""
-        found = [
-            UnnamedSighting(
-                source=it.source.removeprefix("robot/"),
-                time=it.time,
-                mark=it.mark,
-                probability=min(1.0, it.odds[subject]),
-                taken=it.taken == subject,
-            )
-            for it in self._unnamed
-            if it.odds and subject in it.odds
-        ]
-        return sorted(found, key=lambda it: -it.probability)[:MAX_OPINIONS]
 
     def _parameters(self, subject: str) -> dict[str, float]:
         """The limit of a sighting's squared distance, and of an object the random walk (unit / sqrt(s)) that its sightings show."""
@@ -425,7 +411,3 @@ class JointDesk:
         nats = 0.5 * np.log((2 * math.pi * math.e) ** 2 * determinants) - math.log(self.grid.volume)
         found: list[float] = np.maximum(0.0, nats).tolist()
         return found
-
-
-def _became(it: Unnamed) -> str:
-    return "taken" if it.taken is not None else "strange" if it.is_strange else "ambiguous"

@@ -10,10 +10,13 @@ How often something is seen that is no known subject is found out for each obser
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from blackboard.opinion.grid import Array
+
+T = TypeVar("T")
 
 CLEAR = 0.95  # of a posterior; of all that are taken fewer are wrong than one in twenty, because most are clearer
 MAX_CLUSTER = 10  # sightings, or subjects, whichever are fewer; in a larger cluster beliefs are propagated
@@ -26,6 +29,7 @@ STRANGE, FRAMES = (
     1.0,
     10.0,
 )  # things that are no known subject, in so many frames: what is expected before anything was seen
+CLASSES = 64  # of which it is known what an observer sees of them
 REMEMBERED = 100.0  # frames after which what was seen is half forgotten, and more
 
 
@@ -44,6 +48,13 @@ class Rate:
         """After one more frame, or so much of one, with so many."""
         kept = 1.0 - frames / REMEMBERED
         return Rate(kept * self.seen + seen, kept * self.frames + frames)
+
+
+def keep(table: dict[tuple[str, str], T], key: tuple[str, str], value: T) -> None:
+    """Keep something of an observer and a class: of one that speaks of more than `CLASSES` the first is forgotten."""
+    if key not in table and len(its := [one for one in table if one[0] == key[0]]) >= CLASSES:
+        del table[its[0]]
+    table[key] = value
 
 
 def posterior(weights: Array) -> Array:

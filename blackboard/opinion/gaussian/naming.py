@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
-from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, posterior
+from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, keep, posterior
 from blackboard.opinion.gaussian.joint import Innovation, Joint
 from blackboard.opinion.gaussian.linearising import linearise_all
 from blackboard.opinion.gaussian.relation import Relative
@@ -38,6 +39,19 @@ class Unnamed:
     def is_strange(self) -> bool:
         """Whether it is clear that it is of no known subject."""
         return self.odds is not None and sum(self.odds.values()) <= 1.0 - CLEAR
+
+
+class Sighted(Protocol):
+    """A sighting of which the class is told: by whom, of which, and how sure the detector is that something is there."""
+
+    @property
+    def observer(self) -> str: ...
+
+    @property
+    def subject(self) -> str: ...
+
+    @property
+    def confidence(self) -> float: ...
 
 
 @dataclass
@@ -77,6 +91,17 @@ class Naming:
         densities = dict.fromkeys(pairs, 1.0)
         for (row, subject), it in zip(placed, joint.innovations(factors), strict=True):
             densities[row, subject] = self._density(it, tracks.area(frame[row].observer, frame[row].subject))
+        return self.weigh(frame, densities, shown)
+
+    def weigh(
+        self, frame: Sequence[Sighted], densities: Mapping[tuple[int, str], float], shown: Mapping[str, float]
+    ) -> list[dict[str, float]]:
+        """The odds of each sighting of a frame, which are different things.
+
+        `densities` are by the sighting's number in the frame and by subject: how much likelier it is of that subject than of
+        something anywhere. `shown` are the odds that the frame shows a subject.
+        """
+        subjects = sorted({subject for _, subject in densities})
         weights = np.zeros((len(frame), len(subjects)))
         for (row, subject), density in densities.items():
             seen = frame[row]
@@ -91,10 +116,10 @@ class Naming:
             key = seen.observer, seen.subject
             strangers[key] = strangers.get(key, 0.0) + seen.confidence * rest
         for key, seen_so in strangers.items():
-            self._strangers[key] = self._strangers.get(key, Rate()).plus(seen_so)
+            keep(self._strangers, key, self._strangers.get(key, Rate()).plus(seen_so))
         return found
 
-    def _rate(self, seen: Relative) -> float:
+    def _rate(self, seen: Sighted) -> float:
         return self._strangers.get((seen.observer, seen.subject), Rate()).rate
 
     def _density(self, it: Innovation, area: float) -> float:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from statistics import median
 
 from blackboard.opinion.classes import stem
-from blackboard.opinion.gaussian.assignment import CLEAR, FRAMES, Rate
+from blackboard.opinion.gaussian.assignment import CLEAR, FRAMES, Rate, keep
 
 #: Nats: the most that one observer's frames say for a track, as for an object that rolls (`walks`), and against it. Two that look
 #: there and see nothing outweigh one that sees it, and one does not: it may be hidden from that one for good.
@@ -45,6 +45,7 @@ FLEETING, KEPT = 2.0, 60.0  # seconds without a sighting, after which a track wi
 NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
 UNKNOWN = Rate(1.0, 2.0)  # of what is there a frame shows a half, before anything was seen
 ROOM = 16  # tracks that one observer alone has seen
+NOWHERE = math.inf, 0.0, 0.0  # a place that no frame shows, so that none speaks against a track there
 MAX_TRACKS = 64  # that several have seen, or one
 FAINTEST = 0.01  # of a track that is in view: below that a frame says nothing of it
 TINY = 1e-9  # unit, and rad: more than no sigma at all
@@ -144,10 +145,11 @@ class View:
 class Tracks:
     """Mutable; `pass_time` once per tick, `judge` once per frame, in an order that depends on names only.
 
-    `room` is for how many tracks that one observer alone has seen.
+    `room` is for how many tracks that one observer alone has seen; `label` stands in the names that are given, before the number.
     """
 
     room: int = ROOM
+    label: str = ""  # of the names that are given here, before the number
     _tracks: dict[str, Track] = field(default_factory=dict)  # by the name of their block in the joint
     _views: dict[tuple[str, str], View] = field(default_factory=dict)  # by observer and class
     _real: dict[tuple[str, str], Rate] = field(
@@ -174,7 +176,7 @@ class Tracks:
 
     def anew(self) -> Tracks:
         """No tracks, and no number that was ever given."""
-        return Tracks(self.room, _numbers=dict(self._numbers), _begun=self._begun)
+        return Tracks(self.room, self.label, _numbers=dict(self._numbers), _begun=self._begun)
 
     def existence(self, block: str) -> float | None:
         """The probability that what a track is of exists; None of all that is no track."""
@@ -231,7 +233,8 @@ class Tracks:
         """An observer sees something of a class at a distance (unit) and a bearing (rad)."""
         it = self._view(observer, kind)
         farthest, widest = max(it.farthest, distance), max(it.widest, abs(bearing))
-        self._views[observer, kind] = replace(it, farthest=farthest, widest=widest, sightings=it.sightings + 1)
+        view = replace(it, farthest=farthest, widest=widest, sightings=it.sightings + 1)
+        keep(self._views, (observer, kind), view)
 
     def judge(self, observer: str, places: Mapping[str, Place], seen: Mapping[str, float]) -> None:
         """Take a frame of an observer: where tracks are from it, and with which probabilities it shows them."""
@@ -255,7 +258,7 @@ class Tracks:
             self._tracks[block] = replace(track, votes=votes, unseen=unseen, shown=track.shown + (share >= CLEAR))
             if holds and self.is_told(block):
                 detected = view.detected.plus(share, after * visible)
-                self._views[observer, track.kind] = replace(view, detected=detected)
+                keep(self._views, (observer, track.kind), replace(view, detected=detected))
 
     def begin(self, observer: str, kind: str) -> str | None:
         """Begin a track of a class with a sighting, and return the name of its block; None where there is no room for it."""
@@ -273,15 +276,26 @@ class Tracks:
         return [block for block in self if not self._tracks[block].named and self._tracks[block].existence >= NAMED]
 
     def name(self, block: str, used: Callable[[str], bool]) -> str:
-        """Give a track a name that nothing had before: its class and the next number that is not `used`."""
-        track = self._tracks.pop(block)
-        number = self._numbers.get(track.kind, 0) + 1
-        while used(name := f"{stem(track.kind)}{number}"):
-            number += 1
-        self._numbers[track.kind] = number
-        self._learn(track, 1.0)
-        self._tracks[name] = replace(track, named=True, shown=AGAIN)
+        """Give a track a name that nothing had before."""
+        name = self.new_name(block, used)
+        self.call(block, name)
         return name
+
+    def new_name(self, block: str, used: Callable[[str], bool]) -> str:
+        """A name for a track: its class and the next number that is not `used`, which is never given again."""
+        kind = self._tracks[block].kind
+        number = self._numbers.get(kind, 0) + 1
+        while used(name := f"{stem(kind)}{self.label}{number}"):
+            number += 1
+        self._numbers[kind] = number
+        return name
+
+    def call(self, block: str, name: str) -> None:
+        """A track has a name from now on, or another one."""
+        track = self._tracks.pop(block)
+        if not track.named:
+            self._learn(track, 1.0)
+        self._tracks[name] = replace(track, named=True, shown=track.shown if track.named else AGAIN)
 
     def ended(self) -> list[str]:
         """The blocks of tracks that are over, sorted."""
@@ -304,7 +318,7 @@ class Tracks:
         """Who saw a track that turned out to be of something, or not, learns from that what the next one will be worth."""
         for observer in sorted(track.observers):
             key = observer, track.kind
-            self._real[key] = self._real.get(key, Rate()).plus(real)
+            keep(self._real, key, self._real.get(key, Rate()).plus(real))
 
     def without(self, observers: Collection[str]) -> None:
         """From now on these have no vote."""
