@@ -12,6 +12,7 @@ import pytest
 from blackboard.client import Robot
 from blackboard.opinion.grid import Grid
 from tests.client.boards import serving
+from tests.present import present
 from tests.processes import LONG, wait_until
 
 pytestmark = pytest.mark.team
@@ -56,8 +57,7 @@ def test_poses_of_an_odometry_frame_are_moves(endpoint: str) -> None:
         robot.moved_to((0.0, 0.0, 1.0), 0)  # its frame jumped
         robot.moved_to((math.cos(1.0) * 0.5, math.sin(1.0) * 0.5, 1.0), 0.1)
         pose = robot.step()
-        assert pose is not None
-        assert pose.mean == pytest.approx((2.0, 4.0, math.pi / 2), abs=0.05)
+        assert present(pose).mean == pytest.approx((2.0, 4.0, math.pi / 2), abs=0.05)
 
 
 def test_ranges_alone_to_known_places_tell_where_it_is(endpoint: str) -> None:
@@ -69,8 +69,7 @@ def test_ranges_alone_to_known_places_tell_where_it_is(endpoint: str) -> None:
             robot.see("object/ball", bearing=0.5, bearing_sigma=0.1)
             robot.odometry(0.0, 0.0, 0.1)
             pose = robot.step()
-        assert pose is not None
-        assert pose.mean[:2] == pytest.approx((5.4, 3.8), abs=0.15)
+        assert present(pose).mean[:2] == pytest.approx((5.4, 3.8), abs=0.15)
 
 
 def test_asyncio_and_a_callback(endpoint: str) -> None:
@@ -149,20 +148,17 @@ def test_a_filter_of_its_own_and_particles(endpoint: str) -> None:
     with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
         robot.belief((2.0, 3.0, 0.0), np.diag([0.04, 0.04, 0.01]), (0.0, 0.0, 0.1))
         pose = robot.step()
-        assert pose is not None
-        assert pose.mean == pytest.approx((2.0, 3.0, 0.0))
+        assert present(pose).mean == pytest.approx((2.0, 3.0, 0.0))
         robot.belief((2.1, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]), (0.1, 0.0, 0.1, 0.01, 0.01))
         robot.see("object/ball", 1.0, 0.0, 0.05, 0.02)
         robot.step()
         cloud = np.random.default_rng(1).multivariate_normal((2.2, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]), 500)
         robot.particles(cloud, (0.1, 0.0, 0.1))
         pose = robot.step()
-        assert pose is not None
-        assert pose.mean[0] == pytest.approx(2.2, abs=0.1)
+        assert present(pose).mean[0] == pytest.approx(2.2, abs=0.1)
         assert robot.newest("object/ball", LONG).belief.grid == GRID
         found = robot.independence
-        assert found is not None
-        assert not found.fed_back
+        assert not present(found).fed_back
         with pytest.raises(
             ValueError, match=r"^r1: gives either the readings of odometry, compass and fixes, or beliefs"
         ):

@@ -33,6 +33,7 @@ from robot_agent.config import RobotSection, SendSection
 from robot_agent.gaussian.agent import JointAgent
 from robot_agent.worth import Standing
 from tests.heard import Heard
+from tests.present import present
 from tests.robot_agent.robots import GRID as AGENT_GRID
 from tests.robot_agent.robots import readings
 from tests.scenarios import SCENARIO
@@ -246,20 +247,17 @@ def test_evidence_that_was_not_sent_is_gathered_into_the_next() -> None:
     nuisance = it.sensors.wheels.nuisance
     for tick in range(3):
         before = it.step(readings(tick, fix=(10, 10) if tick == 0 else None))
-    assert before.belief is not None
     for tick in range(3, 6):
         told = it.step(readings(tick, fix=(10 + 0.5 * tick, 10.2)))
         if tick < 5:
             it.silent()
-    assert told.increment is not None
     assert told.unsent is not None
-    assert np.trace(told.unsent.information) > 1.5 * np.trace(told.increment.information)
+    assert np.trace(told.unsent.information) > 1.5 * np.trace(present(told.increment).information)
     joint = Joint()
-    joint.add(it.robot, before.belief)
+    joint.add(it.robot, present(before.belief))
     drive(joint, it.robot, told.travelled.since(before.travelled), nuisance)
     gained = likelihood(joint, it.robot, told.unsent)
-    assert gained is not None
-    correct(joint, gained)
+    correct(joint, present(gained))
     now = it.belief
     assert now is not None
     assert joint.moments(it.robot).mean[AXES] == pytest.approx(now.mean[AXES], abs=0.02)

@@ -13,6 +13,7 @@ from blackboard.process.reactions import Cue
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
 from robot_agent.driven import Driven, Gathered, driven, sensors_in
+from tests.present import present
 from tests.robot_agent.services import NOW, clock, kinds, said, world
 
 GRID = Grid((20, 20), 0.5, unit="m")
@@ -91,8 +92,7 @@ def test_sigmas_of_the_odometry_count_instead_of_the_model_s() -> None:
         for number in range(1, 21):
             told = Gathered(Odometry(distance=0.1, turn=0.0, dt=0.1, **sigmas))
             pose, _ = it.step(told, NOW + 0.1 * number)
-        assert pose is not None
-        return float(pose.covariance[2, 2])
+        return float(present(pose).covariance[2, 2])
 
     assert spread(distance_sigma=0.0, turn_sigma=0.0) < spread() < spread(distance_sigma=0.0, turn_sigma=0.2)
 
@@ -110,8 +110,7 @@ def test_in_a_world_it_does_one_step_a_tick_and_loses_nothing() -> None:
     it.receive(clock(1), NOW)
     pose, _ = it.step(AHEAD, NOW)
     assert it.tick == 1
-    assert pose is not None
-    assert pose.mean[0] == pytest.approx(5.3, abs=0.05)
+    assert present(pose).mean[0] == pytest.approx(5.3, abs=0.05)
 
 
 def test_what_the_scenario_says_of_wheels_counts() -> None:
@@ -149,8 +148,7 @@ def test_wheels_that_are_off_are_found_out() -> None:
             Odometry(distance=0.1 / 1.05, turn=0.0, dt=0.1, distance_sigma=0.001, turn_sigma=0.001), fix=fix
         )
         pose, _ = it.step(told, NOW + 0.1 * number)
-    assert pose is not None
-    assert math.dist(pose.mean[:2], (x, 5.0)) < 0.05
+    assert math.dist(present(pose).mean[:2], (x, 5.0)) < 0.05
 
 
 def test_its_program_is_told_what_it_hears() -> None:

@@ -17,6 +17,7 @@ from blackboard.wire.messages import Odometry, Readings, Report, Sighting
 from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.agent import JointAgent
+from tests.present import present
 from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, seen
 
 MATE = Sighting(subject="robot/r2", range=6.0, bearing=-0.2)
@@ -43,8 +44,7 @@ def mean(report: Report) -> np.ndarray:
 
 
 def informed(report: Report) -> np.ndarray:
-    assert report.informed is not None
-    return np.asarray(unpack(report.informed.belief).mean())
+    return np.asarray(unpack(present(report.informed).belief).mean())
 
 
 def test_it_reports_itself_what_it_saw_and_its_evidence() -> None:
@@ -125,9 +125,8 @@ def test_the_team_s_word_is_moved_on_by_what_was_measured_since() -> None:
         second, _ = late.tick(said, agreed(0.5, 13, 12) if tick == 3 else {})
     for reports in (first, second):
         own = by_subject(reports)["robot/r1"]
-        assert own.informed is not None
         assert informed(own) == pytest.approx((14.0, 12.0), abs=0.3), "two ticks of half a cell since"
-        assert own.informed.ancestors == {"r1": 1.5, "r2": 0.5}
+        assert present(own.informed).ancestors == {"r1": 1.5, "r2": 0.5}
     assert informed(by_subject(first)["robot/r1"]) == pytest.approx(informed(by_subject(second)["robot/r1"]), abs=1e-6)
 
 
@@ -200,5 +199,4 @@ def test_a_robot_that_knows_nothing_looks_on_a_grid_and_hands_over_and_back() ->
     assert known[-1], "and found itself again"
     assert it.searching is None
     assert told[-1][2] == pytest.approx(elsewhere[:2], abs=0.1)
-    assert it.filter.belief is not None
-    assert it.filter.belief.mean[AXES] == pytest.approx(elsewhere[:2], abs=0.1)
+    assert present(it.filter.belief).mean[AXES] == pytest.approx(elsewhere[:2], abs=0.1)

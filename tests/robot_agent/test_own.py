@@ -15,6 +15,7 @@ from robot_agent.config import OdometrySection
 from robot_agent.gaussian.filter import Told
 from robot_agent.gaussian.own import FEWEST, Given, Independence, of_particles
 from robot_agent.gaussian.sensors import Sensors, wheels_of
+from tests.present import present
 
 ROBOT = "robot/r1"
 SENSORS = Sensors(wheels_of(OdometrySection()))
@@ -60,8 +61,7 @@ def test_a_joint_of_its_increments_is_its_posterior() -> None:
     """So each gain is counted once, and none is lost."""
     own, board = Own(), Joint()
     told = own.tell()
-    assert told.belief is not None
-    board.add(ROBOT, told.belief)
+    board.add(ROBOT, present(told.belief))
     for number in range(30):
         own.drive()
         if number % 4 == 3:
@@ -70,8 +70,7 @@ def test_a_joint_of_its_increments_is_its_posterior() -> None:
         drive(board, ROBOT, told.motion, SENSORS.wheels.nuisance)
         if told.increment is not None:
             factor = likelihood(board, ROBOT, told.increment)
-            assert factor is not None
-            correct(board, factor)
+            correct(board, present(factor))
         else:
             assert number % 4 != 3
     found = board.moments(ROBOT)
@@ -86,8 +85,7 @@ def test_a_posterior_that_jumps_begins_anew() -> None:
     told = own.tell()
     assert told.epoch > epoch
     assert told.increment is None
-    assert told.belief is not None
-    assert told.belief.mean[0] == pytest.approx(6.0)
+    assert present(told.belief).mean[0] == pytest.approx(6.0)
 
 
 def test_without_a_posterior_the_odometry_counts() -> None:
@@ -97,8 +95,7 @@ def test_without_a_posterior_the_odometry_counts() -> None:
     told = own.given.step(
         Readings(run="x", robot="r1", tick=9, time=0.9, odometry=Odometry(distance=0.5, turn=0.0, dt=0.1))
     )
-    assert told.belief is not None
-    assert told.belief.mean[0] == pytest.approx(1.5)
+    assert present(told.belief).mean[0] == pytest.approx(1.5)
     assert told.increment is None
 
 
@@ -127,8 +124,7 @@ def judged(fed_back: bool, seed: int = 1) -> Independence:
 def test_independent_measurements_are_not_taken_for_the_team_s(seed: int) -> None:
     found = judged(fed_back=False, seed=seed)
     assert found.gains >= FEWEST
-    assert found.ratio is not None
-    assert 0.2 < found.ratio < 5.0
+    assert 0.2 < present(found.ratio) < 5.0
     assert not found.fed_back
 
 
@@ -150,5 +146,4 @@ def test_particles_are_one_hypothesis_or_none() -> None:
     assert of_particles(np.vstack([one, one + [3.0, 0, 0]])) is None
     assert of_particles(one[:1]) is not None
     half = of_particles(np.vstack([one, one + [3.0, 0, 0]]), np.r_[np.ones(4000), np.zeros(4000)])
-    assert half is not None
-    assert half.mean[0] == pytest.approx(3.0, abs=0.05)
+    assert present(half).mean[0] == pytest.approx(3.0, abs=0.05)

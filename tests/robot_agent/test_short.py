@@ -18,6 +18,7 @@ from blackboard.wire.evidence import PackedEvidence
 from blackboard.wire.gaussians import pack_evidence, unpack_increment, unpack_state
 from blackboard.wire.messages import Report
 from robot_agent.short import OFF, ROUNDED, WIDER, shorter
+from tests.present import present
 from tests.wire.messages import REPORT
 
 SIGMAS = np.array([0.3, 0.2, 0.1, 0.05, 0.03, 0.003, 0.006, 0.01, 0.02, 0.1, 0.2, 0.1])
@@ -54,8 +55,7 @@ def moved(before: Moments, increment: Increment) -> Moments:
     joint = Joint()
     joint.add("robot/r1", before)
     it = likelihood(joint, "robot/r1", increment)
-    assert it is not None
-    correct(joint, it)
+    correct(joint, present(it))
     return joint.moments("robot/r1")
 
 
@@ -68,18 +68,17 @@ def test_an_increment_says_nearly_the_same_and_nothing_where_it_said_nothing(see
     whole = gained(before, after)
     assert whole is not None
     packed = shorter(evidence(after, whole))
-    assert packed.increment is not None
     unpack("r1", 1, 0.2, packed)  # boards refuse what is no likelihood
-    told = unpack_increment(packed.increment)
+    told = unpack_increment(present(packed.increment))
     there, here = moved(before, whole), moved(before, told)
     assert np.abs((here.mean - there.mean) / np.sqrt(np.diag(there.covariance))).max() < 0.1
     assert np.diag(here.covariance) == pytest.approx(np.diag(there.covariance), rel=0.06)
     joint = Joint()
     joint.add("robot/r1", before)
     first, second = (likelihood(joint, "robot/r1", it) for it in (whole, told))
-    assert first is not None
-    assert second is not None
-    assert len(second.residual) <= len(first.residual)  # no direction is added: the gate's degrees of freedom stay
+    assert len(present(second).residual) <= len(
+        present(first).residual
+    )  # no direction is added: the gate's degrees of freedom stay
 
 
 def test_each_number_of_an_increment_takes_five_bytes_at_most() -> None:
@@ -98,8 +97,7 @@ def test_a_state_only_grows_wider(seed: int, sharp: int) -> None:
     rng = np.random.default_rng(seed)
     state = measured(block(rng), rng, sharp) if sharp else block(rng)
     packed = shorter(evidence(state))
-    assert packed.state is not None
-    told = unpack_state(packed.state)  # Refused, were it no covariance
+    told = unpack_state(present(packed.state))  # Refused, were it no covariance
     scale = np.sqrt(np.diag(state.covariance))
     grown = np.linalg.eigvalsh((told.covariance - state.covariance) / np.outer(scale, scale))
     assert grown[0] > 0

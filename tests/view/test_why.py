@@ -25,6 +25,7 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Camp, Consensus, Dissent, Status
+from tests.present import present
 from tests.scenarios import LEARNS, SCENARIO
 from tests.view.recorded import record, recorded, team_of
 
@@ -37,8 +38,7 @@ def test_every_pooled_belief_is_computed_again_as_it_was_published() -> None:
     for moment in team.moments:
         for subject in moment.subjects:
             for level in explain(team, moment, subject)["levels"]:
-                assert level["recomputed"] is not None
-                assert level["recomputed"] < QUANTISED
+                assert present(level["recomputed"]) < QUANTISED
                 found += 1
     assert found > 20
 
@@ -88,8 +88,7 @@ def behind_by_a_tick() -> tuple[TeamFold, Moment]:
     while not tape.done:
         tape.take(tape.receive())
     moment = tape.fold.teams["t"].moments.at(4)
-    assert moment is not None
-    return tape.fold.teams["t"], moment
+    return tape.fold.teams["t"], present(moment)
 
 
 def test_boards_are_compared_in_one_tick() -> None:
@@ -114,8 +113,7 @@ def test_a_power_that_no_board_would_say_ends_nothing() -> None:
             else:
                 fold.take(envelope, now)
         moment = fold.teams["t"].moments.newest
-        assert moment is not None
-        assert sentences(explain(fold.teams["t"], moment, "robot/r1"))
+        assert sentences(explain(fold.teams["t"], present(moment), "robot/r1"))
 
 
 def test_without_a_source_it_is_what_the_others_would_have_made() -> None:
@@ -158,8 +156,7 @@ def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
     assert "one joint belief of the whole team, without weights" in said
     told = moment.subjects["robot/r1"].best
     assert told is not None
-    assert told.message.state is not None
-    assert level["heading"] == told.message.state.mean[HEADING]
+    assert level["heading"] == present(told.message.state).mean[HEADING]
     assert 0 < level["heading_sigma"] < 1
     assert explain(team, moment, "object/ball")["levels"][0]["heading"] is None
 
