@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 from blackboard.board import learning
 from blackboard.board.clusters import Clusters
@@ -43,6 +44,13 @@ from blackboard.wire.types import MAX_OPINIONS, capped
 Survive = Callable[[str], AbstractContextManager[object]]
 
 
+class Sources(NamedTuple):
+    """How far the sources of one level are believed: what was learned of them, and who disagrees with the others."""
+
+    learner: Learner
+    dissent: Dissent
+
+
 class Board:
     """The blackboard of one sub-team: hear reports, settle, hear the other boards, exchange. Times are team time in seconds."""
 
@@ -69,8 +77,8 @@ class Board:
         self._guests = Guests() if guests is None else guests
         self._entries: Entries[str] = Entries(grid.size)  # of robots: their newest reports
         self._consensuses = Entries(grid.size, (sub_team, board))  # of boards, by sub-team and name
-        self._learners = {"consensus": Learner(), "agreed": Learner()}  # of robots, and of sub-teams
-        self._dissents = {level: Dissent(level) for level in ("consensus", "agreed")}  # the same
+        #: how far each source is believed: of robots, and of sub-teams
+        self._sources = {level: Sources(Learner(), Dissent(level)) for level in ("consensus", "agreed")}
         counters = Counter() if counters is None else counters
         is_apart = settings.fusion == "opinions"
         self.joint = None if is_apart else JointDesk(grid, settings, counters, self.ageing)
@@ -201,25 +209,26 @@ class Board:
         self._entries.check()
         self._consensuses.check()
 
-    def learned(self) -> list[Learned]:
-        """What was learned of every source with independence "learn": of robots, then of sub-teams."""
-        return [_told(level, it) for level, learner in self._learners.items() for it in learner.learned()]
+    def believed(self) -> dict[str, list[Learned] | list[wire.Dissent]]:
+        """The fields of a status about who is believed: of robots, then of sub-teams.
 
-    def dissent(self) -> list[wire.Dissent]:
-        """Who keeps disagreeing with the others: robots, then sub-teams, then robots in the joint."""
-        joint = [] if self.joint is None else [self.joint.dissent]
-        return [one for level in [*self._dissents.values(), *joint] for one in level.told()]
+        `learned`: what was learned of every source with independence "learn". `dissent`: who keeps disagreeing with the others, last
+        the robots in the joint.
+        """
+        dissents = [of.dissent for of in self._sources.values()]
+        dissents += [] if self.joint is None else [self.joint.dissent]
+        learned = [_told(level, it) for level, of in self._sources.items() for it in of.learner.learned()]
+        return {"learned": learned, "dissent": [one for dissent in dissents for one in dissent.told()]}
 
     def memory(self, level: str) -> PackedMemory:
         """What is remembered of robots ("consensus"), or of sub-teams ("agreed")."""
-        return packed_memory(self._learners[level], self._dissents[level])
+        return packed_memory(*self._sources[level])
 
     def remember(self, memory: Memory) -> None:
         """Go on from what another board remembered, or this one in an earlier life. Refused: "fields"."""
         axes = self.grid.ndim
-        found = {name: remembered(getattr(memory, name), name, memory.time, axes) for name in self._learners}
-        self._learners = {level: learner for level, (learner, _) in found.items()}
-        self._dissents = {level: dissent for level, (_, dissent) in found.items()}
+        found = {level: remembered(getattr(memory, level), level, memory.time, axes) for level in self._sources}
+        self._sources = {level: Sources(*of) for level, of in found.items()}
 
     # --- shared ---------------------------------------------------------------------------------------------------------
 
@@ -257,7 +266,7 @@ class Board:
         now: float,
         counts: Callable[[str], bool] = lambda robot: True,
     ) -> Fusion:
-        learner, dissent = self._learners[level], self._dissents[level]
+        learner, dissent = self._sources[level]
         return fuse_opinions(opinions, self.grid, self.settings, subject, learner, now, dissent, counts)
 
     def _capped(self, ancestors: dict[str, float]) -> dict[str, float]:
@@ -269,7 +278,7 @@ class Board:
     ) -> Consensus:
         first = None if fusion.is_firsthand else pack(fusion.firsthand, self.settings.coding)
         parameters = fusion.rule.in_force()
-        dissent = self._dissents[level]
+        dissent = self._sources[level].dissent
         weights = {share.opinion.source: share.weight for share in fusion.shares if share.how == "independent"}
         camps = dissent.told_camps(subject, weights)
         return Consensus(

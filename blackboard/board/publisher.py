@@ -85,8 +85,7 @@ class Publisher:
         update = {
             "phase": level,
             "subjects": [c.subject for c in found],
-            "learned": self.board.learned(),
-            "dissent": self.board.dissent(),
+            **self.board.believed(),
         }
         status = self._of_tick(tick, time).model_copy(update=update)
         if not out and self.clocks.differ:

@@ -254,7 +254,7 @@ def test_the_board_tells_what_it_learned_and_what_it_used() -> None:
     assert told["s0"].level == "consensus"
     assert set(told) == set(weights)
     assert consensus.parameters["independence"] > 0.5  # type: ignore[operator]
-    assert it.learned() == consensus.learned
+    assert it.believed()["learned"] == consensus.learned
     assert decode(Consensus, encode(consensus)) == consensus
 
 
@@ -297,7 +297,7 @@ def test_the_exchange_learns_of_sub_teams() -> None:
             theirs = only(other.settle(second, float(second))).model_copy(update={"sub_team": one.source})
             it.hear_consensus(theirs, float(second))
         it.exchange(second, float(second))
-    assert {one.source: one.level for one in it.learned()} == dict.fromkeys(("s0", "s1", "s2"), "agreed")
+    assert {one.source: one.level for one in it.believed()["learned"]} == dict.fromkeys(("s0", "s1", "s2"), "agreed")
 
 
 def test_the_status_of_a_board_shows_what_it_learned_until_a_new_run_begins() -> None:
