@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.evidence import Seen
@@ -16,7 +17,7 @@ from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.pose_grid import PoseGrid
 from robot_agent.raster import log_ratio, sampled, shifted, with_outlier
-from robot_agent.sensing import Motion, bearing_variance, motion_since, part_variance, range_variance, wrap
+from robot_agent.sensing import Motion, bearing_variance, motion_since, part_variance, range_variance
 
 PROJECTED = 1e-3  # share of the mass: a heading bin with less is left out of a projection
 COMPASS_SIGMA = 0.03  # radians

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from blackboard.opinion.belief import Belief, shift_along, uniform
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.evidence import Seen
@@ -40,7 +41,6 @@ from robot_agent.sensing import (
     part_variance,
     place_likelihood,
     position_likelihood,
-    wrap,
 )
 from robot_agent.window import Window, around, bounds, embedded, whole
 

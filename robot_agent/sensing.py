@@ -221,8 +221,3 @@ def motion_since(sighting: Sighting | Seen, motion: Motion | None) -> tuple[floa
         return 0.0, 0.0
     share = sighting.age / motion.dt
     return motion.distance * share, motion.turn * share
-
-
-def wrap(angle: Array) -> Array:
-    """The same angles in [-pi, pi)."""
-    return (angle + math.pi) % (2 * math.pi) - math.pi

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -78,14 +79,14 @@ def echoes(rng: np.random.Generator) -> Case:
     return replace(case, common=case.opinions[1:4])
 
 
-def liar(rng: np.random.Generator) -> Case:
-    """Four honest sources, and one whose sharp belief is 12 cells off."""
-    return _with_liars(rng, 1)
-
-
-def collusion(rng: np.random.Generator) -> Case:
-    """Three honest sources, and two with the same sharp belief 12 cells off."""
-    return _with_liars(rng, 2)
+def with_liars(liars: int, rng: np.random.Generator) -> Case:
+    """Five sources, of which some have the same sharp belief 12 cells off."""
+    truth, sigmas = _draw(rng)
+    means = truth + sigmas[:, None] * rng.standard_normal((SOURCES, 2))
+    angle = rng.uniform(0, 2 * math.pi)
+    means[:liars] = truth + LIE * np.array([math.cos(angle), math.sin(angle)])
+    sigmas[:liars] = LIAR_SIGMA
+    return _case(truth, means, sigmas)
 
 
 #: The trials: five generated situations, by their names in tables.
@@ -93,8 +94,8 @@ TRIALS: dict[str, Trial] = {
     "independent": independent,
     "correlated": correlated,
     "echoes": echoes,
-    "one liar": liar,
-    "two collude": collusion,
+    "one liar": partial(with_liars, 1),
+    "two collude": partial(with_liars, 2),
 }
 
 
@@ -102,15 +103,6 @@ def _draw(rng: np.random.Generator) -> tuple[Array, Array]:
     """The truth, shape (2,), and the sources' sigmas, shape (SOURCES,)."""
     truth = np.array([rng.uniform(MARGIN, n - MARGIN) for n in GRID.shape])
     return truth, rng.uniform(*SIGMA, SOURCES)
-
-
-def _with_liars(rng: np.random.Generator, liars: int) -> Case:
-    truth, sigmas = _draw(rng)
-    means = truth + sigmas[:, None] * rng.standard_normal((SOURCES, 2))
-    angle = rng.uniform(0, 2 * math.pi)
-    means[:liars] = truth + LIE * np.array([math.cos(angle), math.sin(angle)])
-    sigmas[:liars] = LIAR_SIGMA
-    return _case(truth, means, sigmas)
 
 
 def _case(truth: Array, means: Array, sigmas: Array) -> Case:

@@ -119,25 +119,8 @@ DISK = Topic(
     ("operator",), "recorder", ("operator",), "once a second", "a recorder's disk, while it takes nothing",
 )  # fmt: skip
 
-TOPICS = (
-    CLOCK,
-    READING,
-    TRUTH,
-    WORLD,
-    SOLO,
-    REPORT,
-    CONSENSUS,
-    AGREED,
-    FORWARD,
-    JOURNAL,
-    MEMORY,
-    MEMBER,
-    BOARD,
-    REFUSED,
-    STATUS,
-    DISK,
-)
-
+#: All of the above, in their order.
+TOPICS = tuple(topic for topic in list(globals().values()) if isinstance(topic, Topic))
 
 #: Where in a key the part stands that no other topic has.
 _WORD_AT = 3

@@ -9,9 +9,9 @@ import numpy as np
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.vehicle import wrap
 from robot_agent.localizer import Localizer
 from robot_agent.pose import PoseLocalizer
-from robot_agent.sensing import wrap
 
 APART = 0.2  # total variation distance from a Gaussian, at most, of a grid that is handed over
 WIDEST = 0.15  # sigma of it, as a share of the grid's shorter edge: a flat grid is no hypothesis

@@ -120,22 +120,16 @@ def test_an_old_opinion_has_spread_by_the_drift_per_square_root_of_a_second() ->
     assert used.entropy == pytest.approx(entropy(blur(said.p, 2.4)), abs=1e-6)
 
 
-def test_an_opinion_that_does_not_spread_is_old_all_the_same() -> None:
-    it = board(grid=FINE, drift=0.0, max_age=10.0)
+@pytest.mark.parametrize(("drift", "time", "settled", "age"), [(0.0, 3.0, 5.25, 2.25), (0.8, 3.5, 3.0, 0.0)])
+def test_without_a_drift_an_opinion_is_old_and_from_a_clock_that_is_ahead_it_is_new(
+    drift: float, time: float, settled: float, age: float
+) -> None:
+    it = board(grid=FINE, drift=drift, max_age=10.0, future=1.0)
     said = fine(10, 6, 0.9)
-    it.hear(report("r1", said, 3.0), 3.0)
-    consensus = only(it.settle(7, 5.25))
+    it.hear(report("r1", said, time), 3.0)
+    consensus = only(it.settle(7, settled))
     same(consensus, said.p)
-    assert consensus.used[0].age == pytest.approx(2.25)
-
-
-def test_an_opinion_from_a_clock_that_is_ahead_is_new() -> None:
-    it = board(grid=FINE, drift=0.8, future=1.0)
-    said = fine(10, 6, 0.9)
-    it.hear(report("r1", said, 3.5), 3.0)
-    consensus = only(it.settle(7, 3.0))
-    same(consensus, said.p)
-    assert consensus.used[0].age == 0.0
+    assert consensus.used[0].age == pytest.approx(age)
 
 
 def test_stamps_are_taken_up_to_the_limits_and_refused_beyond() -> None:

@@ -14,12 +14,10 @@ from mcap.reader import make_reader
 
 from blackboard.bridges.foxglove import CELL
 from blackboard.errors import UserError
-from blackboard.state.fold import Fold
-from blackboard.state.team import TeamFold
-from blackboard.tape.file import read
 from blackboard.wire.arrays import unpack
 from tests.commands import call
 from tests.files import GOLDEN
+from tests.view.recorded import golden_team
 
 pytest.importorskip("foxglove", reason="no foxglove-sdk: pip install '.[foxglove]'")
 
@@ -29,13 +27,6 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("fox") / "x.mcap"
     assert call("tape", "export", GOLDEN, out, "--to", "foxglove") == 0
     return out
-
-
-def team() -> TeamFold:
-    fold = Fold()
-    for at, envelope in read(GOLDEN):
-        fold.take(envelope, at)
-    return fold.teams["demo"]
 
 
 def parts(message: bytes) -> Iterator[tuple[int, int | bytes]]:
@@ -81,17 +72,17 @@ def part(message: bytes, number: int) -> bytes:
 def test_the_schemas_are_the_well_known_ones(exported: Path) -> None:
     with exported.open("rb") as file:
         found = Counter(schema.name for schema, _, _ in make_reader(file).iter_messages() if schema is not None)
-    moments = list(team().moments)
+    moments = list(golden_team().moments)
     assert found["foxglove.Grid"] >= sum(
         about.best is not None for moment in moments for about in moment.subjects.values()
     )
     assert found["foxglove.PosesInFrame"] >= 2 * len(moments)
-    assert found["foxglove.Log"] == len(team().events)
+    assert found["foxglove.Log"] == len(golden_team().events)
     assert set(found) == {"foxglove.Grid", "foxglove.PoseInFrame", "foxglove.PosesInFrame", "foxglove.Log"}
 
 
 def test_a_grid_is_the_agreed_belief_where_it_is(exported: Path) -> None:
-    about = team().moments.newest.subjects["robot/r1"]  # type: ignore[union-attr]
+    about = golden_team().moments.newest.subjects["robot/r1"]  # type: ignore[union-attr]
     assert about.best is not None
     belief = unpack(about.best.message.belief)
     with exported.open("rb") as file:

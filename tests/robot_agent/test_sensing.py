@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.wire.messages import Odometry, Sighting
 from robot_agent.config import OdometrySection, VisionSection
 from robot_agent.sensing import (
@@ -20,7 +21,6 @@ from robot_agent.sensing import (
     position_sigma,
     range_variance,
     uncertain_likelihood,
-    wrap,
 )
 from sim_world.sensors import vision_sigma
 

@@ -11,7 +11,9 @@ from blackboard.lab.team import Team
 from blackboard.process.service import Service
 from blackboard.state.fold import Fold
 from blackboard.state.team import TeamFold
+from blackboard.tape import file as tape
 from blackboard.wire.envelope import Envelope, Kind
+from tests.files import GOLDEN
 from tests.scenarios import SCENARIO
 
 JOINT = SCENARIO.changed("board", fusion="joint").changed("robot", localizer="position")
@@ -53,6 +55,14 @@ def folded(joint: bool = False) -> Fold:
 
 def team_of(joint: bool = False) -> TeamFold:
     return folded(joint).teams["t"]
+
+
+def golden_team() -> TeamFold:
+    """The team of the golden tape, read to its end."""
+    fold = Fold()
+    for at, envelope in tape.read(GOLDEN):
+        fold.take(envelope, at)
+    return fold.teams["demo"]
 
 
 def read(frame: bytes) -> tuple[dict[str, Any], bytes]:

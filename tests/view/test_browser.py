@@ -12,14 +12,13 @@ import pytest
 
 from blackboard.state.fold import Fold
 from blackboard.state.moments import Moment
-from blackboard.state.team import TeamFold
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
 from blackboard.wire.arrays import unpack
 from blackboard.wire.envelope import Envelope, Kind
 from tests.files import GOLDEN
 from tests.view.browser import FOUND, MISSING, Browser, browser
-from tests.view.recorded import recorded
+from tests.view.recorded import golden_team, recorded
 from tests.view.serving import served
 
 pytestmark = pytest.mark.skipif(FOUND is None, reason=MISSING)
@@ -80,13 +79,6 @@ def look(chromium: Browser) -> Iterator[Callable[[str], Browser]]:
     assert asked == hosts
 
 
-def taped() -> TeamFold:
-    fold = Fold()
-    for at, envelope in read(GOLDEN):
-        fold.take(envelope, at)
-    return fold.teams["demo"]
-
-
 def check_shown(page: Browser, moment: Moment) -> None:
     """The page draws this moment: each agreed belief's peak, and a contour around the truth where it is in the region."""
     for name, about in moment.subjects.items():
@@ -111,7 +103,7 @@ def around(pieces: np.ndarray, x: float, y: float) -> bool:
 
 
 def test_a_tape_is_shown_from_its_beginning_and_scrubbed(look: Callable[[str], Browser]) -> None:
-    moments = list(taped().moments)
+    moments = list(golden_team().moments)
     with served(TapeFeed(read(GOLDEN)), "demo") as url:
         page = look(url)
         page.wait("page.state.done && page.state.shown.name")
@@ -131,7 +123,7 @@ def test_a_tape_is_shown_from_its_beginning_and_scrubbed(look: Callable[[str], B
 
 
 def test_a_tape_is_played_at_a_speed_to_its_end(look: Callable[[str], Browser]) -> None:
-    last = list(taped().moments)[-1]
+    last = list(golden_team().moments)[-1]
     with served(TapeFeed(read(GOLDEN)), "demo") as url:
         page = look(url)
         page.wait("page.state.done && page.state.shown.name")
@@ -145,7 +137,7 @@ def test_a_tape_is_played_at_a_speed_to_its_end(look: Callable[[str], Browser]) 
 
 
 def test_a_link_leads_to_a_moment_and_its_reasons(look: Callable[[str], Browser]) -> None:
-    moment = list(taped().moments)[6]
+    moment = list(golden_team().moments)[6]
     with served(TapeFeed(read(GOLDEN)), "demo") as url:
         page = look(f"{url}#subject=robot/r2&run={moment.run}&tick={moment.tick}")
         page.wait(f"page.state.done && page.state.shown.tick === {moment.tick} && page.state.shown.name")
