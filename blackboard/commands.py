@@ -179,7 +179,7 @@ def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Itera
 def _check(scenario: Scenario) -> None:
     """Validate every section of a scenario before anything starts, also those that only robots and the world read.
 
-    Here is also told what only two sections together show; a process that is started alone takes it.
+    Mistakes that only two sections together show are reported here too; a process that is started alone does not look for them.
     """
     from blackboard.config.world import check_world
     from blackboard.faults import faults_of

@@ -1,4 +1,4 @@
-"""Plug-ins: what installed packages offer under an entry-point group, loaded only when somebody asks for it by name.
+"""Plug-ins: what installed packages offer under an entry-point group, loaded only when it is asked for by name.
 
 A package offers a rule or a localizer in its `pyproject.toml`, for example
 

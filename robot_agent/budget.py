@@ -3,9 +3,9 @@
 A board keeps the last report about each subject and lets it spread with age. So a report is worth KL(now || what the board has)
 - KL(now || what it would have), in expected nats of log score. The first term is what silence costs, the second what a coarser
 report loses. What the team knows better than the robot is worth less, by the area that the team's belief covers over that of
-the robot's own. A sighting of a mate is another matter (`_of_mate`, `sightings.py`): two that follow each other differ by their
-noise, which is no news. A token bucket in team time bounds the bytes. A price in nats per byte decides whether to spend now, or
-to wait for something better. It rises while the bucket is empty, and falls while it is full. Where messages are counted
+the robot's own. A sighting of a mate is valued otherwise (`worth.Offers`, `sightings.py`): two that follow each other differ by
+their noise, which is no news. A token bucket in team time bounds the bytes. A price in nats per byte decides whether to spend
+now, or to wait for something better. It rises while the bucket is empty, and falls while it is full. Where messages are counted
 (`slots.py`), one is said in each slot.
 """
 
@@ -110,7 +110,8 @@ class Budget:
     ) -> Choice:
         """The reports of a tick at a team time (s) that are sent, in their order, some of them coarser.
 
-        `speed` is what the robot told the boards (unit/s), `team` what was agreed. With an infinite budget everything is sent.
+        `speed` is what the boards have of the robot (unit/s), `team` what was agreed. With an infinite budget everything is
+        sent.
         """
         if not self.saves:
             return Choice(list(reports), {})

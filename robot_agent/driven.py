@@ -52,7 +52,7 @@ SUMMED = ("distance", "turn", "dt")  # of Odometry
 
 @dataclass(frozen=True)
 class Gathered:
-    """What a robot's sensors told since its last step."""
+    """What a robot's sensors measured since its last step."""
 
     odometry: Odometry | None = None
     compass: tuple[float, float | None] | None = None  # heading and sigma, radians
@@ -123,9 +123,9 @@ class Driven(AgentService):
     def step(
         self, gathered: Gathered | None, now: float, time: float | None = None
     ) -> tuple[Pose | None, list[Envelope]]:
-        """Act on what the sensors told, at a team time (s) [default: now]: where the robot is, and what is to be sent.
+        """Act on what the sensors measured, at a team time (s) [default: now]: where the robot is, and what is to be sent.
 
-        Where a world gives the clock, it is one step for each of its ticks: what is told after it waits for the next one.
+        Where a world gives the clock, it is one step for each of its ticks: what comes after it waits for the next one.
         """
         self._pending = self._pending.plus(gathered or Gathered())
         followed = self.clock.followed
@@ -153,7 +153,7 @@ class Driven(AgentService):
         return self.pose(), out
 
     def _own(self) -> Given:
-        """What stands for the robot's own filter, from its first posterior on. What lasts of its errors is that filter's matter."""
+        """What stands for the robot's own filter, from its first posterior on. Its lasting errors are left to that filter."""
         its = self.agent.filter if isinstance(self.agent, JointAgent) else None
         if not isinstance(its, Given):
             wheels = replace(self._sensors.wheels, nuisance=Nuisance())

@@ -1,7 +1,8 @@
 """A robot that does not tell what it believes: the [[fault]]s of a scenario in what it says. Honest robots do not load this.
 
-What it believes, and what it tells the referee (`Solo`), stays as it is: its reports and statuses are changed just before they are
-sent. Everything is computed from the message and the scenario's seed, so a message that is sent again is changed in the same way.
+What it believes, and what it sends to the referee (`Solo`), stays as it is: its reports and statuses are changed just before
+they are sent. Everything is computed from the message and the scenario's seed, so a message that is sent again is changed in
+the same way.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ class Slots:
         return self._slot(time) != self._last
 
     def wait(self, time: float, evidence: PackedEvidence | None) -> None:
-        """Nothing is said in this tick: what it saw is told in the next slot."""
+        """Nothing is sent in this tick: what it saw is sent in the next slot."""
         self._epoch, self._waiting = (-1, []) if evidence is None else (evidence.epoch, self._gathered(time, evidence))
 
     def told(self, time: float, evidence: PackedEvidence) -> PackedEvidence:

@@ -37,7 +37,7 @@ class Detected(Changed):
         return truth.model_copy(update={"unnamed": unnamed}), [it for it, _ in told]
 
     def _detected(self, readings: Readings, truth: Truth) -> tuple[Readings, list[str]]:
-        """The readings of a robot as its detector tells them, and whom its unnamed sightings show, in their order."""
+        """The readings of a robot as its detector gives them, and whom its unnamed sightings show, in their order."""
         sightings = [it for it in readings.sightings if self._is_detected(readings.robot, it, truth)]
         seen = [it for it in readings.seen if self._is_detected(readings.robot, it, truth)]
         sightings = self._exchanged(readings.robot, sightings)
@@ -107,7 +107,7 @@ def kind_of(subject: str) -> str:
 
 
 def class_of(subject: str) -> str:
-    """What a detector tells of a thing that it cannot name: of an object its name without a number at the end."""
+    """The class that a detector gives to a thing without a name: of an object its name without a number at the end."""
     kind, _, name = subject.partition("/")
     return f"{kind}/{name.rstrip('0123456789?') if kind == 'object' else ''}?"
 

@@ -41,7 +41,7 @@ class Members:
         return self.roster.hear(envelope, now)
 
     def hear_status(self, sub_team: str, status: Status) -> None:
-        """Somebody says something; who holds a token there takes part from the next tick on."""
+        """A message came from a process; if it holds a token there, it takes part from the next tick on."""
         name, boards = status.process, self.roster.boards
         if status.kind == "board" and (sub_team, name) not in self._heard and name in boards.get(sub_team, []):
             self._heard = {(s, b) for s, b in self._heard if b in boards.get(s, [])} | {(sub_team, name)}

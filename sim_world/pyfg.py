@@ -80,7 +80,7 @@ class GraphReplay:
         )
 
     def _told(self, robot: str, track: Track) -> Fix | None:
-        """Where a robot is told that it starts."""
+        """The start that a robot gets, with an error."""
         pose = interpolated(track.truth, self.start)
         if pose is None:
             return None

@@ -266,7 +266,7 @@ class WorldService:
         return not self.members.missing(self._open[self.tick])
 
     def _set_off(self, now: float) -> list[Envelope]:
-        """The team is there, or the wait for it is over: begin, or go on, with those who are there; end where nobody is."""
+        """The team is there, or the wait for it is over: begin, or go on, with those who are there; end where there is none."""
         absent = ", ".join(self.members.absent()) if self.tick < 0 else ""
         if not self.members.enough():
             who = "no router" if self.roster.away else f"nobody ({absent or 'all went'})"

@@ -30,7 +30,7 @@ WALL = 0.5  # unit: objects turn back this far from the edge
 
 @dataclass
 class Walker:
-    """Somebody who goes from waypoint to waypoint, as they really are."""
+    """The true state of what goes from waypoint to waypoint."""
 
     x: float
     y: float

@@ -88,7 +88,7 @@ def renew(
 def revoke(root: Path, name: str) -> tuple[Team, Member]:
     """Revoke a member's certificate: the router's access control no longer has its subject, and its folder is removed.
 
-    UserError: nobody is called so, or it is the router, whose certificate its members would go on believing.
+    UserError: there is no such member, or it is the router: its members would still trust its certificate.
     """
     with _locked(root):
         team = load(root)

@@ -1,4 +1,4 @@
-"""Tells each member of a team how many of its messages the router denied, and the operator who was denied what. Pure."""
+"""Reports to each member how many of its messages the router denied, and to the operator what was denied to whom. Pure."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class Member:
 
     @property
     def door(self) -> str:
-        """The key on which the router tells this member what it may do, and what of it was denied."""
+        """The key on which the router answers this member: what it may do, and what of it was denied."""
         return f"door/{self.team}/{self.common_name}"
 
     def to_dict(self) -> dict[str, Any]:
@@ -88,7 +88,7 @@ class Member:
 
     @staticmethod
     def from_dict(said: dict[str, Any]) -> Member:
-        """The member that `to_dict` told. KeyError, TypeError, ValueError: it is not one."""
+        """The member of a table that `to_dict` made. KeyError, TypeError, ValueError: it is not one."""
         if said["kind"] not in KINDS:
             raise ValueError(f"no kind {said['kind']!r}")
         sub_teams, generation = tuple(map(str, said["sub_teams"])), int(said["generation"])
@@ -110,7 +110,7 @@ class Team:
         return next((m for m in self.members if (m.kind, m.name) == (kind, name)), None)
 
     def named(self, name: str) -> Member:
-        """The one member of a name, or of "kind/name". UserError: nobody, or several, are called so."""
+        """The one member of a name, or of "kind/name". UserError: no member, or several, have this name."""
         found = [m for m in self.members if name in (m.name, f"{m.kind}/{m.name}")]
         if len(found) != 1:
             said = ", ".join(m.who for m in found or self.members)

@@ -26,10 +26,11 @@ ALERTS = {
 
 
 def fault(endpoints: list[str], identity: Identity | None, *, last: bool) -> str | None:
-    """What is wrong, in a few words, at the first endpoint where waiting does not help; None where nobody listens or nothing is found.
+    """What is wrong, in a few words, at the first endpoint where waiting does not help; None where no process listens, or
+    nothing is found.
 
-    `last` says that nobody will wait any more: then also what may only be slow is told. Without an identity only this is looked at:
-    whether somebody listens with TLS where a plain session is tried.
+    `last`: this is the last attempt, so what may only be slow is reported, too. Without an identity it is only checked whether
+    the other end expects TLS where a plain session is tried.
     """
     for endpoint in endpoints:
         protocol, _, address = endpoint.partition("/")

@@ -1,4 +1,4 @@
-"""A service that prints what a router tells at its door."""
+"""A service that prints the denials that a router reports."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Board: where a sub-team's reports meet. Pure: reports in, consensuses out; time is an argument, there is no I/O.
 
 Two fusions (Table I): `settle` pools the sub-team's reports into the `consensus`, `exchange` pools the consensuses of all
-sub-teams into the `agreed` belief. Both keep what arrives by subject and source, so the order of arrival does not matter.
-With fusion = "joint" the robots' evidence is kept beside them, and what is agreed comes from the joint where it knows a subject.
+sub-teams into the `agreed` belief. Both keep what arrives by subject and source, so the result does not depend on the order of
+arrival. With fusion = "joint" the robots' evidence is kept beside them, and what is agreed comes from the joint where it knows
+a subject.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class Board:
     ) -> None:
         """`survive` is entered for each subject that is fused; by default an exception is the caller's. `counters`: of a joint.
 
-        `guests`: by default nobody is one.
+        `guests`: by default there are none.
         """
         self.sub_team = sub_team
         self.name = board
@@ -239,7 +240,7 @@ class Board:
     def _vote(self, source: str, subject: str, entry: Entry) -> Entry:
         """A report about a subject as far as the robot's sensors can know it, whatever it claims first-hand.
 
-        No place is known better than to `sharpest`; and a sighting of a mate begins at the observer's own place, which it tells.
+        No place is known better than to `sharpest`. A sighting of a mate is at most as good as the observer's own place.
         """
         first, *more = entry.opinions
         if self.settings.feedback == "paper":

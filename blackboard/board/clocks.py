@@ -1,4 +1,5 @@
-"""The clocks of those that a board hears, where each goes by its own Unix time: corrected, told, or refused by name. Pure.
+"""The clocks of the processes that a board hears, where each has its own Unix time: corrected, reported, or refused by name.
+Pure.
 
 Where a world gives the time, all stamps are its own, and nothing is corrected.
 """
@@ -42,7 +43,7 @@ class Clocks:
         return self.limit if self.differ else 0.0
 
     def hear(self, source: str, status: Status, now: float) -> None:
-        """Take the stamps of a status; one without (of an older version, or where there is a world) tells nothing."""
+        """Take the stamps of a status; one without stamps (of an older version, or where there is a world) changes nothing."""
         echo = status.echo.get(self.name)
         if self.differ and status.sent is not None and echo is not None:
             self.offsets.round_trip(source, status.sent, *echo, now)

@@ -3,11 +3,11 @@
 Each source is judged by the consensus without it: once a second of team time (SPACING), on every subject on which at least
 three independent opinions are bell-shaped. A distance beyond the 99 % quantile is a contradiction, and a second in which most
 of a source's opinions contradict speaks against it. A source that disagreed in most of the last seconds is named. Its opinions
-are taken to a power that falls to LEAST_WEIGHT, and that rises again as slowly as REDEEMED says. As long as nobody is named,
-nothing is changed.
+are taken to a power that falls to LEAST_WEIGHT, and that rises again as slowly as REDEEMED says. While none is named, no
+opinion is changed.
 
-Where half of the sources or more would be named at once, it cannot be decided which are wrong, and none is named. What is told
-then are the camps: groups that agree among themselves and contradict each other, two of them equally large.
+Where half of the sources or more would be named at once, it cannot be decided which are wrong, and none is named. Then the
+camps are reported: groups that agree among themselves and contradict each other, two of them equally large.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class Dissent:
         verdicts: Sequence[Verdict],
         trust: Trust,
     ) -> None:
-        """Judge robots at a team time (s) by where they say that they are, `told`, and where a joint has them, `believed`.
+        """Judge robots at a team time (s) by where they report that they are, `told`, and where a joint has them, `believed`.
 
         How much each counts, the joint decides by itself: by the gate, whose `verdicts` on evidence about places are given, and by
         `trust`, which judges sightings by both ends.

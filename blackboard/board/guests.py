@@ -1,7 +1,8 @@
-"""Robots that the scenario does not name: whether a board hears them, and how much they count until somebody has seen them. Pure.
+"""Robots that the scenario does not name: whether a board hears them, and how much they count until a named robot has seen
+them. Pure.
 
-A name costs nothing, so whoever may report under any name could have as many votes as it likes. A body cannot be invented: a guest
-is confirmed once a robot that the scenario names has seen it where it says it is. From then on it counts as everybody.
+A name costs nothing: a process that may report under any name could have as many votes as it likes. A body cannot be invented:
+a guest is confirmed once a robot that the scenario names has seen it where it says it is. From then on it counts as everybody.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Guests:
     def aside(self, sources: Collection[str], now: float) -> set[str]:
         """Who does not count now, of those who speak of one thing: of all guests that wait one does, each for a `TURN`.
 
-        Where nobody else speaks of it, all of them do.
+        Where no other robot reports on it, all of them count.
         """
         waiting = sorted(filter(self.waits, sources))
         if len(waiting) == len(sources):

@@ -95,7 +95,7 @@ class Publisher:
         return self._publish(Publication(tick, level, time, tuple(out), status), now)
 
     def aside(self, now: float) -> list[Envelope]:
-        """What is told beside the ticks: to robots what was refused of them, to boards that follow what this one remembers."""
+        """What is sent beside the ticks: to robots what was refused of them, to boards that follow what this one remembers."""
         refusals = self.intake.refusals.due(now)
         out = list[Envelope]()
         if refusals and self.lead.role is not BoardRole.FOLLOWS:

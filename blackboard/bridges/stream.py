@@ -19,7 +19,7 @@ Image = npt.NDArray[np.float32]
 
 
 class Sink(Protocol):
-    """A viewer: it is told moments and events in the order in which they came."""
+    """A viewer: it gets moments and events in the order in which they came."""
 
     def show(self, team: TeamFold, moment: Moment) -> None: ...
 

@@ -118,6 +118,6 @@ def recovery(looks: Sequence[Look], begin: float, end: float) -> float | None:
 
 
 def settled(looks: Sequence[Look], begin: float, end: float) -> float:
-    """The mean share of the pairs that were settled from `begin` to `end`; 1 where nobody looked."""
+    """The mean share of the pairs that were settled from `begin` to `end`; 1 where nothing was observed."""
     shares = [1 - len(look.missing) / max(1, look.of) for look in looks if begin <= look.at <= end]
     return sum(shares) / len(shares) if shares else 1.0

@@ -125,7 +125,7 @@ class _Soak:
 async def soak(
     scenario: Scenario, seconds: float, seed: int, rng: np.random.Generator, tell: Callable[[str], object]
 ) -> tuple[list[Line], dict[str, Any]]:
-    """Run a scenario for so long: the lines of the verdict, and the world's scorecard; `tell` is told of each event."""
+    """Run a scenario for so long: the lines of the verdict, and the world's scorecard; `tell` is called with each event."""
     chosen = scenario.changed("time", mode="realtime", seconds=float(seconds))
     chosen = chosen.changed("world", seed=seed, linger=LINGER)
     with tempfile.TemporaryDirectory(prefix="blackboard-soak-") as folder:

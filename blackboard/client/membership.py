@@ -33,7 +33,7 @@ MAX_REFUSALS = 256  # that are kept
 
 
 class Speaker(Service, Protocol):
-    """What speaks for a robot."""
+    """The service that sends for a robot."""
 
     @property
     def clock(self) -> TeamClock:
@@ -44,7 +44,7 @@ class Membership:
     """A robot's place in its team, as a context manager; `with` or `async with` connects, registers and leaves.
 
     What it says is made by the service of a subclass (`_made`). Everything may be called in any thread, also in a callback.
-    UserError: no router answers, or nobody says which team is meant.
+    UserError: no router answers, or it is not known which team is meant.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class Membership:
         await asyncio.to_thread(self.close)
 
     def close(self) -> None:
-        """Leave the team: nobody waits for this robot any more. A second time changes nothing."""
+        """Leave the team: no process waits for this robot any more. A second time changes nothing."""
         if self._link is None or self._thread is None:
             return
         self._desk.stop.set()
@@ -282,7 +282,7 @@ class Membership:
             raise Refused(untold.reason, f"{untold.board} refused {untold.subject or 'a status'}: {untold.text}")
 
     def _ask(self, link: Link) -> None:
-        """Learn from the boards which team, sub-team and grid are meant. UserError: nobody answers, or there are several."""
+        """Learn from the boards which team, sub-team and grid are meant. UserError: none answers, or there are several."""
         found = ask(link.get, self._clock.now, self.robot, self.name, self.sub_teams, self._patience)
         self.name, self.sub_teams, self._grid = (
             found.team,

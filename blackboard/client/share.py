@@ -6,7 +6,7 @@ Nothing is counted twice, whatever the teams tell each other in a circle: what i
 first-hand one. A board pools such beliefs by Chernoff's rule, for which the same information again adds nothing, and leaves
 uniform ones out. Whose information a belief contains goes with it, each robot under the name of its team (`north..r1`), until
 when it was gathered too. What holds nothing newer than the other team has is not sent, and what holds nothing newer than
-`max_age` ends. So a belief that nobody has seen evidence of ends in all teams.
+`max_age` ends. So a belief without new evidence ends in all teams.
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ class WorldSection(Section):
     people: PeopleSection = Field(default_factory=PeopleSection)
     "Who walks about and is in no team (simulated)."
     detector: DetectorSection = Field(default_factory=DetectorSection)
-    "What is told of what the sensors see."
+    "What readings contain of what the sensors see."
 
     # mrclam
     dir: str | None = None

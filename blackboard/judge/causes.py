@@ -93,7 +93,7 @@ def _who_is_off(by_name: Mapping[str, Any], unit: str) -> list[str]:
 
 
 def _no_gain(scores: Scores, company: Mapping[str, float]) -> list[str]:
-    """Subjects about which the team knows no more than each robot by itself, and whether anybody else spoke of them."""
+    """Subjects about which the team knows no more than each robot by itself, and whether another robot reported on them."""
     alone, useless = list[str](), list[str]()
     for group, prefix in (("robots", "robot/"), ("objects", "object/")):
         for name, levels in scores[group]["by_name"].items():

@@ -73,7 +73,7 @@ class Unnamed:
         return Track((float(x), float(y)), told.existence)
 
     def identities(self) -> dict[str, Any]:
-        """How many sightings had no name, were taken for a known subject, and for a wrong one; and the odds that were told.
+        """How many sightings had no name, were taken for a known subject, and for a wrong one; and the odds that were reported.
 
         Empty where all were named.
         """

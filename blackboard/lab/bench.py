@@ -75,7 +75,7 @@ def block_of(time: float) -> int:
 def localised_at(samples: Sequence[Sample]) -> float | None:
     """The first time from which one robot's error stays below FOUND for HOLD seconds on end; None: never.
 
-    `samples` are in order of time. Where none was judged for more than GAP seconds, nobody knows, and it begins anew.
+    `samples` are in order of time. After more than GAP seconds without a judged sample the count begins anew.
     """
     since = before = None
     for sample in samples:

@@ -1,8 +1,8 @@
 """The bound of a team: what one filter on the readings of all robots believes (`robot_agent.gaussian.ideal`).
 
 In a simulated world the filter knows the world's own noise. Only what a Gaussian cannot represent is approximated: the walls,
-and a sighting's sigma that depends on the true distance. On a recording, whose noise nobody knows, it is the centralised
-extended Kalman filter with the sensors that the robots are configured with.
+and a sighting's sigma that depends on the true distance. On a recording, whose noise is unknown, it is the centralised extended
+Kalman filter with the sensor models of the robots.
 """
 
 from __future__ import annotations

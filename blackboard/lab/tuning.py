@@ -94,9 +94,9 @@ def try_all(rule: str, runs: Sequence[Run]) -> CandidateScores:
 def choose(scores: CandidateScores, coverage: float, cell: float, rng: np.random.Generator) -> dict[str, Any]:
     """The candidate with the highest log score of those whose 95 % regions hold the truth in at least a share of `coverage`.
 
-    With its parameters' spreads: where 95 % of the choices lie when the runs are drawn anew; None of fewer than FEWEST runs. It is no
-    confidence interval, and the fewer the runs the more too narrow it is. `honest` is False where no
-    candidate covers so much; then the one that covers most is chosen.
+    With its parameters' spreads: where 95 % of the choices lie when the runs are drawn anew; None of fewer than FEWEST runs. It
+    is no confidence interval: with few runs it is too narrow. `honest` is False where no candidate covers so much; then the one
+    that covers most is chosen.
     """
     every = np.ones((1, len(scores.cases)))
     settings = candidates(scores.rule, cell)

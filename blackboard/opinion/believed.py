@@ -1,8 +1,9 @@
-"""How far somebody is believed: what is remembered for that, whom a majority contradicts, and the constants of both.
+"""How far a source is believed: the records of agreement, whom a majority contradicts, and the constants of both.
 
 Two kinds of records are kept, because each loses what the other is for:
 
-- *Verdicts*: the share of them that are against somebody. One large distance weighs no more than any other. They say who counts for
+- *Verdicts*: the share of them that are against a source. One large distance weighs no more than any other. They say who counts
+for
   less, or is left out: a source of opinions (`board/dissent.py`), a pair in a joint (`gaussian/trust.py`).
 - *Distances*: squared ones, relative to what was claimed. They say how wide a claim is to be read, by their median
   (`board/learning.py`, `gaussian/innovations.py`), and by their sum whether two robots can both be honest (`gaussian/contacts.py`).
@@ -43,7 +44,7 @@ MOST_NOISE = 100.0  # the largest factor of a claimed variance: sigmas are then 
 
 @dataclass(frozen=True)
 class Verdicts:
-    """What was said of somebody: the share against it and the mean distance (sigmas), the newest counting most, and how many."""
+    """The verdicts on a source: the share against it, the mean distance (sigmas), the newest counting most, and their number."""
 
     share: float = 0.0
     number: int = 0

@@ -1,9 +1,9 @@
 """Beliefs of what people have, as masses: a covariance matrix, particles, a mixture, a range and a bearing, an occupancy grid.
 
-Positions are in the grid's unit, angles in radians. Whatever cannot become a belief is a ValueError that names the value and where
-it is. Where errors alone lead across the border of the grid, the part on the grid counts. Densities are integrated over each cell by
-Gauss-Legendre quadrature. Nothing narrower than a quarter of a cell can be told on a grid, so a smaller standard deviation is taken
-as that.
+Positions are in the grid's unit, angles in radians. Whatever cannot become a belief is a ValueError that names the value and
+where it is. Where errors alone lead across the border of the grid, the part on the grid counts. Densities are integrated over
+each cell by Gauss-Legendre quadrature. A grid cannot represent anything narrower than a quarter of a cell, so a smaller
+standard deviation is taken as that.
 """
 
 from __future__ import annotations
@@ -108,8 +108,8 @@ def from_range_bearing(
     """Where something is that a robot at `position` with `heading` sees at a distance and a bearing (0: ahead), on a grid of 2 axes.
 
     Without a bearing it is a ring, without a distance a ray. Before, every place was as likely as another, so the mass is in
-    proportion to the likelihood. The errors are independent and Gaussian; that of the robot's own position is equal on both axes.
-    What is seen outside the grid tells nothing of a place on it: then the mass is everywhere the same.
+    proportion to the likelihood. The errors are independent and Gaussian; that of the robot's own position is equal on both
+    axes. Where the subject is seen outside the grid, the mass is everywhere the same.
     """
     here = _place(grid, "from_range_bearing: position", position, np.full(2, position_sigma))
     if grid.ndim != 2:

@@ -34,7 +34,8 @@ class Anchor:
 class Grid:
     """A regular grid: `shape` in cells, edge length `cell` and lower corner `origin` in `unit` ("cell" or "m").
 
-    `frame` names the frame of its coordinates, as in ROS ("map"); empty: nobody named it. `anchor` says where that frame is on Earth.
+    `frame` names the frame of its coordinates, as in ROS ("map"); empty: it has no name. `anchor` says where that frame is on
+    Earth.
     """
 
     shape: tuple[int, ...]

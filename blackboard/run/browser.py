@@ -10,7 +10,7 @@ DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # of X and of Wayland; macOS and Wind
 
 
 def can_open(*, terminal: bool, environment: Mapping[str, str], platform: str = sys.platform) -> bool:
-    """Whether somebody would see a browser: standard output is a `terminal`, and there is a display."""
+    """Whether a browser would be seen: standard output is a `terminal`, and there is a display."""
     return terminal and (platform in ("darwin", "win32") or any(environment.get(name) for name in DISPLAYS))
 
 

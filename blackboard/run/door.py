@@ -111,7 +111,7 @@ class Stop:
 
 
 def _end(told: int, within: float) -> None:
-    """End this process so many seconds after a signal, which a pipe tells."""
+    """End this process so many seconds after a signal, of which a pipe informs."""
     os.read(told, 1)
     threading.Event().wait(within)
     os._exit(STOPPED)
@@ -255,7 +255,7 @@ def _mistake(error: CycloptsError) -> str:
 
 
 def _has_reader() -> bool:
-    """Whether somebody holds the other end of standard output."""
+    """Whether the other end of standard output is still open."""
     looked = select.poll()
     looked.register(sys.stdout.fileno(), 0)
     return not any(event & (select.POLLERR | select.POLLHUP) for _, event in looked.poll(0))

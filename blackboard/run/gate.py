@@ -1,4 +1,4 @@
-"""A router with keys: it listens to its own Zenoh's log for what was denied, and tells members and the operator."""
+"""A router with keys: it reads in its own Zenoh's log what was denied, and informs members and the operator."""
 
 from __future__ import annotations
 

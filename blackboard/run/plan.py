@@ -73,7 +73,7 @@ class Plan:
 
     @property
     def later(self) -> float:
-        """Seconds by which shares, each once a second, make older what one end of the tree tells the other."""
+        """Seconds by which shares, each once a second, delay what goes from one end of the tree to the other."""
         return 2.0 * len(self.above)
 
 

@@ -68,7 +68,7 @@ class Alarms:
                 self._kept[what, who] = replace(alarm, until=alarm.seen)
 
     def forget(self) -> None:
-        """A new run: what was believed before it is of no matter."""
+        """A new run: alarms about beliefs before it are dropped."""
         self._kept = {key: it for key, it in self._kept.items() if it.what in OF_PROCESSES}
 
     def all(self) -> list[Alarm]:

@@ -249,7 +249,7 @@ class TeamFold:
             self.alarms.end("full disk", disk.recorder, now)
 
     def _hear_ages(self, sub_team: str, status: Status, now: float) -> None:
-        """A board knows robots that went before anybody looked: who was heard in the last minute is known here, too."""
+        """A board knows robots that left before this fold began: those it heard in the last minute are taken in here, too."""
         for robot, age in status.ages.items():
             if ("robot", robot) not in self.processes and 0 <= age < FORGET:
                 process = self._process("robot", robot, sub_team)

@@ -1,4 +1,4 @@
-"""Replays told: scorecards side by side, and whether a replay is the recording. Pure."""
+"""Reports on replays: scorecards side by side, and whether a replay equals the recording. Pure."""
 
 from __future__ import annotations
 

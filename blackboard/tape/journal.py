@@ -76,7 +76,7 @@ class Journaled(Around):
 
 @dataclass
 class Life:
-    """One board from its start to its end, as its journal tells it."""
+    """One board from its start to its end, by its journal."""
 
     sub_team: str
     board: str

@@ -104,7 +104,7 @@ def _memories(tape: Tape, life: Life) -> dict[int, Memory]:
 
 
 def _held_before(tape: Tape, life: Life) -> list[str]:
-    """The tokens that are held when the journal of a board begins on the tape: what it had been told before."""
+    """The tokens that are held when the journal of a board begins on the tape: those that it had heard of before."""
     key = keys.JOURNAL.key(team=tape.scenario.team.name, sub_team=life.sub_team, board=life.board)
     held: dict[str, None] = {}
     for _, envelope in tape.envelopes:

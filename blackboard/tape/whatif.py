@@ -1,4 +1,4 @@
-"""What if: the boards of a tape with other settings, without somebody, or with losses. Pure.
+"""What if: the boards of a tape with other settings, without some robots, or with losses. Pure.
 
 What the world and the robots sent comes from the tape, in the recorder's order and at its times. What boards sent is computed
 again, and goes from board to board at once. So it is an estimate, not a repetition. In lockstep, where order and time play no

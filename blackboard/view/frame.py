@@ -95,7 +95,7 @@ def slim(team: TeamFold, now: float) -> list[Table]:
 
 
 def _grid(grid: Grid) -> Table:
-    """A grid as the page has it: without a frame and an anchor that nobody named."""
+    """A grid as the page has it: without frame and anchor where it has none."""
     known = {"shape": grid.shape, "cell": grid.cell, "origin": grid.origin, "unit": grid.unit}
     frame = {"frame": grid.frame} if grid.frame else {}
     return {**known, **frame, **({"anchor": asdict(grid.anchor)} if grid.anchor else {})}

@@ -66,7 +66,8 @@ def _lost(team: TeamFold, it: Process) -> float | None:
 
 
 def _unnamed(team: TeamFold) -> dict[str, int]:
-    """Tracks that began and ended, and sightings without a name that were clear, unclear or of nobody known; nothing without any.
+    """Tracks that began and ended, and sightings without a name that were clear, unclear or of unknown things; nothing without
+    any.
 
     Each board of a team counts the same ones, so those of the board that counted the most.
     """

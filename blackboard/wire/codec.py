@@ -42,7 +42,7 @@ def decode(model: type[M], payload: bytes) -> M:
 
 @lru_cache(maxsize=1)  # in one process an envelope goes from one service to the next
 def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Message]:
-    """The message in an envelope of kind PUT, with its topic and the parts of its key: shared, so nobody may change them.
+    """The message in an envelope of kind PUT, with its topic and the parts of its key: shared, so they must not be changed.
 
     Refused: "wild-key", what `decode` refuses, and "impostor" where the message names another sender or subject than its key.
     """

@@ -77,7 +77,7 @@ def _seen_elsewhere(it: PackedRelative, heading: float, offset: Sequence[float])
 
 
 def _further_elsewhere(it: Seen, heading: float, offset: Sequence[float]) -> Seen:
-    """A sighting of a further kind. A range alone grows by the whole offset; what a bearing alone turns by, nobody knows."""
+    """A sighting of a further kind; a range alone grows by the whole offset. A bearing alone stays: its distance is not known."""
     if it.kind == "range":
         return it.model_copy(update={"values": (it.values[0] + math.hypot(*offset),)})
     if it.kind not in ("position", "pose"):

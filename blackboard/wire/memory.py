@@ -102,13 +102,12 @@ class PackedMemory(Part):
 
 
 class Memory(Message):
-    """What a board that learns (`independence = "learn"` for some subject) and leads its sub-team remembers, after the
-    first tick of each second of team time. A board that follows it takes that over, so that a board that was
-    restarted is as its twin from then on; a replay of a tape that begins late does the same. A board takes it from
-    the board that leads its own sub-team and from nobody else, of the same `run`, stamped as a Consensus may be, in
-    lockstep not of an older tick than it has settled; all numbers are checked, and one that is out of its bounds
-    makes it leave the whole message (`fields`). Of more than fits a message nothing is sent (counter
-    `memory_too_large`); 8 sources of a level take 12 kB.
+    """What a board that learns (`independence = "learn"` for some subject) and leads its sub-team remembers, after the first
+    tick of each second of team time. A board that follows it takes that over, so that a board that was restarted is as its twin
+    from then on; a replay of a tape that begins late does the same. A board takes it only from the board that leads its own
+    sub-team, of the same `run` and stamped as a Consensus may be. In lockstep it takes none of an older tick than it has
+    settled. All numbers are checked: where one is out of its bounds, the whole message is refused (`fields`). Of more than fits
+    a message nothing is sent (counter `memory_too_large`); 8 sources of a level take 12 kB.
     """
 
     board: Name

@@ -219,8 +219,8 @@ class Learned(Part):
 
 
 class Dissent(Part):
-    """Somebody who keeps disagreeing with what the others believe, as a board finds it, each source being judged by
-    the consensus without it (faults.md).
+    """A source that keeps disagreeing with what the others believe, as a board finds it. Each source is judged by the consensus
+    without it (faults.md).
     """
 
     level: Literal["consensus", "agreed"]
@@ -335,7 +335,7 @@ class Consensus(Message):
     dissent: Annotated[list[Dissent], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     """which of its sources keep disagreeing with the others"""
     camps: Annotated[list[Camp], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
-    """opposed camps of its sources, the heaviest first: nobody can tell which is right"""
+    """opposed camps of its sources, the heaviest first: it cannot be decided which is right"""
     unnamed: Annotated[list[UnnamedSighting], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     """the sightings since the last tick that named a class, and may be of this"""
     existence: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -427,10 +427,10 @@ class Status(Message):
 
 
 class Refusal(Message):
-    """A board tells a robot that it refused what came under the robot's name: at most once a second, the newest that
-    was refused. What came before the robot's token, or before the world that stamped it, is told only if it still
-    was not taken a second later. A message that names nobody (`wild-key`) is told to nobody, and of those that are
-    refused at the same time the newest 64 names are told.
+    """A board reports to a robot that it refused what came under the robot's name: at most once a second, the newest that was
+    refused. What came before the robot's token, or before the world that stamped it, is reported only if it was still not taken
+    a second later. A message without a sender's name (`wild-key`) is not reported. Of messages that are refused at the same
+    time, the newest 64 names are reported.
     """
 
     board: Name
@@ -493,7 +493,7 @@ class Journal(Message):
         ],
         Field(max_length=MAX_OPINIONS),
     ]
-    """Unix time that the board was told, seconds; what; name"""
+    """Unix time at which it reached the board, seconds; what; name"""
     memory: Annotated[str, Field(max_length=MAX_JOURNAL_NAME)] = ""
     """the name, as in `events`, of the Memory that is sent right behind this journal: what the board remembered after
     the last of these events

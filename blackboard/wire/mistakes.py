@@ -84,7 +84,7 @@ def resolved(schema: Schema, root: Schema) -> Schema:
 
 
 def _at(root: Schema, place: Sequence[str | int]) -> Schema:
-    """The schema of the field at a place. What is below a choice of several is not followed: it is the choice that is told."""
+    """The schema of the field at a place. What is below a choice of several is not followed: the choice itself is reported."""
     if place[-1:] == (KEY,):  # the name of an entry, which stands before it
         names = list(resolved(_at(root, place[:-2]), root).get("patternProperties", {}))
         return {"type": "string", "pattern": names[0]} if names else {"type": "string"}

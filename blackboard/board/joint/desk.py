@@ -150,8 +150,9 @@ class JointDesk:
     def _bounded(self, evidence: Evidence) -> Evidence:
         """The evidence without sightings of more objects than the joint takes.
 
-        Each robot has its share of `MAX_OBJECTS` for those that nobody else has seen: of one that sees more the newest are left out.
-        Those that several have seen have as much room again. Who has not seen an object for as long as it is kept has not seen it.
+        Each robot has its share of `MAX_OBJECTS` for those that no other robot has seen: of one that sees more the newest are
+        left out. Those that several have seen have as much room again. Who has not seen an object for as long as it is kept has
+        not seen it.
         """
         robot, time = evidence.robot, evidence.time
         oldest = time - self.team.objects.kept

@@ -154,12 +154,12 @@ def diagnostics(processes: Iterable[dict[str, Any]], prefix: str, stamp: float) 
 
 
 def odometry(payload: bytes) -> Place:
-    """The pose of an Odometry in its own frame. Refused: it is none, or has numbers that no robot has."""
+    """The pose of an Odometry in its own frame. Refused: it is no such message, or has numbers that no robot has."""
     return _place(payload, ODOMETRY)
 
 
 def place(payload: bytes) -> Place:
-    """A PoseWithCovarianceStamped. Refused: as there, or its covariance is none or says nothing."""
+    """A PoseWithCovarianceStamped. Refused: as there, or its matrix is no covariance, or all zeros."""
     found = _place(payload, POSE)
     least, most = (float(value) for value in np.linalg.eigvalsh(found.covariance[:2, :2]))
     if least < -1e-9 * max(1.0, most) or float(found.covariance[2, 2]) < 0:

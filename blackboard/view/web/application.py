@@ -51,7 +51,7 @@ class Page:
     """What all browsers share: the frames, and news of them. `look` at them in a loop of its own."""
 
     def __init__(self, source: Source, team: str, clock: Callable[[], float]) -> None:
-        """`clock` tells seconds that pass evenly."""
+        """`clock` gives seconds of a monotonic clock."""
         self.source, self.clock = source, clock
         self.frames = Frames(source.fold, team)
         self.browsers = 0

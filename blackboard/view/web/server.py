@@ -46,7 +46,7 @@ def serve(
 ) -> None:
     """Serve the page of a team until SIGINT, SIGTERM or `stopped`; `ready` is called with its URL. UserError: the port is taken.
 
-    `clock` tells seconds that pass evenly, `drift` is as in `explain`.
+    `clock` gives seconds of a monotonic clock, `drift` is as in `explain`.
     """
     with _bound(address.host, address.port) as listening:
         at = listening.getsockname()[1]
