@@ -1,22 +1,33 @@
-"""Arguments of a program's calls, checked before anything is done with them. Pure."""
+"""Arguments of a program's calls, checked before anything is done with them. Pure.
+
+What cannot be is a ValueError of one sentence that names the argument.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
+from numbers import Real
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
+from blackboard.config import Scenario
+from blackboard.errors import UserError
+from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.types import LARGEST, LEAST
 
 SMALLEST = 1e-9  # the smallest eigenvalue of a covariance, of its scale
+SHOWN = 100  # characters of a value that a message shows
 
 
 class Call:
-    """The arguments of a call, checked. ValueError: one that cannot be, by its name, in one sentence."""
+    """A call of a method. Each check returns the value as a float or floats."""
 
-    def __init__(self, method: str) -> None:
-        self._method = method
+    def __init__(self, method: str, warn: Callable[[str, str], None] = lambda name, text: None) -> None:
+        """`warn` is told the argument and a sentence where one may be meant in degrees."""
+        self._method, self._warn = method, warn
 
     def number(self, name: str, value: Any, least: float = -LARGEST) -> float:
         found = self._float(value)
@@ -25,8 +36,15 @@ class Call:
             raise self.wrong(name, value, f"give a finite number{bound}")
         return found
 
+    def turn(self, name: str, value: Any) -> float:
+        found = self.number(name, value)
+        if abs(found) > math.tau:
+            where = f"{self._method}({name})"
+            self._warn(where, f"{self._method}({name}={found:g}): is more than a whole turn; give radians")
+        return found
+
     def angle(self, name: str, value: Any) -> float:
-        return math.remainder(self.number(name, value), math.tau)
+        return math.remainder(self.turn(name, value), math.tau)
 
     def bearing(self, name: str, value: Any) -> float:
         if abs(found := self.number(name, value)) > math.tau:
@@ -43,15 +61,12 @@ class Call:
         return None if value is None else self.number(name, value, least=LEAST)
 
     def numbers(self, name: str, value: Any, shape: tuple[int, ...]) -> Any:
-        try:
-            found = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError):
-            found = np.array(np.nan)
+        found = self._floats(value)
         if found.shape != shape or not np.isfinite(found).all() or np.abs(found).max() > LARGEST:
             raise self.wrong(name, value, f"give {' x '.join(str(n) for n in shape)} finite numbers")
         return tuple(found.tolist())
 
-    def covariance(self, name: str, value: Any, size: int) -> Any:
+    def covariance(self, name: str, value: Any, size: int) -> Array:
         found = np.array(self.numbers(name, value, (size, size)))
         scale = np.sqrt(np.maximum(np.diag(found), LEAST**2))
         symmetric = np.abs(found - found.T).max() <= 1e-6 * np.abs(found).max()
@@ -59,24 +74,64 @@ class Call:
             raise self.wrong(name, value, "give a symmetric matrix with positive eigenvalues")
         return found
 
-    def array(self, name: str, value: Any, columns: int) -> Any:
-        shape = np.shape(value)
+    def array(self, name: str, value: Any, columns: int) -> Array:
+        shape = self.shape(value)
         if len(shape) != 2 or shape[1] != columns or not shape[0]:
-            raise self.wrong(name, shape, f"give an array of shape (N, {columns})")
+            raise self.wrong(name, shape or value, f"give an array of shape (N, {columns})")
         return np.array(self.numbers(name, value, shape))
 
-    def weights(self, name: str, value: Any, count: int) -> Any:
+    def weights(self, name: str, value: Any, count: int) -> Array:
         found = np.array(self.numbers(name, value, (count,)))
         if (found < 0).any() or not found.sum() > 0:
             raise self.wrong(name, value, "give numbers of at least 0, not all 0")
         return found
 
+    def shape(self, value: Any) -> tuple[int, ...]:
+        """That of an array of numbers; () of what is none."""
+        return self._floats(value).shape
+
+    def wrong(self, name: str, value: Any, cure: str) -> ValueError:
+        """The error of an argument: its value, and what to give instead."""
+        return ValueError(f"{self._method}({name}={shown(value)}): {cure}")
+
     def _float(self, value: Any) -> float:
         try:
-            return math.nan if isinstance(value, bool | str) else float(value)
+            return math.nan if isinstance(value, bool | np.bool_ | str | bytes) else float(value)
         except (TypeError, ValueError, OverflowError):
             return math.nan
 
-    def wrong(self, name: str, value: Any, cure: str) -> ValueError:
-        shown = " ".join(repr(value).split())  # that of an array has lines
-        return ValueError(f"{self._method}({name}={shown}): {cure}")
+    def _floats(self, value: Any) -> Array:
+        """An array of a value; a number that is none where it holds something else than numbers."""
+        try:
+            found = np.asarray(value)
+            return found.astype(np.float64) if found.dtype.kind in "iufO" else np.array(np.nan)
+        except (TypeError, ValueError, OverflowError):
+            return np.array(np.nan)
+
+
+#: What a member of a team is made of: of which kinds, and in words.
+KINDS: Mapping[str, tuple[tuple[type, ...], str]] = {
+    "robot": ((str,), "a name"),
+    "team": ((str,), "a name"),
+    "scenario": ((str, PathLike, Scenario, type(None)), "a file, the name of a scenario, or a Scenario"),
+    "sub_team": ((str, list, tuple, type(None)), "a name, or a list of names"),
+    "endpoint": ((str, list, tuple), "a text, or a list of texts"),
+    "grid": ((Grid, type(None)), "a Grid"),
+    "keys": ((str, PathLike, type(None)), "a directory"),
+    "patience": ((Real,), "seconds, at least 0"),
+}
+
+
+def check_kinds(made: str, **arguments: object) -> None:
+    """UserError: an argument of what is made is of a kind that cannot be."""
+    for name, value in arguments.items():
+        kinds, cure = KINDS[name]
+        texts = not isinstance(value, list | tuple) or all(isinstance(it, str) for it in value)
+        if not isinstance(value, kinds) or not texts or (isinstance(value, Real) and not float(value) >= 0):
+            raise UserError(f"{made}({name}={shown(value)}): give {cure}")
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it: on one line, the beginning of a long one."""
+    text = " ".join(repr(value).split())  # that of an array has lines
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from blackboard.client.agreed import Agreed, TeamNews
+from blackboard.client.arguments import check_kinds, shown
 from blackboard.client.ask import ask
 from blackboard.client.desk import Desk, Stream
 from blackboard.client.why import Why
@@ -67,6 +68,9 @@ class Membership:
         the next call raises what a board refused before; otherwise that is logged, once for each board and reason. `patience`
         is in seconds.
         """
+        made = type(self).__name__
+        check_kinds(made, scenario=scenario, grid=grid, keys=keys, endpoint=endpoint, sub_team=sub_team)
+        check_kinds(made, robot=robot, team="" if team is None else team, patience=patience)
         self.robot = robot
         self._scenario = scenario if scenario is None or isinstance(scenario, Scenario) else load(scenario)
         known = self._scenario
@@ -77,15 +81,10 @@ class Membership:
         self.name = team or (known.team.name if known is not None else "")
         self.sub_teams = given
         self._grid = grid or (known.grid if known is not None else None)
-        for what, value in (
-            ("robot", robot),
-            *(("team", self.name),) * bool(self.name),
-            *(("sub_team", s) for s in given),
-        ):
+        named = [("robot", robot), *(("team", it) for it in [self.name] if it), *(("sub_team", it) for it in given)]
+        for what, value in named:
             if not re.fullmatch(NAME, value):
-                raise UserError(
-                    f"{type(self).__name__}({what}={value!r}): use up to 64 letters, digits, '.', '_' and '-'"
-                )
+                raise UserError(f"{made}({what}={shown(value)}): use up to 64 letters, digits, '.', '_' and '-'")
         #: `[board] fusion` is "joint"; without a scenario a board says it.
         self._joint = known is None or known.board.fusion == "joint"
         self._clock = UnixClock()

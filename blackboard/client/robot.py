@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.client.agreed import TeamNews
-from blackboard.client.arguments import Call
+from blackboard.client.arguments import Call, shown
 from blackboard.client.membership import Membership
 from blackboard.opinion.classes import LANDMARK
 from blackboard.opinion.gaussian.joint import Moments
@@ -42,7 +42,7 @@ class Robot(Membership):
         self._told: Gathered | None = None  # since the last step
         self._own: bool | None = None  # whether it has a filter of its own; None: not known yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
-        self._warned = False  # of fixes that are outside the grid
+        self._warned: set[str] = set()  # of which arguments
         self._stepped = -math.inf  # team time of the newest step that had a time, seconds
 
     def _made(self, grid: Grid, news: TeamNews) -> Driven:
@@ -73,11 +73,11 @@ class Robot(Membership):
 
         Several pieces between two steps add up. A step without any means that the robot stood.
         """
-        known = Call("odometry")
+        known = Call("odometry", self._warn)
         self._tell(
             odometry=Odometry(
                 distance=known.number("distance", distance),
-                turn=known.number("turn", turn),
+                turn=known.turn("turn", turn),
                 dt=known.number("dt", dt, least=LEAST),
                 distance_sigma=known.sigma("distance_sigma", distance_sigma),
                 turn_sigma=known.sigma("turn_sigma", turn_sigma),
@@ -105,7 +105,7 @@ class Robot(Membership):
 
     def compass(self, heading: float, sigma: float | None = None) -> None:
         """The robot's heading in the team's frame, as a compass says it: 0 along x, counter-clockwise."""
-        known = Call("compass")
+        known = Call("compass", self._warn)
         self._tell(compass=(known.angle("heading", heading), known.sigma("sigma", sigma)))
 
     def fix(
@@ -116,7 +116,7 @@ class Robot(Membership):
         heading_sigma: float | None = None,
     ) -> None:
         """Where the robot is in the team's frame, as of GPS, or where it starts; of two between steps the newest counts."""
-        known = Call("fix")
+        known = Call("fix", self._warn)
         x, y = known.numbers("position", position, (2,))
         if heading_sigma is not None and heading is None:
             raise ValueError(f"fix(heading_sigma={heading_sigma!r}): give heading too")
@@ -126,11 +126,8 @@ class Robot(Membership):
         if heading is not None:
             sigma_of_heading = known.sigma("heading_sigma", heading_sigma)
             turned = {"heading": known.angle("heading", heading), "heading_sigma": sigma_of_heading}
-        if self._grid is not None and self._grid.index((x, y)) is None and not self._warned:
-            self._warned = True
-            log.warning(
-                "%s: a fix at (%g, %g) is outside the team's grid: has it another unit or frame?", self.robot, x, y
-            )
+        if self._grid is not None and self._grid.index((x, y)) is None:
+            self._warn("fix", f"a fix at ({x:g}, {y:g}) is outside the team's grid: has it another unit or frame?")
         self._tell(fix=Fix(position=(x, y), sigma=known.number("sigma", sigma, least=LEAST), **turned))
 
     def see(
@@ -192,7 +189,7 @@ class Robot(Membership):
         """A sighting of two numbers, or with the heading of three."""
         if covariance is None:
             raise ValueError("see(covariance=None): give the covariance of the position, shape (2, 2)")
-        size = 3 if np.shape(position) == (3,) else 2
+        size = 3 if known.shape(position) == (3,) else 2
         values = known.numbers("position", position, (size,))
         matrix = known.covariance("covariance", covariance, size)
         kind, upper = ("position", "pose")[size - 2], tuple(matrix[np.triu_indices(size)].tolist())
@@ -233,7 +230,7 @@ class Robot(Membership):
         return self._desk.call(lambda now: (self._driven.independence, []))
 
     def _posterior(self, known: Call, mean: Any, covariance: Any, odometry: npt.ArrayLike) -> None:
-        size = 5 if np.shape(odometry) == (5,) else 3
+        size = 5 if known.shape(odometry) == (5,) else 3
         distance, turn, dt, *sigmas = known.numbers("odometry", odometry, (size,))
         if dt < LEAST or any(sigma < 0 for sigma in sigmas):
             raise known.wrong("odometry", odometry, "dt is above 0, and no sigma is below")
@@ -266,19 +263,25 @@ class Robot(Membership):
         """Where the robot was at its last step, as the team has it now."""
         return self._desk.call(lambda now: (self._driven.pose(), []))
 
+    def _warn(self, what: str, text: str) -> None:
+        """Log a sentence, once for each `what`."""
+        if what not in self._warned:
+            self._warned.add(what)
+            log.warning("%s: %s", self.robot, text)
+
     def _check_seen(self, subject: object, *, alone: bool, at: object) -> None:
         """ValueError: a robot cannot see this; `alone` is a sighting without a range, or without a bearing."""
         if not isinstance(subject, str) or (subject != LANDMARK and not re.fullmatch(SIGHTED, subject)):
             raise ValueError(
-                f"see(subject={subject!r}): give robot/NAME, object/NAME, landmark/NAME, or a class as robot/?"
+                f"see(subject={shown(subject)}): give robot/NAME, object/NAME, landmark/NAME, or a class as robot/?"
             )
         if subject == f"robot/{self.robot}":
-            raise ValueError(f"see(subject={subject!r}): is this robot itself")
+            raise ValueError(f"see(subject={shown(subject)}): is this robot itself")
         if subject == LANDMARK and alone:
-            raise ValueError(f"see(subject={subject!r}): of a landmark of the map give a range and a bearing")
+            raise ValueError(f"see(subject={shown(subject)}): of a landmark of the map give a range and a bearing")
         if (subject.startswith("landmark/") and subject != LANDMARK) == (at is None):
             where = "give where the landmark stands" if at is None else "belongs to a landmark/NAME"
-            raise ValueError(f"see(at={at!r}): {where}")
+            raise ValueError(f"see(at={shown(at)}): {where}")
 
     def _tell(self, *, own: bool | None = False, **told: Any) -> None:
         """`own`: of a robot with a filter of its own, or without one; None: of both."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from blackboard.client import Robot
+from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from tests.client.boards import serving
 from tests.present import present
@@ -127,6 +128,15 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.see("landmark/?", 1), r"see\(subject='landmark/\?'\): of a landmark of the map give a range and a bearing"),
     (lambda r: r.see("landmark/door", 1, 0), r"see\(at=None\): give where the landmark stands"),
     (lambda r: r.see("object/ball", 1, 0, at=(1, 1)), r"see\(at=\(1, 1\)\): belongs to a landmark"),
+    (lambda r: r.odometry(b"1", 0, 1), r"odometry\(distance=b'1'\): give a finite number"),  # type: ignore[arg-type]
+    (lambda r: r.compass(np.True_), r"compass\(heading=(np.)?True_?\): give a finite number"),  # type: ignore[arg-type]
+    (lambda r: r.fix(("1", "2"), 1), r"fix\(position=\('1', '2'\)\): give 2 finite numbers"),
+    (lambda r: r.fix(10**400, 1), r"fix\(position=1000.*\.\.\.\): give 2 finite numbers"),
+    (lambda r: r.particles([(1, 2, 3), (1, 2)], (0, 0, 1)), r"particles\(particles=\[\(1, 2, 3\), \(1, 2\)\]\): give an array"),
+    (lambda r: r.see("robot/r2", position=[(1, 2), 3], covariance=np.eye(2)), r"see\(position=\[\(1, 2\), 3\]\): give 2 finite numbers"),
+    (lambda r: r.belief((1, 2, 3), np.eye(3), [(1, 2), 3]), r"belief\(odometry=\[\(1, 2\), 3\]\): give 3 finite numbers"),  # type: ignore[list-item]
+    (lambda r: r.odometry("x" * 10**6, 0, 1), r"odometry\(distance='xxx.*\.\.\.\): give a finite number"),  # type: ignore[arg-type]
+    (lambda r: r.see("x" * 10**6, 1, 0), r"see\(subject='xxx.*\.\.\.\): give robot/NAME"),
 ]  # fmt: skip
 
 
@@ -140,8 +150,42 @@ def test_a_fix_outside_the_grid_is_warned_of_once(caplog: pytest.LogCaptureFixtu
 
 @pytest.mark.parametrize(("call", "names"), WRONG, ids=[names for _, names in WRONG])
 def test_a_wrong_call_is_one_sentence_that_names_the_argument(call: Callable[[Robot], object], names: str) -> None:
-    with pytest.raises(ValueError, match=f"^{names}"):
+    with pytest.raises(ValueError, match=f"^{names}") as told:
         call(Robot("r1", "demo"))
+    assert len(str(told.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [
+        ("robot", 5),
+        ("robot", None),
+        ("scenario", 5),
+        ("endpoint", 5),
+        ("endpoint", (5,)),
+        ("sub_team", 5),
+        ("sub_team", [5]),
+    ]
+    + [("team", 5), ("grid", 5), ("keys", 5), ("patience", "x"), ("patience", NAN), ("patience", -1.0)],
+)
+def test_a_robot_that_cannot_be_made_is_one_sentence_that_names_the_argument(argument: str, value: object) -> None:
+    with pytest.raises(UserError, match=rf"^Robot\({argument}=.*\): give [^\n]*$"):
+        Robot(**{"robot": "r1", argument: value})
+
+
+def test_angles_of_more_than_a_whole_turn_are_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    """A heading may have grown over many turns, so it is taken; most who say it mean degrees."""
+    robot = Robot("r1", "demo")
+    robot.compass(-3.1)
+    for heading in (90.0, 180.0):
+        robot.compass(heading)
+    robot.fix((1.0, 1.0), 0.1, 270.0, 0.1)
+    robot.odometry(0.1, 45.0, 0.1)
+    assert caplog.messages == [
+        "r1: compass(heading=90): is more than a whole turn; give radians",
+        "r1: fix(heading=270): is more than a whole turn; give radians",
+        "r1: odometry(turn=45): is more than a whole turn; give radians",
+    ]
 
 
 def test_a_filter_of_its_own_and_particles(endpoint: str) -> None:
