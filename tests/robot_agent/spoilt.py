@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from blackboard.judge.samples import Sample
 from blackboard.lab.team import Team, played
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.scores import held
 from blackboard.run.flags import RecordingFlags
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from examples.field.world import Truth, World
@@ -170,11 +171,11 @@ def fields(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Score, f
                 yield f"{name}, told {told}: {group}", it, it.rmse / totals["central", group].rmse
 
 
-def demos(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Score, float]]:
+def demos(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Judged, float]]:
     """Teams of `blackboard demo` with right models, and with each robot's models wrong by factors from 1/3 to 3."""
-    right: dict[str, Score] = {}
+    right: dict[str, Judged] = {}
     for name in ("right", "wrong"):
-        found = {"robots": Score(), "objects": Score()}
+        found = {"robots": Judged(), "objects": Judged()}
         for seed in seeds:
             chosen = load("demo").changed("world", seed=seed).changed("time", seconds=seconds)
             if name == "wrong":
@@ -183,15 +184,30 @@ def demos(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Score, fl
             Team(chosen, record=samples.append).run()
             for it in samples:
                 if it.level == "agreed" and it.time >= seconds / 6 and it.sub_team == chosen.team.of(it.robot)[0]:
-                    covariance = np.array([[it.var_x, it.cov_xy], [it.cov_xy, it.var_y]])
                     group = "robots" if it.subject == f"robot/{it.robot}" else "objects"
                     if group == "objects" or it.subject.startswith("robot/"):
-                        found[group].add(
-                            np.array([it.mean_x, it.mean_y]), covariance, np.array([it.truth_x, it.truth_y])
-                        )
+                        found[group].samples.append(it)
         for group, score in found.items():
             right.setdefault(group, score)
             yield f"{name} models: {group}", score, score.rmse / right[group].rmse
+
+
+@dataclass
+class Judged:
+    """Beliefs on a grid, by their own regions: the ellipse of their moments is wider, for the share of an outlier."""
+
+    samples: list[Sample] = field(default_factory=list)
+
+    @property
+    def rmse(self) -> float:
+        return math.sqrt(np.mean([it.error**2 for it in self.samples]))
+
+    @property
+    def log_score(self) -> float:
+        return float(np.mean([it.log_score for it in self.samples]))
+
+    def coverage(self, level: float = 0.95) -> float:
+        return float(held([it.region for it in self.samples], [it.border for it in self.samples], level).mean())
 
 
 def _wrong(chosen: Scenario, random: Random) -> Scenario:
@@ -205,8 +221,8 @@ def _wrong(chosen: Scenario, random: Random) -> Scenario:
     return chosen.changed("robots", **tables)
 
 
-def shown(name: str, it: Score, ratio: float) -> str:
-    """A row: RMSE, by how many times that is more than without the spoil, coverage of the 50 and 95 % ellipses, mean log score."""
+def shown(name: str, it: Score | Judged, ratio: float) -> str:
+    """A row: RMSE, by how many times that is more than without the spoil, coverage of the 50 and 95 % regions, mean log score."""
     return f"{name:40} {it.rmse:7.3f} {ratio:6.2f} {it.coverage(0.5):6.2f} {it.coverage():6.3f} {it.log_score:8.2f}"
 
 
