@@ -51,25 +51,12 @@ def pack_evidence(
     if not all(it.profile for it in told):  # one profile is of all sightings of a message
         told = [it.without_profile() for it in told]
     states = STATES if any(nuisance.sigmas[6:]) else FORMER
-    sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(travelled))), strict=True))
     return PackedEvidence(
         epoch=epoch,
-        travelled=PackedMotion.model_validate(sums),
-        nuisance=PackedNuisance(
-            forward=nuisance.forward,
-            turn=nuisance.turn,
-            sigmas=nuisance.sigmas if states == STATES else nuisance.sigmas[:6],
-            walks=nuisance.walks if states == STATES else nuisance.walks[:3],
-            memory=tuple(0.0 if np.isinf(seconds) else seconds for seconds in nuisance.memory),
-        ),
+        travelled=_packed_motion(travelled),
+        nuisance=_packed_nuisance(nuisance, states),
         state=None if state is None else pack_state(state, states),
-        increment=None
-        if increment is None
-        else PackedIncrement(
-            reference=_row(increment.reference[:states]),
-            information=_upper(increment.information[:states, :states]),
-            vector=_row(increment.vector[:states]),
-        ),
+        increment=None if increment is None else _packed_increment(increment, states),
         relatives=[
             PackedRelative(
                 range=it.range,
@@ -82,6 +69,29 @@ def pack_evidence(
         ],
         profile=list(told[0].profile) if told else [],
         seen=[_seen(it) for it in sound if it.kind != "range-bearing"][:MAX_RELATIVES],
+    )
+
+
+def _packed_motion(motion: Motion) -> PackedMotion:
+    sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(motion))), strict=True))
+    return PackedMotion.model_validate(sums)
+
+
+def _packed_nuisance(nuisance: Nuisance, states: int) -> PackedNuisance:
+    return PackedNuisance(
+        forward=nuisance.forward,
+        turn=nuisance.turn,
+        sigmas=nuisance.sigmas if states == STATES else nuisance.sigmas[:6],
+        walks=nuisance.walks if states == STATES else nuisance.walks[:3],
+        memory=tuple(0.0 if np.isinf(seconds) else seconds for seconds in nuisance.memory),
+    )
+
+
+def _packed_increment(increment: Increment, states: int) -> PackedIncrement:
+    return PackedIncrement(
+        reference=_row(increment.reference[:states]),
+        information=_upper(increment.information[:states, :states]),
+        vector=_row(increment.vector[:states]),
     )
 
 

@@ -323,20 +323,11 @@ class JointDesk:
         return make(
             subject=subject,
             belief=pack(belief, self.settings.coding),
-            ancestors={name: self._until[name] for name in sorted(self._until) if f"robot/{name}" in self.team.joint},
-            used=[
-                Used(
-                    source=source.removeprefix("robot/"),
-                    weight=1.0 / len(taken),
-                    age=0.0,
-                    entropy=nats,
-                    how="independent",
-                )
-                for source, nats in zip(taken, self._entropies(taken, subject), strict=True)
-            ],
+            ancestors=self._ancestors(),
+            used=self._used(taken, subject),
             left_out=[
-                LeftOut(source=source.removeprefix("robot/"), reason=reason[:MAX_NAME])
-                for source, reason in sorted(left_out.items())
+                LeftOut(source=name.removeprefix("robot/"), reason=left_out[name][:MAX_NAME])
+                for name in sorted(left_out)
             ],
             components=[] if choice is None else list(choice.components),
             entropy=entropy(belief.p),
@@ -354,6 +345,19 @@ class JointDesk:
             unnamed=may_be(subject, self._unnamed),
             existence=self.team.tracks.existence(subject),
         )
+
+    def _ancestors(self) -> dict[str, float]:
+        """Whose evidence is in the joint, and until when."""
+        return {name: self._until[name] for name in sorted(self._until) if f"robot/{name}" in self.team.joint}
+
+    def _used(self, taken: list[str], subject: str) -> list[Used]:
+        """The robots whose evidence about a subject was taken, each with as much weight."""
+        return [
+            Used(
+                source=source.removeprefix("robot/"), weight=1.0 / len(taken), age=0.0, entropy=nats, how="independent"
+            )
+            for source, nats in zip(taken, self._entropies(taken, subject), strict=True)
+        ]
 
     def _now(self, subject: str, time: float) -> Moments:
         """Where a subject is at a team time (s): a robot goes on as it went for a short time, then its variance grows."""
@@ -375,7 +379,7 @@ class JointDesk:
         return make(
             subject=subject,
             belief=pack(belief, self.settings.coding),
-            ancestors={name: self._until[name] for name in sorted(self._until) if f"robot/{name}" in self.team.joint},
+            ancestors=self._ancestors(),
             used=[],
             entropy=entropy(belief.p),
             conflict=False,
