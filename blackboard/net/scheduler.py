@@ -40,11 +40,19 @@ class Process:
     ahead: float = 0.0
     frozen: bool = False
     held: list[Envelope] = field(default_factory=list)
+    asked: float | None = None  # when it wanted to be woken, as long as nothing has happened to it since
 
     def due(self, now: float) -> float:
-        """When it wants to be woken, by the scheduler's clock; infinity while only envelopes matter to it, or it is frozen."""
-        at = None if self.frozen else self.service.wake_at(now + self.ahead)
-        return math.inf if at is None else at - self.ahead
+        """When it wants to be woken, by the scheduler's clock; infinity while only envelopes matter to it, or it is frozen.
+
+        A service whose state has not changed wants what it wanted before, until that time has come.
+        """
+        if self.frozen:
+            return math.inf
+        if self.asked is None or self.asked <= now:
+            at = self.service.wake_at(now + self.ahead)
+            self.asked = math.inf if at is None else at - self.ahead
+        return self.asked
 
 
 class Scheduler:
@@ -87,13 +95,14 @@ class Scheduler:
     def thaw(self, service: Service) -> None:
         """Let a frozen service go on with what has come."""
         process = self._processes[service]
-        process.frozen, held, process.held = False, process.held, []
+        process.frozen, held, process.held, process.asked = False, process.held, [], None
         for envelope in held:
             self._hand_over(process, envelope)
 
     def set_clock(self, service: Service, ahead: float) -> None:
         """Let the clock of a service jump: it is ahead by so many seconds from now on."""
-        self._processes[service].ahead = ahead
+        process = self._processes[service]
+        process.ahead, process.asked = ahead, None
 
     def link(self, service: Service) -> BusLink:
         """The link of a service: what it has sent, and its counters."""
@@ -101,8 +110,10 @@ class Scheduler:
 
     def send(self, service: Service, out: Iterable[Envelope]) -> None:
         """Send what a service returned when it was called from outside."""
+        process = self._processes[service]
+        process.asked = None
         for envelope in out:
-            self._processes[service].link.send(envelope)
+            process.link.send(envelope)
 
     def run_until(self, fact: Callable[[], bool], seconds: float = LONGEST) -> None:
         """Deliver, and let time pass, until a fact holds, and `check`. RunFailed: it still does not after so many seconds."""
@@ -129,8 +140,10 @@ class Scheduler:
             self._deliver()
             return True
         arrival = self._travelling[0][0] if self._travelling else math.inf
-        process = min(self._processes.values(), key=lambda it: it.due(self.now), default=None)
-        due = math.inf if process is None else process.due(self.now)
+        due, process = math.inf, None
+        for it in self._processes.values():
+            if (wanted := it.due(self.now)) < due:
+                due, process = wanted, it
         at = max(self.now, min(arrival, due))
         if at > end or at == math.inf:
             return False
