@@ -25,7 +25,7 @@ import numpy as np
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments
 from blackboard.opinion.gaussian.relation import QUARTER, Bias, Relative
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING, POSE, RANGE, Motion, Nuisance, drive, wrap
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, POSE, RANGE, Motion, Nuisance, drive_alike, wrap
 from blackboard.opinion.grid import Array
 
 ALIKE = 8.0  # seconds in which the errors of the sightings of one landmark are alike
@@ -151,9 +151,8 @@ class Span:
     def move(self, motion: Motion) -> None:
         """Lead the span on by a motion with the noise that was found."""
         if self._led is not None and self._bare is not None and self._still is not None:
-            drive(self._led, self.robot, motion, self.nuisance)
-            drive(self._bare, self.robot, replace(motion, along=0.0), self.nuisance)
-            drive(self._still, self.robot, replace(motion, heading=0.0), self.nuisance)
+            bare, still = replace(motion, along=0.0), replace(motion, heading=0.0)
+            drive_alike([(self._led, motion), (self._bare, bare), (self._still, still)], self.robot, self.nuisance)
             self._moving += motion.moving
 
     def _begin(self, belief: Moments, by_team: bool) -> None:

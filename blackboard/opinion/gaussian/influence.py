@@ -107,12 +107,7 @@ class Influence:
                 self._honest[row][np.ix_(to, to)] = before[3][old][np.ix_(of, of)]
         self._sources, self._places = robots, places
 
-    def beyond(self, joint: Joint, robot: str, factor: Factor, expected: Expected) -> set[str]:
-        """Whose evidence would have moved another's place too far if a factor that `robot` tells were taken."""
-        self._follow(joint)
-        return self._beyond(joint, *self._after(joint, robot, factor, expected))
-
-    def take(
+    def after(
         self,
         joint: Joint,
         robot: str,
@@ -120,13 +115,48 @@ class Influence:
         expected: Expected,
         only: Collection[Block] | None = None,
         share: float = 1.0,
-    ) -> None:
-        """A factor that `robot` tells is taken next, into `only` some blocks if given, with a `share` of its gain.
+    ) -> tuple[Array, Array]:
+        """D and C of all once a factor that `robot` tells is taken, into `only` some blocks if given, with a `share` of its gain.
 
         What is `expected` is as before any of it; the factor's blocks are in the joint.
         """
         self._follow(joint)
-        self._moved, self._honest = self._after(joint, robot, factor, expected, only, share)
+        rows, spread = self._rows(joint), expected.spread + factor.noise
+        by = np.zeros((len(factor.residual), len(rows)))
+        for block, part in factor.jacobians.items():
+            if block in self._places:
+                at = 2 * self._places.index(block)
+                by[:, at : at + 2] = part[:, AXES]
+        gain = share * np.linalg.solve(spread, expected.cross[:, rows]).T
+        if only is not None:
+            gain *= np.repeat([it in only for it in self._places], 2)[:, np.newaxis]
+        seen = self._honest @ by.T  # C H^T
+        pulled = seen @ gain.T
+        moved = self._moved - (self._moved @ by.T) @ gain.T
+        honest = self._honest - pulled - pulled.transpose(0, 2, 1) + gain @ (by @ seen) @ gain.T
+        if robot in self._sources:
+            mine = self._sources.index(robot)
+            moved[mine] = self._moved[mine] + gain @ factor.residual
+            honest[mine] = self._honest[mine] + gain @ spread @ gain.T
+        enter = np.repeat(joint.variances[rows].reshape(-1, 2).sum(axis=1) > KNOWN, 2)
+        moved[:, enter], honest[:, enter], honest[:, :, enter] = 0.0, 0.0, 0.0
+        return moved, honest
+
+    def beyond(self, joint: Joint, after: tuple[Array, Array]) -> set[str]:
+        """Whose D would be too far by its C, and farther than it is, at another place than its own."""
+        moved, honest = after
+        variances = joint.variances[self._rows(joint)].reshape(-1, 2).mean(axis=1)
+        faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
+        now, then = _squared(self._moved, _blocks(self._honest) + faint), _squared(moved, _blocks(honest) + faint)
+        too_far = then > np.maximum(FARTHEST, now)
+        if not too_far.any():
+            return set()
+        found = zip(*np.nonzero(too_far), strict=True)
+        return {self._sources[one] for one, place in found if self._sources[one] != self._places[place]}
+
+    def take(self, after: tuple[Array, Array]) -> None:
+        """A factor is taken next, which leaves that D and C (`after`)."""
+        self._moved, self._honest = after
 
     def moved(self, robot: str) -> tuple[Array, Array]:
         """D and C of a robot, shape (2 places,) and (2 places, 2 places). ValueError: it is not in the joint."""
@@ -150,48 +180,6 @@ class Influence:
         """The indices of x and y of all places, shape (2 places,)."""
         first = np.array([joint.blocks[it].start for it in self._places], dtype=np.intp)
         return np.asarray((first[:, np.newaxis] + np.arange(2)).ravel())
-
-    def _after(
-        self,
-        joint: Joint,
-        robot: str,
-        factor: Factor,
-        expected: Expected,
-        only: Collection[Block] | None = None,
-        share: float = 1.0,
-    ) -> tuple[Array, Array]:
-        """D and C after a factor."""
-        rows, spread = self._rows(joint), expected.spread + factor.noise
-        by = np.zeros((len(factor.residual), len(rows)))
-        for block, part in factor.jacobians.items():
-            if block in self._places:
-                at = 2 * self._places.index(block)
-                by[:, at : at + 2] = part[:, AXES]
-        gain = share * np.linalg.solve(spread, expected.cross[:, rows]).T
-        if only is not None:
-            gain *= np.repeat([it in only for it in self._places], 2)[:, np.newaxis]
-        seen = self._honest @ by.T  # C H^T
-        pulled = seen @ gain.T
-        moved = self._moved - (self._moved @ by.T) @ gain.T
-        honest = self._honest - pulled - pulled.transpose(0, 2, 1) + gain @ (by @ seen) @ gain.T
-        if robot in self._sources:
-            mine = self._sources.index(robot)
-            moved[mine] = self._moved[mine] + gain @ factor.residual
-            honest[mine] = self._honest[mine] + gain @ spread @ gain.T
-        enter = np.repeat(joint.variances[rows].reshape(-1, 2).sum(axis=1) > KNOWN, 2)
-        moved[:, enter], honest[:, enter], honest[:, :, enter] = 0.0, 0.0, 0.0
-        return moved, honest
-
-    def _beyond(self, joint: Joint, moved: Array, honest: Array) -> set[str]:
-        """Whose D would be too far by its C, and farther than it is, at another place than its own."""
-        variances = joint.variances[self._rows(joint)].reshape(-1, 2).mean(axis=1)
-        faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
-        now, then = _squared(self._moved, _blocks(self._honest) + faint), _squared(moved, _blocks(honest) + faint)
-        too_far = then > np.maximum(FARTHEST, now)
-        if not too_far.any():
-            return set()
-        found = zip(*np.nonzero(too_far), strict=True)
-        return {self._sources[one] for one, place in found if self._sources[one] != self._places[place]}
 
 
 def _pairs(places: list[str], some: list[str]) -> npt.NDArray[np.intp]:

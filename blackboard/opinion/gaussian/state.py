@@ -217,10 +217,13 @@ class TeamState:
             return only
         self.joint.begin(factor.priors, factor.anchors)
         expected = expected or self.joint.expected(factor)
-        if only is None and (beyond := self.influence.beyond(self.joint, robot, factor, expected)):
+        after = self.influence.after(self.joint, robot, factor, expected) if only is None else None
+        if after is not None and (beyond := self.influence.beyond(self.joint, after)):
             self.tally.bounded += 1
             only = self._of(beyond)
-        self.influence.take(self.joint, robot, factor, expected, only, share)
+        if after is None or only is not None or share != 1.0:
+            after = self.influence.after(self.joint, robot, factor, expected, only, share)
+        self.influence.take(after)
         return only
 
     def weighed(self, source: Source, factor: Factor, found: Innovation) -> tuple[Factor, float]:

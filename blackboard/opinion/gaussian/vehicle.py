@@ -10,7 +10,7 @@ than told the robot moves. Scales, drift and lag are random walks; bias, slip an
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -119,6 +119,12 @@ def meant(state: Array, motion: Motion) -> tuple[float, float, Array]:
 
 def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance) -> None:
     """Move a robot's block by its odometry, through its scales, drift, slip and lag, along the chord of the turn."""
+    drive_alike([(joint, motion)], robot, nuisance)
+
+
+def drive_alike(moves: Sequence[tuple[Joint, Motion]], robot: Block, nuisance: Nuisance) -> None:
+    """As `drive`, of joints that have the robot at the same mean, by motions that differ in their noise alone."""
+    joint, motion = moves[0]
     state = joint.mean[joint.blocks[robot]]
     keep = np.ones(STATES)
     keep[BEARING:CURVED_WAY] = [math.exp(-motion.dt / seconds) for seconds in nuisance.memory]
@@ -133,15 +139,16 @@ def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance) -> Non
     transition[AXES] += along[:, np.newaxis] * by[0] + (by_heading / 2)[:, np.newaxis] * by[1]
     transition[HEADING] += by[1]
     noise = np.zeros(STATES)
-    noise[HEADING] = motion.heading
     noise[WANDERING] = np.square(nuisance.walks) * motion.moving
     forgets = slice(BEARING, CURVED_WAY)
     noise[forgets] = np.square(nuisance.sigmas[BEARING - FORWARD : CURVED_WAY - FORWARD]) * (1 - keep[forgets] ** 2)
-    added = np.diag(noise)
     frame = np.array([[c, -s], [s, c]])
-    added[AXES, AXES] = (frame * [motion.along, motion.across]) @ frame.T
-    added[AXES, AXES] += along[:, np.newaxis] * along * _bent(joint, robot, distance, along)
-    joint.move(robot, mean, transition, added)
+    for joint, motion in moves:
+        added = np.diag(noise)
+        added[HEADING, HEADING] = motion.heading
+        added[AXES, AXES] = (frame * [motion.along, motion.across]) @ frame.T
+        added[AXES, AXES] += along[:, np.newaxis] * along * _bent(joint, robot, distance, along)
+        joint.move(robot, mean, transition, added)
 
 
 def _bent(joint: Joint, robot: Block, distance: float, way: Array) -> float:

@@ -47,7 +47,7 @@ def beginning() -> Joint:
 def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(seed: int) -> None:
     rng, joint, it, others = np.random.default_rng(seed), beginning(), Influence(), beginning().mean
     begun = Factor(np.zeros(2), {LIAR: np.zeros((2, STATES))}, np.eye(2))
-    it.take(joint, LIAR, begun, joint.expected(begun))
+    it.take(it.after(joint, LIAR, begun, joint.expected(begun)))
     errors = np.kron(np.ones((2, 2)), joint.covariance)  # of both means
     for _ in range(12):
         robot, factor = drawn(rng)
@@ -63,7 +63,7 @@ def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(
         heard = np.kron(np.diag([1.0, float(robot != LIAR)]), left - np.eye(len(left))) + np.eye(2 * len(left))
         noisy = np.vstack([gain, gain * (robot != LIAR)])
         errors = heard @ errors @ heard.T + noisy @ factor.noise @ noisy.T
-        it.take(joint, robot, factor, expected)
+        it.take(it.after(joint, robot, factor, expected))
         joint.update(factor)
     apart = np.hstack([np.eye(len(others)), -np.eye(len(others))])
     moved, honest = it.moved(LIAR)
@@ -79,7 +79,7 @@ def test_what_is_taken_back_leaves_others_as_uncertain_as_they_were_without(seed
     before = joint.copy()
     for _ in range(6):
         _, factor = drawn(rng)
-        it.take(joint, LIAR, factor, joint.expected(factor))
+        it.take(it.after(joint, LIAR, factor, joint.expected(factor)))
         joint.update(factor)
     it.take_back(joint, LIAR)
     for robot in set(ROBOTS) - {LIAR}:
