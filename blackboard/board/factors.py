@@ -154,7 +154,9 @@ def _variances(m: Array, significant: Array, count: Array, known: Array, trusted
     partner = known & trusted & ~np.eye(len(m), dtype=bool)  # row i: who i is measured against
     for _ in range(30):
         told = np.maximum(1.0, _median_of(2 * read - variance, partner))
-        variance = np.where(trusted, 0.5 * (variance + told), 1.0)
+        before, variance = variance, np.where(trusted, 0.5 * (variance + told), 1.0)
+        if (variance == before).all():
+            break
     variance = np.where(trusted, variance, np.maximum(1.0, _median_of(2 * m - variance, partner)))
     n = np.maximum(0.0, _median_of(count, partner))
     return np.asarray(variance ** (n / (n + PRIOR_COUNT)))
