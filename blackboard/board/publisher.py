@@ -169,11 +169,19 @@ class Publisher:
         return self._blank.model_copy(update={"tick": max(0, tick), "time": time})
 
     def _forward(self, tick: int, time: float) -> list[Envelope]:
-        evidence = self.board.forward(time)
-        if self.board.joint is None or (not evidence and self.clocks.differ):
+        evidence, joint = self.board.forward(time), self.board.joint
+        if joint is None or (not evidence and self.clocks.differ):
             return []
         board, sub_team = self.lead.board, self.lead.sub_team
-        forward = Forward(board=board, sub_team=sub_team, tick=max(0, tick), time=time, evidence=evidence)
+        forward = Forward(
+            board=board,
+            sub_team=sub_team,
+            tick=max(0, tick),
+            time=time,
+            evidence=evidence,
+            since=joint.since,
+            tracks=joint.tracks(),
+        )
         return [self._told(keys.FORWARD, forward, board=board)]
 
     def _told(self, topic: keys.Topic, message: Message, **parts: str) -> Envelope:

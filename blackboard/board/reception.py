@@ -53,7 +53,7 @@ class Reception:
             self._on_memory(message, now)
         elif isinstance(message, Consensus) and message.sub_team != self.sub_team:
             self._on_consensus(message, now)
-        elif isinstance(message, Forward) and message.sub_team != self.sub_team:
+        elif isinstance(message, Forward) and (message.sub_team, message.board) != (self.sub_team, self.name):
             self._on_forward(message, now)
         return False
 
@@ -108,6 +108,11 @@ class Reception:
         if self.board.joint is None:
             return
         sub_team = forward.sub_team
+        if sub_team == self.sub_team:  # of a twin, which hears the same robots
+            self.participants.check_twin(forward.board)
+            self.board.check_time(forward.time, self.clock.time(now))
+            self.board.joint.hear_tracks(forward)
+            return
         self.participants.check_board(sub_team, forward.board)
         forward = self.clocks.on_time(f"{sub_team}/{forward.board}", forward, now)
         self.board.check_time(forward.time, self.clock.time(now))

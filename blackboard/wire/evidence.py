@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from blackboard.opinion.gaussian.relation import NUMBERS, triangle
+from blackboard.opinion.gaussian.tracks import MAX_TRACKS
 from blackboard.opinion.gaussian.vehicle import STATES
 from blackboard.wire.types import (
     LARGEST,
@@ -28,6 +29,7 @@ from blackboard.wire.types import (
     Part,
     Point,
     Sighted,
+    Subject,
     Text,
     Tick,
 )
@@ -281,6 +283,17 @@ class Forwarded(Part):
     """seconds from the `time` of the report, by the board's clock, to that of the Forward"""
 
 
+class PackedTrack(Part):
+    """Where a board has something that nobody named, under the name that it gave."""
+
+    name: Subject
+    """as `person/7`"""
+    mean: Point
+    """in the grid's unit"""
+    covariance: Annotated[tuple[NonNegative, Finite, NonNegative], Listed]
+    """upper triangle"""
+
+
 class Forward(Message):
     """With `[board] fusion = "joint"`, a board passes on what its robots gained, before it says `"consensus"`: every
     board settles all evidence.
@@ -296,3 +309,7 @@ class Forward(Message):
     """team time, seconds"""
     evidence: Annotated[list[Forwarded], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     """what its robots reported since the last one"""
+    since: Finite | None = None
+    """team time, seconds, since which it keeps its joint: boards that began later call tracks as it does"""
+    tracks: Annotated[list[PackedTrack], Field(max_length=MAX_TRACKS)] = Field(default_factory=list)
+    """those that have names, before this tick is settled"""

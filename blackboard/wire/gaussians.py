@@ -25,6 +25,7 @@ from blackboard.wire.evidence import (
     PackedNuisance,
     PackedRelative,
     PackedState,
+    PackedTrack,
     PackedVelocity,
     Seen,
 )
@@ -118,12 +119,26 @@ def pack_velocity(velocity: Moments) -> PackedVelocity:
     return PackedVelocity(mean=_row(velocity.mean), covariance=_upper(velocity.covariance))
 
 
+def pack_track(name: str, place: Moments) -> PackedTrack:
+    """Mean, shape (2,), and covariance, shape (2, 2), of something of a name."""
+    (x, y), (xx, xy, yy) = _row(place.mean), _upper(place.covariance)
+    return PackedTrack(name=name, mean=(x, y), covariance=(xx, xy, yy))
+
+
 # --- the wire to ours ------------------------------------------------------------------------------------------------------
 
 
 def unpack_state(packed: PackedState) -> Moments:
     """Mean, shape (12,), and covariance, shape (12, 12). Refused: "mass", a covariance that is none."""
     return Moments(_whole(packed.mean), _symmetric(packed.covariance, "state.covariance"))
+
+
+def unpack_track(packed: PackedTrack) -> Moments:
+    """Mean, shape (2,), and covariance, shape (2, 2). Refused: "mass", a covariance that is none."""
+    xx, xy, yy = packed.covariance
+    if xx * yy < xy * xy:
+        raise Refused("mass", f"{packed.name}: {packed.covariance} is the covariance of no place")
+    return Moments(np.array(packed.mean), np.array([[xx, xy], [xy, yy]]))
 
 
 def pose_of(packed: PackedState | None) -> Moments | None:

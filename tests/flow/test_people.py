@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from blackboard.board.service import board_of
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
 from blackboard.wire import keys
+from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import Consensus
 from tests.heard import Heard
 
@@ -64,6 +66,29 @@ def test_the_order_in_which_messages_come_changes_no_track() -> None:
         assert {name: it.existence for name, it in told.items()} == {
             name: it.existence for name, it in shuffled[sub_team].items()
         }
+
+
+def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -> None:
+    team = Team(PEOPLE.changed("time", seconds=20.0))
+    heard = Heard(team.bus)
+    team.run_until(lambda: team.world.tick == 18)
+    team.leave(team.boards["a"])
+    team.run_until(lambda: team.world.tick == 20)
+    team.boards["a"] = board_of(team.scenario, "a")
+    team.join(team.boards["a"])
+    team.run()
+    mine, its = (
+        {
+            (it.tick, it.subject): unpack(it.belief).mean()
+            for it in heard.of(keys.AGREED, sub_team=sub_team)
+            if it.existence
+        }
+        for sub_team in "ab"
+    )
+    both = [name for name in mine if name[0] > 20 and name in its]
+    assert len(both) > 0.7 * sum(tick > 20 for tick, _ in mine)
+    assert sum(float(np.hypot(*(mine[name] - its[name]))) < 2.0 for name in both) > 0.9 * len(both)
+    assert len({subject for _, subject in both}) >= 2
 
 
 #: Two people and an opponent, whom nobody names, in a team that knows where it is and keeps no joint.

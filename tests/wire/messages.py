@@ -15,7 +15,7 @@ from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.evidence import Forward, Forwarded, Seen
+from blackboard.wire.evidence import Forward, Forwarded, PackedTrack, Seen
 from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory, PackedNewest, PackedStanding
 from blackboard.wire.messages import (
@@ -113,7 +113,13 @@ EVIDENCE = pack_evidence(
     ],
 )
 FORWARD = Forward(
-    board="a1", sub_team="a", tick=3, time=0.6, evidence=[Forwarded(robot="r1", tick=3, evidence=EVIDENCE)]
+    board="a1",
+    sub_team="a",
+    tick=3,
+    time=0.6,
+    evidence=[Forwarded(robot="r1", tick=3, evidence=EVIDENCE)],
+    since=0.2,
+    tracks=[PackedTrack(name="person/7", mean=(1.0, 2.0), covariance=(0.5, 0.1, 0.25))],
 )
 STATUS = Status(
     process="r1",

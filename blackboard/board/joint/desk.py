@@ -11,6 +11,7 @@ import logging
 import math
 from collections import Counter, deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -40,8 +41,8 @@ from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack
-from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedState, PackedVelocity
-from blackboard.wire.gaussians import pack_state, pack_velocity
+from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedState, PackedTrack, PackedVelocity
+from blackboard.wire.gaussians import pack_state, pack_track, pack_velocity, unpack_track
 from blackboard.wire.messages import Consensus, LeftOut, Used
 from blackboard.wire.types import MAX_NAME
 
@@ -88,7 +89,9 @@ class JointDesk:
         self._forward: list[tuple[float, Forwarded]] = []  # with its team time, seconds
         self._heard: dict[tuple[str, str], deque[int]] = {}  # sub-team and board -> the last ticks that it forwarded
         self._forwarders: set[tuple[str, str]] = set()  # the other boards that keep a joint
-        self._settled_at: float | None = None  # team time, seconds
+        self._began: float | None = None  # team time, seconds
+        self._settled_at: float | None = None  # the same
+        self._tracks: dict[tuple[str, str], Forward] = {}  # of each board what it said of its tracks last
         self._lost = Lost()
         self._strikes: dict[str, int] = {}  # robot -> how often its evidence broke the joint, as `robot/r1`
         self._barred: dict[str, float] = {}  # robot -> team time until which it is left out
@@ -183,6 +186,7 @@ class JointDesk:
         Refused: as in `take`, and "unregistered", after what is sound was taken.
         """
         self._heard.setdefault((forward.sub_team, forward.board), deque(maxlen=TICKS)).append(forward.tick)
+        self.hear_tracks(forward)
         refusals = []
         for one in forward.evidence:
             try:
@@ -195,6 +199,12 @@ class JointDesk:
                 refusals.append(refusal)
         if refusals:
             raise refusals[0]
+
+    def hear_tracks(self, forward: Forward) -> None:
+        """Take what another board calls its tracks, and where they are."""
+        board = forward.sub_team, forward.board
+        if board not in self._tracks or self._tracks[board].time <= forward.time:
+            self._tracks[board] = forward.model_copy(update={"evidence": []})
 
     def expect(self, board: tuple[str, str], joint: bool) -> None:
         """Whether a board, named by its sub-team and its name, keeps a joint too, as its status says; if not, it forwards nothing."""
@@ -210,6 +220,29 @@ class JointDesk:
         self._forward = []
         return sorted(found, key=lambda it: (it.robot, it.tick))
 
+    @property
+    def since(self) -> float | None:
+        """The team time, in seconds, since which there is this joint; None before its first settlement."""
+        return self._began
+
+    def tracks(self) -> list[PackedTrack]:
+        """The tracks that have names, for the other boards."""
+        return [pack_track(it, self.team.marginal(it)) for it in self.team.tracks if self.team.tracks.is_named(it)]
+
+    def _called(self, time: float) -> dict[str, Moments]:
+        """Where the board that keeps its joint for longest, and for longer than this one, has tracks, by name."""
+        self._tracks = {board: it for board, it in self._tracks.items() if it.time >= time - self.settings.max_age}
+        elders = [
+            (it.since, board)
+            for board, it in self._tracks.items()
+            if it.since is not None and self._began is not None and it.since < self._began
+        ]
+        if not elders:
+            return {}
+        with suppress(Refused):
+            return {it.name: unpack_track(it) for it in self._tracks[min(elders)[1]].tracks}
+        return {}
+
     # --- out ------------------------------------------------------------------------------------------------------------
 
     def settle(self, time: float, make: Make) -> list[Consensus]:
@@ -217,6 +250,8 @@ class JointDesk:
         steps = max((len(waiting) for waiting in self._waiting.values()), default=0)
         elapsed = 0.0 if self._settled_at is None else max(0.0, time - self._settled_at)
         self._settled_at = time
+        self._began = time if self._began is None else self._began
+        self.team.called = self._called(time)
         verdicts: list[Verdict] = []
         self._unnamed = []
         for _ in range(max(1, steps)):

@@ -9,11 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import DOUBT, GATE, quantile
-from blackboard.opinion.classes import kind_of
+from blackboard.opinion.classes import kind_of, stem
+from blackboard.opinion.gaussian.assignment import CLEAR, posterior
+from blackboard.opinion.gaussian.joint import squared_distance
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.state import TeamState
-from blackboard.opinion.gaussian.tracks import LIKELY, Place
+from blackboard.opinion.gaussian.tracks import LIKELY, TINY, Place
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in, wrap
+from blackboard.opinion.grid import Array
 
 
 def near(team: TeamState, seen: Relative, motion: Motion | None) -> set[str]:
@@ -105,7 +108,51 @@ def end_tick(team: TeamState) -> None:
         team.forget_object(block)
     for block in team.tracks:
         team.tracks.lose(block, math.sqrt(team.marginal(block).covariance.trace() / 2))
-    for block in team.tracks.to_be_named():
-        name = team.tracks.name(block, lambda it: it in team.joint or it in team.known or it in team.rings)
-        team.rename(block, name)
+    new, same = team.tracks.to_be_named(), _called(team)
+    for block in new:
+        name = same.get(block) or team.tracks.new_name(
+            block, lambda it: it in team.called or _is_used(team, it), team.called
+        )
+        _call(team, block, name)
         team.tally.tracks["tracks_born"] += 1
+    for block in sorted(same.keys() - set(new)):
+        _call(team, block, same[block])
+
+
+def _is_used(team: TeamState, name: str) -> bool:
+    return any(name in it for it in (team.joint, team.known, team.rings))
+
+
+def _call(team: TeamState, block: str, name: str) -> None:
+    team.tracks.call(block, name)
+    team.rename(block, name)
+
+
+def _called(team: TeamState) -> dict[str, str]:
+    """What a board that began earlier calls the tracks that are sure here: where it is clear which is which, by their places.
+
+    A name that is in use here, or over, is of something else.
+    """
+    new = team.tracks.to_be_named()
+    blocks = [it for it in team.tracks if it in new or team.tracks.is_named(it)] if team.called else []
+    names = sorted(it for it in team.called if not (_is_used(team, it) or team.tracks.is_over(it)))
+    weights = np.zeros((len(blocks), len(names)))
+    for row, block in enumerate(blocks):
+        mine = team.marginal(block)
+        for column, name in enumerate(names):
+            if name.startswith(stem(team.tracks.kind(block))):
+                its = team.called[name]
+                weights[row, column] = (
+                    _density(mine.mean - its.mean, mine.covariance + its.covariance) * team.naming.area
+                )
+    shares = posterior(weights)
+    pairs = ((row, column) for row in range(len(blocks)) for column in range(len(names)))
+    return {blocks[row]: names[column] for row, column in pairs if shares[row, column] >= CLEAR}
+
+
+def _density(apart: Array, covariance: Array) -> float:
+    """That of a normal distribution, 1 / unit^2; 0 beyond the gate."""
+    squared = squared_distance(apart, covariance)
+    if squared > quantile(GATE, 2):
+        return 0.0
+    return math.exp(-squared / 2) / (2 * math.pi * math.sqrt(max(TINY, float(np.linalg.det(covariance)))))

@@ -156,6 +156,7 @@ class Tracks:
         default_factory=dict
     )  # the same: of the tracks begun, those that got a name
     _numbers: dict[str, int] = field(default_factory=dict)  # class -> the last number that was given
+    _over: tuple[str, ...] = ()  # the names of those that are over, the newest last
     _begun: int = 0
 
     def __contains__(self, block: object) -> bool:
@@ -176,7 +177,7 @@ class Tracks:
 
     def anew(self) -> Tracks:
         """No tracks, and no number that was ever given."""
-        return Tracks(self.room, self.label, _numbers=dict(self._numbers), _begun=self._begun)
+        return Tracks(self.room, self.label, _numbers=dict(self._numbers), _over=self._over, _begun=self._begun)
 
     def existence(self, block: str) -> float | None:
         """The probability that what a track is of exists; None of all that is no track."""
@@ -281,10 +282,15 @@ class Tracks:
         self.call(block, name)
         return name
 
-    def new_name(self, block: str, used: Callable[[str], bool]) -> str:
-        """A name for a track: its class and the next number that is not `used`, which is never given again."""
+    def new_name(self, block: str, used: Callable[[str], bool], others: Collection[str] = ()) -> str:
+        """A name for a track: its class and the next number that is not `used`, which is never given again.
+
+        The first is the one behind those that `others` have.
+        """
         kind = self._tracks[block].kind
-        number = self._numbers.get(kind, 0) + 1
+        theirs = [it.removeprefix(f"{stem(kind)}{self.label}") for it in others]
+        number = self._numbers.get(kind) or max((int(it) for it in theirs if it.isdecimal()), default=0)
+        number += 1
         while used(name := f"{stem(kind)}{self.label}{number}"):
             number += 1
         self._numbers[kind] = number
@@ -308,9 +314,15 @@ class Tracks:
             return track.unseen > FLEETING or track.evidence < GIVEN_UP
         return track.unseen > KEPT or track.existence < 1.0 - CLEAR
 
+    def is_over(self, name: str) -> bool:
+        """Whether a track of this name is over here."""
+        return name in self._over
+
     def drop(self, block: str) -> None:
         """A track is over."""
         track = self._tracks.pop(block)
+        if track.named:
+            self._over = (*self._over[1 - MAX_TRACKS :], block)
         if not track.named:
             self._learn(track, 0.0)
 
