@@ -50,7 +50,7 @@ def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str,
     for relative, claim in zip(seen, claims, strict=True):
         said.setdefault(relative.subject, {})[relative.observer] = claim
     parted = team.contacts.judge(*(by_source for _, by_source in sorted(said.items())))
-    refuted = team.contacts.left_out() if parted or team.refuted else frozenset()
+    refuted = team.refuted_now() if parted or team.refuted else frozenset()
     team.leave_out(team.left_out | refuted)
     back = team.refuted - refuted
     back = frozenset(robot for robot in back if robot in said.get(robot, {}))

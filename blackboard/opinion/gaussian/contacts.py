@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -134,16 +134,21 @@ class Contacts:
         contact = self._pairs.get((first, second))
         return contact is not None and contact.contradicts
 
-    def left_out(self) -> frozenset[str]:
+    def left_out(self, doubted: Collection[str] = ()) -> frozenset[str]:
         """The robots that more others contradict than confirm, and by more than is so of each of those who contradict them.
 
-        The most contradicted one goes first, and its contacts no longer count. Of two robots that contradict each other, and of equal
-        camps, nobody can tell which is right: there nobody is left out.
+        Of robots that are `doubted` for what they see it is held against nobody whom they contradict. The most contradicted one goes
+        first, and its contacts no longer count. Of two robots that contradict each other, and of equal camps, nobody can tell which
+        is right: there nobody is left out.
         """
         out: set[str] = set()
         pairs = {pair: contact.contradicts for pair, contact in self._pairs.items()}
         while True:
             excess, by = accusers(pairs, out)
+            for robot, accuser in [(robot, it) for it in doubted for robot in by.get(it, ())]:
+                excess[robot] -= 1
+                by[robot].discard(accuser)
+            by = {robot: accusing for robot, accusing in by.items() if accusing}
             worst = max(sorted(by), key=lambda robot: excess[robot], default=None)
             if worst is None or excess[worst] <= max(0, *(excess[partner] for partner in by[worst])):
                 return frozenset(out)

@@ -169,12 +169,12 @@ class Influence:
         if robot not in self._sources:
             return
         row, own = self._sources.index(robot), np.repeat([it == robot for it in self._places], 2)
-        moved, honest = np.where(own, 0.0, self._moved[row]), np.where(own | own[:, np.newaxis], 0.0, self._honest[row])
+        others = ~own & ~own[:, np.newaxis]
         rows = self._rows(joint)
-        joint.mean[rows] -= moved + self._share_of_ways(row)
-        joint.covariance[np.ix_(rows, rows)] += honest
-        self._moved[row] -= moved
-        self._honest[row] -= honest
+        joint.mean[rows] -= np.where(own, 0.0, self._moved[row]) + self._share_of_ways(row)
+        joint.covariance[np.ix_(rows, rows)] += np.where(others, self._honest[row], 0.0)
+        self._moved[row] = np.where(own, self._moved[row], 0.0)
+        self._honest[row] = np.where(own & own[:, np.newaxis], self._honest[row], 0.0)
 
     def _rows(self, joint: Joint) -> Array:
         """The indices of x and y of all places, shape (2 places,)."""

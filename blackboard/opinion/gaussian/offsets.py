@@ -4,13 +4,16 @@ The innovations of sightings are white where all models hold (Mehra, IEEE TAC 15
 observer that is led astray by its odometry. So an observer's innovations are added up as evidence about one offset of all that
 it sees. Where that is certain, its sightings correct its own place alone, as measurements with parameters that are considered
 and not estimated (Schmidt 1966). So a robot that is lost is still led back, and one that lies moves itself.
+
+A robot that has moved itself to where its lies fit sees nothing to the side any more. So an offset is held against it for `MEMORY`
+seconds.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,6 +24,7 @@ from blackboard.opinion.grid import Array
 
 MEMORY = 5.0  # seconds after which a sighting counts for 1/e
 LEAST = 0.01  # share of the newest sighting of a pair that is still held for or against it
+ROUNDED = 1e-6  # share of the information that may be due to rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,67 +35,91 @@ class Score:
     covariance: Array
     share: float = 1.0  # of its newest sighting that is left
 
+    def plus(self, other: Score, sign: float = 1.0) -> Score:
+        """Both together; or, with the sign -1, without the other."""
+        return Score(self.gradient + sign * other.gradient, self.covariance + sign * other.covariance)
+
+    def faded(self, keep: float) -> Score:
+        """With so much of it left."""
+        return Score(self.gradient * keep, self.covariance * keep**2, self.share * keep)
+
+    def is_far(self) -> bool:
+        """Whether it is beyond 99.9 % of those without an offset."""
+        return squared_distance(self.gradient, self.covariance) > quantile(GATE, 2)
+
+
+NONE = Score(np.zeros(2), np.zeros((2, 2)))
+
 
 @dataclass
 class Offsets:
     """Mutable; `pass_time` once per tick, `hear` once per observer."""
 
-    _pairs: dict[tuple[str, str], Score] = field(default_factory=dict)  # observer and subject
-    _doubted: dict[str, bool] = field(
-        default_factory=dict
-    )  # observer -> `doubts`, where it was asked since the last change
+    _all: dict[str, Score] = field(default_factory=dict)  # observer -> of all that it sees
+    # observer and subject -> what rests on that one alone
+    _pairs: dict[tuple[str, str], Score] = field(default_factory=dict)
+    _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
 
     def copy(self) -> Offsets:
         """The same, which may be changed without changing this one."""
-        return Offsets(dict(self._pairs))
+        return Offsets(dict(self._all), dict(self._pairs), dict(self._held))
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
         keep = math.exp(-dt / MEMORY)
-        self._pairs = {
-            pair: Score(it.gradient * keep, it.covariance * keep**2, it.share * keep)
-            for pair, it in self._pairs.items()
-            if it.share * keep > LEAST
-        }
-        self._doubted = {}
+        self._all = {observer: it.faded(keep) for observer, it in self._all.items() if it.share * keep > LEAST}
+        self._pairs = {pair: it.faded(keep) for pair, it in self._pairs.items() if it.share * keep > LEAST}
+        self._held = {observer: left - dt for observer, left in self._held.items() if left > dt}
 
     def hear(self, observer: str, joint: Joint, seen: Sequence[tuple[str, Factor]]) -> None:
-        """Take all that an observer sees in a tick, by subject, before any of it is taken into the joint."""
+        """Take all that an observer sees in a tick, by subject, before any of it is taken into the joint.
+
+        What of a score rests on some rows i of a tick alone is A_i^T ((S^-1)_ii)^-1 A_i, where A = S^-1 H. Without it the score is
+        that of the rest, whatever errors all rows share.
+        """
         if not seen:
             return
-        found, first = joint.innovation(*(factor for _, factor in seen)), 0
-        rows = np.vstack([factor.jacobians[subject][:, AXES] for subject, factor in seen])
-        white = np.linalg.solve(np.linalg.cholesky(found.covariance), np.column_stack([rows, found.residual]))
-        for subject, factor in seen:
-            part = white[first : first + len(factor.residual)]
-            first += len(part)
-            more = part[:, :2].T @ part
-            before = self._pairs.get((observer, subject), Score(np.zeros(2), np.zeros((2, 2))))
-            self._pairs[observer, subject] = _sum([before, Score(more[:, 2], more[:, :2])])
-        self._doubted.pop(observer, None)
+        found = joint.innovation(*(factor for _, factor in seen))
+        ways = np.vstack([factor.jacobians[subject][:, AXES] for subject, factor in seen])
+        both = np.column_stack([ways, found.residual])
+        inverse = np.linalg.inv(found.covariance)
+        weighed = inverse @ both
+        self._all[observer] = self._all.get(observer, NONE).plus(_score(ways.T @ weighed))
+        subjects = np.repeat([subject for subject, _ in seen], [len(factor.residual) for _, factor in seen])
+        for subject in dict.fromkeys(subject for subject, _ in seen):
+            mine = np.flatnonzero(subjects == subject)
+            part = weighed[mine]
+            alone = _score(part[:, :2].T @ np.linalg.solve(inverse[np.ix_(mine, mine)], part))
+            self._pairs[observer, subject] = self._pairs.get((observer, subject), NONE).plus(alone)
+        if self._has_offset(observer):
+            self._held[observer] = MEMORY
+
+    def _has_offset(self, observer: str) -> bool:
+        """Whether what it sees has an offset beyond 99.9 % of honest ones, whichever one of its subjects is left out."""
+        whole = self._all[observer]
+        # a bearing says nothing along its line of sight, and rounding is no evidence
+        whole = whole.plus(Score(np.zeros(2), ROUNDED * np.trace(whole.covariance) * np.eye(2)))
+        scores = [it for (one, _), it in self._pairs.items() if one == observer]
+        return len(scores) > 1 and all(whole.plus(it, -1.0).is_far() for it in scores)
 
     def doubts(self, observer: str) -> bool:
-        """Whether what it sees has an offset beyond 99.9 % of honest ones, whichever one of its subjects is left out."""
-        if observer not in self._doubted:
-            scores = [it for (one, _), it in self._pairs.items() if one == observer]
-            self._doubted[observer] = len(scores) > 1 and all(
-                _squared(_sum([it for other, it in enumerate(scores) if other != left])) > quantile(GATE, 2)
-                for left in range(len(scores))
-            )
-        return self._doubted[observer]
+        """Whether what it sees had such an offset in the last `MEMORY` seconds."""
+        return observer in self._held
+
+    def forget_scores(self) -> None:
+        """What robots see was held against a belief that is not held any more. Who is doubted for it stays so."""
+        self._all, self._pairs = {}, {}
 
     def forget(self, robot: str) -> None:
         """Drop what concerns a robot."""
+        for (observer, subject), it in self._pairs.items():
+            if subject == robot and observer in self._all:
+                self._all[observer] = replace(self._all[observer].plus(it, -1.0), share=self._all[observer].share)
+        self._all.pop(robot, None)
         self._pairs = {pair: it for pair, it in self._pairs.items() if robot not in pair}
-        self._doubted = {}
+        self._held.pop(robot, None)
 
 
-def _sum(scores: Iterable[Score]) -> Score:
-    gradient, covariance = np.zeros(2), np.zeros((2, 2))
-    for it in scores:
-        gradient, covariance = gradient + it.gradient, covariance + it.covariance
-    return Score(gradient, covariance)
-
-
-def _squared(score: Score) -> float:
-    return squared_distance(score.gradient, score.covariance)
+def _score(both: Array) -> Score:
+    """From the covariance, and the gradient beside it: shape (2, 3)."""
+    return Score(both[:, 2], both[:, :2])

@@ -174,7 +174,7 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, found: Innovati
     if not subject.startswith(
         "robot/"
     ):  # of two robots that contradict each other, the one that placed the object first is believed
-        agrees = agrees and not any(team.contacts.contradict(observer, o) for o in team.trust.observers(subject))
+        agrees = agrees and not any(team.contacts.contradict(observer, o) for o in team.vouching(subject, observer))
     taken = agrees and not {observer, subject} & team.left_out
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)

@@ -191,7 +191,7 @@ class TeamState:
             return [subject]
         doubted = {it for it in (observer, subject) if self.offsets.doubts(it)}
         if self.freshness.lacks(relative):
-            doubted |= {observer} if subject in self.known else {observer, subject}
+            doubted |= {observer} if subject in self.known or self.vouching(subject, observer) else {observer, subject}
         return self._of(doubted)
 
     def _of(self, robots: Collection[str]) -> list[Block] | None:
@@ -203,6 +203,14 @@ class TeamState:
     def doubts(self, robot: str) -> bool:
         """Whether what a robot sees keeps one side, or tells nothing new."""
         return self.offsets.doubts(robot) or self.freshness.doubts(robot)
+
+    def vouching(self, subject: str, observer: str) -> list[str]:
+        """Who else has seen a subject, mostly agreed, and is not doubted."""
+        return [it for it in self.trust.observers(subject) if it != observer and not self.doubts(it)]
+
+    def refuted_now(self) -> frozenset[str]:
+        """The robots that `contacts` leaves out, where nobody is accused by one that is doubted."""
+        return self.contacts.left_out([robot for robot in self.known if self.doubts(robot)])
 
     def bounded(
         self,

@@ -58,6 +58,7 @@ class TeamJoint(TeamState):
     def _take_back(self, robot: str) -> None:
         """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
         self.influence.take_back(self.joint, robot)
+        self.offsets.forget_scores()
         for subject, observers in self.trust.by_subject().items():
             if subject in self.seen and robot in observers:
                 self.walks.forget(subject)
@@ -65,7 +66,7 @@ class TeamJoint(TeamState):
     def _settle(self, tick: int, dt: float, news: dict[str, Evidence]) -> None:
         self.tick = tick
         self.tally.verdicts, self.tally.unnamed, self.tally.tracks = [], [], Counter()
-        refuted = self.contacts.left_out()
+        refuted = self.refuted_now()
         self.refuted |= refuted
         self.leave_out(self.trust.left_out() | refuted)
         with np.errstate(over="raise", invalid="raise", divide="raise"):

@@ -110,6 +110,21 @@ def test_who_is_contradicted_by_better_confirmed_robots_is_left_out(
     assert told(contradicting, agreeing).left_out() == set(out)
 
 
+@pytest.mark.parametrize(
+    ("contradicting", "agreeing", "doubted", "out"),
+    [
+        ("ax", "ab", "a", ""),  # the only witness is doubted
+        ("ax", "ab", "x", "x"),
+        ("ax bx", "ab", "a", "x"),
+        ("ax", "", "ax", ""),
+    ],
+)
+def test_nobody_is_left_out_because_a_doubted_robot_contradicts_it(
+    contradicting: str, agreeing: str, doubted: str, out: str
+) -> None:
+    assert told(contradicting, agreeing).left_out(doubted) == set(out)
+
+
 def believed(sigma: float) -> Moments:
     return entering(Moments(np.zeros(3), np.diag([sigma**2, sigma**2, 0.01])), Nuisance())
 

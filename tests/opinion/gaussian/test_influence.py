@@ -81,7 +81,11 @@ def test_what_is_taken_back_leaves_others_as_uncertain_as_they_were_without(seed
         _, factor = drawn(rng)
         it.take(it.after(joint, LIAR, factor, joint.expected(factor)))
         joint.update(factor)
+    own, before_own = slice(2 * ROBOTS.index(LIAR), 2 * ROBOTS.index(LIAR) + 2), it.moved(LIAR)
     it.take_back(joint, LIAR)
+    moved, honest = it.moved(LIAR)
+    assert np.linalg.eigvalsh(honest).min() > -1e-9
+    assert (moved[own], honest[own, own]) == (pytest.approx(before_own[0][own]), pytest.approx(before_own[1][own, own]))
     for robot in set(ROBOTS) - {LIAR}:
         assert joint.moments(robot).mean == pytest.approx(before.moments(robot).mean, abs=1e-9)
         assert joint.moments(robot).covariance == pytest.approx(before.moments(robot).covariance, abs=1e-9)

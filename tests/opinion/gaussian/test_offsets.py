@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.offsets import MEMORY
+from blackboard.opinion.gaussian.offsets import MEMORY, Offsets
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.grid import Array
@@ -62,6 +63,68 @@ def test_to_leave_out_their_names_helps_no_liar(lie: float) -> None:
     farthest, doubted = worst(lie, names=False)
     assert farthest < 0.92
     assert doubted <= {LIAR}
+
+
+MATES = ("robot/a", "robot/b", "robot/c")
+
+
+def heard(offsets: Offsets, *apart: float) -> bool:
+    """An observer whose place has a variance of 1 sees exact mates so far (unit) to one side; whether it is doubted then."""
+    joint = Joint.of(
+        {LIAR: Moments(np.zeros(2), np.eye(2)), **dict.fromkeys(MATES, Moments(np.zeros(2), np.zeros((2, 2))))}
+    )
+    seen = [
+        (mate, Factor(np.array([it, 0.0]), {LIAR: -np.eye(2), mate: np.eye(2)}, 0.01 * np.eye(2)))
+        for mate, it in zip(MATES, apart, strict=True)
+    ]
+    offsets.hear(LIAR, joint, seen)
+    return offsets.doubts(LIAR)
+
+
+def test_without_any_one_subject_the_others_still_say_all_that_they_say() -> None:
+    """All share the error of the observer's place, so that each says nearly as much as all do."""
+    assert heard(Offsets(), 4.2, 4.2, 4.2)
+    assert not heard(Offsets(), 3.4, 3.4, 3.4)
+    assert not heard(Offsets(), 9.0, 0.0, 0.0)
+
+
+def test_who_moves_to_where_its_sightings_fit_is_doubted_for_some_seconds_more() -> None:
+    offsets, doubted = Offsets(), [0.0]
+    assert heard(offsets, 4.2, 4.2, 4.2)
+    for tick in range(1, round(3 * MEMORY / 0.2)):
+        offsets.pass_time(0.2)
+        if heard(offsets, 0.0, 0.0, 0.0):
+            doubted.append(tick * 0.2)
+    assert max(doubted) == pytest.approx(MEMORY, abs=0.5)
+
+
+def test_what_is_forgotten_of_a_robot_is_forgotten_of_those_who_saw_it() -> None:
+    offsets = Offsets()
+    heard(offsets, 9.0, 0.0, 0.0)
+    offsets.forget(MATES[0])
+    assert not heard(offsets, 0.0, 2.0, 2.0)
+
+
+def test_who_is_doubted_keeps_no_other_from_saying_where_an_object_is() -> None:
+    """Of two that contradict each other the one is believed that placed the object first, but not if it is doubted."""
+    team, ball, witness, far = TeamJoint(), "object/ball", "robot/r0", np.array([6.0, 0.0])
+
+    def said(robot: str, tick: int) -> Evidence:
+        it = says(robot, tick)
+        (x, y), observes = far * (robot == LIAR) - PLACES[robot], robot == LIAR or (robot == witness and tick >= BEGIN)
+        seen = (Relative(robot, ball, math.hypot(x, y), math.atan2(y, x), 0.25, 0.0025),) if observes else ()
+        return replace(it, belief=says(robot, 0).belief, relatives=seen)
+
+    for tick in range(END // 2):
+        if tick == BEGIN:
+            heard(team.offsets, 4.2, 4.2, 4.2)
+        team.settle(tick, 0.2, [said(it, tick) for it in PLACES])
+        assert team.doubts(LIAR) == (tick >= BEGIN)
+    assert {(it.source, it.taken) for it in team.tally.verdicts if it.subject == ball} == {
+        (LIAR, False),
+        (witness, True),
+    }
+    assert float(np.hypot(*team.marginal(ball).mean)) < 1.0
 
 
 def test_of_honest_robots_none_is_doubted() -> None:
