@@ -108,8 +108,8 @@ BUGS = {
     "ancestors": Bug(
         "a joint does not name one of the robots that it rests on",
         DESK,
-        "ancestors={name: self._until[name] for name in sorted(self._until) if",
-        "ancestors={name: self._until[name] for name in sorted(self._until)[:-1] if",
+        "return {name: self._until[name] for name in sorted(self._until) if",
+        "return {name: self._until[name] for name in sorted(self._until)[:-1] if",
     ),
     "twice": Bug(
         "evidence that comes a second time counts a second time",
