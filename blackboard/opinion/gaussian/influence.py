@@ -130,10 +130,10 @@ class Influence:
         gain = share * np.linalg.solve(spread, expected.cross[:, rows]).T
         if only is not None:
             gain *= np.repeat([it in only for it in self._places], 2)[:, np.newaxis]
-        seen = self._honest @ by.T  # C H^T
-        pulled = seen @ gain.T
         moved = self._moved - (self._moved @ by.T) @ gain.T
-        honest = self._honest - pulled - pulled.transpose(0, 2, 1) + gain @ (by @ seen) @ gain.T
+        # from both sides alike, or else what rounding adds grows
+        left = self._honest - (self._honest @ by.T) @ gain.T
+        honest = left - gain @ (by @ left)
         if robot in self._sources:
             mine = self._sources.index(robot)
             moved[mine] = self._moved[mine] + gain @ factor.residual
