@@ -101,8 +101,10 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
     ),
     "notes/real-robots.md": (
         ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
-        ("python -m tests.robot_agent.spoilt", NotRun("minutes, and a recording")),
         ("blackboard demo --pyfg", NotRun("a recording; tests/sim_world/test_pyfg.py replays a made one")),
+    ),
+    "notes/wrong-models.md": (
+        ("python -m tests.robot_agent.spoilt", NotRun("minutes, and a recording")),
     ),
     "recording.md": (
         ("pip install", NotRun("tests/tape/test_door.py and tests/system/test_tape.py run the same commands on small tapes")),
