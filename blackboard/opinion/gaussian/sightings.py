@@ -185,7 +185,9 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, found: Innovati
 def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Factor:
     """A sighting of an object, once it has told how that moves; a range alone does not, and what is no news does not."""
     observer, subject = relative.observer, relative.subject
-    if observer in team.left_out or len(factor.residual) < 2 or team.freshness.lacks(relative):
+    moves = team.moved_by_sighting(relative)
+    is_doubted = team.freshness.lacks(relative) or (moves is not None and subject not in moves)
+    if observer in team.left_out or len(factor.residual) < 2 or is_doubted:
         return factor
     pushed = team.walks.judge(subject, _placed(team, subject, factor))
     if pushed is None or subject not in team.joint:

@@ -59,9 +59,8 @@ class TeamJoint(TeamState):
         """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
         self.influence.take_back(self.joint, robot)
         self.offsets.forget_scores()
-        for subject, observers in self.trust.by_subject().items():
-            if subject in self.seen and robot in observers:
-                self.walks.forget(subject)
+        for subject in self.trust.judged(robot) & set(self.seen):
+            self.walks.forget(subject)
 
     def _settle(self, tick: int, dt: float, news: dict[str, Evidence]) -> None:
         self.tick = tick

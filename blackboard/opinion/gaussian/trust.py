@@ -40,6 +40,10 @@ class Trust:
                 found.setdefault(subject, set()).add(observer)
         return found
 
+    def judged(self, observer: str) -> set[str]:
+        """What an observer was judged by, whether its sightings agreed or not."""
+        return {subject for one, subject in self._pairs if one == observer}
+
     def left_out(self) -> frozenset[str]:
         """The robots that more partners contradict than confirm, at least `FEWEST`.
 

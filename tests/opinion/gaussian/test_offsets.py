@@ -127,6 +127,38 @@ def test_who_is_doubted_keeps_no_other_from_saying_where_an_object_is() -> None:
     assert float(np.hypot(*team.marginal(ball).mean)) < 1.0
 
 
+def rolling(doubted: int, aside: int = END) -> list[bool]:
+    """For each tick whether a ball is believed to roll that all saw stand, and that a robot alone then sees go.
+
+    From a tick on the robot is doubted; from another on it sees the ball 2 units farther on.
+    """
+    team, ball, found = TeamJoint(), "object/ball", list[bool]()
+
+    def said(robot: str, tick: int) -> Evidence:
+        way = [0.4 * max(0, tick - BEGIN) + 2.0 * (tick >= aside), 0.0]
+        x, y = way - PLACES[robot]
+        seen = (Relative(robot, ball, math.hypot(x, y), math.atan2(y, x), 0.01, 1e-4),)
+        return replace(says(robot, tick), relatives=seen if robot == LIAR or tick < BEGIN else ())
+
+    for tick in range(END):
+        if tick == doubted:
+            heard(team.offsets, 9.0, 9.0, 9.0)
+        team.settle(tick, 0.2, [said(it, tick) for it in PLACES])
+        found.append(team.velocity(ball) is not None)
+    return found
+
+
+def test_who_is_doubted_tells_nobody_how_an_object_moves() -> None:
+    assert any(rolling(doubted=END))
+    assert not any(rolling(doubted=BEGIN)[: BEGIN + int(MEMORY / 0.2)])
+
+
+def test_of_who_is_found_out_it_is_forgotten_how_objects_move_though_its_newest_sightings_were_refused() -> None:
+    found = rolling(doubted=25, aside=23)
+    assert found[24]
+    assert not any(found[25:])
+
+
 def test_of_honest_robots_none_is_doubted() -> None:
     for seed in range(3):
         robots, team = driving.team(4, seed), TeamJoint()
