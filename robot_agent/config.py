@@ -16,9 +16,9 @@ from blackboard.config import Name, Positive, Scenario, Section
 from blackboard.errors import UserError
 from blackboard.process.peer import WHOLE
 from blackboard.wire.mistakes import nearest
+from blackboard.wire.types import Finite
 from robot_agent.localizers import known_localizers
 
-Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, lt=1)]
 
@@ -164,7 +164,7 @@ class RobotSection(Section):
     "Its model of the odometry."
     ranging: RangingSection = Field(default_factory=RangingSection)
     "Its model of ranges alone."
-    landmarks: dict[Name, tuple[Coordinate, Coordinate]] = Field(default_factory=dict, max_length=1000)
+    landmarks: dict[Name, tuple[Finite, Finite]] = Field(default_factory=dict, max_length=1000)
     "[unit] The map: where landmarks stand, by name, for sightings of `landmark/?`; in a joint."
     objects: ObjectsSection = Field(default_factory=ObjectsSection)
     "How it tracks what is neither robot nor landmark."

@@ -21,7 +21,7 @@ from blackboard.errors import RuleError, UnknownKeyError, UserError
 from blackboard.opinion.grid import Anchor, Grid
 from blackboard.opinion.rules import Rule, find, merged, read_rule
 from blackboard.tables import read_tables
-from blackboard.wire.mistakes import KEY, first_mistake, nearest
+from blackboard.wire.mistakes import KEY, SHOWN, first_mistake, nearest
 from blackboard.wire.names import MAX_FRAME, NAME, SUBJECT_KINDS
 
 SECTIONS = ("name", "team", "grid", "time", "board", "robot", "robots", "world", "fault")
@@ -317,7 +317,8 @@ def first_fault(error: ValidationError, where: str, model: type[BaseModel], belo
         place, cure = (*place, cause.key), cause.cure + ("" if cause.value is None else f" (got {cause.value})")
     else:
         place, cure = first_mistake(error, model, below)
-    return f"{'.'.join(str(part) for part in (where, *place) if part != KEY)}: {cure}"
+    parts = [str(part) for part in (where, *place) if part != KEY]
+    return f"{'.'.join(part if len(part) <= SHOWN else f'{part[:SHOWN]}...' for part in parts)}: {cure}"
 
 
 def load(name: str | Path) -> Scenario:

@@ -15,9 +15,9 @@ from blackboard.config.mrclam import recording_folder
 from blackboard.config.protocols import FAMILIES, PROTOCOLS, protocol_of
 from blackboard.errors import UserError
 from blackboard.wire.mistakes import nearest
+from blackboard.wire.types import Finite
 
 Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 
 #: The gain of (VI-.1): 1 is the paper's sensor (sigma up to 37 cells), 0.05 a camera (up to 1.9 cells).
 GAINS = {"paper": 1.0, "camera": 0.05}
@@ -58,7 +58,7 @@ class OdometrySection(Section):
 class ObjectSection(Section):
     """An object does a random walk, or rolls, or both, and the walls reflect it."""
 
-    start: tuple[Coordinate, Coordinate] | None = None
+    start: tuple[Finite, Finite] | None = None
     "[unit] Where it is at the beginning; drawn from the seed where it is not given."
     drift: Sigma = 0.0
     "[unit/sqrt(s)] How it moves in each coordinate; 0 is an object that stands."
@@ -144,7 +144,7 @@ class WorldSection(Section):
     # mrclam
     dir: str | None = None
     "Folder of the recording (mrclam), or its file (pyfg)."
-    start: Coordinate | None = None
+    start: Finite | None = None
     "[s] Where the replay begins, Unix time; the first whole second that all files cover where it is not given (mrclam, pyfg)."
     protocol: str = "A_all"
     "Which landmark sightings may be used (mrclam; docs/real-robots.md)."

@@ -65,7 +65,8 @@ def allowed(schema: Schema, root: Schema) -> str:
         return " ".join(["a whole number" if kind == "integer" else "a number", *_bounds(schema)])
     if kind == "array":
         return _array(schema, root)
-    words = {"string": _text(schema), "boolean": "true or false", "object": "a table"}
+    most = f" of at most {schema['maxProperties']} keys" if "maxProperties" in schema else ""
+    words = {"string": _text(schema), "boolean": "true or false", "object": f"a table{most}"}
     return words.get(str(kind), "another value")
 
 

@@ -104,6 +104,18 @@ def test_faults_that_are_no_tables_are_told_too(tables: object) -> None:
         ({"time": {"mode": "locksetp"}}, 'give "lockstep" or "realtime"; did you mean lockstep? (got \'locksetp\')'),
         ({"team": {"sub_teams": {"a": "r1"}}}, "team.sub_teams.a: give a list, each a name of up to 64 letters"),
         ({"team": {"boards": 2.5}}, "team.boards: give a whole number from 1 to 9 (got 2.5)"),
+        (
+            {"robot": {"landmarks": {"a": [1e300, 0]}}},
+            "robot.landmarks.a.0: give a number from -1e+12 to 1e+12 (got 1e+300)",
+        ),
+        (
+            {"robot": {"landmarks": {f"l{k}": [k, 0] for k in range(1001)}}},
+            "give a table of at most 1000 keys (got {'l0'",
+        ),
+        (
+            {"robot": {"landmarks": {"x" * 999: [0, 0]}}},
+            f"robot.landmarks.{'x' * 80}...: give a name of up to 64 letters",
+        ),
         ({"tame": {}}, "unknown section or key 'tame'; did you mean "),
     ],
 )
