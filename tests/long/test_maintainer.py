@@ -36,7 +36,6 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     change(where, "tests/opinion/test_laws.py", r"^(IDEMPOTENT = \{)", r'\1"halfway", ')  # "the sets of the laws"
     # "its name goes into `MODELS`"
     change(where, "blackboard/wire/messages.py", r"(MODELS: .*?)\)\n", r"\1, Battery)\n")
-    change(where, "blackboard/wire/keys.py", r"(TOPICS = \(\n.*?)\)\n", r"\1    BATTERY,\n)\n")
     example = (
         '    "battery": ({"team": "t", "sub_team": "a", "robot": "r1"}, Battery(robot="r1", time=0.6, seconds=60.0)),\n'
     )
