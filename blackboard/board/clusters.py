@@ -96,7 +96,7 @@ class Clusters:
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing has been seen that nobody named."""
+        """Whether there are neither tracks nor unnamed sightings that wait."""
         return not self._waiting and not list(self.tracks)
 
     # --- settle ---------------------------------------------------------------------------------------------------------

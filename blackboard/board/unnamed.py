@@ -1,4 +1,4 @@
-"""What a board tells of sightings that name a class: which subjects they may be of, and how many became what. Pure."""
+"""Sightings that name a class only, for a consensus and a status: which subjects they may show, and counts. Pure."""
 
 from __future__ import annotations
 

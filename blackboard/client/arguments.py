@@ -26,7 +26,7 @@ class Call:
     """A call of a method. Each check returns the value as a float or floats."""
 
     def __init__(self, method: str, warn: Callable[[str, str], None] = lambda name, text: None) -> None:
-        """`warn` is told the argument and a sentence where one may be meant in degrees."""
+        """`warn` is called with the argument and a sentence where an angle may be in degrees."""
         self._method, self._warn = method, warn
 
     def number(self, name: str, value: Any, least: float = -LARGEST) -> float:

@@ -45,6 +45,7 @@ FLEETING, KEPT = 2.0, 60.0  # seconds without a sighting, after which a track wi
 NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
 UNKNOWN = Rate(1.0, 2.0)  # of what is there a frame shows a half, before anything was seen
 ROOM = 16  # tracks that one observer alone has seen
+DIGITS = 9  # of the number in a track's name, so that the next one has room in a name, too
 NOWHERE = math.inf, 0.0, 0.0  # a place that no frame shows, so that none speaks against a track there
 MAX_TRACKS = 64  # that several have seen, or one
 FAINTEST = 0.01  # of a track that is in view: below that a frame says nothing of it
@@ -285,11 +286,12 @@ class Tracks:
     def new_name(self, block: str, used: Callable[[str], bool], others: Collection[str] = ()) -> str:
         """A name for a track: its class and the next number that is not `used`, which is never given again.
 
-        The first is the one behind those that `others` have.
+        The first is the one behind those that `others` have. What has more digits than `DIGITS` is not taken for a number.
         """
         kind = self._tracks[block].kind
         theirs = [it.removeprefix(f"{stem(kind)}{self.label}") for it in others]
-        number = self._numbers.get(kind) or max((int(it) for it in theirs if it.isdecimal()), default=0)
+        given = [int(it) for it in theirs if it.isdecimal() and len(it) <= DIGITS]
+        number = self._numbers.get(kind) or max(given, default=0)
         number += 1
         while used(name := f"{stem(kind)}{self.label}{number}"):
             number += 1

@@ -84,3 +84,13 @@ def test_a_number_that_the_other_board_has_given_is_not_given_again() -> None:
         it.hear(said(it, tick, since=-1.0, tracks=[there]))
         found = watched(it, tick, ["first"])
     assert set(found) == {"person/42"}
+
+
+@pytest.mark.parametrize("digits", [10, 63, 64])
+def test_a_number_that_leaves_no_room_for_the_next_one_is_no_number(digits: int) -> None:
+    """Before, the name of the next track had more characters than a subject may have, and the board died of it."""
+    it, there = desk(), PackedTrack(name="person/" + "9" * digits, mean=(5.0, 25.0), covariance=(0.1, 0.0, 0.1))
+    for tick in range(8):
+        it.hear(said(it, tick, since=-1e12, tracks=[there]))
+        found = watched(it, tick, ["first"])
+    assert set(found) == {"person/1"}
