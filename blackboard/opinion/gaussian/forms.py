@@ -30,7 +30,7 @@ class Form:
     by_range: Array  # (k, m): of what was seen by an error of the range
     noise: Array  # (k, m, m); of a pose (k, 3, 3)
     distance: Array  # (k,): to the subject as expected
-    larger: Array  # (k,): by how many times the errors of its range are larger than they were told (`_larger`)
+    larger: Array  # (k,): the factor from the claimed errors of a range to those at the expected distance (`_larger`)
 
 
 def form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, heading: Array) -> Form:

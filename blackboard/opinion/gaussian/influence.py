@@ -77,7 +77,7 @@ class Influence:
         self._went = {new if it == old else it: way for it, way in self._went.items()}
 
     def go(self, place: str, way: Array) -> None:
-        """An object goes a way, shape (2,), as it was seen to move: on whoever is taken back, by the shares of what they moved it."""
+        """Note the displacement of an object, shape (2,), by its velocity. What is taken back of a robot includes its share of it."""
         self._went[place] = self._went.get(place, 0.0) + way
 
     def _share_of_ways(self, row: int) -> Array:
