@@ -32,43 +32,54 @@ class Detected(Changed):
 
     def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
         truth, readings = self.source.advance(run, tick)
-        told = [self._detected(it, truth) for it in readings]
-        unnamed = {it.robot: shown for it, shown in told if shown}
-        return truth.model_copy(update={"unnamed": unnamed}), [it for it, _ in told]
+        told = [self._detected(given, truth) for given in readings]
+        unnamed = {given.robot: shown for given, shown in told if shown}
+        return truth.model_copy(update={"unnamed": unnamed}), [given for given, _ in told]
 
     def _detected(self, readings: Readings, truth: Truth) -> tuple[Readings, list[str]]:
         """The readings of a robot as its detector gives them, and whom its unnamed sightings show, in their order."""
-        sightings = [it for it in readings.sightings if self._is_detected(readings.robot, it, truth)]
-        seen = [it for it in readings.seen if self._is_detected(readings.robot, it, truth)]
+        sightings = [sighting for sighting in readings.sightings if self._is_detected(readings.robot, sighting, truth)]
+        seen = [sighting for sighting in readings.seen if self._is_detected(readings.robot, sighting, truth)]
         sightings = self._exchanged(readings.robot, sightings)
-        named = [it for it in sightings if not self._is_unnamed(it.subject)]
-        others = [(it.subject, it) for it in sightings if self._is_unnamed(it.subject)]
-        others += [(NOTHING, it) for it in self._clutter(readings.robot, truth)]
+        named = [sighting for sighting in sightings if not self._is_unnamed(sighting.subject)]
+        others = [(sighting.subject, sighting) for sighting in sightings if self._is_unnamed(sighting.subject)]
+        others += [(NOTHING, sighting) for sighting in self._clutter(readings.robot, truth)]
         # The order that things have in the world would tell who they are.
         others = sorted(others, key=lambda pair: (-pair[1].age, pair[1].bearing, pair[1].range))[
             : MAX_OPINIONS - len(named)
         ]
-        further = sorted((it for it in seen if self._is_unnamed(it.subject)), key=lambda it: (-it.age, it.values))
-        unnamed = [it.model_copy(update={"subject": class_of(it.subject), "landmark": None}) for _, it in others]
-        unnamed_seen = [it.model_copy(update={"subject": class_of(it.subject), "landmark": None}) for it in further]
-        kept = [it for it in seen if not self._is_unnamed(it.subject)]
+        further = sorted(
+            (sighting for sighting in seen if self._is_unnamed(sighting.subject)),
+            key=lambda sighting: (-sighting.age, sighting.values),
+        )
+        unnamed = [
+            sighting.model_copy(update={"subject": class_of(sighting.subject), "landmark": None})
+            for _, sighting in others
+        ]
+        unnamed_seen = [
+            sighting.model_copy(update={"subject": class_of(sighting.subject), "landmark": None})
+            for sighting in further
+        ]
+        kept = [sighting for sighting in seen if not self._is_unnamed(sighting.subject)]
         told = readings.model_copy(update={"sightings": [*named, *unnamed], "seen": [*kept, *unnamed_seen]})
-        return told, [*(who for who, _ in others), *(it.subject for it in further)]
+        return told, [*(who for who, _ in others), *(sighting.subject for sighting in further)]
 
     def _is_unnamed(self, subject: str) -> bool:
         return kind_of(subject) in self.settings.anonymous
 
-    def _is_detected(self, robot: str, it: Sighting | Seen, truth: Truth) -> bool:
-        if kind_of(it.subject) == "landmark":
+    def _is_detected(self, robot: str, sighting: Sighting | Seen, truth: Truth) -> bool:
+        if kind_of(sighting.subject) == "landmark":
             return True
-        if self.settings.missed and self._noise(f"{robot} misses {it.subject}").random() < self.settings.missed:
+        if self.settings.missed and self._noise(f"{robot} misses {sighting.subject}").random() < self.settings.missed:
             return False
-        return not (self.settings.body and is_hidden(f"robot/{robot}", it.subject, truth, self.settings.body))
+        return not (self.settings.body and is_hidden(f"robot/{robot}", sighting.subject, truth, self.settings.body))
 
     def _exchanged(self, robot: str, sightings: list[Sighting]) -> list[Sighting]:
         """The sightings, in which two mates may have each other's names."""
         mates = [
-            i for i, it in enumerate(sightings) if kind_of(it.subject) == "robot" and not self._is_unnamed(it.subject)
+            i
+            for i, sighting in enumerate(sightings)
+            if kind_of(sighting.subject) == "robot" and not self._is_unnamed(sighting.subject)
         ]
         if not self.settings.exchanged or len({sightings[i].subject for i in mates}) < 2:
             return sightings
@@ -78,7 +89,10 @@ class Detected(Changed):
         names = sorted({sightings[i].subject for i in mates})
         one, other = (names[i] for i in noise.choice(len(names), 2, replace=False))
         instead = {one: other, other: one}
-        return [it.model_copy(update={"subject": instead.get(it.subject, it.subject)}) for it in sightings]
+        return [
+            sighting.model_copy(update={"subject": instead.get(sighting.subject, sighting.subject)})
+            for sighting in sightings
+        ]
 
     def _clutter(self, robot: str, truth: Truth) -> list[Sighting]:
         """Sightings of nothing, uniform in the field of the camera."""

@@ -21,7 +21,7 @@ class Faulted(Changed):
 
     def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
         truth, readings = self.source.advance(run, tick)
-        return truth, [self._changed(it) for it in readings]
+        return truth, [self._changed(own) for own in readings]
 
     def _changed(self, readings: Readings) -> Readings:
         mine = [f for f in self.faults if is_of_sensors(f) and f.concerns(readings.robot, readings.time)]
@@ -47,7 +47,9 @@ def crept(readings: Readings, fault: Drift) -> Readings:
     elif fault.sensor == "compass" and readings.compass is not None:
         change["compass"] = wrap(readings.compass + error)
     elif fault.sensor == "range":
-        change["sightings"] = [it.model_copy(update={"range": max(0.0, it.range + error)}) for it in readings.sightings]
+        change["sightings"] = [
+            sighting.model_copy(update={"range": max(0.0, sighting.range + error)}) for sighting in readings.sightings
+        ]
     elif fault.sensor == "fix" and readings.fix is not None:
         x, y = readings.fix.position
         change["fix"] = readings.fix.model_copy(update={"position": (x + error, y)})

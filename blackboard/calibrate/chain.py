@@ -47,30 +47,30 @@ class Chain:
             blocks, blocks.copy(), np.zeros((ticks, n, s)), np.zeros((s, s)), np.zeros((ticks, n)), np.zeros(s)
         )
 
-    def add(self, it: Factors) -> None:
+    def add(self, factors: Factors) -> None:
         """Add measurements."""
-        weighted = it.residual * it.weight
+        weighted = factors.residual * factors.weight
         three = np.arange(3)
-        for tick, robot, by in it.poses:
+        for tick, robot, by in factors.poses:
             rows = 3 * robot[:, None] + three
             np.add.at(self.right, (tick[:, None], rows), np.einsum("mij,mi->mj", by, weighted))
-            for other, mate, also in it.poses:
-                block = np.einsum("mia,mi,mib->mab", by, it.weight, also)
+            for other, mate, also in factors.poses:
+                block = np.einsum("mia,mi,mib->mab", by, factors.weight, also)
                 columns = 3 * mate[:, None] + three
                 for apart, into in ((0, self.diagonal), (1, self.before)):
                     some = tick - other == apart
                     place = (tick[some, None, None], rows[some][:, :, None], columns[some][:, None, :])
                     np.add.at(into, place, block[some])
-            for owner, shared in it.shared:
+            for owner, shared in factors.shared:
                 columns = shared.shape[2] * owner[:, None] + np.arange(shared.shape[2])
-                block = np.einsum("mia,mi,mib->mab", by, it.weight, shared)
+                block = np.einsum("mia,mi,mib->mab", by, factors.weight, shared)
                 np.add.at(self.border, (tick[:, None, None], rows[:, :, None], columns[:, None, :]), block)
-        for owner, shared in it.shared:
+        for owner, shared in factors.shared:
             rows = shared.shape[2] * owner[:, None] + np.arange(shared.shape[2])
             np.add.at(self.shared_right, rows, np.einsum("mij,mi->mj", shared, weighted))
-            for mate, also in it.shared:
+            for mate, also in factors.shared:
                 columns = also.shape[2] * mate[:, None] + np.arange(also.shape[2])
-                block = np.einsum("mia,mi,mib->mab", shared, it.weight, also)
+                block = np.einsum("mia,mi,mib->mab", shared, factors.weight, also)
                 np.add.at(self.corner, (rows[:, :, None], columns[:, None, :]), block)
 
     def solved(self) -> Solved:
@@ -122,14 +122,14 @@ class Solved:
         before[1:] += np.einsum("kis,kjs->kij", spread[1:], self.by[:-1])
         return own, before
 
-    def variances(self, it: Factors) -> Array:
+    def variances(self, factors: Factors) -> Array:
         """The variances, shape (M, m), of what measurements expect, by everything that was measured."""
         own, before = self._own
-        three, total = np.arange(3), np.zeros_like(it.residual)
+        three, total = np.arange(3), np.zeros_like(factors.residual)
         spread = -self.by @ self.covariance
-        for tick, robot, by in it.poses:
+        for tick, robot, by in factors.poses:
             rows = 3 * robot[:, None] + three
-            for other, mate, also in it.poses:
+            for other, mate, also in factors.poses:
                 columns = 3 * mate[:, None] + three
                 where = (rows[:, :, None], columns[:, None, :])
                 later = np.maximum(tick, other)[:, None, None]
@@ -138,25 +138,25 @@ class Solved:
                 tied = np.where((tick > other)[:, None, None], ahead, back)
                 block = np.where((tick == other)[:, None, None], own[(tick[:, None, None], *where)], tied)
                 total += np.einsum("mia,mab,mib->mi", by, block, also)
-            for owner, shared in it.shared:
+            for owner, shared in factors.shared:
                 columns = shared.shape[2] * owner[:, None] + np.arange(shared.shape[2])
                 block = spread[tick[:, None, None], rows[:, :, None], columns[:, None, :]]
                 total += 2 * np.einsum("mia,mab,mib->mi", by, block, shared)
-        for owner, shared in it.shared:
-            for mate, also in it.shared:
+        for owner, shared in factors.shared:
+            for mate, also in factors.shared:
                 rows = shared.shape[2] * owner[:, None] + np.arange(shared.shape[2])
                 columns = also.shape[2] * mate[:, None] + np.arange(also.shape[2])
                 block = self.covariance[rows[:, :, None], columns[:, None, :]]
                 total += np.einsum("mia,mab,mib->mi", shared, block, also)
         return np.maximum(total, 0.0)
 
-    def profile(self, it: Factors) -> Array:
+    def profile(self, factors: Factors) -> Array:
         """The derivative of what measurements expect by the shared numbers, shape (M, m, s), the poses following them."""
-        total = np.zeros((*it.residual.shape, len(self.shared)))
-        for tick, robot, by in it.poses:
+        total = np.zeros((*factors.residual.shape, len(self.shared)))
+        for tick, robot, by in factors.poses:
             rows = 3 * robot[:, None] + np.arange(3)
             total -= np.einsum("mia,mas->mis", by, self.by[tick[:, None], rows])
-        for owner, shared in it.shared:
+        for owner, shared in factors.shared:
             for number in range(shared.shape[2]):
                 np.add.at(
                     total.transpose(0, 2, 1),

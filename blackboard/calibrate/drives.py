@@ -77,8 +77,8 @@ class Drives:
         def inside(tick: Array) -> Array:
             return (tick >= first) & (tick < until)
 
-        def moved(it: Absolute) -> Absolute:
-            some = it.where(inside(it.tick))
+        def moved(measured: Absolute) -> Absolute:
+            some = measured.where(inside(measured.tick))
             return replace(some, tick=some.tick - first)
 
         seen = self.sightings.where(inside(self.sightings.tick))
@@ -163,21 +163,21 @@ def _rows(
     Each landmark is added to `places`, and the time of the newest sighting of each subject to `newest`, by observer and subject.
     """
     own = f"robot/{one.robot}"
-    for it in sorted(one.sightings, key=lambda s: -s.age) if k else ():
-        at, name = one.time - it.age, (number[own], it.subject)
-        known = it.landmark is not None or it.subject in number
-        if not known or it.subject == own or at - newest.get(name, -math.inf) < EVERY:
+    for sighting in sorted(one.sightings, key=lambda s: -s.age) if k else ():
+        at, name = one.time - sighting.age, (number[own], sighting.subject)
+        known = sighting.landmark is not None or sighting.subject in number
+        if not known or sighting.subject == own or at - newest.get(name, -math.inf) < EVERY:
             continue
         newest[name] = at
         back = k
         while back > 1 and times[back - 1] > at:
             back -= 1
         share = min(1.0, max(0.0, (times[back] - at) / (times[back] - times[back - 1])))
-        mate, landmark = number.get(it.subject, -1), -1
-        if it.landmark is not None:
-            places.setdefault(it.subject, (it.landmark[0], it.landmark[1]))
-            mate, landmark = -1, list(places).index(it.subject)
-        yield back, number[own], mate, landmark, it.range, it.bearing, share
+        mate, landmark = number.get(sighting.subject, -1), -1
+        if sighting.landmark is not None:
+            places.setdefault(sighting.subject, (sighting.landmark[0], sighting.landmark[1]))
+            mate, landmark = -1, list(places).index(sighting.subject)
+        yield back, number[own], mate, landmark, sighting.range, sighting.bearing, share
 
 
 def _absolute(rows: list[tuple[float, ...]], size: int) -> Absolute:

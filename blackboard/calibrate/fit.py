@@ -107,7 +107,7 @@ class _Here:
         odometry, sighted = model.odometry(poses, shared, noise), model.sightings(poses, shared, noise)
         believed, density = _believed(model, sighted, noise)
         absolute = model.fixes(poses), model.headings(poses)
-        density += sum(_log_density(it) for it in (odometry, *absolute))
+        density += sum(_log_density(factors) for factors in (odometry, *absolute))
         off = (prior.mean - shared).ravel()
         density += 0.5 * (np.linalg.slogdet(prior.information / (2 * math.pi))[1] - off @ prior.information @ off)
         density += 1.5 * poses.shape[1] * math.log(ANYWHERE / (2 * math.pi))
@@ -116,8 +116,8 @@ class _Here:
 
     def chain(self) -> Chain:
         chain = Chain.of(self.poses.shape[0], self.poses.shape[1], EACH)
-        for it in (self.odometry, self.sighted, *self.absolute):
-            chain.add(it)
+        for factors in (self.odometry, self.sighted, *self.absolute):
+            chain.add(factors)
         each = range(3 * self.poses.shape[1])
         chain.diagonal[0, each, each] += ANYWHERE
         chain.corner[...] += self.prior.information
@@ -132,17 +132,19 @@ class _Here:
         return Fit(*found, float(evidence))
 
 
-def _log_density(it: Factors) -> float:
-    return float(0.5 * (np.log(it.weight / (2 * math.pi)) - it.weight * it.residual**2).sum())
+def _log_density(factors: Factors) -> float:
+    return float(0.5 * (np.log(factors.weight / (2 * math.pi)) - factors.weight * factors.residual**2).sum())
 
 
-def _believed(model: Model, it: Factors, noise: Noise) -> tuple[Array, float]:
+def _believed(model: Model, sighted: Factors, noise: Noise) -> tuple[Array, float]:
     """The probability that each sighting is no misread, shape (M,), and the logarithm of the density of all."""
     seen = model.drives.sightings
     if not len(seen.tick):
         return np.zeros(0), 0.0
     share = noise.misread[seen.robot]
-    inside = np.log1p(-share) + 0.5 * (np.log(it.weight / (2 * math.pi)) - it.weight * it.residual**2).sum(axis=1)
+    inside = np.log1p(-share) + 0.5 * (
+        np.log(sighted.weight / (2 * math.pi)) - sighted.weight * sighted.residual**2
+    ).sum(axis=1)
     anywhere = np.log(share) - math.log(2 * math.pi * max(1e-3, float(seen.range.max())))
     both = np.logaddexp(inside, anywhere)
     return np.exp(inside - both), float(both.sum())
@@ -188,7 +190,9 @@ def found_noise(fit: Fit) -> Noise:
             energy = (fit.odometry.residual[rows] ** 2 * weight).sum(axis=0)
             enough = free > 0.02 * FEWEST
             table[n] = np.where(enough, table[n] * np.clip(energy / np.maximum(free, 1e-9), 0.1, 10.0), table[n])
-    floor, share, bearing, misread = (it.copy() for it in (noise.floor, noise.share, noise.bearing, noise.misread))
+    floor, share, bearing, misread = (
+        numbers.copy() for numbers in (noise.floor, noise.share, noise.bearing, noise.misread)
+    )
     seen, spread = drives.sightings, fit.solved.variances(fit.sighted)
     for n in range(robots):
         rows = seen.robot == n
@@ -222,9 +226,9 @@ def covariance(fit: Fit, prior: Prior) -> Array:
     number = np.floor(fit.drives.times / BLOCK).astype(int)
     number -= number.min()
     scores = np.zeros((int(number.max()) + 1, fit.shared.size))
-    for it in (fit.odometry, fit.sighted):
-        by = np.einsum("mis,mi->ms", fit.solved.profile(it), it.weight * it.residual)
-        np.add.at(scores, number[it.poses[0][0]], by)
+    for factors in (fit.odometry, fit.sighted):
+        by = np.einsum("mis,mi->ms", fit.solved.profile(factors), factors.weight * factors.residual)
+        np.add.at(scores, number[factors.poses[0][0]], by)
     used = len(np.unique(number))
     off = (prior.mean - fit.shared).ravel()
     scores += prior.information @ off / len(scores)

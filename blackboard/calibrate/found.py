@@ -239,12 +239,12 @@ def _ranges(fit: Fit, seen: Array) -> list[tuple[float, float, int, float]]:
 
 def _lasting(fit: Fit, n: int) -> dict[str, float]:
     """How long errors of range and bearing of one thing last: where their correlation falls to 1/e."""
-    it = fit.drives.sightings
-    rows = np.flatnonzero((it.robot == n) & (fit.believed > 0.5))
+    seen = fit.drives.sightings
+    rows = np.flatnonzero((seen.robot == n) & (fit.believed > 0.5))
     found = {}
     for column, name in enumerate(("range", "bearing")):
         errors = fit.sighted.residual[rows, column]
-        errors = errors / (np.sqrt(fit.noise.range_variance(it.robot[rows], it.range[rows])) if not column else 1.0)
+        errors = errors / (np.sqrt(fit.noise.range_variance(seen.robot[rows], seen.range[rows])) if not column else 1.0)
         likeness = [_alike(fit, rows, errors, low, high) for low, high in pairwise((0.5, *SPANS))]
         told = [one for one in likeness if one is not None]
         if len(told) >= 2:
@@ -255,12 +255,12 @@ def _lasting(fit: Fit, n: int) -> dict[str, float]:
 
 def _alike(fit: Fit, rows: Array, errors: Array, low: float, high: float) -> float | None:
     """The correlation of errors of the same robot and thing that are so many seconds apart; None where there are few."""
-    it, times = fit.drives.sightings, fit.drives.times
+    seen, times = fit.drives.sightings, fit.drives.times
     total = square = count = 0.0
     for step in range(1, 40):
         one, other = rows[:-step], rows[step:]
-        apart = times[it.tick[other]] - times[it.tick[one]]
-        same = (it.landmark[one] == it.landmark[other]) & (it.mate[one] == it.mate[other])
+        apart = times[seen.tick[other]] - times[seen.tick[one]]
+        same = (seen.landmark[one] == seen.landmark[other]) & (seen.mate[one] == seen.mate[other])
         some = same & (apart >= low) & (apart < high)
         total += float((errors[:-step] * errors[step:])[some].sum())
         square += 0.5 * float((errors[:-step] ** 2 + errors[step:] ** 2)[some].sum())

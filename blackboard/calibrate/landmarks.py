@@ -41,7 +41,7 @@ def misplaced(fit: Fit) -> list[tuple[int, Misplaced]]:
         told, least = _told(fit, number)
         if told is not None and told.off > SURE * told.sigma and told.off > FAR * least:
             found.append((told.off / least, number, told))
-    return [(number, told) for _, number, told in sorted(found, key=lambda it: -it[0])]
+    return [(number, told) for _, number, told in sorted(found, key=lambda candidate: -candidate[0])]
 
 
 def apart(fit: Fit, landmark: int) -> float:
@@ -86,11 +86,11 @@ def _point(place: Array) -> tuple[float, float]:
 
 def _seen(fit: Fit, landmark: int) -> tuple[Array, Array, Array, Array]:
     """Where each sighting of a landmark has it, shape (M, 2), how far each may be off, its tick and its robot."""
-    it = fit.drives.sightings.where(fit.drives.sightings.landmark == landmark)
-    pose = fit.model.at(fit.poses, it, it.robot)
-    shared = fit.shared[it.robot]
-    away = (it.range - shared[:, RANGE_BIAS]) / (1 + shared[:, RANGE])
-    angle = pose[:, 2] + it.bearing - shared[:, BEARING_BIAS]
+    sightings = fit.drives.sightings.where(fit.drives.sightings.landmark == landmark)
+    pose = fit.model.at(fit.poses, sightings, sightings.robot)
+    shared = fit.shared[sightings.robot]
+    away = (sightings.range - shared[:, RANGE_BIAS]) / (1 + shared[:, RANGE])
+    angle = pose[:, 2] + sightings.bearing - shared[:, BEARING_BIAS]
     points = pose[:, :2] + away[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    variance = fit.noise.range_variance(it.robot, away) + (away * fit.noise.bearing[it.robot]) ** 2
-    return points, np.sqrt(variance), it.tick, it.robot
+    variance = fit.noise.range_variance(sightings.robot, away) + (away * fit.noise.bearing[sightings.robot]) ** 2
+    return points, np.sqrt(variance), sightings.tick, sightings.robot

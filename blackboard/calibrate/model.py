@@ -111,7 +111,7 @@ class Model:
             + shared[:, DRIVEN_TURN] * slope[:, :, 3]
             + shared[:, DRIFT] * slope[:, :, 4]
         )
-        k, n = (it.ravel() for it in np.mgrid[1:ticks, 0:robots])
+        k, n = (index.ravel() for index in np.mgrid[1:ticks, 0:robots])
         before, after = poses[k - 1, n], poses[k, n]
         angle = before[:, 2] + turn[k, n] / 2
         c, s = np.cos(angle), np.sin(angle)
@@ -139,21 +139,26 @@ class Model:
 
     def sightings(self, poses: Array, shared: Array, noise: Noise) -> Factors:
         """Range (unit) and bearing (rad) of each sighting."""
-        it = self.drives.sightings
-        mates = it.mate >= 0
-        mine, its = self.at(poses, it, it.robot), self.at(poses, it, np.maximum(it.mate, 0))
+        sightings = self.drives.sightings
+        mates = sightings.mate >= 0
+        mine, its = self.at(poses, sightings, sightings.robot), self.at(poses, sightings, np.maximum(sightings.mate, 0))
         place = its[:, :2].copy()
         if (~mates).any():
-            place[~mates] = self.drives.places[it.landmark[~mates]]
+            place[~mates] = self.drives.places[sightings.landmark[~mates]]
         apart = place - mine[:, :2]
         away = np.maximum(np.hypot(*apart.T), 1e-3)
         unit = apart / away[:, None]
         across = np.stack([-unit[:, 1], unit[:, 0]], axis=1) / away[:, None]
-        scale = 1 + shared[it.robot, RANGE]
+        scale = 1 + shared[sightings.robot, RANGE]
         residual = np.column_stack(
             [
-                it.range - scale * away - shared[it.robot, RANGE_BIAS],
-                wrapped(it.bearing - np.arctan2(apart[:, 1], apart[:, 0]) + mine[:, 2] - shared[it.robot, BEARING]),
+                sightings.range - scale * away - shared[sightings.robot, RANGE_BIAS],
+                wrapped(
+                    sightings.bearing
+                    - np.arctan2(apart[:, 1], apart[:, 0])
+                    + mine[:, 2]
+                    - shared[sightings.robot, BEARING]
+                ),
             ]
         )
         by_mine, by_its, by_shared = (
@@ -164,32 +169,37 @@ class Model:
         by_mine[:, 0, :2], by_mine[:, 1, :2], by_mine[:, 1, 2] = -scale[:, None] * unit, -across, -1.0
         by_its[mates, :, :2] = -by_mine[mates, :, :2]
         by_shared[:, 0, RANGE], by_shared[:, 0, RANGE_BIAS], by_shared[:, 1, BEARING] = away, 1.0, 1.0
-        weight = np.column_stack([1 / noise.range_variance(it.robot, away), 1 / noise.bearing[it.robot] ** 2])
-        back, mate = it.share[:, None, None], np.maximum(it.mate, 0)
-        spots = [(it.tick, it.robot, (1 - back) * by_mine), (it.tick - 1, it.robot, back * by_mine)]
-        spots += [(it.tick, mate, (1 - back) * by_its), (it.tick - 1, mate, back * by_its)]
-        return Factors(residual, weight, spots, [(it.robot, by_shared)])
+        weight = np.column_stack(
+            [1 / noise.range_variance(sightings.robot, away), 1 / noise.bearing[sightings.robot] ** 2]
+        )
+        back, mate = sightings.share[:, None, None], np.maximum(sightings.mate, 0)
+        spots = [
+            (sightings.tick, sightings.robot, (1 - back) * by_mine),
+            (sightings.tick - 1, sightings.robot, back * by_mine),
+        ]
+        spots += [(sightings.tick, mate, (1 - back) * by_its), (sightings.tick - 1, mate, back * by_its)]
+        return Factors(residual, weight, spots, [(sightings.robot, by_shared)])
 
-    def at(self, poses: Array, it: Sightings, robot: Array) -> Array:
+    def at(self, poses: Array, sightings: Sightings, robot: Array) -> Array:
         """Poses of robots at the times of sightings, shape (M, 3), on the straight line between two ticks."""
-        after, before = poses[it.tick, robot], poses[it.tick - 1, robot]
+        after, before = poses[sightings.tick, robot], poses[sightings.tick - 1, robot]
         went = after - before
         went[:, 2] = wrapped(went[:, 2])
-        return np.asarray(after - it.share[:, None] * went)
+        return np.asarray(after - sightings.share[:, None] * went)
 
     def fixes(self, poses: Array) -> Factors:
-        it = self.drives.fixes
-        by = np.zeros((len(it.tick), 2, 3))
+        fixes = self.drives.fixes
+        by = np.zeros((len(fixes.tick), 2, 3))
         by[:, [0, 1], [0, 1]] = 1.0
-        weight = np.repeat(1 / it.sigma[:, None] ** 2, 2, axis=1)
-        return Factors(it.value - poses[it.tick, it.robot, :2], weight, [(it.tick, it.robot, by)], [])
+        weight = np.repeat(1 / fixes.sigma[:, None] ** 2, 2, axis=1)
+        return Factors(fixes.value - poses[fixes.tick, fixes.robot, :2], weight, [(fixes.tick, fixes.robot, by)], [])
 
     def headings(self, poses: Array) -> Factors:
-        it = self.drives.headings
-        by = np.zeros((len(it.tick), 1, 3))
+        headings = self.drives.headings
+        by = np.zeros((len(headings.tick), 1, 3))
         by[:, 0, 2] = 1.0
-        residual = wrapped(it.value - poses[it.tick, it.robot, 2:])
-        return Factors(residual, 1 / it.sigma[:, None] ** 2, [(it.tick, it.robot, by)], [])
+        residual = wrapped(headings.value - poses[headings.tick, headings.robot, 2:])
+        return Factors(residual, 1 / headings.sigma[:, None] ** 2, [(headings.tick, headings.robot, by)], [])
 
 
 def wrapped(angle: Array) -> Array:

@@ -32,7 +32,7 @@ def report(found: Calibration, world: Mapping[str, Any]) -> dict[str, Any]:
     """
     return {
         "robots": {name: _robot(sensors) for name, sensors in found.robots.items()},
-        "landmarks": [{**vars(it), "off": round(it.off, 3)} for it in found.landmarks],
+        "landmarks": [{**vars(landmark), "off": round(landmark.off, 3)} for landmark in found.landmarks],
         "nats": {name: round(value, 4) for name, value in found.nats.items()},
         "scenario": {
             **({"world": dict(world)} if world else {}),
@@ -41,48 +41,56 @@ def report(found: Calibration, world: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _robot(it: Sensors) -> dict[str, Any]:
+def _robot(sensors: Sensors) -> dict[str, Any]:
     numbers = {
         name: None if number.value is None else {"value": round(number.value, 5), "within": round(number.within, 5)}
-        for name, number in it.numbers.items()
+        for name, number in sensors.numbers.items()
     }
     ranges = [
         {"from": low, "to": None if math.isinf(high) else high, "sightings": count, "rms": round(rms, 4)}
-        for low, high, count, rms in it.ranges
+        for low, high, count, rms in sensors.ranges
     ]
-    rest = {"ranges": ranges, "lasting": it.lasting, "misread": round(it.misread, 5), "sightings": it.sightings}
+    rest = {
+        "ranges": ranges,
+        "lasting": sensors.lasting,
+        "misread": round(sensors.misread, 5),
+        "sightings": sensors.sightings,
+    }
     return {"numbers": numbers, **rest}
 
 
-def _tables(it: Sensors) -> dict[str, dict[str, Any]]:
+def _tables(sensors: Sensors) -> dict[str, dict[str, Any]]:
     """The tables of a robot's section in a scenario; what was not found is left out."""
     odometry = {
-        "distance_scale": it.numbers["way, straight"],
-        "curve_distance_scale": it.numbers["way, arc"],
-        "turn_scale": it.numbers["turn, spin"],
-        "curve_turn_scale": it.numbers["turn, arc"],
-        "drift": it.numbers["drift"],
-        "lag": it.numbers["lag"],
-        **{name: _larger(it.numbers[f"moving, {name}"], it.numbers[f"over {LONG:g} s, {name}"]) for name in AXES},
+        "distance_scale": sensors.numbers["way, straight"],
+        "curve_distance_scale": sensors.numbers["way, arc"],
+        "turn_scale": sensors.numbers["turn, spin"],
+        "curve_turn_scale": sensors.numbers["turn, arc"],
+        "drift": sensors.numbers["drift"],
+        "lag": sensors.numbers["lag"],
+        **{
+            name: _larger(sensors.numbers[f"moving, {name}"], sensors.numbers[f"over {LONG:g} s, {name}"])
+            for name in AXES
+        },
     }
     vision = {
-        "range_scale": it.numbers["range scale"],
-        "range_bias": it.numbers["range bias"],
-        "bearing_bias": it.numbers["bearing bias"],
-        "range_floor": it.numbers["noise, range floor"],
-        "range_share": it.numbers["noise, range share"],
-        "bearing": it.numbers["noise, bearing"],
+        "range_scale": sensors.numbers["range scale"],
+        "range_bias": sensors.numbers["range bias"],
+        "bearing_bias": sensors.numbers["bearing bias"],
+        "range_floor": sensors.numbers["noise, range floor"],
+        "range_share": sensors.numbers["noise, range share"],
+        "bearing": sensors.numbers["noise, bearing"],
     }
     found: dict[str, dict[str, Any]] = {}
     for section, numbers in (("odometry", odometry), ("vision", vision)):
         told = {key: round(number.value, 4) for key, number in numbers.items() if number.value is not None}
         if section == "odometry" and told:
-            standing, moving = it.numbers["standing, turn"].value, it.numbers["moving, turn"].value
+            standing, moving = sensors.numbers["standing, turn"].value, sensors.numbers["moving, turn"].value
             if standing is not None and moving:
                 told["standing"] = round(min(1.0, standing / moving), 4)
             told = {"measured": True, **told}
-            told["distance_lasting"] = _lasting(it.numbers["way, straight"], it.numbers["way, arc"])
-            told["turn_lasting"] = _lasting(it.numbers["turn, spin"], it.numbers["turn, arc"])
+            told["distance_lasting"] = _lasting(sensors.numbers["way, straight"], sensors.numbers["way, arc"])
+            told["turn_lasting"] = _lasting(sensors.numbers["turn, spin"], sensors.numbers["turn, arc"])
         if told:
             found[section] = told
     return found
@@ -90,7 +98,7 @@ def _tables(it: Sensors) -> dict[str, dict[str, Any]]:
 
 def _larger(*numbers: Number) -> Number:
     """The noise over a second, or that over long spans: a robot that sees nothing for long must not claim more than it knows."""
-    return max(numbers, key=lambda it: it.value or 0.0)
+    return max(numbers, key=lambda number: number.value or 0.0)
 
 
 def _lasting(*numbers: Number) -> float:
@@ -111,7 +119,10 @@ def text(found: Mapping[str, Any], unit: str) -> str:
     rows.append(["misread", *(f"{100 * robot['misread']:.2f}" for robot in robots.values()), "%"])
     rows.append(["sightings", *(str(robot["sightings"]) for robot in robots.values()), ""])
     lines = [*columns(rows), "", *columns(_ranges(robots, unit)), ""]
-    lines += [_landmark(Misplaced(**{k: v for k, v in it.items() if k != "off"}), unit) for it in found["landmarks"]]
+    lines += [
+        _landmark(Misplaced(**{k: v for k, v in landmark.items() if k != "off"}), unit)
+        for landmark in found["landmarks"]
+    ]
     lines += [""] if found["landmarks"] else ["Every landmark is where the map has it, as far as it was seen.", ""]
     lines.append("The half that was not fitted, nats for each reading (more is better):")
     lines += columns([[f"  {name}", f"{value:.3f}"] for name, value in found["nats"].items()])
@@ -129,23 +140,24 @@ def _seconds(value: float | None) -> str:
 def _ranges(robots: Mapping[str, Any], unit: str) -> list[list[str]]:
     """The RMS errors of ranges by distance, with the sightings that they rest on."""
     rows = [[f"RMS error of ranges ({unit})", *robots]]
-    bins = {(it["from"], it["to"]) for robot in robots.values() for it in robot["ranges"]}
-    for low, high in sorted(bins, key=lambda it: it[0]):
+    bins = {(part["from"], part["to"]) for robot in robots.values() for part in robot["ranges"]}
+    for low, high in sorted(bins, key=lambda limits: limits[0]):
         row = [f"{low:g} and more" if high is None else f"{low:g} to {high:g}"]
         for robot in robots.values():
-            own = [it for it in robot["ranges"] if it["from"] == low]
+            own = [part for part in robot["ranges"] if part["from"] == low]
             row.append(f"{own[0]['rms']:.3f} ({own[0]['sightings']})" if own else "-")
         rows.append(row)
     return rows
 
 
-def _landmark(it: Misplaced, unit: str) -> str:
-    where = f"({it.seen[0]:.2f}, {it.seen[1]:.2f}) +-{2 * it.sigma:.2f} {unit}"
-    if it.exchanged:
-        return f"{it.landmark} and {it.exchanged} carry each other's names: {it.landmark} is seen at {where} ({it.sightings} times)"
+def _landmark(misplaced: Misplaced, unit: str) -> str:
+    where = f"({misplaced.seen[0]:.2f}, {misplaced.seen[1]:.2f}) +-{2 * misplaced.sigma:.2f} {unit}"
+    if misplaced.exchanged:
+        both = f"{misplaced.landmark} and {misplaced.exchanged} carry each other's names"
+        return f"{both}: {misplaced.landmark} is seen at {where} ({misplaced.sightings} times)"
     return (
-        f"{it.landmark} is not where the map has it, ({it.map[0]:.2f}, {it.map[1]:.2f}): it is seen at {where}, "
-        f"{it.off:.2f} {unit} off ({it.sightings} times)"
+        f"{misplaced.landmark} is not where the map has it, ({misplaced.map[0]:.2f}, {misplaced.map[1]:.2f}): it is seen at {where}, "
+        f"{misplaced.off:.2f} {unit} off ({misplaced.sightings} times)"
     )
 
 

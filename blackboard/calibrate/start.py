@@ -67,25 +67,25 @@ def _anchors(drives: Drives, robot: int, led: Array) -> dict[int, Array]:
     for k, n, place in _rows(drives.fixes):
         if n == robot and int(k) in headings:
             found[int(k)] = np.array([*place, headings[int(k)]])
-    it = drives.sightings.where((drives.sightings.robot == robot) & (drives.sightings.landmark >= 0))
-    bearing = led[it.tick, 2] + it.bearing
-    seen = led[it.tick, :2] + it.range[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
-    places, times = drives.places[it.landmark], drives.times[it.tick]
+    sightings = drives.sightings.where((drives.sightings.robot == robot) & (drives.sightings.landmark >= 0))
+    bearing = led[sightings.tick, 2] + sightings.bearing
+    seen = led[sightings.tick, :2] + sightings.range[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
+    places, times = drives.places[sightings.landmark], drives.times[sightings.tick]
     first = 0
-    for row in range(len(it.tick)):
+    for row in range(len(sightings.tick)):
         while times[row] - times[first] > WINDOW:
             first += 1
-        if np.ptp(it.landmark[first : row + 1]) == 0:
+        if np.ptp(sightings.landmark[first : row + 1]) == 0:
             continue
-        pose = _agreed(seen[first : row + 1], places[first : row + 1], it.range[first : row + 1])
+        pose = _agreed(seen[first : row + 1], places[first : row + 1], sightings.range[first : row + 1])
         if pose is not None:
-            at = led[it.tick[row]]
-            found[int(it.tick[row])] = _moved(pose, np.zeros(3), at)
+            at = led[sightings.tick[row]]
+            found[int(sightings.tick[row])] = _moved(pose, np.zeros(3), at)
     return found
 
 
-def _rows(it: object) -> zip[tuple[int, int, Array]]:
-    return zip(it.tick, it.robot, it.value, strict=True)  # type: ignore[attr-defined]
+def _rows(measured: object) -> zip[tuple[int, int, Array]]:
+    return zip(measured.tick, measured.robot, measured.value, strict=True)  # type: ignore[attr-defined]
 
 
 def _agreed(seen: Array, places: Array, distance: Array) -> Array | None:

@@ -94,7 +94,7 @@ def chaos(
     async def run() -> list[dict[str, Any]]:
         rows = []
         for number, case in enumerate(cases):
-            left = sum(PER_CASE + it.seconds for it in cases[number:]) / 60
+            left = sum(PER_CASE + case.seconds for case in cases[number:]) / 60
             sys.stderr.write(f"{number + 1} of {len(cases)}: {case.name}, about {left:.1f} minutes left\n")
             rows.append(await run_case(team, case, seed, np.random.default_rng([seed, number])))
         return rows

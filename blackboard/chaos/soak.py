@@ -132,12 +132,15 @@ async def soak(
         async with storm_team(chosen, Path(folder), rng, laned=chosen.team.robots) as team:
             for lane in team.lanes.values():
                 lane.trouble = Trouble(loss=LOSS)
-            it = _Soak(team, chosen, rng, tell)
-            measuring = asyncio.create_task(it.measure())
+            soaked = _Soak(team, chosen, rng, tell)
+            measuring = asyncio.create_task(soaked.measure())
             await team.until(lambda: team.sight.time >= WARM_UP, f"{WARM_UP:g} s of team time")
-            team.away, begin = it.away, team.now()
-            await it.strike(begin + seconds - WARM_UP - LAST)
+            team.away, begin = soaked.away, team.now()
+            await soaked.strike(begin + seconds - WARM_UP - LAST)
             card = await team.card()
             measuring.cancel()
         looks = [look for look in team.looks if look.at >= begin and look.team_time <= seconds]
-    return verdict(it.gauges, looks, it.sent, seconds - WARM_UP), card | {"events": it.events, "said": list(team.lines)}
+    return verdict(soaked.gauges, looks, soaked.sent, seconds - WARM_UP), card | {
+        "events": soaked.events,
+        "said": list(team.lines),
+    }

@@ -196,7 +196,9 @@ class BoardSection(Section):
     @property
     def learns(self) -> bool:
         """Whether the rule of any subject has the independence "learn"."""
-        return any(name.split(".")[-1] == "independence" and it == "learn" for name, it in self.in_force().items())
+        return any(
+            name.split(".")[-1] == "independence" and value == "learn" for name, value in self.in_force().items()
+        )
 
     def subjects_under(self, rule: str) -> dict[str, dict[str, Any]]:
         """`subjects` for a board with another rule: tables that name no rule lose the parameters that they would not have there."""

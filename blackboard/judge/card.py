@@ -125,9 +125,9 @@ def _moving(card: dict[str, Any]) -> list[str]:
     """A line for each kind of heading and velocity that was judged."""
     units = {"headings": "rad", "velocities": f"{card['unit']}/s"}
     lines = [
-        f"{what} of {group}: RMSE {it['rmse']:.3f} {units[what]}, in 95 % {it['coverage']['95']:.3f} (n {it['n']})"
+        f"{what} of {group}: RMSE {judged['rmse']:.3f} {units[what]}, in 95 % {judged['coverage']['95']:.3f} (n {judged['n']})"
         for what, groups in card["motion"].items()
-        for group, it in groups.items()
+        for group, judged in groups.items()
     ]
     # An honest belief misses its own region by chance, and those who are missed so cannot be foretold.
     if (lost := card["lost"]) and lost["auroc"] is not None and lost["share"] > 2 * (1 - OUTSIDE):
@@ -141,26 +141,29 @@ def _moving(card: dict[str, Any]) -> list[str]:
 def _tracked(card: dict[str, Any]) -> list[str]:
     """One line about unnamed sightings, and one for each kind of unnamed thing."""
     lines = []
-    if it := card["identities"]:
-        odds = f", Brier score of the odds {it['odds']['brier']:.4f}" if it["odds"] else ""
+    if identities := card["identities"]:
+        odds = f", Brier score of the odds {identities['odds']['brier']:.4f}" if identities["odds"] else ""
         lines.append(
-            f"sightings without a name: {it['n']}, taken for a known subject {it['taken']}, wrongly {it['wrong']}{odds}"
+            f"sightings without a name: {identities['n']}, taken for a known subject {identities['taken']}, "
+            f"wrongly {identities['wrong']}{odds}"
         )
-    for what, it in card["tracks"].items():
-        parts = ", ".join(f"{name} {it[name]:.3f}" for name in ("localisation", "missed", "false"))
-        sure = f", existence Brier score {it['existence']['brier']:.4f}" if it["existence"] else ""
+    for what, tracks in card["tracks"].items():
+        parts = ", ".join(f"{name} {tracks[name]:.3f}" for name in ("localisation", "missed", "false"))
+        sure = f", existence Brier score {tracks['existence']['brier']:.4f}" if tracks["existence"] else ""
         lines.append(
-            f"tracks of {what}: GOSPA {it['gospa']:.3f} {card['unit']} (its square is {parts}), "
-            f"{it['switches']} switches, {it['false_tracks']} false tracks{sure}"
+            f"tracks of {what}: GOSPA {tracks['gospa']:.3f} {card['unit']} (its square is {parts}), "
+            f"{tracks['switches']} switches, {tracks['false_tracks']} false tracks{sure}"
         )
     return ["", *lines] if lines else []
 
 
 def _too_short(card: dict[str, Any]) -> str:
     """Behind a PASS: of whom nothing can be said of the regions, or next to nothing."""
-    levels = [(f"{group} {level}", it) for group, found in card["honesty"].items() for level, it in found.items()]
-    short = [row for row, it in levels if it.get("word") == SHORT]
-    wide = [row for row, it in levels if (at := it["coverage"].get("50")) and at["high"] - at["low"] > WIDE]
+    levels = [
+        (f"{group} {level}", honesty) for group, found in card["honesty"].items() for level, honesty in found.items()
+    ]
+    short = [row for row, honesty in levels if honesty.get("word") == SHORT]
+    wide = [row for row, honesty in levels if (at := honesty["coverage"].get("50")) and at["high"] - at["low"] > WIDE]
     told = {
         f"judged in fewer than {FEWEST} blocks of {BLOCK:g} s": short,
         f"the 95 % interval of their 50 % regions is wider than {100 * WIDE:.0f} points": wide,

@@ -104,4 +104,4 @@ class Instant:
         """What the first board of a sub-team by name agreed on, about each subject once."""
         subjects = {subject for name, level, subject, _ in self.consensuses if (name, level) == (sub_team, "agreed")}
         found = (self.consensus(sub_team, "agreed", subject) for subject in sorted(subjects))
-        return [it for it in found if it is not None]
+        return [consensus for consensus in found if consensus is not None]

@@ -59,9 +59,10 @@ def text(table: Table, unit: str) -> str:
     """The table in lines."""
     lines = [f"`what if` less `unchanged`, on the same samples (95 % intervals from {BLOCKS} blocks of time):"]
     for group, levels in table.items():
-        for level, it in levels.items():
+        for level, difference in levels.items():
             error, score = (
-                shown(it[name], sign="+", without=" (too short for an interval)") for name in ("error", "log_score")
+                shown(difference[name], sign="+", without=" (too short for an interval)")
+                for name in ("error", "log_score")
             )
-            lines.append(f"  {group} {level}: error {error} {unit}, log score {score} nats (n {it['n']})")
+            lines.append(f"  {group} {level}: error {error} {unit}, log score {score} nats (n {difference['n']})")
     return "\n".join(lines)

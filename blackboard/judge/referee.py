@@ -280,9 +280,9 @@ class Referee:
         if group == "robots":
             whole = Calibration.merged(self._calibrations[subject, "solo"] for subject in subjects)
             named = {"robots": whole, **{subject: self._calibrations[subject, "solo"] for subject in subjects}}
-            for name, it in named.items():
-                error, claimed = it.rmse()
-                far = it.is_far_above_its_claim(check.claim)
+            for name, calibration in named.items():
+                error, claimed = calibration.rmse()
+                far = calibration.is_far_above_its_claim(check.claim)
                 text = f"{name}: solo rmse {error:.3f} {unit}, its beliefs claim {claimed:.3f}, asked {check.claim:g} of it"
                 if far or name == "robots":
                     found.append((not far, text))

@@ -54,7 +54,7 @@ class Unnamed:
         if not shown:
             return
         told: dict[tuple[str, int, str], UnnamedSighting] = {}
-        for consensus in (it for sub_team in sorted(instant.teams) for it in instant.agreed_by(sub_team)):
+        for consensus in (agreed for sub_team in sorted(instant.teams) for agreed in instant.agreed_by(sub_team)):
             if consensus.subject in instant.truth.positions:
                 for one in consensus.unnamed:
                     if one.time == instant.truth.time and one.mark < len(shown.get(one.source, ())):
@@ -87,4 +87,4 @@ class Unnamed:
 
 
 def _of(kind: str, by_subject: dict[str, T]) -> dict[str, T]:
-    return {subject: it for subject, it in by_subject.items() if kind_of(subject) == kind}
+    return {subject: value for subject, value in by_subject.items() if kind_of(subject) == kind}

@@ -60,8 +60,8 @@ def ways(found: Calibration, unit: str) -> Figure:
         axis.plot(*found.fit.poses[:, n, :2].T, lw=0.8, label=name)
     if len(found.fit.drives.places):
         axis.plot(*found.fit.drives.places.T, "^", color=BLACK, ls="", label="landmarks")
-    for it in found.landmarks:
-        axis.annotate("", xy=it.seen, xytext=it.map, arrowprops={"arrowstyle": "->", "color": VERMILION})
+    for landmark in found.landmarks:
+        axis.annotate("", xy=landmark.seen, xytext=landmark.map, arrowprops={"arrowstyle": "->", "color": VERMILION})
     axis.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", aspect="equal")
     axis.legend(loc="best", fontsize=7)
     return figure

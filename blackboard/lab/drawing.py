@@ -38,7 +38,7 @@ img { width: 100% } figure { margin: 0 0 48px }</style>"""
 
 def save(figure: Figure, file: Path) -> None:
     """Write a figure, byte for byte the same each time; the name's ending says how: .svg or .png."""
-    title = {"Title": it} if (it := figure.get_suptitle()) else {}  # without one Matplotlib takes no key of it
+    title = {"Title": text} if (text := figure.get_suptitle()) else {}  # without one Matplotlib takes no key of it
     known: dict[str, dict[str, str | None]] = {
         ".svg": {"Date": None, "Creator": None, **title},
         ".png": {"Software": None},

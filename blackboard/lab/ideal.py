@@ -66,14 +66,14 @@ def ideal_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked, 
 
     The readings are those that the robots of the scenario get. UserError: a wrong scenario.
     """
-    it = ideal(scenario)
+    best = ideal(scenario)
     at: dict[float, list[Asked]] = {}
     for asked in wanted:
         at.setdefault(asked[0], []).append(asked)
     found = {}
     for tick in played(scenario):
-        it.step(tick.dt, tick.readings)
+        best.step(tick.dt, tick.readings)
         for asked in at.get(round(tick.truth.time, 3), ()):
-            moments = it.belief(asked[1])
+            moments = best.belief(asked[1])
             found[asked] = uniform(scenario.grid) if moments is None else draw(scenario.grid, moments)
     return found

@@ -61,10 +61,10 @@ def report(leads: Sequence[str], parts: Sequence[Forecasts]) -> dict[str, Any]:
 def text(found: dict[str, Any]) -> str:
     """A line for each lead, and the calibration of all."""
     rows = [("what leads a robot astray", "samples", "lost", "told", "AUROC", "Brier")]
-    for name, it in {**found["leads"], "all": found["all"]}.items():
-        if it:
-            numbers = (it["share"], it["told"], it["auroc"], it["brier"])
-            rows.append((name, str(it["n"]), *(cell(number, "{:.3f}") for number in numbers)))
+    for name, forecast in {**found["leads"], "all": found["all"]}.items():
+        if forecast:
+            numbers = (forecast["share"], forecast["told"], forecast["auroc"], forecast["brier"])
+            rows.append((name, str(forecast["n"]), *(cell(number, "{:.3f}") for number in numbers)))
     calibration = [("told from", "to", "samples", "told", "lost")]
     for one in found["all"].get("calibration", ()):
         calibration.append(

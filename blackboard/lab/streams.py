@@ -72,8 +72,8 @@ def _pairs(n: int, correlation: float) -> Sources:
     return replace(sources(n), correlation=matrix)
 
 
-def _steady(it: Sources) -> Stream:
-    return lambda share: it
+def _steady(sources: Sources) -> Stream:
+    return lambda share: sources
 
 
 #: The twelve streams on which the rule was chosen.
@@ -126,22 +126,29 @@ def generate(stream: Stream, fusions: int, rng: np.random.Generator) -> Iterator
     away = np.array([math.cos(angle), math.sin(angle)])
     errors: Array | None = None
     for number in range(fusions):
-        it = stream(number / max(1, fusions - 1))
+        sources = stream(number / max(1, fusions - 1))
         truth = np.array([rng.uniform(MARGIN, n - MARGIN) for n in GRID.shape])
-        sigmas = rng.uniform(*SIGMA, it.n)
-        fresh = _root(it.correlation) @ rng.standard_normal((it.n, 2))  # errors in sigmas
+        sigmas = rng.uniform(*SIGMA, sources.n)
+        fresh = _root(sources.correlation) @ rng.standard_normal((sources.n, 2))  # errors in sigmas
         errors = (
-            fresh if errors is None or len(errors) != it.n else it.memory * errors + math.sqrt(1 - it.memory**2) * fresh
+            fresh
+            if errors is None or len(errors) != sources.n
+            else sources.memory * errors + math.sqrt(1 - sources.memory**2) * fresh
         )
-        means = truth + (sigmas * it.factor)[:, None] * errors + it.bias[:, None] * away
-        for source, origin in it.echoes.items():
+        means = truth + (sigmas * sources.factor)[:, None] * errors + sources.bias[:, None] * away
+        for source, origin in sources.echoes.items():
             means[source], sigmas[source] = means[origin], sigmas[origin]
         means = np.clip(means, 0.0, GRID.shape)
-        ps = np.stack([_opinion(it, i, means[i], float(sigmas[i]), truth) for i in range(it.n)])
+        ps = np.stack([_opinion(sources, i, means[i], float(sigmas[i]), truth) for i in range(sources.n)])
         case = Case(
-            GRID, "object/target", number * SPACING, tuple(f"s{i + 1}" for i in range(it.n)), ps, (*truth.tolist(),)
+            GRID,
+            "object/target",
+            number * SPACING,
+            tuple(f"s{i + 1}" for i in range(sources.n)),
+            ps,
+            (*truth.tolist(),),
         )
-        yield Instant(case, _oracle(it, ps, means, sigmas))
+        yield Instant(case, _oracle(sources, ps, means, sigmas))
 
 
 def trial_stream(name: str, fusions: int, rng: np.random.Generator) -> Iterator[Instant]:
@@ -150,9 +157,9 @@ def trial_stream(name: str, fusions: int, rng: np.random.Generator) -> Iterator[
         yield Instant(replace(TRIALS[name](rng), time=number * SPACING), None)
 
 
-def _opinion(it: Sources, source: int, mean: Array, sigma: float, truth: Array) -> Array:
+def _opinion(sources: Sources, source: int, mean: Array, sigma: float, truth: Array) -> Array:
     """A Gaussian about the mean; of a ring, what a distance to a station says, as far off as the Gaussian is along that line."""
-    if source not in it.rings:
+    if source not in sources.rings:
         return gaussian(GRID, mean.tolist(), sigma).p
     station = _station(source)
     line = (truth - station) / np.linalg.norm(truth - station)
@@ -167,15 +174,15 @@ def _station(source: int) -> Array:
     return np.array(GRID.shape) / 2 + 24.0 * np.array([math.cos(angle), math.sin(angle)])
 
 
-def _oracle(it: Sources, ps: Array, means: Array, sigmas: Array) -> Belief:
+def _oracle(sources: Sources, ps: Array, means: Array, sigmas: Array) -> Belief:
     """The best linear combination of the honest sources' means by their true covariance; the product where there are rings."""
-    honest = [i for i in range(it.n) if it.bias[i] == 0 and i not in it.echoes]
-    if it.rings:
+    honest = [i for i in range(sources.n) if sources.bias[i] == 0 and i not in sources.echoes]
+    if sources.rings:
         logs = np.log(np.maximum(ps[honest], 1e-300)).sum(axis=0)
         p = np.exp(logs - logs.max())
         return Belief(GRID, np.asarray(p / p.sum()))
-    scale = (sigmas * it.factor)[honest]
-    covariance = it.correlation[np.ix_(honest, honest)] * np.outer(scale, scale)
+    scale = (sigmas * sources.factor)[honest]
+    covariance = sources.correlation[np.ix_(honest, honest)] * np.outer(scale, scale)
     information = np.linalg.solve(covariance, np.ones(len(honest)))
     mean = np.clip(information @ means[honest] / information.sum(), 0.0, GRID.shape)
     return gaussian(GRID, mean.tolist(), 1.0 / math.sqrt(information.sum()))
@@ -249,7 +256,7 @@ def report(scores: Mapping[str, Sequence[dict[str, Score]]]) -> dict[str, Any]:
 def text(found: Mapping[str, Any]) -> str:
     """The report as text, one line for each stream: log score / 95 % coverage / 50 % coverage of each rule."""
     rules = (*RULES, LEARNED, ORACLE)
-    rows = [(name, *(_cell(it["rules"].get(rule)) for rule in rules)) for name, it in found["streams"].items()]
+    rows = [(name, *(_cell(case["rules"].get(rule)) for rule in rules)) for name, case in found["streams"].items()]
     gaps = (cell(found["mean_gap"].get(rule), "{:.3f}") for rule in rules)
     table = [("", *rules), *rows, ("mean gap to the oracle, nats", *gaps)]
     under = f"log score / 95 % / 50 % coverage, {found['fusions']} fusions a run"

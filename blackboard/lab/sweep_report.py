@@ -112,7 +112,7 @@ def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[dict[str, s
             **{_identifier(key): READERS[kind](one.settings[key]) for key, kind in settings.items()},
             **{"seed": one.seed, **{name: card[name] for name in ("verdict", "hash", "cpu_s")}},
         }
-        run |= {column: tracked(card, *it) for it, column in of_tracks.items()}
+        run |= {column: tracked(card, *names) for names, column in of_tracks.items()}
         for group in GROUPS:
             for level in LEVELS:
                 values = {name: measure(card, group, level, name) for name in numbers}

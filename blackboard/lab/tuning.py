@@ -35,7 +35,7 @@ Space = dict[str, tuple[float, ...]]
 def _tried(rule: type[Rule]) -> Space:
     """The values that a rule's parameters say are worth trying (`rules.parameter`)."""
     fields = dataclasses.fields(rule)  # type: ignore[arg-type]  # every rule is a dataclass
-    return {it.name: it.metadata["tried"] for it in fields if it.metadata.get("tried")}
+    return {field.name: field.metadata["tried"] for field in fields if field.metadata.get("tried")}
 
 
 #: What is tuned of the rules that come with the package, in the order of `_beliefs`: k and reference_cell come first.

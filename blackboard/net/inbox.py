@@ -174,7 +174,7 @@ class Inbox:
             greedy = (
                 strange
                 if strange and strange.count
-                else max(self._sources.values(), key=lambda it: (it.size, it.count))
+                else max(self._sources.values(), key=lambda one: (one.size, one.count))
             )
             self._drop(greedy, envelope.key)
         for queue in (self._known, self._strange):

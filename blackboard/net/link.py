@@ -220,7 +220,7 @@ class Link:
                 self._subscribers[key_expr] = self._session.declare_subscriber(
                     key_expr, self._arrived, allowed_origin=zenoh.Locality.REMOTE
                 )
-        for key_expr in [it for it in self._subscribers if it not in wanted]:
+        for key_expr in [declared for declared in self._subscribers if declared not in wanted]:
             self._subscribers.pop(key_expr).undeclare()
 
     # --- what is declared, and its callbacks: they run in other threads, so they only enqueue or look up ----------------------

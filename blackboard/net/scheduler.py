@@ -141,9 +141,9 @@ class Scheduler:
             return True
         arrival = self._travelling[0][0] if self._travelling else math.inf
         due, process = math.inf, None
-        for it in self._processes.values():
-            if (wanted := it.due(self.now)) < due:
-                due, process = wanted, it
+        for other in self._processes.values():
+            if (wanted := other.due(self.now)) < due:
+                due, process = wanted, other
         at = max(self.now, min(arrival, due))
         if at > end or at == math.inf:
             return False

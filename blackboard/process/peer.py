@@ -157,7 +157,7 @@ class Peer(Around):
 
     def size(self, report: Report) -> int:
         """Bytes of a report on the wire, keys included, over all sub-teams."""
-        return sum(len(it.key) + len(it.payload) for it in self._sent([report]))
+        return sum(len(envelope.key) + len(envelope.payload) for envelope in self._sent([report]))
 
     def _repeat(self, now: float) -> list[Envelope]:
         """The reports of the newest tick, the solo beliefs where a world is there, whose referee reads them, and the statuses."""
@@ -202,21 +202,21 @@ class Peer(Around):
 
     # --- hearing ------------------------------------------------------------------------------------------------------
 
-    def _hear(self, it: ClockNews | Message, now: float) -> list[Envelope]:
-        if isinstance(it, ClockNews):
-            return self._react(it, now)
-        if isinstance(it, Consensus):
-            it = self._on_time(it, now)
-        if isinstance(it, Refusal):
-            self._count(it)
-        return self._owner_hears(it, now)
+    def _hear(self, heard: ClockNews | Message, now: float) -> list[Envelope]:
+        if isinstance(heard, ClockNews):
+            return self._react(heard, now)
+        if isinstance(heard, Consensus):
+            heard = self._on_time(heard, now)
+        if isinstance(heard, Refusal):
+            self._count(heard)
+        return self._owner_hears(heard, now)
 
-    def _react(self, it: ClockNews, now: float) -> list[Envelope]:
+    def _react(self, news: ClockNews, now: float) -> list[Envelope]:
         out: list[Envelope] = []
-        for cue in REACTIONS[it.news, self.place]:
+        for cue in REACTIONS[news.news, self.place]:
             if cue is Cue.BEGIN and self.clock.followed is not None:
                 self.begin(self.clock.followed.run)
-            out += self._asked(it, now) if cue is Cue.REPEAT else self._owner_hears(cue, now)
+            out += self._asked(news, now) if cue is Cue.REPEAT else self._owner_hears(cue, now)
         return out
 
     @property
@@ -227,10 +227,10 @@ class Peer(Around):
             return Place.ELSEWHERE
         return Place.DONE if followed.tick == self.answers.tick else Place.BEHIND
 
-    def _asked(self, it: ClockNews, now: float) -> list[Envelope]:
+    def _asked(self, news: ClockNews, now: float) -> list[Envelope]:
         """The Clock is repeated, or the first one came after its tick was done: say what it asks for."""
         self.intake.counters["repeated"] += 1
-        wanted = "answers" if it.clock is None else it.clock.wants(f"robot/{self.robot}")
+        wanted = "answers" if news.clock is None else news.clock.wants(f"robot/{self.robot}")
         return self._repeat(now) if wanted == "answers" else self.statuses(now) if wanted == "status" else []
 
     def _on_time(self, consensus: Consensus, now: float) -> Consensus:

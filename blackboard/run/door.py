@@ -241,11 +241,11 @@ def _mistake(error: CycloptsError) -> str:
     """What is wrong with a command line, with the names that its help uses, and all that may be given instead."""
     command = " ".join(error.command_chain or ())
     if isinstance(error, MissingArgumentError) and error.argument is not None and not error.keyword:
-        it = error.argument
-        if it.field_info.is_positional and not it.tokens:
-            known = [str(value) for value in get_args(it.hint) if isinstance(value, str)]
+        argument = error.argument
+        if argument.field_info.is_positional and not argument.tokens:
+            known = [str(value) for value in get_args(argument.hint) if isinstance(value, str)]
             one_of = f", one of {', '.join(known)}" if known else ""
-            return f"{command or 'command'}: {it.name.lstrip('-').upper()} is missing{one_of}; --help says what it is"
+            return f"{command or 'command'}: {argument.name.lstrip('-').upper()} is missing{one_of}; --help says what it is"
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"{command or 'command'}: {' '.join(error.unused_tokens)} is too much; --help says what is expected"
     if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app is not None:

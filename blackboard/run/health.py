@@ -68,14 +68,14 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
 def _there(link: Querier, kind: ProcessKind, team: str) -> str:
     """Who of this kind answers instead."""
     said = link.get(keys.STATUS.key(team=team, sub_team="*", process="*"))
-    found = sorted({parts["process"] for it in said if (parts := _status_of(it, kind)) is not None})
+    found = sorted({parts["process"] for answer in said if (parts := _status_of(answer, kind)) is not None})
     more = f" and {len(found) - MOST_NAMES} more" if len(found) > MOST_NAMES else ""
     return f"; there is {', '.join(found[:MOST_NAMES])}{more}" if found else f"; no {kind} of team {team} answers"
 
 
 def _status_of(envelope: Envelope, kind: ProcessKind) -> dict[str, str] | None:
     """The parts of its key, where it is the status of a process of this kind."""
-    return keys.STATUS.match(envelope.key) if any(it.get("kind") == kind for it in _read([envelope])) else None
+    return keys.STATUS.match(envelope.key) if any(fields.get("kind") == kind for fields in _read([envelope])) else None
 
 
 def board_named(link: Querier, name: str, *, team: str) -> str:
@@ -99,7 +99,7 @@ def part(link: Querier, kind: ProcessKind, name: str, *, team: str) -> str:
     envelopes = link.get(keys.STATUS.key(team=team, sub_team="*", process=name))
     follows = kind == "board" and any(fields.get("follows") for fields in _read(envelopes))
     # one process gives one answer on each of its keys; who merely keeps what it sent (a storage) gives the same bytes
-    several = max(Counter(key for key, _ in {(it.key, it.payload) for it in envelopes}).values(), default=0)
+    several = max(Counter(key for key, _ in {(one.key, one.payload) for one in envelopes}).values(), default=0)
     return ", follows" * follows + f", but {several} processes answer as {kind} {name}" * (several > 1)
 
 

@@ -159,13 +159,13 @@ def bits(flag: str, text: str) -> float:
     return float(found[1]) * UNITS[found[2]]
 
 
-def _text(it: dict[str, Any]) -> str:
-    above = f"; above them {' + '.join(str(level) for level in it['above'])} without robots" if it["above"] else ""
+def _text(plan: dict[str, Any]) -> str:
+    above = f"; above them {' + '.join(str(level) for level in plan['above'])} without robots" if plan["above"] else ""
     lines = [
-        f"teams: {it['teams']} of at most {it['robots']} robots, one board each{above}",
-        f"boards: {it['boards']}, shares: {it['shares']}",
-        f"what one team tells another is about {it['later']:g} s older there",
-        f"binds: {LIMITS.get(it['binds'], 'nothing, all are one team')}",
-        *(f"used of {LIMITS[limit]}: {100 * share:.0f} %" for limit, share in it["used"].items()),
+        f"teams: {plan['teams']} of at most {plan['robots']} robots, one board each{above}",
+        f"boards: {plan['boards']}, shares: {plan['shares']}",
+        f"what one team tells another is about {plan['later']:g} s older there",
+        f"binds: {LIMITS.get(plan['binds'], 'nothing, all are one team')}",
+        *(f"used of {LIMITS[limit]}: {100 * share:.0f} %" for limit, share in plan["used"].items()),
     ]
     return "\n".join(lines)

@@ -50,7 +50,7 @@ class Alarms:
         since = known.since if known is not None and goes_on else now
         self._kept[what, who] = Alarm(what, who, text, since, now)
         if len(self._kept) > MAX_ALARMS:
-            over = next((key for key, it in self._kept.items() if it.until is not None), next(iter(self._kept)))
+            over = next((key for key, alarm in self._kept.items() if alarm.until is not None), next(iter(self._kept)))
             del self._kept[over]
 
     def end(self, what: str, who: str, now: float) -> None:
@@ -69,12 +69,14 @@ class Alarms:
 
     def forget(self) -> None:
         """A new run: alarms about beliefs before it are dropped."""
-        self._kept = {key: it for key, it in self._kept.items() if it.what in OF_PROCESSES}
+        self._kept = {key: alarm for key, alarm in self._kept.items() if alarm.what in OF_PROCESSES}
 
     def all(self) -> list[Alarm]:
         """What lasts before what is over, the worst and then the newest first; without those of a moment."""
-        shown = (it for it in self._kept.values() if it.what not in FLEETING or it.seen - it.since >= BRIEF)
-        return sorted(shown, key=lambda it: (it.until is not None, KINDS.index(it.what), -it.since))
+        shown = (
+            alarm for alarm in self._kept.values() if alarm.what not in FLEETING or alarm.seen - alarm.since >= BRIEF
+        )
+        return sorted(shown, key=lambda alarm: (alarm.until is not None, KINDS.index(alarm.what), -alarm.since))
 
     def check(self) -> None:
         """AssertionError: it is beyond its bounds."""
@@ -103,17 +105,17 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
     for subject, about in moment.subjects.items():
         if about.best is None or about.best.message.tick < moment.tick:
             continue
-        it = about.best.message
-        if it.conflict:
+        consensus = about.best.message
+        if consensus.conflict:
             found[subject, ""] = f"conflict about {subject}"
-        for one in it.dissent:
+        for one in consensus.dissent:
             text = f"{one.source} keeps disagreeing about {subject}, by {one.sigmas:.1f} sigmas"
             found[subject, one.source] = alarms["liar", one.source] = text
-        for out in it.left_out:
+        for out in consensus.left_out:
             found[subject, out.source] = f"{out.source} left out about {subject}: {out.reason}"
-        if text := _lost(it, cells):
+        if text := _lost(consensus, cells):
             alarms["lost", subject] = text
-        for learned in it.learned:
+        for learned in consensus.learned:
             if learned.since is not None and not learned.echo:
                 times = math.sqrt(max(0.0, learned.variance))
                 text = f"{learned.source} is over-confident: its errors are {times:.1f} times what it claims"
@@ -121,11 +123,11 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
     return found, alarms
 
 
-def _lost(it: Consensus, cells: float) -> str:
+def _lost(consensus: Consensus, cells: float) -> str:
     """Why the place of a subject is not known; empty where it is."""
-    share = math.exp(min(it.entropy, 99.0)) / cells
+    share = math.exp(min(consensus.entropy, 99.0)) / cells
     if share > LOST:
-        return f"{it.subject} is lost: it may be on {100 * share:.0f} % of the map"
-    if it.lost is not None and it.lost >= LIKELY_LOST:
-        return f"{it.subject} is lost with {100 * it.lost:.0f} %: it may not be where the team believes"
+        return f"{consensus.subject} is lost: it may be on {100 * share:.0f} % of the map"
+    if consensus.lost is not None and consensus.lost >= LIKELY_LOST:
+        return f"{consensus.subject} is lost with {100 * consensus.lost:.0f} %: it may not be where the team believes"
     return ""

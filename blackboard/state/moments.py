@@ -50,10 +50,10 @@ class About:
         """Beliefs against the truth, where it is known: "agreed", and sub-teams by "consensus/{sub_team}"."""
         if self.truth is None:
             return {}
-        told = {f"consensus/{name}": it for name, it in self.consensus.items()}
+        told = {f"consensus/{name}": received for name, received in self.consensus.items()}
         if self.agreed and self.best is not None:
             told["agreed"] = self.best
-        judged = {name: scored(it.message.belief, self.truth) for name, it in told.items()}
+        judged = {name: scored(received.message.belief, self.truth) for name, received in told.items()}
         return {name: score for name, score in judged.items() if score is not None}
 
     @property
@@ -69,10 +69,10 @@ class About:
         """How solid it is to be drawn: a track by its existence, and what a sighting may be of by that sighting's odds."""
         if self.best is None:
             return 1.0
-        it = self.best.message
-        unclear = max((one.probability for one in it.unnamed), default=1.0)
-        clear = it.existence is None or any(one.taken for one in it.unnamed)
-        return (1.0 if it.existence is None else it.existence) * (1.0 if clear else unclear)
+        consensus = self.best.message
+        unclear = max((one.probability for one in consensus.unnamed), default=1.0)
+        clear = consensus.existence is None or any(one.taken for one in consensus.unnamed)
+        return (1.0 if consensus.existence is None else consensus.existence) * (1.0 if clear else unclear)
 
     def all(self) -> Iterator[Received[Report] | Received[Consensus]]:
         yield from self.agreed.values()

@@ -65,7 +65,7 @@ class Store(Generic[M]):
         """The newest of each source, by name, that is not later than a team time, and at most FORGET seconds older."""
         found = dict[str, Received[M]]()
         for source, recent in sorted(self._kept.get(subject, {}).items()):
-            fitting = [it for it in recent if time - FORGET <= it.message.time <= time]
+            fitting = [received for received in recent if time - FORGET <= received.message.time <= time]
             found |= {source: fitting[-1]} if fitting else {}
         return found
 

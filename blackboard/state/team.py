@@ -317,7 +317,9 @@ class TeamFold:
         for store in (self._agreed, self._consensus, self._reports):
             store.drop_before(time - FORGET)
         seen = [(f"robot/{observer}", subject) for observer, all_ in self._sightings.items() for subject in all_]
-        speeds = {it.name: speed for it in self.processes.values() if (speed := it.speed_at(time)) is not None}
+        speeds = {
+            process.name: speed for process in self.processes.values() if (speed := process.speed_at(time)) is not None
+        }
         moment = Moment(run, tick, time, now, subjects, tuple(seen[:MAX_SIGHTINGS]), speeds)
         self.moments.add(moment)
         self.changes += 1
@@ -325,8 +327,13 @@ class TeamFold:
 
     def _said(self) -> dict[tuple[str, str], str]:
         """The alarms that robots raise themselves."""
-        told = [(it.name, it.status) for it in self.processes.values() if it.kind == "robot"]
-        return {key: text for name, it in told if it is not None for key, text in of_robot(name, it.settings).items()}
+        told = [(process.name, process.status) for process in self.processes.values() if process.kind == "robot"]
+        return {
+            key: text
+            for name, status in told
+            if status is not None
+            for key, text in of_robot(name, status.settings).items()
+        }
 
     def _notice(self, moment: Moment, now: float) -> None:
         """Note which conflicts and which sources left out are new, and which did not come back for QUIET seconds."""

@@ -68,7 +68,7 @@ class Journaled(Around):
             began=self._began,
             first=self._first,
             events=self._events,
-            memory=next((digest(it) for it in reversed(out) if keys.MEMORY.match(it.key)), ""),
+            memory=next((digest(envelope) for envelope in reversed(out) if keys.MEMORY.match(envelope.key)), ""),
         )
         self._first, self._events = self._first + len(self._events), []
         return [Envelope(self._key, encode(journal)), *out]

@@ -100,7 +100,9 @@ def _memories(tape: Tape, life: Life) -> dict[int, Memory]:
             with suppress(Refused):
                 found[number] = decode(Memory, envelope.payload)
     begin = next(iter(found.values())).time if found else 0.0
-    return {number: it for number, it in found.items() if 0 <= it.time - begin <= tape.scenario.board.max_age}
+    return {
+        number: memory for number, memory in found.items() if 0 <= memory.time - begin <= tape.scenario.board.max_age
+    }
 
 
 def _held_before(tape: Tape, life: Life) -> list[str]:

@@ -63,7 +63,7 @@ def why(
     with source.open(flags, "why") as looked:
         moment = looked.moment(wanted, seconds)
         found = explain(looked.fold, moment, subject, looked.drift if drift is None else drift)
-    output.show(found, lambda it: "\n".join(sentences(it)))
+    output.show(found, lambda told: "\n".join(sentences(told)))
     return door.DONE
 
 

@@ -74,7 +74,7 @@ def in_order(envelopes: Iterable[Envelope]) -> list[Envelope]:
         found = keys.parse(envelope.key)
         return ORDER.index(found[0].name) if found is not None and found[0].name in ORDER else len(ORDER)
 
-    return sorted(envelopes, key=lambda it: (rank(it), it.key))
+    return sorted(envelopes, key=lambda envelope: (rank(envelope), envelope.key))
 
 
 class Rates:

@@ -65,7 +65,9 @@ def frame(
         "sightings": () if moment is None else moment.sightings,
         "processes": slim(team, now) if shown is None else shown,
         "alarms": alarms(team, now)[:MAX_EVENTS],
-        "events": [{**vars(it), "at": round(it.at, 3), "severity": it.severity} for it in _last(team.events, now)],
+        "events": [
+            {**vars(event), "at": round(event.at, 3), "severity": event.severity} for event in _last(team.events, now)
+        ],
     }
     head = json.dumps(header, separators=(",", ":")).encode()
     return b"".join([len(head).to_bytes(4, "little"), head, *cells])
@@ -86,11 +88,11 @@ def slim(team: TeamFold, now: float) -> list[Table]:
     names = ("name", "kind", "sub_teams", "state", "tick", "refused", "dropped", "late")
     return [
         {
-            **{name: it[name] for name in names},
-            "age": None if it["age"] is None else _short(it["age"]),
-            "rate": _short(it["rate"]),
+            **{name: process[name] for name in names},
+            "age": None if process["age"] is None else _short(process["age"]),
+            "rate": _short(process["rate"]),
         }
-        for it in processes(team, now)
+        for process in processes(team, now)
     ]
 
 
@@ -103,7 +105,7 @@ def _grid(grid: Grid) -> Table:
 
 def _last(events: Iterable[Event], now: float) -> list[Event]:
     """The last events that have happened at `now`."""
-    return [it for it in events if it.at <= now][-MAX_EVENTS:]
+    return [event for event in events if event.at <= now][-MAX_EVENTS:]
 
 
 def _numbers(about: About) -> Table:
@@ -115,8 +117,8 @@ def _numbers(about: About) -> Table:
         "truth": None if about.truth is None else [_short(x) for x in about.truth],
         "entropy": entropies,
         "scores": {
-            name: {"error": _short(it.error), "inside": it.denser < REGION, "held": _short(it.held)}
-            for name, it in sorted(about.scores.items())
+            name: {"error": _short(score.error), "inside": score.denser < REGION, "held": _short(score.held)}
+            for name, score in sorted(about.scores.items())
         },
     }
 
@@ -141,13 +143,18 @@ def _subject(about: About, moment: Moment, cells: list[bytes], whole: bool) -> T
         "existence": None if best is None or best.message.existence is None else _short(best.message.existence),
         "unnamed": []
         if best is None
-        else [[f"robot/{it.source}", _short(it.probability), it.taken] for it in best.message.unnamed],
+        else [
+            [f"robot/{sighting.source}", _short(sighting.probability), sighting.taken]
+            for sighting in best.message.unnamed
+        ],
         "conflict": best is not None and best.message.conflict,
         "rule": None if best is None else best.message.rule,
-        "left_out": [] if best is None else [[it.source, it.reason] for it in best.message.left_out],
-        "dissent": [] if best is None else [[it.source, it.sigmas, it.weight] for it in best.message.dissent],
-        "camps": [] if best is None else [list(it.sources) for it in best.message.camps],
-        "beliefs": [it for it in beliefs if it],
+        "left_out": [] if best is None else [[out.source, out.reason] for out in best.message.left_out],
+        "dissent": []
+        if best is None
+        else [[named.source, named.sigmas, named.weight] for named in best.message.dissent],
+        "camps": [] if best is None else [list(camp.sources) for camp in best.message.camps],
+        "beliefs": [belief for belief in beliefs if belief],
     }
 
 

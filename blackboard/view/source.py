@@ -79,8 +79,10 @@ class Running:
 
     def _teams(self) -> list[str]:
         """The teams of which some process answers."""
-        found = (keys.parse(it.key) for it in self._link.get(keys.STATUS.key(team="*", sub_team="*", process="*")))
-        return sorted({it[1]["team"] for it in found if it is not None})
+        found = (
+            keys.parse(status.key) for status in self._link.get(keys.STATUS.key(team="*", sub_team="*", process="*"))
+        )
+        return sorted({parsed[1]["team"] for parsed in found if parsed is not None})
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._link.__exit__(kind, error, at)

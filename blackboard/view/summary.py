@@ -48,21 +48,24 @@ def team_summary(team: TeamFold, now: float, moment: Moment | None = None) -> Ta
         "processes": processes(team, now),
         "alarms": alarms(team, now),
         "unnamed": _unnamed(team),
-        "subjects": {} if newest is None else {name: subject(it) for name, it in newest.subjects.items()},
+        "subjects": {} if newest is None else {name: subject(about) for name, about in newest.subjects.items()},
     }
 
 
 def processes(team: TeamFold, now: float) -> list[Table]:
     """Boards, robots and the world, by name: liveness, tick, rate, age, counters and refusals."""
     order = {"world": 0, "board": 1, "robot": 2}
-    found = sorted(team.processes.values(), key=lambda it: (order.get(it.kind, 3), sorted(it.sub_teams), it.name))
-    return [_process(it, now, _lost(team, it)) for it in found]
+    found = sorted(
+        team.processes.values(),
+        key=lambda process: (order.get(process.kind, 3), sorted(process.sub_teams), process.name),
+    )
+    return [_process(process, now, _lost(team, process)) for process in found]
 
 
-def _lost(team: TeamFold, it: Process) -> float | None:
+def _lost(team: TeamFold, process: Process) -> float | None:
     """The probability that a robot is lost, as the newest belief about it says; None of others."""
-    about = None if team.moments.newest is None else team.moments.newest.subjects.get(f"robot/{it.name}")
-    return None if it.kind != "robot" or about is None or about.best is None else about.best.message.lost
+    about = None if team.moments.newest is None else team.moments.newest.subjects.get(f"robot/{process.name}")
+    return None if process.kind != "robot" or about is None or about.best is None else about.best.message.lost
 
 
 def _unnamed(team: TeamFold) -> dict[str, int]:
@@ -71,63 +74,71 @@ def _unnamed(team: TeamFold) -> dict[str, int]:
 
     Each board of a team counts the same ones, so those of the board that counted the most.
     """
-    boards = [it.status.counters for it in team.processes.values() if it.kind == "board" and it.status is not None]
-    most = {name: max((it.get(counter, 0) for it in boards), default=0) for name, counter in UNNAMED.items()}
+    boards = [
+        process.status.counters
+        for process in team.processes.values()
+        if process.kind == "board" and process.status is not None
+    ]
+    most = {name: max((counted.get(counter, 0) for counted in boards), default=0) for name, counter in UNNAMED.items()}
     return most if any(most.values()) else {}
 
 
-def _process(it: Process, now: float, lost: float | None) -> Table:
-    counters = {} if it.status is None else it.status.counters
-    silent = it.heard_at > 0 and now - it.heard_at > SILENT
+def _process(process: Process, now: float, lost: float | None) -> Table:
+    counters = {} if process.status is None else process.status.counters
+    silent = process.heard_at > 0 and now - process.heard_at > SILENT
     return {
-        "name": it.name,
-        "kind": it.kind,
-        "sub_teams": sorted(it.sub_teams),
-        "state": ("silent" if silent else "alive") if it.alive else "gone",
-        "part": _part(it),
-        "tick": None if it.tick < 0 else it.tick,
-        "time": None if it.tick < 0 else it.time,
-        "age": now - it.heard_at if it.heard_at else None,
-        "rate": it.rate(now),
+        "name": process.name,
+        "kind": process.kind,
+        "sub_teams": sorted(process.sub_teams),
+        "state": ("silent" if silent else "alive") if process.alive else "gone",
+        "part": _part(process),
+        "tick": None if process.tick < 0 else process.tick,
+        "time": None if process.tick < 0 else process.time,
+        "age": now - process.heard_at if process.heard_at else None,
+        "rate": process.rate(now),
         "lost": lost,
-        "refused": dict(sorted(it.refused.items())),
+        "refused": dict(sorted(process.refused.items())),
         "dropped": counters.get("dropped", 0),
         "late": counters.get("late", 0),
         "skipped": counters.get("skipped", 0),  # ticks that a board in real time left out, to keep up
         "counters": dict(sorted(counters.items())),
-        "ages": {} if it.status is None else dict(it.status.ages),  # source -> seconds since that process heard it
-        "clocks": {} if it.status is None else dict(it.status.clocks),  # source -> seconds that its clock is ahead
-        "settings": {} if it.status is None else dict(it.status.settings),
+        "ages": {}
+        if process.status is None
+        else dict(process.status.ages),  # source -> seconds since that process heard it
+        "clocks": {}
+        if process.status is None
+        else dict(process.status.clocks),  # source -> seconds that its clock is ahead
+        "settings": {} if process.status is None else dict(process.status.settings),
     }
 
 
 def alarms(team: TeamFold, now: float) -> list[Table]:
     """What an operator must not miss at `now`, Unix seconds: what lasts, then what is over but was not looked at."""
     silent = [
-        Alarm("gone", it.name, f"{it.name} is silent, though connected", it.heard_at, now)
-        for it in team.processes.values()
-        if it.alive and it.heard_at > 0 and now - it.heard_at > SILENT
+        Alarm("gone", process.name, f"{process.name} is silent, though connected", process.heard_at, now)
+        for process in team.processes.values()
+        if process.alive and process.heard_at > 0 and now - process.heard_at > SILENT
     ]
-    return [_alarm(it, now) for it in [*silent, *(it for it in team.alarms.all() if it.since <= now)]]
+    return [_alarm(alarm, now) for alarm in [*silent, *(alarm for alarm in team.alarms.all() if alarm.since <= now)]]
 
 
-def _alarm(it: Alarm, now: float) -> Table:
-    over = it.until is not None and it.until <= now
+def _alarm(alarm: Alarm, now: float) -> Table:
+    over = alarm.until is not None and alarm.until <= now
     return {
-        "what": it.what,
-        "who": it.who,
-        "text": it.text,
-        "since": it.since,
-        "for": (it.until if over and it.until is not None else now) - it.since,
-        "over": now - it.until if over and it.until is not None else None,  # seconds since it is over
+        "what": alarm.what,
+        "who": alarm.who,
+        "text": alarm.text,
+        "since": alarm.since,
+        "for": (alarm.until if over and alarm.until is not None else now) - alarm.since,
+        "over": now - alarm.until if over and alarm.until is not None else None,  # seconds since it is over
     }
 
 
-def _part(it: Process) -> str | None:
+def _part(process: Process) -> str | None:
     """Which part a board takes in its sub-team: it "leads" or "follows"; None for others, and before its first status."""
-    if it.kind != "board" or it.status is None:
+    if process.kind != "board" or process.status is None:
         return None
-    return "follows" if it.status.follows else "leads"
+    return "follows" if process.status.follows else "leads"
 
 
 def subject(about: About) -> Table:
@@ -149,16 +160,16 @@ def subject(about: About) -> Table:
         "unclear": []
         if best is None
         else [
-            {"source": it.source, "mark": it.mark, "probability": it.probability}
-            for it in best.message.unnamed
-            if not it.taken
+            {"source": sighting.source, "mark": sighting.mark, "probability": sighting.probability}
+            for sighting in best.message.unnamed
+            if not sighting.taken
         ],
         "conflict": best is not None and best.message.conflict,
         "left_out": []
         if best is None
-        else [{"source": it.source, "reason": it.reason} for it in best.message.left_out],
-        "dissent": [] if best is None else [it.source for it in best.message.dissent],
-        "camps": [] if best is None else [list(it.sources) for it in best.message.camps],
+        else [{"source": out.source, "reason": out.reason} for out in best.message.left_out],
+        "dissent": [] if best is None else [named.source for named in best.message.dissent],
+        "camps": [] if best is None else [list(camp.sources) for camp in best.message.camps],
         "sources": sorted(about.reports),
     }
 
@@ -173,33 +184,35 @@ def text(table: Table, width: int | None = None) -> str:
     return "\n\n".join(_team_text(team, width) for team in table["teams"])
 
 
-def _team_text(it: Table, width: int | None) -> str:
-    lines = [team_line(it), *unnamed_lines(it, width), *alarm_lines(it, width), "", *process_lines(it, width)]
-    return "\n".join([*lines, "", *subject_lines(it, width)] if it["subjects"] else lines)
+def _team_text(team: Table, width: int | None) -> str:
+    lines = [team_line(team), *unnamed_lines(team, width), *alarm_lines(team, width), "", *process_lines(team, width)]
+    return "\n".join([*lines, "", *subject_lines(team, width)] if team["subjects"] else lines)
 
 
-def alarm_lines(it: Table, width: int | None = None) -> list[str]:
+def alarm_lines(team: Table, width: int | None = None) -> list[str]:
     """What is wrong, a line for each; of what is over only what is a minute old at most."""
     found = [
         f"! {one['text']}, for {one['for']:.0f} s"
         + ("" if one["over"] is None else f"; over since {one['over']:.0f} s")
-        for one in it["alarms"]
+        for one in team["alarms"]
         if one["over"] is None or one["over"] <= RECENT
     ]
     return found if width is None else [shortened(line, width) for line in found]
 
 
-def team_line(it: Table) -> str:
+def team_line(team: Table) -> str:
     """A team in one line."""
     tick = (
-        "nothing settled yet" if it["tick"] is None else f"tick {it['tick']}, {it['time']:.1f} s, {it['age']:.1f} s ago"
+        "nothing settled yet"
+        if team["tick"] is None
+        else f"tick {team['tick']}, {team['time']:.1f} s, {team['age']:.1f} s ago"
     )
-    return f"team {it['team']}: {it['mode']}, {tick}, {it['settlements']:.1f} settled/s"
+    return f"team {team['team']}: {team['mode']}, {tick}, {team['settlements']:.1f} settled/s"
 
 
-def unnamed_lines(it: Table, width: int | None = None) -> list[str]:
+def unnamed_lines(team: Table, width: int | None = None) -> list[str]:
     """What became of sightings without a name, in one line; none where all have one."""
-    one = it["unnamed"]
+    one = team["unnamed"]
     if not one:
         return []
     seen = f"{one['taken']} clear, {one['ambiguous']} ambiguous, {one['strange']} of nobody known"
@@ -207,12 +220,12 @@ def unnamed_lines(it: Table, width: int | None = None) -> list[str]:
     return [line if width is None else shortened(line, width)]
 
 
-def process_lines(it: Table, width: int | None = None) -> list[str]:
+def process_lines(team: Table, width: int | None = None) -> list[str]:
     """The processes of a team, a line for each behind the names of the columns; of at most `width` characters."""
     rows: list[tuple[str, ...]] = [
         ("process", "kind", "sub-team", "state", "tick", "ticks/s", "heard", "dropped", "late", "skipped", "refused")
     ]
-    for one in it["processes"]:
+    for one in team["processes"]:
         rows.append(
             (
                 one["name"],
@@ -239,10 +252,10 @@ def _state(one: Table) -> str:
     return ", ".join([state] + ["follows"] * follows + [f"namesakes {namesakes}"] * bool(namesakes))
 
 
-def subject_lines(it: Table, width: int | None = None) -> list[str]:
+def subject_lines(team: Table, width: int | None = None) -> list[str]:
     """What a team believes, a line for each subject behind the names of the columns; of at most `width` characters."""
     rows: list[tuple[str, ...]] = [("subject", "believed at", "entropy", "95 % area", "error", "rule", "sources", "")]
-    for name, one in it["subjects"].items():
+    for name, one in team["subjects"].items():
         rows.append(
             (
                 name,
@@ -262,8 +275,8 @@ def _trouble(one: Table) -> str:
     lost = [f"lost with {100 * one['lost']:.0f} %"] if (one["lost"] or 0.0) >= LIKELY_LOST else []
     track = [] if one["existence"] is None else [f"there with {100 * one['existence']:.0f} %"]
     odds: dict[str, float] = {}
-    for it in one["unclear"]:
-        odds[it["source"]] = max(it["probability"], odds.get(it["source"], 0.0))
+    for sighting in one["unclear"]:
+        odds[sighting["source"]] = max(sighting["probability"], odds.get(sighting["source"], 0.0))
     unclear = [f"{source} may have seen it ({100 * p:.0f} %)" for source, p in odds.items() if p >= LITTLE]
     left_out = [f"{out['source']} left out: {out['reason']}" for out in one["left_out"]]
     dissent = [f"{source} keeps disagreeing" for source in one["dissent"]]

@@ -45,7 +45,7 @@ def explain(team: TeamFold, moment: Moment, subject: str, drift: float = 1.0) ->
     """
     about = moment.subjects.get(subject)
     if about is None or about.best is None:
-        known = sorted(name for name, it in moment.subjects.items() if it.best is not None)
+        known = sorted(name for name, about in moment.subjects.items() if about.best is not None)
         near = get_close_matches(subject, known, 1) or [name for name in known if name.split("/")[1] == subject]
         meant = f"; did you mean {near[0]}?" if near else ""
         raise UserError(
@@ -53,7 +53,7 @@ def explain(team: TeamFold, moment: Moment, subject: str, drift: float = 1.0) ->
             f"known are {', '.join(known) or 'none'}{meant}"
         )
     best = about.best.message
-    here = {name: it.message for name, it in about.agreed.items() if it.message.tick == best.tick}
+    here = {name: received.message for name, received in about.agreed.items() if received.message.tick == best.tick}
     chosen = [about.best, *(about.consensus[name] for name in sorted(about.consensus) if about.agreed)]
     return {
         "team": team.name,
@@ -64,8 +64,10 @@ def explain(team: TeamFold, moment: Moment, subject: str, drift: float = 1.0) ->
         "unit": best.belief.grid.unit,
         "truth": None if about.truth is None else list(about.truth),
         "agreed_by": sorted(here),
-        "agreed_before": {name: it.message.tick for name, it in sorted(about.agreed.items()) if name not in here},
-        "same": len({it.belief.data for it in here.values()}) <= 1,
+        "agreed_before": {
+            name: received.message.tick for name, received in sorted(about.agreed.items()) if name not in here
+        },
+        "same": len({consensus.belief.data for consensus in here.values()}) <= 1,
         "levels": [_level(told, about, moment, _feedback(team, told.message.board), drift) for told in chosen],
     }
 
@@ -79,41 +81,44 @@ def _feedback(team: TeamFold, board: str) -> str:
 
 def _level(told: Received[Consensus], about: About, moment: Moment, feedback: str, drift: float) -> Table:
     """One consensus: its belief, its sources, and what it would be without each."""
-    it = told.message
-    drawn, pose, velocity = told.drawn, pose_of(it.state), velocity_of(it.velocity)
+    consensus = told.message
+    drawn, pose, velocity = told.drawn, pose_of(consensus.state), velocity_of(consensus.velocity)
     found: Table = {
-        "level": it.level,
-        "sub_team": it.sub_team,
-        "board": it.board,
-        "tick": it.tick,
-        "rule": it.rule,
-        "parameters": it.parameters,
-        "outcome": it.outcome,
-        "entropy": it.entropy,
+        "level": consensus.level,
+        "sub_team": consensus.sub_team,
+        "board": consensus.board,
+        "tick": consensus.tick,
+        "rule": consensus.rule,
+        "parameters": consensus.parameters,
+        "outcome": consensus.outcome,
+        "entropy": consensus.entropy,
         "mean": None if drawn is None else list(drawn.mean),
         "sigma": None if drawn is None else drawn.sigma,
         "area": None if drawn is None else drawn.area,
         "heading": None if pose is None else float(pose.mean[HEADING]),
         "heading_sigma": None if pose is None else float(pose.covariance[HEADING, HEADING]) ** 0.5,
-        "lost": it.lost,
+        "lost": consensus.lost,
         "velocity": None if velocity is None else velocity.mean.tolist(),
         "velocity_sigma": None if velocity is None else np.sqrt(np.diag(velocity.covariance)).tolist(),
-        "conflict": it.conflict,
-        "components": list(it.components),
-        "ancestors": {name: it.time - until for name, until in it.ancestors.items()},  # seconds old
-        "sources": [_source(used, _message(it, used.source, about)) for used in it.used],
-        "left_out": [{"source": out.source, "reason": out.reason} for out in it.left_out],
-        "learned": [one.model_dump(exclude={"level"}) for one in it.learned],
-        "dissent": [{**one.model_dump(exclude={"level"}), "for": max(0.0, it.time - one.since)} for one in it.dissent],
-        "unnamed": [one.model_dump() for one in it.unnamed],
-        "existence": it.existence,
-        "camps": [{"sources": list(camp.sources), "weight": camp.weight} for camp in it.camps],
-        "truth": None if about.truth is None else _truth(it.belief, about.truth),
+        "conflict": consensus.conflict,
+        "components": list(consensus.components),
+        "ancestors": {name: consensus.time - until for name, until in consensus.ancestors.items()},  # seconds old
+        "sources": [_source(used, _message(consensus, used.source, about)) for used in consensus.used],
+        "left_out": [{"source": out.source, "reason": out.reason} for out in consensus.left_out],
+        "learned": [one.model_dump(exclude={"level"}) for one in consensus.learned],
+        "dissent": [
+            {**one.model_dump(exclude={"level"}), "for": max(0.0, consensus.time - one.since)}
+            for one in consensus.dissent
+        ],
+        "unnamed": [one.model_dump() for one in consensus.unnamed],
+        "existence": consensus.existence,
+        "camps": [{"sources": list(camp.sources), "weight": camp.weight} for camp in consensus.camps],
+        "truth": None if about.truth is None else _truth(consensus.belief, about.truth),
         "recomputed": None,
         "without": {},
     }
-    if it.rule != JOINT:
-        found["recomputed"], found["without"] = _without(it, about, moment, feedback, drift)
+    if consensus.rule != JOINT:
+        found["recomputed"], found["without"] = _without(consensus, about, moment, feedback, drift)
     return found
 
 
@@ -126,9 +131,9 @@ def _truth(belief: PackedBelief, truth: Point) -> Table | None:
     return {**kept, "inside": score.denser < REGION}
 
 
-def _message(it: Consensus, source: str, about: About) -> Report | Consensus | None:
+def _message(consensus: Consensus, source: str, about: About) -> Report | Consensus | None:
     """What a source gave to a consensus: of a robot its report, of a sub-team its consensus; None where that was not seen here."""
-    told = about.consensus.get(source) if it.level == "agreed" else about.reports.get(source)
+    told = about.consensus.get(source) if consensus.level == "agreed" else about.reports.get(source)
     return None if told is None else told.message
 
 
@@ -146,16 +151,16 @@ def _source(used: Used, message: Report | Consensus | None) -> Table:
 
 
 def _without(
-    it: Consensus, about: About, moment: Moment, feedback: str, drift: float
+    consensus: Consensus, about: About, moment: Moment, feedback: str, drift: float
 ) -> tuple[float | None, dict[str, Table]]:
     """How far the recomputed consensus is from the published one (nats), and for each source what is without it.
 
     None where it cannot be computed again: a report was not seen here, or the rule is not installed here.
     """
-    ages = {used.source: used.age for used in it.used}
-    powers = {(used.source, str(used.how)): min(max(used.power, LEAST_POWER), 1.0) for used in it.used}
-    given = {name: _message(it, name, about) for name in sorted(ages)}
-    published = read(it.belief)
+    ages = {used.source: used.age for used in consensus.used}
+    powers = {(used.source, str(used.how)): min(max(used.power, LEAST_POWER), 1.0) for used in consensus.used}
+    given = {name: _message(consensus, name, about) for name in sorted(ages)}
+    published = read(consensus.belief)
     if published is None or not given:
         return None, {}
     ageing = Ageing(drift, published.grid)
@@ -164,16 +169,16 @@ def _without(
 
     def fused(opinions: Iterable[Sequence[Opinion]]) -> Belief:
         found = [one for of_source in opinions for one in of_source]
-        return fuse_opinions(found, published.grid, settings, it.subject, powers=powers).belief
+        return fuse_opinions(found, published.grid, settings, consensus.subject, powers=powers).belief
 
     try:
-        settings = BoardSection.model_validate({"rule": it.rule, **it.parameters, "feedback": feedback})
+        settings = BoardSection.model_validate({"rule": consensus.rule, **consensus.parameters, "feedback": feedback})
         opinions = {}
         for name, message in given.items():
             if message is None:
                 return None, {}
             admitted = _admitted(message, published.grid, feedback, alone=len(given) == 1)
-            opinions[name] = ageing.aged(admitted, it.subject, ages[name])
+            opinions[name] = ageing.aged(admitted, consensus.subject, ages[name])
         full, found = fused(opinions.values()), {}
         for name in opinions:
             others = [its for other, its in opinions.items() if other != name]

@@ -18,30 +18,30 @@ LITTLE = 0.01  # nats, and sigmas by which the mean moves: a source without whic
 NOTEWORTHY = 0.2  # by which a variance or a correlation is off before it is mentioned
 
 
-def sentences(it: Table) -> list[str]:
+def sentences(told: Table) -> list[str]:
     """The sentences, in groups that an empty one parts: the answer, who, the numbers, and then each sub-team's own belief."""
-    first, *others = it["levels"]
-    found = [_answer(first, it)]
+    first, *others = told["levels"]
+    found = [_answer(first, told)]
     if first["truth"] is not None:
-        found.append(_truth(first, it["unit"]))
-    found += _motion(first, it["unit"])
-    found += ["", _agreement(it), *_who(first, it), "", *_numbers(first, it)]
+        found.append(_truth(first, told["unit"]))
+    found += _motion(first, told["unit"])
+    found += ["", _agreement(told), *_who(first, told), "", *_numbers(first, told)]
     for level in others:
         if level["mean"] is None or not _is_same(level, first):
-            found += ["", f"Sub-team {level['sub_team']} by itself: {_place(level, it['unit'])}.", *_who(level, it)]
-            found += _numbers(level, it)
+            found += ["", f"Sub-team {level['sub_team']} by itself: {_place(level, told['unit'])}.", *_who(level, told)]
+            found += _numbers(level, told)
         elif first["rule"] != JOINT:
-            found += ["", f"Sub-team {level['sub_team']} believes the same by itself.", *_who(level, it)]
+            found += ["", f"Sub-team {level['sub_team']} believes the same by itself.", *_who(level, told)]
     return found
 
 
-def _answer(level: Table, it: Table) -> str:
+def _answer(level: Table, told: Table) -> str:
     """The question answered in one sentence: where, how surely, and by whom."""
     if level["mean"] is None:
-        return f"What is believed about {it['subject']} cannot be read."
+        return f"What is believed about {told['subject']} cannot be read."
     ignored = [out["source"] for out in level["left_out"]]
     but = f"; {_and(ignored)} {'was' if len(ignored) == 1 else 'were'} ignored" if ignored else ""
-    return f"{it['subject']} is believed to be {_place(level, it['unit'])}, because {_because(level)}{but}."
+    return f"{told['subject']} is believed to be {_place(level, told['unit'])}, because {_because(level)}{but}."
 
 
 def _because(level: Table) -> str:
@@ -108,21 +108,21 @@ def _motion(level: Table, unit: str) -> list[str]:
     )
 
 
-def _agreement(it: Table) -> str:
-    level = it["levels"][0]
+def _agreement(told: Table) -> str:
+    level = told["levels"][0]
     if level["level"] != "agreed":
         return f"Sub-team {level['sub_team']} believes it; nothing is agreed on yet."
-    same = "" if it["same"] or len(it["agreed_by"]) < 2 else ", not quite the same; this is what the first one has"
-    before = "".join(f"; {name} agreed last in tick {tick}" for name, tick in it["agreed_before"].items())
-    return f"Agreed by {_and(it['agreed_by'])}{same}{before}."
+    same = "" if told["same"] or len(told["agreed_by"]) < 2 else ", not quite the same; this is what the first one has"
+    before = "".join(f"; {name} agreed last in tick {tick}" for name, tick in told["agreed_before"].items())
+    return f"Agreed by {_and(told['agreed_by'])}{same}{before}."
 
 
-def _who(level: Table, it: Table) -> list[str]:
+def _who(level: Table, told: Table) -> list[str]:
     """Who is behind a belief, who was ignored, and what is known against whom."""
-    found = _joint(level) if level["rule"] == JOINT else _pooled(level, it["unit"])
+    found = _joint(level) if level["rule"] == JOINT else _pooled(level, told["unit"])
     found += [f"{_whose(out['source'])} was ignored: {out['reason']}." for out in level["left_out"]]
     found += [_dissent(one) for one in level["dissent"]] + _camps(level["camps"])
-    return found + [told for one in level["learned"] if (told := _learned(one))]
+    return found + [line for one in level["learned"] if (line := _learned(one))]
 
 
 def _whose(source: str) -> str:
@@ -209,12 +209,12 @@ def _coalitions(shares: Sequence[float]) -> str:
     return f"{', '.join(parts)}."
 
 
-def _numbers(level: Table, it: Table) -> list[str]:
+def _numbers(level: Table, told: Table) -> list[str]:
     """Tick, region, entropy, score, rule; whose information it is."""
-    old = "" if level["tick"] == it["tick"] else f", of tick {level['tick']}"
-    parts = [f"tick {it['tick']} ({it['time']:.1f} s of team time){old}"]
+    old = "" if level["tick"] == told["tick"] else f", of tick {level['tick']}"
+    parts = [f"tick {told['tick']} ({told['time']:.1f} s of team time){old}"]
     if level["area"] is not None:
-        parts.append(f"95 % region {level['area']:.3g} {it['unit']}^2")
+        parts.append(f"95 % region {level['area']:.3g} {told['unit']}^2")
     parts.append(f"entropy {level['entropy']:.2f} nats")
     if level["truth"] is not None:
         parts.append(f"log score {level['truth']['log_score']:.2f} nats")

@@ -267,7 +267,7 @@ class PackedEvidence(Part):
     @property
     def subjects(self) -> list[str]:
         """What was seen, in all kinds of sightings."""
-        return [*(it.subject for it in self.relatives), *(it.subject for it in self.seen)]
+        return [*(sighting.subject for sighting in self.relatives), *(sighting.subject for sighting in self.seen)]
 
 
 class Forwarded(Part):

@@ -59,8 +59,8 @@ def _displaced(evidence: PackedEvidence, offset: Sequence[float]) -> PackedEvide
         increment = increment.model_copy(update={"reference": _off(increment.reference, offset)})
     relatives, seen = evidence.relatives, evidence.seen
     if mean is not None:
-        relatives = [_seen_elsewhere(it, mean[HEADING], offset) for it in relatives]
-        seen = [_further_elsewhere(it, mean[HEADING], offset) for it in seen]
+        relatives = [_seen_elsewhere(sighting, mean[HEADING], offset) for sighting in relatives]
+        seen = [_further_elsewhere(sighting, mean[HEADING], offset) for sighting in seen]
     return evidence.model_copy(update={"state": state, "increment": increment, "relatives": relatives, "seen": seen})
 
 
@@ -70,52 +70,54 @@ def _off(mean: Sequence[float], offset: Sequence[float]) -> tuple[float, ...]:
     return tuple(float(x) for x in states)
 
 
-def _seen_elsewhere(it: PackedRelative, heading: float, offset: Sequence[float]) -> PackedRelative:
-    x = it.range * math.cos(heading + it.bearing) + offset[0]
-    y = it.range * math.sin(heading + it.bearing) + offset[1]
-    return it.model_copy(update={"range": math.hypot(x, y), "bearing": float(wrap(math.atan2(y, x) - heading))})
+def _seen_elsewhere(sighting: PackedRelative, heading: float, offset: Sequence[float]) -> PackedRelative:
+    x = sighting.range * math.cos(heading + sighting.bearing) + offset[0]
+    y = sighting.range * math.sin(heading + sighting.bearing) + offset[1]
+    return sighting.model_copy(update={"range": math.hypot(x, y), "bearing": float(wrap(math.atan2(y, x) - heading))})
 
 
-def _further_elsewhere(it: Seen, heading: float, offset: Sequence[float]) -> Seen:
+def _further_elsewhere(sighting: Seen, heading: float, offset: Sequence[float]) -> Seen:
     """A sighting of a further kind; a range alone grows by the whole offset. A bearing alone stays: its distance is not known."""
-    if it.kind == "range":
-        return it.model_copy(update={"values": (it.values[0] + math.hypot(*offset),)})
-    if it.kind not in ("position", "pose"):
-        return it
+    if sighting.kind == "range":
+        return sighting.model_copy(update={"values": (sighting.values[0] + math.hypot(*offset),)})
+    if sighting.kind not in ("position", "pose"):
+        return sighting
     c, s = math.cos(heading), math.sin(heading)
     x, y = c * offset[0] + s * offset[1], c * offset[1] - s * offset[0]
-    return it.model_copy(update={"values": (it.values[0] + x, it.values[1] + y, *it.values[2:])})
+    return sighting.model_copy(
+        update={"values": (sighting.values[0] + x, sighting.values[1] + y, *sighting.values[2:])}
+    )
 
 
 def _narrowed(evidence: PackedEvidence, factor: float) -> PackedEvidence:
     """Evidence with sigmas smaller by a factor, but for those of the motion: their sums may not shrink within an epoch."""
     state, increment, square = evidence.state, evidence.increment, factor**2
     if state is not None:
-        state = PackedState(mean=state.mean, covariance=tuple(it / square for it in state.covariance))
+        state = PackedState(mean=state.mean, covariance=tuple(number / square for number in state.covariance))
     if increment is not None:
         increment = increment.model_copy(
             update={
-                "information": tuple(it * square for it in increment.information),
-                "vector": tuple(it * square for it in increment.vector),
+                "information": tuple(number * square for number in increment.information),
+                "vector": tuple(number * square for number in increment.vector),
             }
         )
     relatives = [
-        it.model_copy(
+        sighting.model_copy(
             update={
-                "range_variance": it.range_variance / square,
-                "bearing_variance": it.bearing_variance / square,
-                "biases": [(sigma / factor, seconds) for sigma, seconds in it.biases],
+                "range_variance": sighting.range_variance / square,
+                "bearing_variance": sighting.bearing_variance / square,
+                "biases": [(sigma / factor, seconds) for sigma, seconds in sighting.biases],
             }
         )
-        for it in evidence.relatives
+        for sighting in evidence.relatives
     ]
     seen = [
-        it.model_copy(
+        sighting.model_copy(
             update={
-                "covariance": tuple(number / square for number in it.covariance),
-                "biases": [(sigma / factor, seconds) for sigma, seconds in it.biases],
+                "covariance": tuple(number / square for number in sighting.covariance),
+                "biases": [(sigma / factor, seconds) for sigma, seconds in sighting.biases],
             }
         )
-        for it in evidence.seen
+        for sighting in evidence.seen
     ]
     return evidence.model_copy(update={"state": state, "increment": increment, "relatives": relatives, "seen": seen})

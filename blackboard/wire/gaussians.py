@@ -46,11 +46,14 @@ def pack_evidence(
     relatives: Sequence[Relative],
 ) -> PackedEvidence:
     """The evidence of one tick for a Report, but for a sighting with an error that no message holds; the profile is sent once."""
-    errors = [(it.range_variance, it.bearing_variance, *(bias.sigma for bias in it.biases)) for it in relatives]
-    sound = [it for it, its in zip(relatives, errors, strict=True) if max(its) <= LARGEST]
-    told = [it for it in sound if it.kind == "range-bearing"]
-    if not all(it.profile for it in told):  # one profile is of all sightings of a message
-        told = [it.without_profile() for it in told]
+    errors = [
+        (sighting.range_variance, sighting.bearing_variance, *(bias.sigma for bias in sighting.biases))
+        for sighting in relatives
+    ]
+    sound = [sighting for sighting, its in zip(relatives, errors, strict=True) if max(its) <= LARGEST]
+    told = [sighting for sighting in sound if sighting.kind == "range-bearing"]
+    if not all(sighting.profile for sighting in told):  # one profile is of all sightings of a message
+        told = [sighting.without_profile() for sighting in told]
     states = STATES if any(nuisance.sigmas[6:]) else FORMER
     return PackedEvidence(
         epoch=epoch,
@@ -60,16 +63,16 @@ def pack_evidence(
         increment=None if increment is None else _packed_increment(increment, states),
         relatives=[
             PackedRelative(
-                range=it.range,
-                bearing=it.bearing,
-                range_variance=it.range_variance,
-                bearing_variance=it.bearing_variance,
-                **_packed(it),
+                range=sighting.range,
+                bearing=sighting.bearing,
+                range_variance=sighting.range_variance,
+                bearing_variance=sighting.bearing_variance,
+                **_packed(sighting),
             )
-            for it in told[:MAX_RELATIVES]
+            for sighting in told[:MAX_RELATIVES]
         ],
         profile=list(told[0].profile) if told else [],
-        seen=[_seen(it) for it in sound if it.kind != "range-bearing"][:MAX_RELATIVES],
+        seen=[_seen(sighting) for sighting in sound if sighting.kind != "range-bearing"][:MAX_RELATIVES],
     )
 
 
@@ -96,15 +99,15 @@ def _packed_increment(increment: Increment, states: int) -> PackedIncrement:
     )
 
 
-def _seen(it: Relative) -> Seen:
-    values, covariance = it.numbers()
-    return Seen(kind=it.kind, values=values, covariance=covariance, **_packed(it))
+def _seen(sighting: Relative) -> Seen:
+    values, covariance = sighting.numbers()
+    return Seen(kind=sighting.kind, values=values, covariance=covariance, **_packed(sighting))
 
 
-def _packed(it: Relative) -> dict[str, Any]:
+def _packed(sighting: Relative) -> dict[str, Any]:
     """The fields that sightings of all kinds have."""
-    same = {name: getattr(it, name) for name in ("subject", "age", "group", "confidence", "mark")}
-    return {**same, "biases": [(bias.sigma, bias.seconds) for bias in it.biases]}
+    same = {name: getattr(sighting, name) for name in ("subject", "age", "group", "confidence", "mark")}
+    return {**same, "biases": [(bias.sigma, bias.seconds) for bias in sighting.biases]}
 
 
 def pack_state(state: Moments, states: int | None = None) -> PackedState:
@@ -178,33 +181,33 @@ def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
 def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:
     """The relative beliefs of a robot, named by its subject, `robot/r1`; without those of kinds that are not known here."""
     profile = tuple(packed.profile)
-    found = [unpack_seen(it, observer) for it in packed.seen if it.is_known and it.covariance]
+    found = [unpack_seen(sighting, observer) for sighting in packed.seen if sighting.is_known and sighting.covariance]
     return tuple(found) + tuple(
         Relative(
             observer=observer,
-            subject=it.subject,
-            range=it.range,
-            bearing=it.bearing,
-            range_variance=it.range_variance,
-            bearing_variance=it.bearing_variance,
+            subject=sighting.subject,
+            range=sighting.range,
+            bearing=sighting.bearing,
+            range_variance=sighting.range_variance,
+            bearing_variance=sighting.bearing_variance,
             profile=profile,
-            **_unpacked(it),
+            **_unpacked(sighting),
         )
-        for it in packed.relatives
+        for sighting in packed.relatives
     )
 
 
-def unpack_seen(it: Seen, observer: str) -> Relative:
+def unpack_seen(sighting: Seen, observer: str) -> Relative:
     """A sighting of a further kind that is known here, with its covariance."""
-    seen = measured(it.kind, observer, it.subject, it.values, it.covariance)  # type: ignore[arg-type]
-    return replace(seen, **_unpacked(it))
+    seen = measured(sighting.kind, observer, sighting.subject, sighting.values, sighting.covariance)  # type: ignore[arg-type]
+    return replace(seen, **_unpacked(sighting))
 
 
-def _unpacked(it: PackedRelative | Seen) -> dict[str, Any]:
+def _unpacked(sighting: PackedRelative | Seen) -> dict[str, Any]:
     """What sightings of all kinds have beside their numbers and names; what names its subject has no mark."""
-    same = {name: getattr(it, name) for name in ("age", "group", "confidence")}
-    biases = tuple(Bias(sigma, seconds) for sigma, seconds in it.biases)
-    return {**same, "biases": biases, "mark": it.mark if is_class(it.subject) else None}
+    same = {name: getattr(sighting, name) for name in ("age", "group", "confidence")}
+    biases = tuple(Bias(sigma, seconds) for sigma, seconds in sighting.biases)
+    return {**same, "biases": biases, "mark": sighting.mark if is_class(sighting.subject) else None}
 
 
 def _row(values: Array) -> tuple[float, ...]:

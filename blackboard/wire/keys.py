@@ -173,7 +173,9 @@ def written_by(token: str) -> tuple[str, ...]:
         return ()
     (role,), named = topic.writers, parts.get(topic.owner, "")
     mine = (
-        it for it in TOPICS if role in it.writers and it.message != "token" and (it.owner == "") == (role == "world")
+        row
+        for row in TOPICS
+        if role in row.writers and row.message != "token" and (row.owner == "") == (role == "world")
     )
     names = parts | dict.fromkeys(("source", "process"), named) | {"subject": "**"}
     return tuple(it.key(**{"robot": "*", **names}) for it in mine)

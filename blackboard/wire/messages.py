@@ -608,12 +608,12 @@ class Readings(Message):
     @property
     def landmarks(self) -> list[Point | None]:
         """Where each thing in view stands, of a landmark; None of others."""
-        return [*(it.landmark for it in self.sightings), *(it.landmark for it in self.seen)]
+        return [*(sighting.landmark for sighting in self.sightings), *(sighting.landmark for sighting in self.seen)]
 
     @property
     def subjects(self) -> list[str]:
         """What is in view, of all kinds."""
-        return [*(it.subject for it in self.sightings), *(it.subject for it in self.seen)]
+        return [*(sighting.subject for sighting in self.sightings), *(sighting.subject for sighting in self.seen)]
 
 
 class Truth(Message):

@@ -113,9 +113,9 @@ class Publisher:
         return Envelope(self._node.publisher(topic, type_name).key, convert.encode(message))
 
 
-def _stamp(it: Received[Consensus]) -> float:
+def _stamp(received: Received[Consensus]) -> float:
     """When it was agreed, in Unix seconds; where that is a world's time, by which nodes of ROS do not go, when it came."""
-    return it.message.time if abs(it.message.time - it.at) < SKEW else it.at
+    return received.message.time if abs(received.message.time - received.at) < SKEW else received.at
 
 
 def _heading(agreed: Consensus) -> tuple[float, float] | None:

@@ -141,7 +141,7 @@ class Top(App[None]):
         width = self.query_one("#right", VerticalScroll).scrollable_content_region.width or None
         state = "" if self.tick is None else "   PAUSED"
         self._show("head", [f"{team_line(table)}{state}"])
-        table["alarms"] = [it for it in table["alarms"] if _name(it) not in self._seen]
+        table["alarms"] = [alarm for alarm in table["alarms"] if _name(alarm) not in self._seen]
         alarms = alarm_lines(table, self.size.width)
         self._show("alarms", alarms)
         self.query_one("#alarms").display = bool(alarms)
@@ -154,9 +154,10 @@ class Top(App[None]):
             subjects.highlight_regex(rf"(?m)^{self.chosen} .*$", "reverse")
         self.query_one("#subjects", Static).update(subjects)
         events = [
-            f"tick {it.tick}  {it.text}{' is ' + it.what if it.what in ('here', 'gone') else ''}" for it in fold.events
+            f"tick {event.tick}  {event.text}{' is ' + event.what if event.what in ('here', 'gone') else ''}"
+            for event in fold.events
         ]
-        self._show("events", [shortened(it, width or MAX_LINE) for it in events[-EVENTS:]])
+        self._show("events", [shortened(event, width or MAX_LINE) for event in events[-EVENTS:]])
         self.query_one("#why", Static).update(
             Text("\n".join(map(printable, self._why(moment))) if self.with_why else "")
         )

@@ -22,9 +22,9 @@ class Visit(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
         self._wait()
-        waiting = [it for it in self.connections if isinstance(it, Visit) and not it.transport.is_closing()]
+        waiting = [visit for visit in self.connections if isinstance(visit, Visit) and not visit.transport.is_closing()]
         if len(waiting) > MOST:
-            min(waiting, key=lambda it: it._began).transport.abort()
+            min(waiting, key=lambda visit: visit._began).transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._stop()

@@ -57,7 +57,7 @@ class Frames:
             self._past.clear()
             self.made = 0
         for moment in team.moments.since(self._past[-1].tick if self._past else -1):
-            lines = [json.dumps(it, separators=(",", ":")).encode() for it in (line(moment), slim(team, now))]
+            lines = [json.dumps(part, separators=(",", ":")).encode() for part in (line(moment), slim(team, now))]
             self._past.append(Past(moment.run, moment.tick, moment.at, team.mode, *lines))
             self.made += 1
         while len(self._past) > len(team.moments):
@@ -85,7 +85,7 @@ class Frames:
 
     def at(self, run: str, tick: int, chosen: str) -> bytes | None:
         """The frame of a moment, with the processes of then; None where it is no longer kept."""
-        past = next((it for it in reversed(self._past) if it.tick == tick and it.run == run), None)
+        past = next((seen for seen in reversed(self._past) if seen.tick == tick and seen.run == run), None)
         moment = None if past is None else self.team.moments.at(tick)
         if past is None or moment is None or moment.run != run:
             return None
@@ -96,4 +96,4 @@ class Frames:
         first = max(begin, self.made - len(self._past))
         lines = list(self._past)[len(self._past) - (self.made - first) :] if first < self.made else []
         head = f'{{"first":{first},"made":{self.made},"lines":['.encode()
-        return head + b",".join(it.line for it in lines) + b"]}"
+        return head + b",".join(seen.line for seen in lines) + b"]}"
