@@ -100,12 +100,12 @@ class Detected(Changed):
             return []
         noise = self._noise(f"{robot} clutter")
         classes = sorted({f"{kind}/?" for kind in self.settings.anonymous if kind != "object"} | self._classes(truth))
-        found = []
+        clutter = []
         for _ in range(int(noise.poisson(self.settings.clutter)) if classes else 0):
             distance = math.sqrt(noise.uniform(NEAR**2, FAR**2))
             bearing = noise.uniform(-self.vision.half_angle, self.vision.half_angle)
-            found.append(Sighting(subject=str(noise.choice(classes)), range=distance, bearing=bearing))
-        return found
+            clutter.append(Sighting(subject=str(noise.choice(classes)), range=distance, bearing=bearing))
+        return clutter
 
     def _classes(self, truth: Truth) -> set[str]:
         return {class_of(subject) for subject in truth.positions if self._is_unnamed(subject)}

@@ -83,10 +83,10 @@ class Members:
     def absent(self) -> list[str]:
         """Those of the scenario that are not there."""
         robots = self.roster.robots
-        found = [f"the board of {sub_team}" for sub_team in self.team.sub_teams if not self._boards(sub_team)]
+        absent = [f"the board of {sub_team}" for sub_team in self.team.sub_teams if not self._boards(sub_team)]
         for sub_team, names in self.team.sub_teams.items():
-            found += [f"{name} of {sub_team}" for name in names if name not in robots.get(sub_team, [])]
-        return found
+            absent += [f"{name} of {sub_team}" for name in names if name not in robots.get(sub_team, [])]
+        return absent
 
     def missing(self, instant: Instant) -> set[str]:
         """Who takes part in a tick, is alive, and has not sent everything; no newcomers."""

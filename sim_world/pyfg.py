@@ -91,15 +91,15 @@ class GraphReplay:
 
     def _seen(self, track: Track, now: float) -> list[Seen]:
         """What was measured in the tick before `now`."""
-        found = []
+        sightings = []
         for time, kind, subject, values, covariance in track.seen:
             if now - self.dt < time <= now:
                 place = self.graph.points.get(subject.removeprefix("landmark/"))
                 it = Seen(
                     subject=subject, kind=kind, values=values, covariance=covariance, landmark=place, age=now - time
                 )
-                found.append(it)
-        return found[-MAX_OPINIONS:]
+                sightings.append(it)
+        return sightings[-MAX_OPINIONS:]
 
 
 def _moved(track: Track, since: float, until: float) -> Odometry:

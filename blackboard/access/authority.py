@@ -87,20 +87,20 @@ def check_host(host: str) -> None:
 
 
 def _names(hosts: tuple[str, ...]) -> list[x509.GeneralName]:
-    found: list[x509.GeneralName] = []
+    names: list[x509.GeneralName] = []
     for host in hosts:
         try:
-            found.append(x509.IPAddress(ipaddress.ip_address(host)))
+            names.append(x509.IPAddress(ipaddress.ip_address(host)))
             continue
         except ValueError:
             pass
         try:
             if not host or set(host) & set("/: *"):
                 raise ValueError("a host name has no '/', ':', '*' or space")
-            found.append(x509.DNSName(host))
+            names.append(x509.DNSName(host))
         except ValueError as error:
             raise UserError(f"--name {host}: give an address or a host name ({error})") from None
-    return found
+    return names
 
 
 def _name(team: str, common_name: str) -> x509.Name:

@@ -51,10 +51,10 @@ class Identity:
             raise UserError(
                 f"{self.folder / ZENOH}: cannot be used ({error}); `blackboard keys renew` writes it"
             ) from None
-        found = {f"transport/link/tls/{name}": self._here(name, value) for name, value in tls.items()}
+        known = {f"transport/link/tls/{name}": self._here(name, value) for name, value in tls.items()}
         if "access_control" in said:
-            found["access_control"] = said["access_control"]
-        return found
+            known["access_control"] = said["access_control"]
+        return known
 
     def _here(self, name: str, value: object) -> object:
         path = name.endswith(("_certificate", "_private_key"))
@@ -87,17 +87,17 @@ class Identity:
 
 def find_link(directory: str) -> Identity:
     """The certificate with which a router connects to that of another site. UserError: there is none in the directory, or several."""
-    found = sorted(folder.name.partition(".")[2] for folder in Path(directory).glob("link.*"))
-    if len(found) != 1:
+    links = sorted(folder.name.partition(".")[2] for folder in Path(directory).glob("link.*"))
+    if len(links) != 1:
         cure = (
-            f"leave the folder of this site alone there, of {', '.join(found)}"
-            if found
+            f"leave the folder of this site alone there, of {', '.join(links)}"
+            if links
             else f"`blackboard keys add SITE --kind link --sub-team S --dir {directory}` makes one"
         )
         raise UserError(
             f"--connect: with --keys a router connects to that of another site with a certificate for this, link.SITE: {cure}"
         )
-    return find(directory, f"link/{found[0]}")
+    return find(directory, f"link/{links[0]}")
 
 
 def find(directory: str, who: str) -> Identity:

@@ -111,11 +111,13 @@ class Team:
 
     def named(self, name: str) -> Member:
         """The one member of a name, or of "kind/name". UserError: no member, or several, have this name."""
-        found = [m for m in self.members if name in (m.name, f"{m.kind}/{m.name}")]
-        if len(found) != 1:
-            said = ", ".join(m.who for m in found or self.members)
-            raise UserError(f"{name}: {'which one' if found else 'nobody of this name'}; team {self.name} has {said}")
-        return found[0]
+        matching = [m for m in self.members if name in (m.name, f"{m.kind}/{m.name}")]
+        if len(matching) != 1:
+            said = ", ".join(m.who for m in matching or self.members)
+            raise UserError(
+                f"{name}: {'which one' if matching else 'nobody of this name'}; team {self.name} has {said}"
+            )
+        return matching[0]
 
     def with_member(self, member: Member) -> Team:
         """The team with this member, instead of the one of the same kind and name."""

@@ -37,13 +37,13 @@ def fault(endpoints: list[str], identity: Identity | None, *, last: bool) -> str
         host, _, port = address.split("#")[0].split("?")[0].rpartition(":")
         if not port.isdigit():
             continue
-        found = None
+        problem = None
         if protocol == "tls" and identity is not None:
-            found = _handshake(host.strip("[]"), int(port), identity, last)
+            problem = _handshake(host.strip("[]"), int(port), identity, last)
         elif protocol == "tcp" and identity is None:
-            found = _plain(host.strip("[]"), int(port))
-        if found is not None:
-            return f"{endpoint}: {found}"
+            problem = _plain(host.strip("[]"), int(port))
+        if problem is not None:
+            return f"{endpoint}: {problem}"
     return None
 
 

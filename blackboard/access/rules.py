@@ -151,7 +151,7 @@ def _rules(member: Member) -> list[dict[str, Any]]:
         ("sees", "egress", ["liveliness_token"], may.watches),
     ]
     # Zenoh takes no empty list of key expressions
-    return [_rule(f"{who} {what}", flow, messages, found) for what, flow, messages, found in rows if found]
+    return [_rule(f"{who} {what}", flow, messages, topics) for what, flow, messages, topics in rows if topics]
 
 
 def _rules_between(other: Member, may: Grant) -> list[dict[str, Any]]:
@@ -164,7 +164,7 @@ def _rules_between(other: Member, may: Grant) -> list[dict[str, Any]]:
         ("asks", "ingress", [*ASKS, *LOOKS], may.reads),
         ("hears", "egress", [*TELLS, *ASKS, *LOOKS, "declare_queryable", "liveliness_token"], (ALL,)),
     ]
-    return [_rule(f"{who} {what}", flow, messages, found) for what, flow, messages, found in rows if found]
+    return [_rule(f"{who} {what}", flow, messages, topics) for what, flow, messages, topics in rows if topics]
 
 
 def _rule(name: str, flow: str, messages: list[str], expressions: Iterable[str]) -> dict[str, Any]:

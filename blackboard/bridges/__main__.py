@@ -194,7 +194,7 @@ def _topics(flag: str, given: list[str] | None) -> dict[str, str]:
     """ROBOT=TOPIC, each robot and each topic once. UserError: another form."""
     from blackboard.bridges.ros.names import is_topic
 
-    found: dict[str, str] = {}
+    topics: dict[str, str] = {}
     for pair in given or ():
         robot, equals, topic = pair.partition("=")
         if not equals or not is_topic(topic):
@@ -202,17 +202,17 @@ def _topics(flag: str, given: list[str] | None) -> dict[str, str]:
                 f"{flag} {pair}: write ROBOT=TOPIC, as r1=/r1/odom; a topic has letters, digits, '_' and '/'"
             )
         door.check_name(flag, robot)
-        if robot in found or topic.strip("/") in {other.strip("/") for other in found.values()}:
+        if robot in topics or topic.strip("/") in {other.strip("/") for other in topics.values()}:
             raise UserError(f"{flag} {pair}: this robot or topic was given before")
-        found[robot] = topic
-    return found
+        topics[robot] = topic
+    return topics
 
 
 def _sightings(flag: str, given: list[str] | None) -> dict[tuple[str, str], str]:
     """ROBOT:SUBJECT=TOPIC, each subject of a robot once. UserError: another form."""
     from blackboard.bridges.ros.names import is_topic
 
-    found: dict[tuple[str, str], str] = {}
+    sightings: dict[tuple[str, str], str] = {}
     for text in given or ():
         left, equals, topic = text.partition("=")
         robot, _, subject = left.partition(":")
@@ -223,10 +223,10 @@ def _sightings(flag: str, given: list[str] | None) -> dict[tuple[str, str], str]
         door.check_name(flag, robot)
         if subject == f"robot/{robot}":
             raise UserError(f"{flag} {text}: a robot sees others; of itself give --fix")
-        if (robot, subject) in found:
+        if (robot, subject) in sightings:
             raise UserError(f"{flag} {text}: this subject of this robot was given before")
-        found[robot, subject] = topic
-    return found
+        sightings[robot, subject] = topic
+    return sightings
 
 
 def export(file: Path, out: Path, *, to: Literal["foxglove"] = "foxglove", team: str | None = None) -> int:

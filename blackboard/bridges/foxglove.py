@@ -60,9 +60,9 @@ class _File:
 
     def show(self, team: TeamFold, moment: Moment) -> None:
         self._frame = (team.grid.frame if team.grid is not None else "") or FRAME
-        found: dict[str, Point] = {}
+        places: dict[str, Point] = {}
         for name, _, drawn in agreed(moment):
-            found[name] = drawn.mean[0], drawn.mean[1]
+            places[name] = drawn.mean[0], drawn.mean[1]
             colour = self._colours.setdefault(name, COLOURS[len(self._colours) % len(COLOURS)])
             x, y, cell = corner(moment, name, drawn)
             self._write(
@@ -77,9 +77,9 @@ class _File:
                 fields=self._fields(),
                 data=cells(masses(drawn), colour),
             )
-            self._write(f"/pose/{name}", "PoseInFrame", moment.at, pose=self._pose(found[name]))
+            self._write(f"/pose/{name}", "PoseInFrame", moment.at, pose=self._pose(places[name]))
         truths = [about.truth for about in moment.subjects.values() if about.truth is not None]
-        self._write("/agreed", "PosesInFrame", moment.at, poses=[self._pose(place) for place in found.values()])
+        self._write("/agreed", "PosesInFrame", moment.at, poses=[self._pose(place) for place in places.values()])
         if truths:
             self._write("/truth", "PosesInFrame", moment.at, poses=[self._pose(place) for place in truths])
 
@@ -121,9 +121,9 @@ class _File:
 
 def cells(p: np.ndarray, colour: tuple[int, int, int]) -> bytes:
     """The cells of a box (x, y) in rows of y, each its probability and a colour that is clearer the less likely the cell is."""
-    found = np.zeros(p.T.shape, CELL)
-    found["probability"] = p.T
+    values = np.zeros(p.T.shape, CELL)
+    values["probability"] = p.T
     for name, value in zip(("red", "green", "blue"), colour, strict=True):
-        found[name] = value
-    found["alpha"] = np.rint(230.0 * np.sqrt(p.T / max(float(p.max()), 1e-300)))
-    return found.tobytes()
+        values[name] = value
+    values["alpha"] = np.rint(230.0 * np.sqrt(p.T / max(float(p.max()), 1e-300)))
+    return values.tobytes()

@@ -67,17 +67,17 @@ class RerunSink:
         rr = self._rerun
         self._recording.set_time("tick", sequence=moment.tick)
         self._recording.set_time("team_time", duration=moment.time)
-        found = {name: (drawn.mean[0], drawn.mean[1]) for name, _, drawn in agreed(moment)}
+        where = {name: (drawn.mean[0], drawn.mean[1]) for name, _, drawn in agreed(moment)}
         truths = [about.truth for about in moment.subjects.values() if about.truth is not None]
         self._log("map/beliefs", rr.DepthImage(_picture(moment, grid), depth_range=(0, 65535), colormap="viridis"))
-        places = [_cell(place, grid) for place in found.values()]
-        self._log("map/agreed", rr.Points2D(places, labels=[name.split("/", 1)[1] for name in found], radii=0.3))
+        places = [_cell(place, grid) for place in where.values()]
+        self._log("map/agreed", rr.Points2D(places, labels=[name.split("/", 1)[1] for name in where], radii=0.3))
         self._log("map/truth", rr.Points2D([_cell(place, grid) for place in truths], radii=0.2, colors=[255, 255, 255]))
         seen = [
-            [_cell(found[a], grid), _cell(found[b], grid)] for a, b in moment.sightings if a in found and b in found
+            [_cell(where[a], grid), _cell(where[b], grid)] for a, b in moment.sightings if a in where and b in where
         ]
         self._log("map/sightings", rr.LineStrips2D(seen, radii=0.03, colors=[154, 167, 180]))
-        self._log("map/trails", rr.LineStrips2D(self._trails_until(moment, found, grid), radii=0.06))
+        self._log("map/trails", rr.LineStrips2D(self._trails_until(moment, where, grid), radii=0.06))
         for name, about in moment.subjects.items():
             if about.best is not None:
                 self._log(f"entropy/{name}", rr.Scalars(about.best.message.entropy))
@@ -93,8 +93,8 @@ class RerunSink:
         self._recording.flush()
         self._recording.disconnect()
 
-    def _trails_until(self, moment: Moment, found: dict[str, Point], grid: Grid) -> list[list[Point]]:
-        for name, place in found.items():
+    def _trails_until(self, moment: Moment, places: dict[str, Point], grid: Grid) -> list[list[Point]]:
+        for name, place in places.items():
             self._trails[name].append((moment.time, place))
         for trail in self._trails.values():
             while trail and trail[0][0] < moment.time - TRAIL:

@@ -143,11 +143,11 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
 
 def _by_tick(readings: Iterable[Readings]) -> dict[int, dict[str, Readings]]:
     """Readings by tick and robot, of so many ticks at most."""
-    found: dict[int, dict[str, Readings]] = {}
+    by_tick: dict[int, dict[str, Readings]] = {}
     for one in readings:
-        if one.tick in found or len(found) < MOST_TICKS:
-            found.setdefault(one.tick, {})[one.robot] = one
-    return found
+        if one.tick in by_tick or len(by_tick) < MOST_TICKS:
+            by_tick.setdefault(one.tick, {})[one.robot] = one
+    return by_tick
 
 
 def _rows(

@@ -128,8 +128,8 @@ class _Here:
         solved = self.chain().solved()
         unknown = self.poses.size + self.shared.size
         evidence = self.density + 0.5 * (unknown * math.log(2 * math.pi) - solved.log_determinant)
-        found = self.model, self.poses, self.shared, self.noise, solved, self.sighted, self.believed, self.odometry
-        return Fit(*found, float(evidence))
+        parts = self.model, self.poses, self.shared, self.noise, solved, self.sighted, self.believed, self.odometry
+        return Fit(*parts, float(evidence))
 
 
 def _log_density(factors: Factors) -> float:

@@ -119,10 +119,10 @@ def _placed(drives: Drives, track: float, moved: Callable[[], None]) -> tuple[Fi
             break
         begin = fit if fit.misread < SOUND else None  # where much was misread, the poses may be wrong, too
         other = fitted(drives.without(numbers | suspects), track, moved, begin)
-        found = misplaced(Fit(**{**vars(other), "model": Model(drives, track)}))
-        if not suspects & {number for number, _ in found} or len(found) > len(drives.landmarks) / 2:
+        places = misplaced(Fit(**{**vars(other), "model": Model(drives, track)}))
+        if not suspects & {number for number, _ in places} or len(places) > len(drives.landmarks) / 2:
             break
-        fit, off, numbers = other, found, {number for number, _ in found} & (numbers | suspects)
+        fit, off, numbers = other, places, {number for number, _ in places} & (numbers | suspects)
     return fit, [one for one in off if one[0] in numbers]
 
 
@@ -202,14 +202,14 @@ def _wheels(fit: Fit, n: int) -> dict[str, Number]:
     """Sigmas per square root of a second, in motion and standing, and for how long it stood."""
     moving = fit.model.moving(fit.shared)[:, n]
     seconds = {"moving": float(moving.sum()), "standing": float(fit.drives.dt.sum() - moving.sum())}
-    found = {}
+    numbers = {}
     for state, table in (("moving", fit.noise.moving), ("standing", fit.noise.standing)):
         within = LIKELY / math.sqrt(max(2.0, seconds[state] / 4))
         for name, variance in zip(("along", "across", "turn"), table[n], strict=True):
             value = math.sqrt(float(variance))
             known = seconds[state] >= STOOD
-            found[f"{state}, {name}"] = Number(value, value * within) if known else Number(None)
-    return {**found, **_over_long(fit, n), "stood": Number(seconds["standing"])}
+            numbers[f"{state}, {name}"] = Number(value, value * within) if known else Number(None)
+    return {**numbers, **_over_long(fit, n), "stood": Number(seconds["standing"])}
 
 
 def _over_long(fit: Fit, n: int) -> dict[str, Number]:
@@ -220,28 +220,28 @@ def _over_long(fit: Fit, n: int) -> dict[str, Number]:
     spans = int(number.max(initial=0))  # the last one is not whole
     sums = np.zeros((spans + 1, 3))
     np.add.at(sums, number, fit.odometry.residual[rows])
-    found = {}
+    numbers = {}
     for column, name in enumerate(("along", "across", "turn")):
         value = math.sqrt(float(np.mean(sums[:spans, column] ** 2)) / LONG) if spans >= FEWEST_SPANS else None
-        found[f"over {LONG:g} s, {name}"] = Number(value, (value or 0.0) * LIKELY / math.sqrt(2 * max(1, spans)))
-    return found
+        numbers[f"over {LONG:g} s, {name}"] = Number(value, (value or 0.0) * LIKELY / math.sqrt(2 * max(1, spans)))
+    return numbers
 
 
 def _ranges(fit: Fit, seen: Array) -> list[tuple[float, float, int, float]]:
     distance, error, believed = fit.drives.sightings.range[seen], fit.sighted.residual[seen, 0], fit.believed[seen]
-    found = []
+    ranges = []
     for low, high in pairwise(DISTANCES):
         some = (distance >= low) & (distance < high) & (believed > 0.5)
         if some.any():
-            found.append((low, high, int(some.sum()), float(np.sqrt(np.mean(error[some] ** 2)))))
-    return found
+            ranges.append((low, high, int(some.sum()), float(np.sqrt(np.mean(error[some] ** 2)))))
+    return ranges
 
 
 def _lasting(fit: Fit, n: int) -> dict[str, float]:
     """How long errors of range and bearing of one thing last: where their correlation falls to 1/e."""
     seen = fit.drives.sightings
     rows = np.flatnonzero((seen.robot == n) & (fit.believed > 0.5))
-    found = {}
+    seconds = {}
     for column, name in enumerate(("range", "bearing")):
         errors = fit.sighted.residual[rows, column]
         errors = errors / (np.sqrt(fit.noise.range_variance(seen.robot[rows], seen.range[rows])) if not column else 1.0)
@@ -249,8 +249,8 @@ def _lasting(fit: Fit, n: int) -> dict[str, float]:
         told = [one for one in likeness if one is not None]
         if len(told) >= 2:
             fallen = next((k for k, one in enumerate(told) if one < math.exp(-1)), len(told))
-            found[name] = 0.0 if not fallen else SPANS[fallen - 1]
-    return found
+            seconds[name] = 0.0 if not fallen else SPANS[fallen - 1]
+    return seconds
 
 
 def _alike(fit: Fit, rows: Array, errors: Array, low: float, high: float) -> float | None:

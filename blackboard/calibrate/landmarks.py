@@ -36,12 +36,12 @@ class Misplaced:
 
 def misplaced(fit: Fit) -> list[tuple[int, Misplaced]]:
     """The landmarks that are seen elsewhere, by their numbers, the farthest off first, in errors of a sighting."""
-    found = []
+    candidates = []
     for number in range(len(fit.drives.landmarks)):
         told, least = _told(fit, number)
         if told is not None and told.off > SURE * told.sigma and told.off > FAR * least:
-            found.append((told.off / least, number, told))
-    return [(number, told) for _, number, told in sorted(found, key=lambda candidate: -candidate[0])]
+            candidates.append((told.off / least, number, told))
+    return [(number, told) for _, number, told in sorted(candidates, key=lambda candidate: -candidate[0])]
 
 
 def apart(fit: Fit, landmark: int) -> float:
@@ -67,12 +67,12 @@ def _told(fit: Fit, number: int) -> tuple[Misplaced | None, float]:
 
 def exchanged(told: list[Misplaced]) -> list[Misplaced]:
     """The same, with the pairs named that are seen at each other's places: nearer to them than to their own by half."""
-    found = []
+    both = []
     for one in told:
         pairs = [other for other in told if other is not one and _swaps(one, other)]
         name = pairs[0].landmark if pairs else ""
-        found.append(Misplaced(one.landmark, one.map, one.seen, one.sigma, one.sightings, name))
-    return found
+        both.append(Misplaced(one.landmark, one.map, one.seen, one.sigma, one.sightings, name))
+    return both
 
 
 def _swaps(one: Misplaced, other: Misplaced) -> bool:

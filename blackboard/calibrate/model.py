@@ -79,14 +79,14 @@ class Model:
     def commands(self, lag: Array) -> tuple[Array, Array]:
         """What each tick adds to the sums of commands that act `lag` (N,) seconds late, and its derivative by the lag."""
         times, dt = self.drives.times, self.drives.dt
-        found, slope = np.zeros((2, *self._sums.shape))
+        moves, slope = np.zeros((2, *self._sums.shape))
         half = 0.5 * float(np.median(dt[1:])) if len(dt) > 1 else 0.5
         for n, late in enumerate(lag):
             for column in range(self._sums.shape[2]):
                 at = [np.interp(times - late + step, times, self._sums[:, n, column]) for step in (0.0, half, -half)]
                 rate = (at[1] - at[2]) / (2 * half)
-                found[1:, n, column], slope[1:, n, column] = np.diff(at[0]), -np.diff(rate)
-        return found, slope
+                moves[1:, n, column], slope[1:, n, column] = np.diff(at[0]), -np.diff(rate)
+        return moves, slope
 
     def moving(self, shared: Array) -> Array:
         """Seconds in motion in each tick, shape (K, N)."""
@@ -94,18 +94,18 @@ class Model:
 
     def odometry(self, poses: Array, shared: Array, noise: Noise) -> Factors:
         """Each motion against the commands: along, across (unit) and turn (rad), tick by tick for each robot."""
-        found, slope = self.commands(shared[:, LAG])
+        moves, slope = self.commands(shared[:, LAG])
         ticks, robots = poses.shape[:2]
-        way = shared[:, WAY] * found[:, :, 0] + shared[:, CURVED_WAY] * found[:, :, 1]
+        way = shared[:, WAY] * moves[:, :, 0] + shared[:, CURVED_WAY] * moves[:, :, 1]
         turn = (
-            shared[:, TURN] * found[:, :, 2]
-            + shared[:, DRIVEN_TURN] * found[:, :, 3]
-            + shared[:, DRIFT] * found[:, :, 4]
+            shared[:, TURN] * moves[:, :, 2]
+            + shared[:, DRIVEN_TURN] * moves[:, :, 3]
+            + shared[:, DRIFT] * moves[:, :, 4]
         )
         by_way, by_turn = np.zeros((2, ticks, robots, EACH))
-        by_way[:, :, [WAY, CURVED_WAY]] = found[:, :, :2]
+        by_way[:, :, [WAY, CURVED_WAY]] = moves[:, :, :2]
         by_way[:, :, LAG] = shared[:, WAY] * slope[:, :, 0] + shared[:, CURVED_WAY] * slope[:, :, 1]
-        by_turn[:, :, [TURN, DRIVEN_TURN, DRIFT]] = found[:, :, 2:]
+        by_turn[:, :, [TURN, DRIVEN_TURN, DRIFT]] = moves[:, :, 2:]
         by_turn[:, :, LAG] = (
             shared[:, TURN] * slope[:, :, 2]
             + shared[:, DRIVEN_TURN] * slope[:, :, 3]

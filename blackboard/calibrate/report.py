@@ -25,18 +25,18 @@ NOISE = {
 }
 
 
-def report(found: Calibration, world: Mapping[str, Any]) -> dict[str, Any]:
+def report(calibration: Calibration, world: Mapping[str, Any]) -> dict[str, Any]:
     """All that was found, as JSON: each number with half of its 95 % interval, null where the drive does not determine it.
 
     `world` is what the scenario's [world] has to say for the tables of its robots to hold.
     """
     return {
-        "robots": {name: _robot(sensors) for name, sensors in found.robots.items()},
-        "landmarks": [{**vars(landmark), "off": round(landmark.off, 3)} for landmark in found.landmarks],
-        "nats": {name: round(value, 4) for name, value in found.nats.items()},
+        "robots": {name: _robot(sensors) for name, sensors in calibration.robots.items()},
+        "landmarks": [{**vars(landmark), "off": round(landmark.off, 3)} for landmark in calibration.landmarks],
+        "nats": {name: round(value, 4) for name, value in calibration.nats.items()},
         "scenario": {
             **({"world": dict(world)} if world else {}),
-            "robots": {name: _tables(sensors) for name, sensors in found.robots.items()},
+            "robots": {name: _tables(sensors) for name, sensors in calibration.robots.items()},
         },
     }
 
@@ -81,7 +81,7 @@ def _tables(sensors: Sensors) -> dict[str, dict[str, Any]]:
         "range_share": sensors.numbers["noise, range share"],
         "bearing": sensors.numbers["noise, bearing"],
     }
-    found: dict[str, dict[str, Any]] = {}
+    tables: dict[str, dict[str, Any]] = {}
     for section, numbers in (("odometry", odometry), ("vision", vision)):
         told = {key: round(number.value, 4) for key, number in numbers.items() if number.value is not None}
         if section == "odometry" and told:
@@ -92,8 +92,8 @@ def _tables(sensors: Sensors) -> dict[str, dict[str, Any]]:
             told["distance_lasting"] = _lasting(sensors.numbers["way, straight"], sensors.numbers["way, arc"])
             told["turn_lasting"] = _lasting(sensors.numbers["turn, spin"], sensors.numbers["turn, arc"])
         if told:
-            found[section] = told
-    return found
+            tables[section] = told
+    return tables
 
 
 def _larger(*numbers: Number) -> Number:
@@ -106,9 +106,9 @@ def _lasting(*numbers: Number) -> float:
     return round(min(0.5, max([LASTING, *(number.within / 2 for number in numbers if number.value is not None)])), 4)
 
 
-def text(found: Mapping[str, Any], unit: str) -> str:
+def text(report: Mapping[str, Any], unit: str) -> str:
     """A report as text."""
-    robots = found["robots"]
+    robots = report["robots"]
     rows = [["", *robots, ""]]
     for name, of in {**{name: of for name, (of, _) in NUMBERS.items()}, **NOISE}.items():
         cells = [_cell(robot["numbers"].get(name)) for robot in robots.values()]
@@ -121,12 +121,12 @@ def text(found: Mapping[str, Any], unit: str) -> str:
     lines = [*columns(rows), "", *columns(_ranges(robots, unit)), ""]
     lines += [
         _landmark(Misplaced(**{k: v for k, v in landmark.items() if k != "off"}), unit)
-        for landmark in found["landmarks"]
+        for landmark in report["landmarks"]
     ]
-    lines += [""] if found["landmarks"] else ["Every landmark is where the map has it, as far as it was seen.", ""]
+    lines += [""] if report["landmarks"] else ["Every landmark is where the map has it, as far as it was seen.", ""]
     lines.append("The half that was not fitted, nats for each reading (more is better):")
-    lines += columns([[f"  {name}", f"{value:.3f}"] for name, value in found["nats"].items()])
-    return "\n".join([*lines, "", *_pasted(found["scenario"])])
+    lines += columns([[f"  {name}", f"{value:.3f}"] for name, value in report["nats"].items()])
+    return "\n".join([*lines, "", *_pasted(report["scenario"])])
 
 
 def _cell(number: Mapping[str, float] | None) -> str:

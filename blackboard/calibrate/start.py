@@ -23,12 +23,12 @@ def first_poses(model: Model, shared: Array) -> Array:
     Backwards before the first one. A robot without any begins at 0.
     """
     drives = model.drives
-    found, _ = model.commands(shared[:, -4])
-    way = shared[:, WAY] * found[:, :, 0] + shared[:, CURVED_WAY] * found[:, :, 1]
+    moves, _ = model.commands(shared[:, -4])
+    way = shared[:, WAY] * moves[:, :, 0] + shared[:, CURVED_WAY] * moves[:, :, 1]
     turn = (
-        shared[:, TURN_SCALE] * found[:, :, 2]
-        + shared[:, DRIVEN_TURN] * found[:, :, 3]
-        + shared[:, DRIFT] * found[:, :, 4]
+        shared[:, TURN_SCALE] * moves[:, :, 2]
+        + shared[:, DRIVEN_TURN] * moves[:, :, 3]
+        + shared[:, DRIFT] * moves[:, :, 4]
     )
     poses = np.zeros((*turn.shape, 3))
     for n in range(len(drives.robots)):
@@ -62,11 +62,11 @@ def _moved(anchor: Array, led: Array, other: Array) -> Array:
 
 def _anchors(drives: Drives, robot: int, led: Array) -> dict[int, Array]:
     """Poses by tick: fixes with a heading, and what sightings of two landmarks leave."""
-    found: dict[int, Array] = {}
+    anchors: dict[int, Array] = {}
     headings = {int(k): float(v[0]) for k, n, v in _rows(drives.headings) if n == robot}
     for k, n, place in _rows(drives.fixes):
         if n == robot and int(k) in headings:
-            found[int(k)] = np.array([*place, headings[int(k)]])
+            anchors[int(k)] = np.array([*place, headings[int(k)]])
     sightings = drives.sightings.where((drives.sightings.robot == robot) & (drives.sightings.landmark >= 0))
     bearing = led[sightings.tick, 2] + sightings.bearing
     seen = led[sightings.tick, :2] + sightings.range[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
@@ -80,8 +80,8 @@ def _anchors(drives: Drives, robot: int, led: Array) -> dict[int, Array]:
         pose = _agreed(seen[first : row + 1], places[first : row + 1], sightings.range[first : row + 1])
         if pose is not None:
             at = led[sightings.tick[row]]
-            found[int(sightings.tick[row])] = _moved(pose, np.zeros(3), at)
-    return found
+            anchors[int(sightings.tick[row])] = _moved(pose, np.zeros(3), at)
+    return anchors
 
 
 def _rows(measured: object) -> zip[tuple[int, int, Array]]:

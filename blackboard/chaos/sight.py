@@ -94,11 +94,11 @@ class Sight:
         return [(sub_team, subject) for sub_team in there for subject in subjects]
 
     def _is_settled(self, pair: Pair, time: float) -> bool:
-        found = self._agreed.get(pair)
-        if found is None or time - found.time > FRESH:
+        agreed = self._agreed.get(pair)
+        if agreed is None or time - agreed.time > FRESH:
             return False
         kind, _, name = pair[1].partition("/")
-        return kind != "robot" or time - found.ancestors.get(name, -FRESH) <= FRESH
+        return kind != "robot" or time - agreed.ancestors.get(name, -FRESH) <= FRESH
 
 
 def recovery(looks: Sequence[Look], begin: float, end: float) -> float | None:

@@ -78,8 +78,8 @@ class _Soak:
         while True:
             now = self.team.now()
             for name, pid in list(self.team.supervisor.pids.items()):
-                found = gauges.read(now, name, pid)
-                self.gauges += [found] if found else []
+                gauge = gauges.read(now, name, pid)
+                self.gauges += [gauge] if gauge else []
             for name, (status, seen) in self.team.sight.statuses.items():
                 if now >= self._upset.get(name, 0.0):
                     life, counters = self.team.supervisor.pids.get(name), status.counters

@@ -64,13 +64,13 @@ async def run_case(scenario: Scenario, case: Case, seed: int, rng: np.random.Gen
 def prepared(scenario: Scenario, case: Case, seed: int) -> Scenario:
     """The scenario in real time, as long as the case needs, with lost reports where the case has them."""
     seconds = math.ceil(WARM_UP + case.seconds + REST)
-    found = scenario.changed("time", mode="realtime", seconds=float(seconds))
-    found = found.changed("world", seed=seed, linger=LINGER)
+    chosen = scenario.changed("time", mode="realtime", seconds=float(seconds))
+    chosen = chosen.changed("world", seed=seed, linger=LINGER)
     if case.lose:
         few = [robot for robots in scenario.team.sub_teams.values() for robot in robots[1:]]
         lose = {"kind": "lose", "robots": few, "share": case.lose, "start": WARM_UP, "end": WARM_UP + case.seconds}
-        found = Scenario({**found.tables, "fault": [*found.tables.get("fault", []), lose]}, found.where)
-    return found
+        chosen = Scenario({**chosen.tables, "fault": [*chosen.tables.get("fault", []), lose]}, chosen.where)
+    return chosen
 
 
 async def _trouble(team: StormTeam, case: Case, who: Sequence[str]) -> None:
@@ -96,16 +96,16 @@ async def _trouble(team: StormTeam, case: Case, who: Sequence[str]) -> None:
 
 def judged(samples: Sequence[Sample]) -> dict[str, Any]:
     """RMSE (unit) of robots alone and as agreed on and of objects, and the share of agreed 95 % regions that held the truth."""
-    found: dict[str, Any] = {}
+    verdict: dict[str, Any] = {}
     for name, level, kind in (
         ("solo", "solo", "robot/"),
         ("robots", "agreed", "robot/"),
         ("objects", "agreed", "object/"),
     ):
         mine = [s for s in samples if s.level == level and s.subject.startswith(kind)]
-        found[name] = rms_error(mine) if mine else None
+        verdict[name] = rms_error(mine) if mine else None
     agreed = [s for s in samples if s.level == "agreed"]
-    return found | {"coverage": float(held_by(agreed, 95).mean()) if agreed else None, "samples": len(agreed)}
+    return verdict | {"coverage": float(held_by(agreed, 95).mean()) if agreed else None, "samples": len(agreed)}
 
 
 def _missing(card: dict[str, Any]) -> float:
@@ -118,13 +118,13 @@ def _missing(card: dict[str, Any]) -> float:
 COLUMNS = ("case", "trouble", "again settled", "settled", "solo", "robots", "objects", "95 %", "missing")
 
 
-def text(found: dict[str, Any]) -> str:
+def text(table: dict[str, Any]) -> str:
     """The table as Markdown, and what it was made with."""
     lines: list[Sequence[str]] = [COLUMNS]
-    for row in found["rows"]:
+    for row in table["rows"]:
         again = "never" if row["recovery"] is None else f"{row['recovery']:.1f} s"
         errors = [cell(row[name], "{:.2f}") for name in ("solo", "robots", "objects")]
         shares = [cell(row[name], "{:.0%}").replace("%", " %") for name in ("coverage", "missing")]
         share = f"{row['settled']:.0%}".replace("%", " %")
         lines.append((row["case"], row["what"], again, share, *errors, *shares))
-    return "\n".join([*markdown_table(lines), "", found["network"]])
+    return "\n".join([*markdown_table(lines), "", table["network"]])

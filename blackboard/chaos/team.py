@@ -78,11 +78,11 @@ class StormTeam:
         """The world's scorecard, when it has ended. RunFailed: it ended without one."""
         status, output = await self.world
         try:
-            found: dict[str, Any] = json.loads(output)
+            scores: dict[str, Any] = json.loads(output)
         except ValueError:
             said = "\n".join(self.lines)
             raise RunFailed(f"the world ended with status {status}, without a scorecard:\n{said}") from None
-        return found
+        return scores
 
 
 @asynccontextmanager

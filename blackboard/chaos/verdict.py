@@ -43,10 +43,10 @@ class Sent:
 
 def lives(gauges: Iterable[Gauge]) -> dict[tuple[str, int], list[Gauge]]:
     """The gauges of each process from start to end, without the first `WARM` seconds; those that lived for `LIFE` seconds."""
-    found = defaultdict[tuple[str, int], list[Gauge]](list)
+    by_process = defaultdict[tuple[str, int], list[Gauge]](list)
     for gauge in gauges:
-        found[gauge.name, gauge.pid].append(gauge)
-    long = {who: mine for who, mine in found.items() if mine[-1].at - mine[0].at >= LIFE}
+        by_process[gauge.name, gauge.pid].append(gauge)
+    long = {who: mine for who, mine in by_process.items() if mine[-1].at - mine[0].at >= LIFE}
     return {who: [g for g in mine if g.at - mine[0].at >= WARM] for who, mine in long.items()}
 
 
@@ -90,8 +90,8 @@ def _memory(judged: Mapping[tuple[str, int], Sequence[Gauge]], kind: str) -> Lin
     (more, minutes), worst = max((growth(gauges), gauges[0].name) for gauges in mine)
     most = max(gauge.memory for gauges in mine for gauge in gauges)
     leak = GROWTH / max(growth(gauges)[1] for gauges in mine)  # of the longest life
-    found = f"{worst} {more:+.1f} MB in {minutes:.1f} minutes, at most {most:.0f} MB; a leak of {leak:.1f} MB a minute would show"
-    return Line(more <= GROWTH, f"memory flat, {kind}: at most {GROWTH:g} MB more in the second half of a life", found)
+    text = f"{worst} {more:+.1f} MB in {minutes:.1f} minutes, at most {most:.0f} MB; a leak of {leak:.1f} MB a minute would show"
+    return Line(more <= GROWTH, f"memory flat, {kind}: at most {GROWTH:g} MB more in the second half of a life", text)
 
 
 def _flat(judged: Mapping[tuple[str, int], Sequence[Gauge]], what: str) -> Line:
@@ -111,8 +111,8 @@ def _flat(judged: Mapping[tuple[str, int], Sequence[Gauge]], what: str) -> Line:
 def _again(looks: Sequence[Look], seconds: float) -> Line:
     worst, whose = longest(looks)
     seen = (looks[-1].at - looks[0].at) / seconds if looks else 0.0
-    found = f"longest {worst:.1f} s, {whose}" if seen >= HEARD else f"looked on for {seen:.0%} of the time only"
-    return Line(worst <= AGAIN and seen >= HEARD, f"every surviving subject settled again within {AGAIN:g} s", found)
+    text = f"longest {worst:.1f} s, {whose}" if seen >= HEARD else f"looked on for {seen:.0%} of the time only"
+    return Line(worst <= AGAIN and seen >= HEARD, f"every surviving subject settled again within {AGAIN:g} s", text)
 
 
 def _counted(sent: Mapping[str, Sequence[Sent]]) -> list[Line]:

@@ -188,10 +188,10 @@ class BoardSection(Section):
 
     def in_force(self) -> dict[str, str | float]:
         """The rule with its parameters, then the same for each table of `subjects`, as `object/ball.rule`."""
-        found = self._rule([]).in_force()
+        parameters = self._rule([]).in_force()
         for pattern in sorted(self.subjects):
-            found |= {f"{pattern}.{name}": value for name, value in self.of(pattern).in_force().items()}
-        return found
+            parameters |= {f"{pattern}.{name}": value for name, value in self.of(pattern).in_force().items()}
+        return parameters
 
     @property
     def learns(self) -> bool:

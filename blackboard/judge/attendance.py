@@ -42,19 +42,19 @@ class Attendance:
         Of a robot that was never judged at all the verdict says so by itself. A robot that the scenario does not name and that has
         left is expected no more.
         """
-        found = []
+        reasons = []
         for subject in subjects:
             lacking, n, robot = self.lacking[subject], self.judged[subject], subject.startswith("robot/")
             share = lacking / max(1, lacking + n)
             if share > most and (n or not robot):
                 levels = ", ".join(f"{level} {count}" for level, count in sorted(self.missing[subject].items()))
                 text = f"{subject}: {100 * share:.1f} % of its samples are missing ({levels}), at most {100 * most:g} %"
-                found.append(text)
+                reasons.append(text)
             if (
                 robot
                 and n
                 and self._last[subject] == self._until
                 and self._until - self._since.get(subject, self._until) > GONE
             ):
-                found.append(f"{subject}: missing from {self._since[subject]:g} s to the end at {self._until:g} s")
-        return found
+                reasons.append(f"{subject}: missing from {self._since[subject]:g} s to the end at {self._until:g} s")
+        return reasons

@@ -36,10 +36,10 @@ def kind(level: int, share: Estimate) -> str:
 
 def word(coverage: Mapping[int, Estimate]) -> str:
     """One word for the regions of all levels: MIXED where some are too wide and others too narrow, SHORT where there are none."""
-    found = {kind(level, share) for level, share in coverage.items()} - {CONSISTENT}
+    kinds = {kind(level, share) for level, share in coverage.items()} - {CONSISTENT}
     if not coverage:
         return SHORT
-    return MIXED if len(found) > 1 else next(iter(found), CONSISTENT)
+    return MIXED if len(kinds) > 1 else next(iter(kinds), CONSISTENT)
 
 
 def claimed_error(belief: Belief) -> float:
@@ -68,9 +68,9 @@ class Calibration:
     @staticmethod
     def merged(parts: Iterable[Calibration]) -> Calibration:
         """All samples of several, as a new one."""
-        found = list(parts)
-        whole = Calibration(_width=max((part._width for part in found), default=1))
-        for part in found:
+        calibrations = list(parts)
+        whole = Calibration(_width=max((part._width for part in calibrations), default=1))
+        for part in calibrations:
             for block, row in part._blocks.items():
                 whole._put(block * part._width, row)
         return whole

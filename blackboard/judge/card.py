@@ -39,12 +39,14 @@ class RunResult:
 
 def scorecard(result: RunResult) -> dict[str, Any]:
     """The scorecard as JSON. Errors in `unit`, entropies and log scores in nats. A run that was stopped is a FAIL."""
-    found = result.judgement
-    reasons = found.reasons if not result.stopped else [result.stopped, *([] if found.passed else found.reasons)]
+    judgement = result.judgement
+    reasons = (
+        judgement.reasons if not result.stopped else [result.stopped, *([] if judgement.passed else judgement.reasons)]
+    )
     return {
-        "verdict": "PASS" if found.passed and not result.stopped else "FAIL",
+        "verdict": "PASS" if judgement.passed and not result.stopped else "FAIL",
         "reasons": reasons,
-        "hash": found.hash,
+        "hash": judgement.hash,
         "seed": result.seed,
         "rule": result.rule,
         "ticks": result.ticks,
@@ -52,20 +54,20 @@ def scorecard(result: RunResult) -> dict[str, Any]:
         "wall_s": round(result.wall_seconds, 3),
         "messages": {**result.messages, "refused": dict(sorted(result.refused.items()))},
         "bytes": result.bytes,
-        "scores": found.scores,
-        "unit": found.unit,
+        "scores": judgement.scores,
+        "unit": judgement.unit,
         "protocol": result.protocol,
         "mode": result.mode,
         "fusion": result.fusion,
-        "team_rmse": {level: found.scores["robots"][level]["rmse"] for level in LEVELS},
-        "missing": found.missing,
+        "team_rmse": {level: judgement.scores["robots"][level]["rmse"] for level in LEVELS},
+        "missing": judgement.missing,
         "counters": dict(sorted(result.counters.items())),
-        "honesty": found.honesty,
-        "motion": found.motion,
-        "lost": found.lost,
-        "tracks": found.tracks,
-        "identities": found.identities,
-        "causes": found.causes,
+        "honesty": judgement.honesty,
+        "motion": judgement.motion,
+        "lost": judgement.lost,
+        "tracks": judgement.tracks,
+        "identities": judgement.identities,
+        "causes": judgement.causes,
     }
 
 

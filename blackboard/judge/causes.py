@@ -43,7 +43,7 @@ def likely_causes(
 
 def _never_heard(scores: Scores, missing: Mapping[str, Mapping[str, int]], robots: Mapping[str, bool]) -> list[str]:
     """Robots that were never judged: gone, silent, or without a consensus."""
-    absent, found = [], []
+    absent, causes = [], []
     for robot, took_part in robots.items():
         lacking = missing.get(f"robot/{robot}", {})
         if robot in scores["robots"]["by_name"] or not lacking:
@@ -51,27 +51,27 @@ def _never_heard(scores: Scores, missing: Mapping[str, Mapping[str, int]], robot
         if not took_part:
             absent.append(robot)
         elif "solo" in lacking:
-            found.append(
+            causes.append(
                 f"{robot} takes part and sends no belief of its own: look at its log, or at `blackboard status`"
             )
         else:
             levels = " and ".join(sorted(lacking))
-            found.append(
+            causes.append(
                 f"{robot} reports, but its board made no {levels} of it: see what was refused (messages.refused)"
             )
     if absent:
-        found.insert(0, f"{_names(absent)} never took part: look for the end of its process in the log above")
-    return found
+        causes.insert(0, f"{_names(absent)} never took part: look for the end of its process in the log above")
+    return causes
 
 
 def _never_seen(scores: Scores, missing: Mapping[str, Mapping[str, int]]) -> list[str]:
     """Objects that were never judged."""
     never = [s for s in missing if s.startswith("object/") and s.split("/", 1)[1] not in scores["objects"]["by_name"]]
     unseen = [subject for subject in never if "solo" in missing[subject]]
-    found = [f"no robot ever saw {_names(unseen)}: too short a run, or out of everybody's view"] if unseen else []
+    causes = [f"no robot ever saw {_names(unseen)}: too short a run, or out of everybody's view"] if unseen else []
     rest = [subject for subject in never if subject not in unseen]
     return [
-        *found,
+        *causes,
         *(f"{subject} was seen, but no board made a consensus of it (messages.refused)" for subject in rest),
     ]
 
@@ -100,35 +100,35 @@ def _no_gain(scores: Scores, company: Mapping[str, float]) -> list[str]:
             solo, agreed = levels["solo"]["rmse"], levels["agreed"]["rmse"]
             if levels["agreed"]["n"] and abs(agreed - solo) <= SAME * solo:
                 (alone if company.get(prefix + name, 0.0) < ALONE else useless).append(prefix + name)
-    found = []
+    causes = []
     if alone:
-        found.append(
+        causes.append(
             f"agreed equals solo for {_names(alone)}: nobody else had anything to say of it in more than {100 * ALONE:g} % "
             "of the ticks; robots that see each other, or share what they see, are needed for a gain"
         )
     if useless:
-        found.append(
+        causes.append(
             f"agreed equals solo for {_names(useless)} although others contributed: what they say weighs next to nothing "
             "against its own; `blackboard why` shows the weights"
         )
-    return found
+    return causes
 
 
 def _overconfident(honesty: Honesty) -> list[str]:
     """Whether regions that are too small come from the robots themselves, or from putting beliefs together."""
-    found = []
+    causes = []
     for group, levels in honesty.items():
         solo, agreed = (levels.get(level, {}).get("word") for level in ("solo", "agreed"))
         if solo == CONFIDENT:
-            found.append(
+            causes.append(
                 f"{group}: over-confident already alone: their models claim less noise than there is ([robot])"
             )
         elif agreed == CONFIDENT:
-            found.append(
+            causes.append(
                 f"{group}: not over-confident alone, but in what is agreed: errors that sources share were taken as "
                 "independent ([board] independence), or a source is wrong"
             )
-    return found
+    return causes
 
 
 def _together(blocks: Iterable[Mapping[str, Any]]) -> float:

@@ -58,10 +58,10 @@ class Forecasts:
 
     def _table(self) -> list[dict[str, float]]:
         """For the forecasts between two edges: their number, their mean probability, and the share that happened."""
-        found = []
+        rows = []
         for low, high in pairwise(EDGES):
             first, last = round(low * BINS), round(high * BINS)
             n, happened, told = self._counts[first:last].sum(axis=0).tolist()
             if n:
-                found.append({"from": low, "to": high, "n": round(n), "told": told / n, "share": happened / n})
-        return found
+                rows.append({"from": low, "to": high, "n": round(n), "told": told / n, "share": happened / n})
+        return rows

@@ -68,13 +68,13 @@ class Instant:
 
     def agreed_subjects(self) -> dict[str, list[str]]:
         """Sub-team -> the subjects that are that its board lists as agreed in this tick, for those that are done with it."""
-        found = {}
+        agreed = {}
         for sub_team in self.teams:
             lists = [self.roll.list_of((sub_team, board, "agreed")) for board in self._leading(sub_team)]
             subjects = [sorted(listed[1]) for listed in lists if listed is not None]
             if subjects:  # who took over when another board had agreed on this tick lists nothing
-                found[sub_team] = next((some for some in subjects if some), [])
-        return found
+                agreed[sub_team] = next((some for some in subjects if some), [])
+        return agreed
 
     def sources(self, level: str, robot: str, sub_team: str, subject: str) -> frozenset[str]:
         """The robots whose information a belief rests on by name; of a sub-team in the exchange, those behind its consensus."""
@@ -103,5 +103,5 @@ class Instant:
     def agreed_by(self, sub_team: str) -> list[Consensus]:
         """What the first board of a sub-team by name agreed on, about each subject once."""
         subjects = {subject for name, level, subject, _ in self.consensuses if (name, level) == (sub_team, "agreed")}
-        found = (self.consensus(sub_team, "agreed", subject) for subject in sorted(subjects))
-        return [consensus for consensus in found if consensus is not None]
+        consensuses = (self.consensus(sub_team, "agreed", subject) for subject in sorted(subjects))
+        return [consensus for consensus in consensuses if consensus is not None]

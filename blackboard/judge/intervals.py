@@ -139,8 +139,8 @@ def _variance(deviations: Array, samples: Array) -> float:
 
 def means(rows: Array, rng: np.random.Generator, least: float = -math.inf, most: float = math.inf) -> list[Estimate]:
     """The mean over runs of each column of rows (runs, columns), with its interval, cut off at the least and the most it can be."""
-    found = over_runs(rows.mean(axis=0), resamples(len(rows), rng) @ rows / len(rows), len(rows))
-    return [estimate.within(least, most) for estimate in found]
+    estimates = over_runs(rows.mean(axis=0), resamples(len(rows), rng) @ rows / len(rows), len(rows))
+    return [estimate.within(least, most) for estimate in estimates]
 
 
 def over_runs(values: Array, drawn: Array, runs: int) -> list[Estimate]:

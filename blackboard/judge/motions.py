@@ -35,9 +35,9 @@ class Motions:
         if pose is not None and heading is not None:
             error = np.array([wrap(float(pose.mean[HEADING]) - heading)])
             self._add("headings", subject, error, pose.covariance[HEADING:, HEADING:])
-        found, truth = velocity_of(agreed.velocity), instant.truth.velocities.get(subject)
-        if found is not None and truth is not None:
-            self._add("velocities", subject, found.mean[AXES] - truth, found.covariance[AXES, AXES])
+        velocity, truth = velocity_of(agreed.velocity), instant.truth.velocities.get(subject)
+        if velocity is not None and truth is not None:
+            self._add("velocities", subject, velocity.mean[AXES] - truth, velocity.covariance[AXES, AXES])
 
     def _add(self, what: str, subject: str, error: Array, covariance: Array) -> None:
         claimed = covariance + np.eye(len(error)) * LEAST
@@ -49,12 +49,12 @@ class Motions:
 
     def summary(self) -> dict[str, dict[str, Any]]:
         """`headings` (radians) and `velocities` (unit / s), each of robots and objects: as far as anything was judged."""
-        found: dict[str, dict[str, Any]] = {}
+        kinds: dict[str, dict[str, Any]] = {}
         for what, kind in sorted({(what, subject.partition("/")[0]) for what, subject in self._sums}):
             mine = {s: sums for (w, s), sums in sorted(self._sums.items()) if w == what and s.startswith(f"{kind}/")}
             by_name = {subject.partition("/")[2]: _told([sums]) for subject, sums in mine.items()}
-            found.setdefault(what, {})[f"{kind}s"] = {**_told(mine.values()), "by_name": by_name}
-        return found
+            kinds.setdefault(what, {})[f"{kind}s"] = {**_told(mine.values()), "by_name": by_name}
+        return kinds
 
 
 def _told(sums: Iterable[Array]) -> dict[str, Any]:

@@ -138,13 +138,13 @@ class Referee:
         scored = {}
         for level in LEVELS:
             packed = instant.belief(level, robot, sub_team, subject)
-            found = None
+            judged = None
             if packed is not None:
                 if (subject, packed) not in known:
                     known[subject, packed] = self._score(packed, instant.truth.positions[subject])
-                found = known[subject, packed]
-            if found is not None:
-                scored[level] = found
+                judged = known[subject, packed]
+            if judged is not None:
+                scored[level] = judged
         self._attendance.take(subject, instant.truth.time, [level for level in LEVELS if level not in scored])
         if len(scored) == len(LEVELS):
             self._company[subject] += len(instant.sources("agreed", robot, sub_team, subject)) > 1
@@ -214,26 +214,26 @@ class Referee:
 
     def scores(self) -> dict[str, Any]:
         """The scorecard's block "scores": for robots and objects, each level, together and by name; `faulty` where there are any."""
-        found = {}
+        scores = {}
         for group in (*GROUPS, *([FAULTY] if self.faulty else [])):
             named = {s.split("/", 1)[1]: self._scores[s] for s in self._subjects(group, self._scores)}
             together = {level: Tally.merged(by[level] for by in named.values()) for level in LEVELS}
-            found[group] = {
+            scores[group] = {
                 **{level: score.summary() for level, score in together.items()},
                 "by_name": {name: {level: by[level].summary() for level in LEVELS} for name, by in named.items()},
             }
-        return found
+        return scores
 
     def honesty(self) -> dict[str, dict[str, Any]]:
         """The scorecard's block "honesty": for each group and level one word, and each coverage with its 95 % interval."""
-        found: dict[str, dict[str, Any]] = {}
+        honesty: dict[str, dict[str, Any]] = {}
         for group in GROUPS:
             for level in LEVELS:
                 subjects = self._subjects(group, self._scores)
                 coverage = Calibration.merged(self._calibrations[subject, level] for subject in subjects).coverage()
                 spans = {str(at): {"share": c.value, "low": c.low, "high": c.high} for at, c in coverage.items()}
-                found.setdefault(group, {})[level] = {"word": word(coverage), "coverage": spans}
-        return found
+                honesty.setdefault(group, {})[level] = {"word": word(coverage), "coverage": spans}
+        return honesty
 
     def _subjects(self, group: str, among: Iterable[str]) -> list[str]:
         """Those of a group among some subjects, sorted."""
@@ -264,18 +264,18 @@ class Referee:
         solo, agreed, check = scores["solo"], scores["agreed"], self.check
         if not agreed["n"]:
             return []
-        found = []
+        checks = []
         limit = check.robots if group == "robots" else check.objects
         for name, unit, most in (("rmse", self.grid.unit, limit), ("entropy", "nats", check.entropy)):
             text = f"{group}: agreed {name} {agreed[name]:.3f} {unit}, solo {solo[name]:.3f}, asked {most:g} of it"
-            found.append((agreed[name] <= most * solo[name], text))
+            checks.append((agreed[name] <= most * solo[name], text))
         share = agreed["coverage"]["95"]
         text = f"{group}: agreed 95 % regions hold the truth in {100 * share:.1f} %, asked {100 * check.coverage:g} %"
-        return [*found, (share >= check.coverage, text), *self._honesty(group)]
+        return [*checks, (share >= check.coverage, text), *self._honesty(group)]
 
     def _honesty(self, group: str) -> list[tuple[bool, str]]:
         """Whether a group's beliefs are as good as they claim: the errors of robots alone, and the regions of what was agreed."""
-        found, check, unit = list[tuple[bool, str]](), self.check, self.grid.unit
+        checks, check, unit = list[tuple[bool, str]](), self.check, self.grid.unit
         subjects = self._subjects(group, self._scores)
         if group == "robots":
             whole = Calibration.merged(self._calibrations[subject, "solo"] for subject in subjects)
@@ -285,10 +285,10 @@ class Referee:
                 far = calibration.is_far_above_its_claim(check.claim)
                 text = f"{name}: solo rmse {error:.3f} {unit}, its beliefs claim {claimed:.3f}, asked {check.claim:g} of it"
                 if far or name == "robots":
-                    found.append((not far, text))
+                    checks.append((not far, text))
             if check.solo is not None:
                 error, _ = whole.rmse()
-                found.append((error <= check.solo, f"robots: solo rmse {error:.3f} {unit}, at most {check.solo:g}"))
+                checks.append((error <= check.solo, f"robots: solo rmse {error:.3f} {unit}, at most {check.solo:g}"))
         agreed = Calibration.merged(self._calibrations[subject, "agreed"] for subject in subjects)
         for level, share in agreed.coverage().items():
             least, most = level / 100 - check.calibration, level / 100 + check.calibration
@@ -299,5 +299,5 @@ class Referee:
                 f"{low} to {high} {'misses' if off else 'reaches'} the "
                 f"{100 * max(0.0, least):g} to {100 * min(1.0, most):g} asked"
             )
-            found.append((not off, text))
-        return found
+            checks.append((not off, text))
+        return checks

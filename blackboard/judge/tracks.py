@@ -45,12 +45,12 @@ class Tracks:
     def hear(self, things: Mapping[str, Place], tracks: Mapping[str, Track]) -> None:
         """Take one tick: where each thing is, and what the team says."""
         named, known = sorted(things), sorted(tracks)
-        found = gospa(_rows([things[t] for t in named]), _rows([tracks[t].place for t in known]), self._cut)
+        matched = gospa(_rows([things[t] for t in named]), _rows([tracks[t].place for t in known]), self._cut)
         self._ticks += 1
         self._things += len(named)
-        self._missed += len(named) - len(found.pairs)
-        self._parts += (found.localisation, found.missed, found.false)
-        met = {known[j] for _, j in found.pairs}
+        self._missed += len(named) - len(matched.pairs)
+        self._parts += (matched.localisation, matched.missed, matched.false)
+        met = {known[j] for _, j in matched.pairs}
         self._live(known, met)
         for name in known:
             told = tracks[name].existence

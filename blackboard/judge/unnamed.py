@@ -83,7 +83,7 @@ class Unnamed:
 
     def tracks(self) -> dict[str, dict[str, Any]]:
         """Kind -> what `Tracks.summary` says, as far as there was a thing or a track of it."""
-        return {kind: found for kind, judge in sorted(self._tracks.items()) if (found := judge.summary())}
+        return {kind: summary for kind, judge in sorted(self._tracks.items()) if (summary := judge.summary())}
 
 
 def _of(kind: str, by_subject: dict[str, T]) -> dict[str, T]:

@@ -84,10 +84,10 @@ def lab(
     situations = _situations(jobs, teams, variants, every, parallel.Beside(agreed, ideal))
     if not situations:
         raise UserError("--runs 0: nothing is left to judge; name a scenario or a recording too")
-    found = comparison.report(situations, intervals_rng)
+    table = comparison.report(situations, intervals_rng)
     if drawing is not None and picture is not None:
-        drawing.save(drawing.comparison(found), picture)
-    output.show(found, comparison.text)
+        drawing.save(drawing.comparison(table), picture)
+    output.show(table, comparison.text)
     return 0
 
 
@@ -169,9 +169,9 @@ def tune(
         beside = parallel.Beside(agreed, ideal)
         held = [(judged, team, number, every, beside) for number in range(variants, variants + held_out)]
         checks = parallel.run_jobs(parallel.judge_held_out, held, show_progress)
-    found = tuning_report.tuned(choices, best, judged, checks, coverage=coverage, gain=gain, rng=rng)
-    output.show(found, tuning_report.text)
-    return 0 if found["recommended"]["which"] == "tuned" else 1
+    table = tuning_report.tuned(choices, best, judged, checks, coverage=coverage, gain=gain, rng=rng)
+    output.show(table, tuning_report.text)
+    return 0 if table["recommended"]["which"] == "tuned" else 1
 
 
 def _choices(
@@ -224,8 +224,8 @@ def figures(
     _at_least(seeds=(seeds, 1), robots=(robots, 2), grids=(min(sizes), 20), every=(every, 0), seconds=(seconds, every))
     rng = np.random.default_rng(1)
     with progress("figures") as show_progress:
-        found = paper.on_a_line(rng)
-        files = drawing.save_all(drawing.paper(found), out)  # at once: the others take minutes
+        table = paper.on_a_line(rng)
+        files = drawing.save_all(drawing.paper(table), out)  # at once: the others take minutes
         print(f"figures: Figs. 1 to 5 are in {drawing.gallery(out)}; Figs. 6 and 7 follow", file=sys.stderr, flush=True)
         worlds = [paper.world(load("paper"), n, robots, seconds) for n in sorted(sizes, reverse=True)]
         alike = [(dict[str, Rule](), worlds), *((paper.RULES, [one]) for one in worlds)]
@@ -238,7 +238,7 @@ def figures(
     }
     shown = paper.in_the_world({n: runs[n] for n in sizes}, rng)
     told = [str(file) for file in [*files, *drawing.save_all(drawing.paper(shown), out), drawing.gallery(out)]]
-    output.show({**found, **shown, "files": told}, lambda _: "\n".join(told))
+    output.show({**table, **shown, "files": told}, lambda _: "\n".join(told))
     return 0
 
 
@@ -287,15 +287,15 @@ def sweep(
         Team(one.scenario)  # a mistake in any section is reported before anything runs
     with kept_runs(runs) as (done, keep), progress("sweep") as show:
         cards = run_all(planned, done, keep, show)
-    found = sweep_report.report(planned, cards, np.random.default_rng(SEED))
-    output.show(found, sweep_report.text)  # first: a file may fail after hours
+    summary = sweep_report.report(planned, cards, np.random.default_rng(SEED))
+    output.show(summary, sweep_report.text)  # first: a file may fail after hours
     if table is not None:
         columns, rows = sweep_report.rows(planned, cards)
         with table_file(table, columns, "--table") as write:
             for each in rows:
                 write(each)
     if drawing is not None and plot is not None:
-        drawing.draw_sweep(found, planned, cards, plot)
+        drawing.draw_sweep(summary, planned, cards, plot)
     return 0
 
 

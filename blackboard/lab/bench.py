@@ -94,7 +94,7 @@ def measure(samples: Sequence[Sample]) -> dict[str, Any]:
     by_robot: dict[str, list[Sample]] = {}
     for sample in samples:
         by_robot.setdefault(sample.robot, []).append(sample)
-    found = [localised_at(one) for one in by_robot.values()]
+    localised = [localised_at(one) for one in by_robot.values()]
     starved = [sample.error for sample in samples if sample.landmark_age >= NO_LANDMARK]
     return {
         "n": len(samples),
@@ -102,7 +102,7 @@ def measure(samples: Sequence[Sample]) -> dict[str, Any]:
         "coverage": {str(level): vars(coverage(samples, level)) for level in LEVELS},
         "log_score": float(np.mean([sample.log_score for sample in samples])),
         "area": float(np.median([sample.area for sample in samples])),
-        "localised_s": None if None in found else max(time for time in found if time is not None),
+        "localised_s": None if None in localised else max(time for time in localised if time is not None),
         "without_landmark": {"n": len(starved), "rmse": errors(starved)["rmse"] if starved else None},
     }
 
@@ -149,11 +149,11 @@ def together(name: str, runs: Sequence[Run]) -> Run:
 
 def ways(runs: Sequence[Run], about: Callable[[Run], Iterator[tuple[str, Sample]]]) -> dict[str, list[Sample]]:
     """Of the runs of one protocol: each way, with its samples."""
-    found: dict[str, list[Sample]] = {}
+    ways: dict[str, list[Sample]] = {}
     for run in runs:
         for way, sample in about(run):
-            found.setdefault(way, []).append(sample)
-    return found
+            ways.setdefault(way, []).append(sample)
+    return ways
 
 
 def report(runs: Sequence[Run]) -> dict[str, Any]:
@@ -188,28 +188,28 @@ HEADER = ("protocol", "who", "way", "n", "RMSE", "mean", "p95", "max",
           *(f"{level} %" for level in LEVELS), "log score", "area", "found", "RMSE -lm")  # fmt: skip
 
 
-def lines(found: Mapping[str, Any]) -> Iterator[tuple[str, str, str, Mapping[str, Any]]]:
+def lines(table: Mapping[str, Any]) -> Iterator[tuple[str, str, str, Mapping[str, Any]]]:
     """Every line of a report's table: protocol, who, way, and what `measure` found."""
-    for protocol, one in found["protocols"].items():
+    for protocol, one in table["protocols"].items():
         for who, by_way in one["scores"].items():
             for way, s in by_way.items():
                 yield protocol, who, way, s
 
 
-def records(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+def records(table: Mapping[str, Any]) -> list[dict[str, Any]]:
     """A report as flat rows for a machine: every number in a column of its own, None where there is none."""
     return [
         {"protocol": protocol, "who": who, "way": way}
         | {key: value for key, value in s.items() if key not in ("coverage", "without_landmark")}
         | {f"coverage_{level}_{key}": v for level, c in s["coverage"].items() for key, v in c.items()}
         | {f"without_landmark_{key}": value for key, value in s["without_landmark"].items()}
-        for protocol, who, way, s in lines(found)
+        for protocol, who, way, s in lines(table)
     ]
 
 
-def rows(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def rows(table: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """A report as lines of text cells under HEADER, for people."""
-    return [(protocol, who, way, *_cells(s)) for protocol, who, way, s in lines(found)]
+    return [(protocol, who, way, *_cells(s)) for protocol, who, way, s in lines(table)]
 
 
 def _cells(s: Mapping[str, Any]) -> Iterator[str]:
@@ -222,20 +222,20 @@ def _cells(s: Mapping[str, Any]) -> Iterator[str]:
     yield f"{starved['rmse']:.3f} ({100 * starved['n'] / s['n']:.0f} %)" if starved["n"] else "-"
 
 
-def markdown(found: Mapping[str, Any]) -> str:
+def markdown(table: Mapping[str, Any]) -> str:
     """A report as a Markdown table, the definitions below it."""
-    return "\n".join([*markdown_table([HEADER, *rows(found)]), "", *(f"- {line}" for line in DEFINITIONS)]) + "\n"
+    return "\n".join([*markdown_table([HEADER, *rows(table)]), "", *(f"- {line}" for line in DEFINITIONS)]) + "\n"
 
 
-def text(found: Mapping[str, Any]) -> str:
+def text(table: Mapping[str, Any]) -> str:
     """A report as text: a table for each protocol with how its runs ended, then the definitions."""
-    since = "its first second" if found["start"] is None else f"{found['start']:.1f}"
-    out = [f"{found['recording']} from {since} on", ""]
-    for protocol, one in found["protocols"].items():
+    since = "its first second" if table["start"] is None else f"{table['start']:.1f}"
+    out = [f"{table['recording']} from {since} on", ""]
+    for protocol, one in table["protocols"].items():
         runs = one["runs"].items()
         ended = (f"{fusion}: {run['verdict']}, {run['ticks']} ticks in {run['wall_s']:.0f} s" for fusion, run in runs)
         out.append(f"{protocol}  ({'; '.join(ended)})")
-        mine = [row[1:] for row in rows(found) if row[0] == protocol]
+        mine = [row[1:] for row in rows(table) if row[0] == protocol]
         out += columns([HEADER[1:], *mine], numbers=range(2, len(HEADER)))
         failed = ((fusion, run["reasons"]) for fusion, run in runs if run["verdict"] != "PASS")
         out += [f"  {fusion}: {reason}" for fusion, reasons in failed for reason in reasons]

@@ -58,10 +58,10 @@ def calibrate(
         raise UserError(f"--track {track:g}: give the distance from wheel to wheel, more than 0")
     chosen, drives = _taped(file, scenario) if file is not None else _replayed(recording, seconds, scenario)
     with progress("calibrate") as show:
-        found = calibrated(drives, track, {"the scenario's": _assumed(chosen, drives)}, show)
+        calibration = calibrated(drives, track, {"the scenario's": _assumed(chosen, drives)}, show)
     if plot is not None:
-        calibrate_drawing.draw(found, chosen.grid.unit, plot)
-    told = report.report(found, STAMPED if file is None else {})
+        calibrate_drawing.draw(calibration, chosen.grid.unit, plot)
+    told = report.report(calibration, STAMPED if file is None else {})
     output.show(told, lambda told: report.text(told, chosen.grid.unit))
     return 0
 
@@ -69,10 +69,10 @@ def calibrate(
 def _taped(file: Path, scenario: str | None) -> tuple[Scenario, Drives]:
     """The scenario of a tape, and the readings of its last run."""
     tape = load_tape(file, scenario)
-    found = [reading for _, _, reading in messages(tape.envelopes, keys.READING, Readings)]
-    if not found:
+    readings = [reading for _, _, reading in messages(tape.envelopes, keys.READING, Readings)]
+    if not readings:
         raise UserError(f"{file}: no readings are on it; record the team with its robots' readings")
-    return tape.scenario, drives_of(one for one in found if one.run == found[-1].run)
+    return tape.scenario, drives_of(one for one in readings if one.run == readings[-1].run)
 
 
 def _replayed(recording: RecordingFlags, seconds: float | None, scenario: str | None) -> tuple[Scenario, Drives]:

@@ -13,11 +13,13 @@ from blackboard.calibrate.found import Calibration
 from blackboard.lab.drawing import BLACK, BLUE, ORANGE, STYLE, VERMILION, save_all
 
 
-def draw(found: Calibration, unit: str, folder: Path) -> list[Path]:
+def draw(calibration: Calibration, unit: str, folder: Path) -> list[Path]:
     """Draw the residuals of each robot, and where all drove, into a folder as SVG and PNG: the files."""
     with mpl.rc_context(STYLE):
-        figures = {f"residuals-{name}": residuals(found.fit, n, unit) for n, name in enumerate(found.robots)}
-        return save_all({**figures, "ways": ways(found, unit)}, folder)
+        figures = {
+            f"residuals-{name}": residuals(calibration.fit, n, unit) for n, name in enumerate(calibration.robots)
+        }
+        return save_all({**figures, "ways": ways(calibration, unit)}, folder)
 
 
 def residuals(fit: Fit, robot: int, unit: str) -> Figure:
@@ -52,15 +54,15 @@ def residuals(fit: Fit, robot: int, unit: str) -> Figure:
     return figure
 
 
-def ways(found: Calibration, unit: str) -> Figure:
+def ways(calibration: Calibration, unit: str) -> Figure:
     """Where the robots drove, by their readings, and the landmarks; those that are seen elsewhere, with an arrow to there."""
     figure = Figure(figsize=(6, 7), layout="constrained")
     axis = figure.subplots()
-    for n, name in enumerate(found.robots):
-        axis.plot(*found.fit.poses[:, n, :2].T, lw=0.8, label=name)
-    if len(found.fit.drives.places):
-        axis.plot(*found.fit.drives.places.T, "^", color=BLACK, ls="", label="landmarks")
-    for landmark in found.landmarks:
+    for n, name in enumerate(calibration.robots):
+        axis.plot(*calibration.fit.poses[:, n, :2].T, lw=0.8, label=name)
+    if len(calibration.fit.drives.places):
+        axis.plot(*calibration.fit.drives.places.T, "^", color=BLACK, ls="", label="landmarks")
+    for landmark in calibration.landmarks:
         axis.annotate("", xy=landmark.seen, xytext=landmark.map, arrowprops={"arrowstyle": "->", "color": VERMILION})
     axis.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", aspect="equal")
     axis.legend(loc="best", fontsize=7)

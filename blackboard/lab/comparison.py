@@ -46,10 +46,10 @@ def contenders(grid: Grid, board: BoardSection | None = None) -> dict[str, Conte
         "coalition": {"coalition gamma=0.5": Coalition(gamma=0.5), "coalition product": Coalition(independence=1.0)},
         "clique": {"clique+coalition": Clique(inner=Coalition())},
     }
-    found: dict[str, Contender] = {}
+    contenders: dict[str, Contender] = {}
     for name in POOLS:
-        found |= {name: read_rule({"rule": name}), **variants.get(name, {})}
-    return found if board is None else {**found, OWN_BOARD: board}
+        contenders |= {name: read_rule({"rule": name}), **variants.get(name, {})}
+    return contenders if board is None else {**contenders, OWN_BOARD: board}
 
 
 def judge(runs: Sequence[tuple[int, Run]], rules: Mapping[str, Contender], timer: Timer) -> dict[str, RuleScores]:
@@ -113,12 +113,12 @@ def report(situations: Mapping[str, dict[str, RuleScores]], rng: np.random.Gener
 
     The JSON calls all situations "trials".
     """
-    found: dict[str, Any] = {}
+    table: dict[str, Any] = {}
     rules: dict[str, dict[str, str | float]] = {}
     for situation, scores in situations.items():
         rows = {name: estimates(of_rule, rng) for name, of_rule in scores.items()}
         rules |= {name: of_rule.in_force for name, of_rule in scores.items() if name not in rules}
-        found[situation] = {
+        table[situation] = {
             "runs": len(set(scores[DEFAULT_NAME].runs)),
             "cases": len(scores[DEFAULT_NAME].runs),
             "rules": {
@@ -130,7 +130,7 @@ def report(situations: Mapping[str, dict[str, RuleScores]], rng: np.random.Gener
             },
             "best": {column: _best(column, rows) for column in COLUMNS},
         }
-    return {"default": DEFAULT_NAME, "rules": rules, "trials": found}
+    return {"default": DEFAULT_NAME, "rules": rules, "trials": table}
 
 
 def _best(column: str, rows: Mapping[str, Mapping[str, Estimate]]) -> list[str]:
@@ -151,18 +151,18 @@ def _best(column: str, rows: Mapping[str, Mapping[str, Estimate]]) -> list[str]:
     return [name for name, value in losses.items() if value == least < float("inf")]
 
 
-def text(found: Mapping[str, Any]) -> str:
+def text(table: Mapping[str, Any]) -> str:
     """The report as text: half the width of the 95 % interval after the number, a star at the best of each column."""
-    names = {name for result in found["trials"].values() for name in result["rules"]}
+    names = {name for result in table["trials"].values() for name in result["rules"]}
     heads = ("RMSE", "median", "log score", *(f"{level} %" for level in LEVELS), "entropy", "ms")
-    lines = list(_lines(found, heads))
+    lines = list(_lines(table, heads))
     lines.append(
         "* best of its column: least error and time, highest log score, coverage nearest to what it claims, least"
     )
     lines.append(
         f"entropy of those whose 95 % regions hold the truth in {100 * HONEST:.0f} %. > the default of a board."
     )
-    if any(result["runs"] < FEWEST for result in found["trials"].values()):
+    if any(result["runs"] < FEWEST for result in table["trials"].values()):
         lines.append(f"- no interval: of fewer than {FEWEST} runs there is none worth the name.")
     if names & set(AGREED):
         lines.append("agreed: what the boards of a whole team agree on, with exchange and feedback, by [board] fusion.")
@@ -171,14 +171,14 @@ def text(found: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _lines(found: Mapping[str, Any], heads: Sequence[str]) -> Iterator[str]:
-    for situation, result in found["trials"].items():
+def _lines(cases: Mapping[str, Any], heads: Sequence[str]) -> Iterator[str]:
+    for situation, result in cases["trials"].items():
         yield f"{situation}: {result['runs']} runs, {result['cases']} fusions"
         table: list[tuple[str, ...]] = [("", *heads, "")]
         for name, row in result["rules"].items():
             cells = (_cell(column, row.get(column), name in result["best"][column]) for column in COLUMNS)
             failed = f"{row['failed']} vetoed" if row["failed"] else ""
-            table.append((f"{'> ' if name == found['default'] else '  '}{name}", *cells, failed))
+            table.append((f"{'> ' if name == cases['default'] else '  '}{name}", *cells, failed))
         yield from columns(table, numbers=range(1, 1 + len(heads)))
         yield ""
 

@@ -63,8 +63,8 @@ def gallery(folder: Path) -> Path:
     """Write a page of all SVG pictures in a folder, each with its title: the page."""
     shown = []
     for file in sorted(folder.glob("*.svg")):
-        found = re.search(r"<dc:title>(.*?)</dc:title>", file.read_text(encoding="utf-8"), re.DOTALL)
-        title = f"{file.stem}: {found[1]}" if found else file.stem  # text of an XML file: escaped already
+        match = re.search(r"<dc:title>(.*?)</dc:title>", file.read_text(encoding="utf-8"), re.DOTALL)
+        title = f"{file.stem}: {match[1]}" if match else file.stem  # text of an XML file: escaped already
         shown.append(f'<figure><img src="{file.name}" alt="{title}"><figcaption>{title}</figcaption></figure>')
     page = folder / "index.html"
     with writing(page):
@@ -72,10 +72,10 @@ def gallery(folder: Path) -> Path:
     return page
 
 
-def comparison(found: Mapping[str, Any]) -> Figure:
+def comparison(table: Mapping[str, Any]) -> Figure:
     """The lab's table: for each situation the rules' 95 % coverage, log score and median error, with intervals."""
     columns = {"coverage_95": "95 % coverage", "log_score": "log score [nats]", "median": "median error"}
-    rules, situations = list(found["rules"]), found["trials"]
+    rules, situations = list(table["rules"]), table["trials"]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(2.4 + 2.6 * len(situations), 1.2 + 0.62 * len(rules)), layout="constrained")
         axes = figure.subplots(len(columns), len(situations), squeeze=False, sharey=True, sharex="row")
@@ -85,7 +85,7 @@ def comparison(found: Mapping[str, Any]) -> Figure:
                     if rule not in results["rules"]:  # a scenario's own [board] takes part in its team's run only
                         continue
                     e = results["rules"][rule][column]
-                    default, best = rule == found["default"], rule in results["best"][column]
+                    default, best = rule == table["default"], rule in results["best"][column]
                     if e["low"] is not None:  # of too few runs there is no interval
                         axis.plot(
                             [e["low"], e["high"]],
@@ -103,7 +103,7 @@ def comparison(found: Mapping[str, Any]) -> Figure:
                 axis.set_xlabel(label)
         axes[0][0].set_yticks(np.arange(len(rules)), rules)
         axes[0][0].invert_yaxis()
-        figure.suptitle(f"all rules on the same opinions; thick: the default ({found['default']}); star: best")
+        figure.suptitle(f"all rules on the same opinions; thick: the default ({table['default']}); star: best")
         return figure
 
 
@@ -124,11 +124,11 @@ APART = 8.0  # units between the names of two opinions
 BELOW: Any = "outside lower center"  # where a legend hides nothing
 
 
-def paper(found: Mapping[str, Any]) -> dict[str, Figure]:
+def paper(table: Mapping[str, Any]) -> dict[str, Figure]:
     """Some of Figs. 1 to 7 by their file names, from their numbers (`blackboard.lab.paper`)."""
     draw = {"fig3": _ratios, "fig6": _over_time, "fig7": _over_size}
     with mpl.rc_context(STYLE):
-        return {name: draw.get(name, _beliefs)(data) for name, data in sorted(found.items())}
+        return {name: draw.get(name, _beliefs)(data) for name, data in sorted(table.items())}
 
 
 def _figure(rows: int, columns: int, title: str) -> tuple[Figure, Any]:

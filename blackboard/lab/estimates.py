@@ -72,19 +72,19 @@ def estimates(scores: RuleScores, rng: np.random.Generator) -> dict[str, Estimat
     runs = int(of_case.max()) + 1
     drawn = resamples(runs, rng)[:, of_case]
     single = runs == len(of_case)
-    found = {}
+    estimates = {}
     for name, (values, how) in COLUMNS.items():
         x = values(scores)
         if not len(x):
             continue
         value = float(_pooled(x, np.ones((1, len(x))), how)[0])
         if how == "share" and (single or value in (0.0, 1.0)):
-            found[name] = wilson(value, runs) if runs >= FEWEST else Estimate(value)
+            estimates[name] = wilson(value, runs) if runs >= FEWEST else Estimate(value)
         else:
-            (found[name],) = over_runs(np.array([value]), _pooled(x, drawn, how)[:, None], runs)
+            (estimates[name],) = over_runs(np.array([value]), _pooled(x, drawn, how)[:, None], runs)
             if name not in SIGNED:
-                found[name] = found[name].within(0.0, 1.0 if how == "share" else math.inf)
-    return found
+                estimates[name] = estimates[name].within(0.0, 1.0 if how == "share" else math.inf)
+    return estimates
 
 
 def difference(scores: RuleScores, other: RuleScores, rng: np.random.Generator) -> Estimate:

@@ -70,10 +70,10 @@ def ideal_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked, 
     at: dict[float, list[Asked]] = {}
     for asked in wanted:
         at.setdefault(asked[0], []).append(asked)
-    found = {}
+    beliefs = {}
     for tick in played(scenario):
         best.step(tick.dt, tick.readings)
         for asked in at.get(round(tick.truth.time, 3), ()):
             moments = best.belief(asked[1])
-            found[asked] = uniform(scenario.grid) if moments is None else draw(scenario.grid, moments)
-    return found
+            beliefs[asked] = uniform(scenario.grid) if moments is None else draw(scenario.grid, moments)
+    return beliefs

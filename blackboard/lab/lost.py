@@ -27,26 +27,26 @@ LEADS: dict[str, tuple[dict[str, Any], ...]] = {
 
 def jobs(teams: Sequence[Scenario], variants: int) -> list[tuple[str, Scenario]]:
     """What leads astray, and the scenario of a run: each team, variant and lead."""
-    found = []
+    jobs = []
     for team in teams:
         robot, edge = team.team.robots[0], team.grid.cell * max(team.grid.shape) / 50
         for number in range(variants):
             for lead, tables in LEADS.items():
                 faults = [{**_scaled(table, edge), "robot": robot, "start": BEGINS} for table in tables]
-                found.append((lead, variant(Scenario({**team.tables, "fault": faults}, team.where), number)))
-    return found
+                jobs.append((lead, variant(Scenario({**team.tables, "fault": faults}, team.where), number)))
+    return jobs
 
 
 def judge(lead: str, scenario: Scenario) -> Forecasts:
     """The forecasts about all robots of a run."""
-    found = Forecasts()
+    forecasts = Forecasts()
 
     def take(sample: Sample) -> None:
         if not math.isnan(sample.lost):
-            found.add(sample.lost, sample.region > OUTSIDE)
+            forecasts.add(sample.lost, sample.region > OUTSIDE)
 
     Team(scenario, record=take).run()
-    return found
+    return forecasts
 
 
 def report(leads: Sequence[str], parts: Sequence[Forecasts]) -> dict[str, Any]:
@@ -58,15 +58,15 @@ def report(leads: Sequence[str], parts: Sequence[Forecasts]) -> dict[str, Any]:
     return {"all": Forecasts.merged(parts).summary(), "leads": by_lead}
 
 
-def text(found: dict[str, Any]) -> str:
+def text(table: dict[str, Any]) -> str:
     """A line for each lead, and the calibration of all."""
     rows = [("what leads a robot astray", "samples", "lost", "told", "AUROC", "Brier")]
-    for name, forecast in {**found["leads"], "all": found["all"]}.items():
+    for name, forecast in {**table["leads"], "all": table["all"]}.items():
         if forecast:
             numbers = (forecast["share"], forecast["told"], forecast["auroc"], forecast["brier"])
             rows.append((name, str(forecast["n"]), *(cell(number, "{:.3f}") for number in numbers)))
     calibration = [("told from", "to", "samples", "told", "lost")]
-    for one in found["all"].get("calibration", ()):
+    for one in table["all"].get("calibration", ()):
         calibration.append(
             (f"{one['from']:g}", f"{one['to']:g}", f"{one['n']}", f"{one['told']:.3f}", f"{one['share']:.3f}")
         )

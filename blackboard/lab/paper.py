@@ -140,7 +140,7 @@ def fig3(rng: np.random.Generator) -> dict[str, Any]:
 
 def resolution() -> dict[str, Any]:
     """Fig. 5's answer on finer grids: its peak, and the mass below 40, as printed and with a reference cell of one unit."""
-    found: dict[str, Any] = {}
+    table: dict[str, Any] = {}
     for per_unit in (1, 2, 4, 10):
         grid = line(per_unit)
         opinions = np.stack([gaussian(grid, (mean,), sigma).p for mean, sigma in FIG5])
@@ -149,8 +149,8 @@ def resolution() -> dict[str, Any]:
         for name, ratio in (("as printed", 1.0), ("reference cell", float(per_unit))):
             p = cooperative_pool(opinions, entropy_weights(opinions, 2.0, cell_ratio=ratio), cell_ratio=ratio)
             of_grid[name] = {"peak": float(grid.centres(0)[p.argmax()]), "mass below 40": float(p[near].sum())}
-        found[str(per_unit)] = of_grid
-    return found
+        table[str(per_unit)] = of_grid
+    return table
 
 
 def _figure(title: str, cases: Mapping[str, Sensors]) -> dict[str, Any]:
@@ -247,14 +247,14 @@ def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]], rng: np.random.Gener
 
 
 def _by_size(scores: TeamSizeScores, rng: np.random.Generator) -> dict[str, list[float | None]]:
-    found: dict[str, list[float | None]] = {}
+    by_size: dict[str, list[float | None]] = {}
     ratio = np.array(scores.entropies) / np.array(scores.original)[:, None]
     for metric, values in {"ratio": ratio, **_metrics(scores)}.items():
         least, most = (0.0, 1.0) if metric.startswith("coverage") else (-np.inf, np.inf)
         columns = means(scores.means(values), rng, least, most)
-        found[metric] = [e.value for e in columns]
-        found[f"{metric}_low"], found[f"{metric}_high"] = [e.low for e in columns], [e.high for e in columns]
-    return found
+        by_size[metric] = [e.value for e in columns]
+        by_size[f"{metric}_low"], by_size[f"{metric}_high"] = [e.low for e in columns], [e.high for e in columns]
+    return by_size
 
 
 def _metrics(scores: TeamSizeScores) -> dict[str, Array]:

@@ -172,21 +172,21 @@ def score_figures(
         fewer = [case for case in run if round(case.time / own.time.tick) % stride == 0]
         parts += [(run, (1, len(robots))), (fewer, range(1, len(robots) + 1))]
     if rules:
-        found = [score_sizes([(number, cases)], robots, rules, sizes) for cases, sizes in parts]
+        by_rule = [score_sizes([(number, cases)], robots, rules, sizes) for cases, sizes in parts]
     else:
-        found = [{JOINT: scores} for scores in joint_sizes(variants[0], parts, number)]
-    return [FigureScores(*pair) for pair in zip(found[::2], found[1::2], strict=True)]
+        by_rule = [{JOINT: scores} for scores in joint_sizes(variants[0], parts, number)]
+    return [FigureScores(*pair) for pair in zip(by_rule[::2], by_rule[1::2], strict=True)]
 
 
 def _others(scenario: Scenario, number: int, run: Run, beside: Beside) -> dict[str, Other]:
     """What is asked for beside the rules, on the subjects and times of the cases of a run."""
-    found, wanted, own = {}, [case.asked for case in run], variant(scenario, number)
+    others, wanted, own = {}, [case.asked for case in run], variant(scenario, number)
     for name, fusion in AGREED.items() if beside.agreed else ():
         team = own.changed("board", fusion=fusion).changed("time", mode="lockstep")
-        found[name] = Other(agreed_beliefs(team, wanted), {"rule": scenario.board.rule, "fusion": fusion})
+        others[name] = Other(agreed_beliefs(team, wanted), {"rule": scenario.board.rule, "fusion": fusion})
     if beside.ideal:
-        found[IDEAL] = Other(ideal_beliefs(own, wanted), {"rule": IDEAL})
-    return found
+        others[IDEAL] = Other(ideal_beliefs(own, wanted), {"rule": IDEAL})
+    return others
 
 
 def _cases(scenario: Scenario, number: int, every: float) -> Run:

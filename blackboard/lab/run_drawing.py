@@ -96,11 +96,11 @@ def trajectories(samples: Sequence[Sample], unit: str) -> Figure:
 
 def agreed_way(samples: Sequence[Sample], subject: str) -> list[Sample]:
     """What was agreed about a subject, one sample for each tick: an object has one for each robot that knows of it."""
-    found: dict[int, Sample] = {}
+    way: dict[int, Sample] = {}
     for sample in samples:
         if sample.subject == subject and sample.level == "agreed":
-            found.setdefault(sample.tick, sample)
-    return [found[tick] for tick in sorted(found)]
+            way.setdefault(sample.tick, sample)
+    return [way[tick] for tick in sorted(way)]
 
 
 def ellipse(sample: Sample) -> Ellipse:

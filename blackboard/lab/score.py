@@ -68,39 +68,39 @@ def score(
         check_table(table, "--table")
     if recording.mrclam is None and runs is None:
         raise UserError("--mrclam: which recording is to be replayed? give its folder, in MRCLAM format")
-    found = kept_runs(runs) if recording.mrclam is None and runs is not None else new_runs(recording, seconds, runs)
+    finished = kept_runs(runs) if recording.mrclam is None and runs is not None else new_runs(recording, seconds, runs)
     if table is not None:
-        write_samples(table, found)
-    found += families(found)
-    told = bench.report(found)
+        write_samples(table, finished)
+    finished += families(finished)
+    told = bench.report(finished)
     if summary is not None:
         _write(summary, bench.markdown(told) if summary.suffix == ".md" else _csv(told))
     if drawing is not None and pictures is not None:
-        for name in dict.fromkeys(run.protocol for run in found if run.protocol not in FAMILIES):
-            for what, figure in drawing.protocol(name, [run for run in found if run.protocol == name]).items():
+        for name in dict.fromkeys(run.protocol for run in finished if run.protocol not in FAMILIES):
+            for what, figure in drawing.protocol(name, [run for run in finished if run.protocol == name]).items():
                 drawing.save(figure, pictures / f"{name}-{what}.png")
     output.show(told, bench.text)
-    return 0 if all(run.complete for run in found) else 1
+    return 0 if all(run.complete for run in finished) else 1
 
 
 def scenarios(recording: RecordingFlags, seconds: float | None) -> list[tuple[str, str, Scenario]]:
     """Protocol, fusion and scenario of every run; `all` is every protocol that is in no family. UserError: no such protocol."""
     asked = recording.protocol
     names = list(PROTOCOLS) if asked == "all" else list(FAMILIES.get(asked or "", [asked]))
-    found = []
+    chosen = []
     for name in names:
         one = replace(recording, protocol=name).scenario().changed("time", seconds=seconds)
         _ = one.time
         for fusion in bench.FUSIONS:
             protocol = one.section("world", WorldSection).protocol
-            found.append((protocol, fusion, TeamFlags(fusion=fusion).apply(one)))  # type: ignore[arg-type]
-    return found
+            chosen.append((protocol, fusion, TeamFlags(fusion=fusion).apply(one)))  # type: ignore[arg-type]
+    return chosen
 
 
 def new_runs(recording: RecordingFlags, seconds: float | None, keep: Path | None) -> list[bench.Run]:
     """Run every protocol and fusion, one after the other, each as processes of its own."""
     todo = scenarios(recording, seconds)
-    found = []
+    finished = []
     with progress("score") as show, _folder(keep) as folder:
         done, total = 0, sum(one.time.ticks for _, _, one in todo)
         for number, (protocol, fusion, one) in enumerate(todo, 1):
@@ -112,8 +112,8 @@ def new_runs(recording: RecordingFlags, seconds: float | None, keep: Path | None
             kept = {"recording": world.dir, "start": world.start, "asked_ticks": one.time.ticks, "card": card}
             _write(series.with_suffix(".json"), json.dumps(kept) + "\n")
             done += one.time.ticks
-            found.append(_read_run(series))
-    return found
+            finished.append(_read_run(series))
+    return finished
 
 
 def kept_runs(folder: Path) -> list[bench.Run]:
@@ -123,12 +123,12 @@ def kept_runs(folder: Path) -> list[bench.Run]:
     """
     names = [*PROTOCOLS, *(name for family in FAMILIES.values() for name in family)]
     files = [folder / f"{protocol}-{fusion}.csv" for protocol in names for fusion in bench.FUSIONS]
-    found = [_read_run(file) for file in files if file.with_suffix(".json").is_file()]
-    if not found:
+    finished = [_read_run(file) for file in files if file.with_suffix(".json").is_file()]
+    if not finished:
         raise UserError(f"--runs {folder}: no runs are kept there; give --mrclam DIR to make some")
-    if len({(run.recording, run.start) for run in found}) > 1:
+    if len({(run.recording, run.start) for run in finished}) > 1:
         raise UserError(f"--runs {folder}: runs of several recordings or starts; keep each in a folder of its own")
-    return found
+    return finished
 
 
 def _read_run(series: Path) -> bench.Run:
@@ -152,12 +152,12 @@ def write_samples(file: Path, runs: Sequence[bench.Run]) -> None:
 
 def families(runs: list[bench.Run]) -> list[bench.Run]:
     """For each family of protocols with more than one run: its runs together, by fusion."""
-    found = []
+    families = []
     for name, family in FAMILIES.items():
         for fusion in bench.FUSIONS:
             mine = [run for run in runs if run.protocol in family and run.fusion == fusion]
-            found += [bench.together(name, mine)] if len(mine) > 1 else []
-    return found
+            families += [bench.together(name, mine)] if len(mine) > 1 else []
+    return families
 
 
 def _moving(show: Callable[[int, int], None] | None, before: int, total: int) -> Callable[[int, int], None] | None:
@@ -179,8 +179,8 @@ def _folder(keep: Path | None) -> Iterator[Path]:
     yield keep
 
 
-def _csv(found: dict[str, Any]) -> str:
-    records, file = bench.records(found), io.StringIO()
+def _csv(table: dict[str, Any]) -> str:
+    records, file = bench.records(table), io.StringIO()
     writer = csv.DictWriter(file, records[0], lineterminator="\n")
     writer.writeheader()
     writer.writerows(records)

@@ -236,7 +236,7 @@ def jobs(runs: int, rng: np.random.Generator) -> list[tuple[str, int, np.random.
 
 def report(scores: Mapping[str, Sequence[dict[str, Score]]]) -> dict[str, Any]:
     """Stream -> rule -> log score in nats, coverage, and its gap to the oracle in nats; and the mean gap of each rule."""
-    found: dict[str, Any] = {}
+    table: dict[str, Any] = {}
     for name, runs in scores.items():
         rows = {}
         for rule in runs[0]:
@@ -247,19 +247,19 @@ def report(scores: Mapping[str, Sequence[dict[str, Score]]]) -> dict[str, Any]:
         if ORACLE in rows:
             for row in rows.values():
                 row["gap"] = rows[ORACLE]["log_score"] - row["log_score"]
-        found[name] = {"runs": len(runs), "rules": rows}
-    told = [stream["rules"] for stream in found.values() if ORACLE in stream["rules"]]
+        table[name] = {"runs": len(runs), "rules": rows}
+    told = [stream["rules"] for stream in table.values() if ORACLE in stream["rules"]]
     gaps = {rule: float(np.mean([rows[rule]["gap"] for rows in told])) for rule in (*RULES, LEARNED)} if told else {}
-    return {"fusions": FUSIONS, "streams": found, "mean_gap": gaps}
+    return {"fusions": FUSIONS, "streams": table, "mean_gap": gaps}
 
 
-def text(found: Mapping[str, Any]) -> str:
+def text(report: Mapping[str, Any]) -> str:
     """The report as text, one line for each stream: log score / 95 % coverage / 50 % coverage of each rule."""
     rules = (*RULES, LEARNED, ORACLE)
-    rows = [(name, *(_cell(case["rules"].get(rule)) for rule in rules)) for name, case in found["streams"].items()]
-    gaps = (cell(found["mean_gap"].get(rule), "{:.3f}") for rule in rules)
+    rows = [(name, *(_cell(case["rules"].get(rule)) for rule in rules)) for name, case in report["streams"].items()]
+    gaps = (cell(report["mean_gap"].get(rule), "{:.3f}") for rule in rules)
     table = [("", *rules), *rows, ("mean gap to the oracle, nats", *gaps)]
-    under = f"log score / 95 % / 50 % coverage, {found['fusions']} fusions a run"
+    under = f"log score / 95 % / 50 % coverage, {report['fusions']} fusions a run"
     return "\n".join([*columns(table, numbers=range(1, 1 + len(rules))), under])
 
 

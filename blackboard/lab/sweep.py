@@ -59,8 +59,8 @@ def kept_runs(file: Path | None) -> Iterator[tuple[dict[str, Finished], Callable
         if lines and not lines[-1].endswith("\n"):  # the sweep was killed while it wrote
             lines = lines[:-1]
             file.write_text("".join(lines), encoding="utf-8")
-        found = [json.loads(line) for line in lines]
-        done = {one["key"]: one for one in found if one["version"] == version() and "cpu_s" in one["card"]}
+        kept = [json.loads(line) for line in lines]
+        done = {one["key"]: one for one in kept if one["version"] == version() and "cpu_s" in one["card"]}
         stream = file.open("a", encoding="utf-8")
     except OSError as error:
         raise UserError(f"--runs {file}: cannot be used ({error.strerror}); choose another place") from error

@@ -17,18 +17,18 @@ from blackboard.lab.sweep_report import Card, measure
 COLUMNS = {"rmse": "RMSE [{unit}]", "log_score": "log score [nats]", "coverage_95": "in the 95 % region"}
 
 
-def draw_sweep(found: Mapping[str, Any], planned: Sequence[Planned], cards: Sequence[Card], folder: Path) -> None:
+def draw_sweep(table: Mapping[str, Any], planned: Sequence[Planned], cards: Sequence[Card], folder: Path) -> None:
     """Draw what was agreed in each combination into a folder, as sweep.svg and sweep.png."""
     with mpl.rc_context(STYLE):
-        save_all({"sweep": comparison(found, planned, cards)}, folder)
+        save_all({"sweep": comparison(table, planned, cards)}, folder)
 
 
-def comparison(found: Mapping[str, Any], planned: Sequence[Planned], cards: Sequence[Card]) -> Figure:
+def comparison(table: Mapping[str, Any], planned: Sequence[Planned], cards: Sequence[Card]) -> Figure:
     """A row for robots and one for objects, a column for each measure, a line of dots for each combination."""
-    combinations = found["combinations"]
+    combinations = table["combinations"]
     height = 1.2 + 2 * (0.5 + 0.3 * len(combinations))
     figure = Figure(figsize=(3 + 2.6 * len(COLUMNS), height), layout="constrained")
-    figure.suptitle(f"{found['scenario']}, {len(found['seeds'])} seeds: agreed beliefs")
+    figure.suptitle(f"{table['scenario']}, {len(table['seeds'])} seeds: agreed beliefs")
     axes = figure.subplots(len(GROUPS), len(COLUMNS), squeeze=False, sharey=True)
     for row, group in zip(axes, GROUPS, strict=True):
         row[0].set_ylabel(group)
@@ -43,7 +43,7 @@ def comparison(found: Mapping[str, Any], planned: Sequence[Planned], cards: Sequ
                     axis.plot(at["value"], number, "|", color=VERMILION, ms=10)
             if name == "coverage_95":
                 axis.axvline(0.95, color=BLACK, lw=0.8)
-            axis.set_title(title.format(unit=found["unit"]))
+            axis.set_title(title.format(unit=table["unit"]))
             axis.set_yticks(range(len(combinations)), [each["label"] for each in combinations])
             axis.set_ylim(len(combinations) - 0.5, -0.5)
     return figure

@@ -41,30 +41,30 @@ def plan(scenario: Scenario, seeds: Sequence[int], sets: Sequence[str]) -> list[
     twice = [key for number, (key, _) in enumerate(choices) if key in [other for other, _ in choices[:number]]]
     if twice:
         raise UserError(f"--set {twice[0]}: given twice; give all values at once, as {twice[0]}=A,B")
-    found = [
+    planned = [
         dict(zip([key for key, _ in choices], values, strict=True))
         for values in itertools.product(*(values for _, values in choices))
     ]
-    if len(found) * len(seeds) > MOST:
-        raise UserError(f"--set, --seeds: {len(found) * len(seeds)} runs; at most {MOST}")
-    scenarios = [with_settings(scenario, settings) for settings in found]
+    if len(planned) * len(seeds) > MOST:
+        raise UserError(f"--set, --seeds: {len(planned) * len(seeds)} runs; at most {MOST}")
+    scenarios = [with_settings(scenario, settings) for settings in planned]
     return [
         Planned(number, settings, seed, one.changed("world", seed=seed))
         for seed in seeds
-        for number, (settings, one) in enumerate(zip(found, scenarios, strict=True))
+        for number, (settings, one) in enumerate(zip(planned, scenarios, strict=True))
     ]
 
 
 def parse_seeds(text: str) -> list[int]:
     """Seeds as `1..20`, `3`, or several of these with commas, each once and sorted. UserError: something else."""
-    found = set[int]()
+    seeds = set[int]()
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d{1,9})(?:\.\.(\d{1,9}))?\s*", part)
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
         if last < first or last - first >= MOST:
             raise UserError(f"--seeds {text}: give numbers and ranges, as 1..20 or 1,5,9")
-        found |= set(range(first, last + 1))
-    return sorted(found)
+        seeds |= set(range(first, last + 1))
+    return sorted(seeds)
 
 
 def label(settings: Settings) -> str:

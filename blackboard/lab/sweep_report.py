@@ -57,7 +57,7 @@ def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Gen
         runs.setdefault(one.combination, {})[one.seed] = card
     settings = {one.combination: one.settings for one in planned}
     kinds = sorted({kind for card in cards for kind in card.get("tracks", {})})
-    found = []
+    rows = []
     for number, by_seed in sorted(runs.items()):
         scores, differences, missing = {}, {}, {}
         for group in GROUPS:
@@ -66,7 +66,7 @@ def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Gen
             if number:
                 both = [(runs[0][seed], card) for seed, card in by_seed.items()]
                 differences[group] = {level: _differences(both, group, level, rng) for level in LEVELS}
-        found.append(
+        rows.append(
             {
                 "label": label(settings[number]),
                 "settings": dict(settings[number]),
@@ -90,7 +90,7 @@ def report(planned: Sequence[Planned], cards: Sequence[Card], rng: np.random.Gen
         "seconds": planned[0].scenario.time.seconds,
         "unit": cards[0]["unit"],
         "seeds": sorted({one.seed for one in planned}),
-        "combinations": found,
+        "combinations": rows,
     }
 
 
@@ -106,7 +106,7 @@ def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[dict[str, s
         **dict.fromkeys([*numbers, *of_tracks.values()], "float"),
         **{"verdict": "str", "hash": "str", "cpu_s": "float"},
     }
-    found = []
+    rows = []
     for one, card in zip(planned, cards, strict=True):
         run = {
             **{_identifier(key): READERS[kind](one.settings[key]) for key, kind in settings.items()},
@@ -117,17 +117,17 @@ def rows(planned: Sequence[Planned], cards: Sequence[Card]) -> tuple[dict[str, s
             for level in LEVELS:
                 values = {name: measure(card, group, level, name) for name in numbers}
                 n = card["scores"][group][level]["n"]
-                found.append({**run, "group": group, "level": level, "n": n, **values})
-    return columns, found
+                rows.append({**run, "group": group, "level": level, "n": n, **values})
+    return columns, rows
 
 
-def text(found: Mapping[str, Any]) -> str:
+def text(report: Mapping[str, Any]) -> str:
     """The result as text: what was agreed in each combination, then the paired differences from the first."""
-    combinations, seeds = found["combinations"], found["seeds"]
-    head = (f"RMSE {found['unit']} (smaller)", "log score nats (larger)", "in 95 % (0.95)", "PASS", "CPU s")
+    combinations, seeds = report["combinations"], report["seeds"]
+    head = (f"RMSE {report['unit']} (smaller)", "log score nats (larger)", "in 95 % (0.95)", "PASS", "CPU s")
     names = ("rmse", "log_score", "coverage_95")
     lines = [
-        f"{found['scenario']}, {found['seconds']:g} s, {len(seeds)} seeds; agreed beliefs, mean over seeds [95 % interval]"
+        f"{report['scenario']}, {report['seconds']:g} s, {len(seeds)} seeds; agreed beliefs, mean over seeds [95 % interval]"
     ]
     for group in GROUPS:
         rows: list[tuple[str, ...]] = [(group, *head)]

@@ -64,18 +64,18 @@ def agreed_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked,
     """
     team, grid, asked = Team(scenario), scenario.grid, set(wanted)
     first = next(iter(scenario.team.sub_teams))
-    found = {name: uniform(grid) for name in asked}
+    beliefs = {name: uniform(grid) for name in asked}
 
     def take(envelope: Envelope) -> None:
         if f"/{first}/agreed/" in envelope.key:
             consensus = decode(Consensus, envelope.payload)
             name = round(consensus.time, 3), consensus.subject
             if name in asked:
-                found[name] = unpack(consensus.belief, grid)
+                beliefs[name] = unpack(consensus.belief, grid)
 
     team.bus.spies.append(take)
     team.run()
-    return found
+    return beliefs
 
 
 def variant(scenario: Scenario, number: int) -> Scenario:

@@ -32,7 +32,7 @@ def joint_sizes(
     objects = Objects(told.objects_drift, told.objects_drifts, model=told.objects_motion, models=told.objects_motions)
     sizes = {size for _, some in parts for size in some}
     joints = {team(robot, robots, size): TeamJoint(objects) for robot in robots for size in sizes}
-    found = tuple(TeamSizeScores() for _ in parts)
+    by_part = tuple(TeamSizeScores() for _ in parts)
     for tick in played(scenario):
         evidence = {}
         for one in tick.readings:
@@ -40,7 +40,7 @@ def joint_sizes(
             evidence[one.robot] = own.step(one).evidence(own.robot, tick.number, one.time, own.sensors.wheels.nuisance)
         for members, joint in joints.items():
             joint.settle(tick.number, tick.dt, [evidence[robot] for robot in sorted(members)])
-        for scores, (run, some) in zip(found, parts, strict=True):
+        for scores, (run, some) in zip(by_part, parts, strict=True):
             for case in (case for case in run if case.time == tick.truth.time):
 
                 def believed(members: frozenset[str], case: Case = case) -> Belief:
@@ -53,4 +53,4 @@ def joint_sizes(
                     )
 
                 add_case(scores, number, case, robots, some, believed)
-    return found
+    return by_part

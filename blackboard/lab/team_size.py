@@ -47,7 +47,7 @@ def score_sizes(
 
     A mate without an opinion on the subject changes nothing, as on a board. `sizes` are the n that are scored [default: all].
     """
-    found = {name: TeamSizeScores() for name in rules}
+    scores = {name: TeamSizeScores() for name in rules}
     for number, run in runs:
         for case in run:
             for name, rule in rules.items():
@@ -55,8 +55,8 @@ def score_sizes(
                 def pool(members: frozenset[str], case: Case = case, rule: Rule = rule) -> Belief:
                     return Belief(case.grid, fused(case.of(members), rule).p)
 
-                add_case(found[name], number, case, robots, sizes or range(1, len(robots) + 1), pool)
-    return found
+                add_case(scores[name], number, case, robots, sizes or range(1, len(robots) + 1), pool)
+    return scores
 
 
 def add_case(

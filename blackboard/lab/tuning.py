@@ -85,9 +85,9 @@ def try_all(rule: str, runs: Sequence[Run]) -> CandidateScores:
     """Score every candidate on every case of some runs, at least one case each."""
     log_scores, covered = [], []
     for run in runs:
-        found = np.array([_scores(rule, case) for case in run])  # (cases, candidates, 2)
-        log_scores.append(found[..., 0].sum(axis=0))
-        covered.append(found[..., 1].sum(axis=0))
+        scores = np.array([_scores(rule, case) for case in run])  # (cases, candidates, 2)
+        log_scores.append(scores[..., 0].sum(axis=0))
+        covered.append(scores[..., 1].sum(axis=0))
     return CandidateScores(rule, np.array(log_scores), np.array(covered), np.array([float(len(run)) for run in runs]))
 
 
@@ -163,16 +163,16 @@ def _chosen(scores: CandidateScores, counts: Array, coverage: float) -> Array:
 def _scores(rule: str, case: Case) -> Array:
     """The log score, and how far the 95 % region holds the truth, for each candidate, shape (candidates, 2)."""
     index = case.grid.index(case.truth)
-    found = []
+    scores = []
     for beliefs in _beliefs(rule, case):  # (some candidates, cells), each with sum 1
         if index is None:
-            found += [(np.log(LEAST_PROBABILITY), 0.0)] * len(beliefs)
+            scores += [(np.log(LEAST_PROBABILITY), 0.0)] * len(beliefs)
             continue
         true = beliefs[:, np.ravel_multi_index(index, case.grid.shape)]
         levels = np.where(beliefs > true[:, None], beliefs, 0.0).sum(axis=1)
         borders = np.where(beliefs == true[:, None], beliefs, 0.0).sum(axis=1)
-        found += list(zip(np.log(np.maximum(true, LEAST_PROBABILITY)), held(levels, borders, 0.95), strict=True))
-    return np.array(found)
+        scores += list(zip(np.log(np.maximum(true, LEAST_PROBABILITY)), held(levels, borders, 0.95), strict=True))
+    return np.array(scores)
 
 
 def _beliefs(rule: str, case: Case) -> Iterator[Array]:

@@ -65,30 +65,30 @@ def tuned(
     }
 
 
-def text(found: Mapping[str, Any]) -> str:
+def text(table: Mapping[str, Any]) -> str:
     """The report as text."""
-    asked, lines = found["asked"], []
-    for name, choice in found["choices"].items():
+    asked, lines = table["asked"], []
+    for name, choice in table["choices"].items():
         intervals = ", ".join(f"{p} {shown(e, 2, without=NONE)}" for p, e in choice["parameters"].items())
         share = f"95 % coverage {choice['coverage_95']:.3f}" + ("" if choice["honest"] else ": LESS THAN ASKED")
         lines.append(f"{name}: {intervals}; log score {choice['log_score']:.3f}, {share}")
     rows: list[tuple[str, ...]] = [("on held-out runs", "RMSE", "log score", "95 % coverage", "entropy")]
-    for name, row in found["held_out"].items():
+    for name, row in table["held_out"].items():
         log, cover = (shown(row[name], without=NONE) for name in ("log_score", "coverage_95"))
         rows.append((name, f"{row['rmse']['value']:.3f}", log, cover, f"{row['entropy']['value']:.2f}"))
     lines += ["", *columns(rows, numbers=range(1, 5))]
     for other in ("default", "paper"):
         lines.append(
-            f"the choice's log score less the {other}'s: {shown(found[f'gain_over_{other}'], without=NONE)} nats"
+            f"the choice's log score less the {other}'s: {shown(table[f'gain_over_{other}'], without=NONE)} nats"
         )
     lines += ["", "one robot more gains (nats of log score)"]
-    for n, gain in enumerate(found["team"]["gains"], start=2):
+    for n, gain in enumerate(table["team"]["gains"], start=2):
         lines.append(f"  {n - 1} -> {n}: {shown(gain, without=NONE)}")
-    size, least = found["team"]["enough"], f"{asked['gain']:g} nats"
-    most = size > len(found["team"]["gains"])
+    size, least = table["team"]["enough"], f"{asked['gain']:g} nats"
+    most = size > len(table["team"]["gains"])
     lines.append(
         f"the last of {size} robots still gains {least}" if most else f"after {size} no robot more gains {least}"
     )
-    which, why = found["recommended"]["which"], found["recommended"]["why"]
-    lines += ["", f"{'keep the default' if which == 'default' else 'take the choice'}: {why}", "", found["board"]]
+    which, why = table["recommended"]["which"], table["recommended"]["why"]
+    lines += ["", f"{'keep the default' if which == 'default' else 'take the choice'}: {why}", "", table["board"]]
     return "\n".join(lines)

@@ -143,9 +143,9 @@ class BusLink:
 
     def receive(self, timeout: float = 0.0) -> list[Envelope]:
         """All that is on its way to this link, in the order of sending; the bus does not wait for more."""
-        found = [sent.envelope for sent in self._bus.waiting if sent.receiver is self]
+        envelopes = [sent.envelope for sent in self._bus.waiting if sent.receiver is self]
         self._bus.clear(self)
-        return found
+        return envelopes
 
     def send(self, envelope: Envelope) -> None:
         """Publish a PUT or a DELETE, and keep the newest per key for `get`."""
@@ -160,13 +160,13 @@ class BusLink:
 
     def get(self, key_expr: str, timeout: float = 0.0) -> list[Envelope]:
         """The newest values on a key expression, of every link that has one, sorted by key."""
-        found = [
+        envelopes = [
             Envelope(key, payload if len(payload) <= MAX_BYTES else TOO_LARGE)
             for link in self._bus.links
             for key, payload in link.newest.items()
             if intersects(key_expr, key)
         ]
-        return sorted(found, key=lambda envelope: envelope.key)
+        return sorted(envelopes, key=lambda envelope: envelope.key)
 
     def close(self) -> None:
         """Leave the bus: its tokens vanish, and what was on its way to it is lost. A second time changes nothing."""

@@ -65,10 +65,10 @@ def narrowed(listens: Iterable[str], tokens: Iterable[str], key_expr: Callable[[
     One that crosses what some holder writes and does not include it stays as it is, and so does a key without wildcards.
     """
     written = {expression for token in tokens for expression in keys.written_by(token)}
-    found: set[str] = set()
+    narrow: set[str] = set()
     for listened in listens:
         mine = key_expr(listened)
         crossing = {expression for expression in written if mine.intersects(expression)}
         whole = "*" in listened and all(mine.includes(expression) for expression in crossing)
-        found |= crossing if whole else {listened}
-    return frozenset(found)
+        narrow |= crossing if whole else {listened}
+    return frozenset(narrow)

@@ -114,9 +114,9 @@ class Inbox:
             flood = self._strangers() > STRANGERS_BATCH
             if flood and not poked:
                 self._arrived.wait_for(self._waits, min(timeout, self.pause))
-            found = self._take(self._known, self.batch)
-            most = len(found) if flood and found else STRANGERS_BATCH
-            return found + self._take(self._strange, min(most, STRANGERS_BATCH, self.batch - len(found)))
+            envelopes = self._take(self._known, self.batch)
+            most = len(envelopes) if flood and envelopes else STRANGERS_BATCH
+            return envelopes + self._take(self._strange, min(most, STRANGERS_BATCH, self.batch - len(envelopes)))
 
     # --- inside, all under the lock -----------------------------------------------------------------------------------
 
@@ -228,19 +228,19 @@ class Inbox:
         self.dropped += 1
 
     def _take(self, queue: deque[Slot], most: int) -> list[Envelope]:
-        found: list[Envelope] = []
-        while queue and len(found) < most:
+        envelopes: list[Envelope] = []
+        while queue and len(envelopes) < most:
             slot = queue.popleft()
             if slot.envelope is None:
                 continue
-            found.append(slot.envelope)
+            envelopes.append(slot.envelope)
             if slot.envelope.kind in (Kind.ALIVE, Kind.GONE):
                 self._changes[slot.source] -= 1
                 if not self._changes[slot.source]:
                     del self._changes[slot.source]
             else:
                 self._forget(slot, slot.envelope)
-        return found
+        return envelopes
 
 
 def _is_change(envelope: Envelope, token: str) -> bool:

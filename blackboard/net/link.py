@@ -182,8 +182,8 @@ class Link:
     def get(self, key_expr: str, timeout: float = 2.0) -> list[Envelope]:
         """The newest values on a key expression, of every process that answers, sorted by key."""
         replies = self._session.get(key_expr, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE)
-        found = [_envelope(reply.ok, Kind.PUT) for reply in replies if reply.ok is not None]
-        return sorted(found, key=lambda envelope: envelope.key)
+        envelopes = [_envelope(reply.ok, Kind.PUT) for reply in replies if reply.ok is not None]
+        return sorted(envelopes, key=lambda envelope: envelope.key)
 
     def denials(self) -> str | None:
         """With keys: what the router has denied this process of late, in one line; None where nothing was."""
@@ -191,8 +191,8 @@ class Link:
 
     def _tell_of_outage(self) -> None:
         with self._outage_lock:
-            found = self._outage.look(self._clock.now())
-        for away in found:
+            outages = self._outage.look(self._clock.now())
+        for away in outages:
             if away is None:
                 log.warning(
                     "%s: lost the router (%s); trying again, what is sent meanwhile is lost", self._name, self._where
@@ -281,10 +281,10 @@ def _envelope(sample: Any, kind: Kind) -> Envelope:
 
 def _space(key: str) -> str:
     """The key expression of the queryable that answers for a key: all subjects of its topic, or the key itself."""
-    found = keys.parse(key)
-    if found is None or "subject" not in found[1]:
+    parsed = keys.parse(key)
+    if parsed is None or "subject" not in parsed[1]:
         return key
-    topic, parts = found
+    topic, parts = parsed
     return topic.key(**{**parts, "subject": "**"})
 
 

@@ -28,11 +28,11 @@ class Outage:
 
     def look(self, now: float) -> list[float | None]:
         """What is new: None where the router is lost, the seconds that it was away where it is back."""
-        found: list[float | None] = []
+        outages: list[float | None] = []
         if self._lost_at is not None and not self._told and not now < self._quiet_until <= now + PAUSE:
             self._told, self._quiet_until = True, now + PAUSE
-            found.append(None)
+            outages.append(None)
         if self._lost_at is not None and self._told and self._back_at is not None:
-            found.append(self._back_at - self._lost_at)
+            outages.append(self._back_at - self._lost_at)
             self._lost_at, self._told = None, False
-        return found
+        return outages

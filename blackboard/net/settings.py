@@ -106,14 +106,14 @@ class LinkConfig:
 
 def endpoints(config: zenoh.Config) -> list[str]:
     """The endpoints that a session of this configuration connects to."""
-    found: list[str] = json.loads(config.get_json("connect/endpoints"))
-    return found
+    addresses: list[str] = json.loads(config.get_json("connect/endpoints"))
+    return addresses
 
 
 def priority(key: str) -> zenoh.Priority:
     """Zenoh's priority of what is put on a key, by the topic table; for a key of no topic Zenoh's own default."""
-    found = parse(key)
-    name = "data" if found is None else found[0].priority
+    parsed = parse(key)
+    name = "data" if parsed is None else parsed[0].priority
     chosen: zenoh.Priority = getattr(zenoh.Priority, name.upper().replace("-", "_"))
     return chosen
 
@@ -121,8 +121,8 @@ def priority(key: str) -> zenoh.Priority:
 def plain(error: Exception) -> str:
     """The message of a Zenoh error in one line, without the places in its source."""
     text = re.sub(r"\s+at \S+\.rs:\d+\.?", "", str(error))
-    found = re.search(r'msg: "(.*?)(?:", location|"\s*}|$)', text, re.DOTALL)
-    return " ".join((found[1] if found else text).split())[:300]
+    message = re.search(r'msg: "(.*?)(?:", location|"\s*}|$)', text, re.DOTALL)
+    return " ".join((message[1] if message else text).split())[:300]
 
 
 def _insert(config: zenoh.Config, key: str, value: str, where: str) -> None:

@@ -10,7 +10,7 @@ _PERHAPS_NOT = re.compile(r"[^ -~]")  # all but printable ASCII
 
 def printable(text: str) -> str:
     r"""A text with every character that is not printable as `\n` or `\u001b`: controls, formats (bidi), separators of lines."""
-    return _PERHAPS_NOT.sub(lambda found: _escaped(found[0]), text)
+    return _PERHAPS_NOT.sub(lambda match: _escaped(match[0]), text)
 
 
 def quoted(text: str, most: int = SHOWN) -> str:

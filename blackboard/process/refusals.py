@@ -46,10 +46,10 @@ class Refusals:
 
     def record(self, key: str, refusal: Refused, *, early: bool = False) -> None:
         """A message on a key was refused; `early`: it is kept and may be taken after all."""
-        found = _robot_of(key)
-        if found is None:
+        writer = _robot_of(key)
+        if writer is None:
             return
-        (sub_team, robot), subject = found
+        (sub_team, robot), subject = writer
         before = self._entries.pop((sub_team, robot), None)
         notice = Notice(
             robot, subject, refusal.reason, _text(refusal), 1 if before is None else before.notice.count + 1
@@ -61,10 +61,10 @@ class Refusals:
 
     def handled(self, key: str) -> None:
         """A message on a key was taken: what came too early from the same robot is so no longer."""
-        if self._entries and (found := _robot_of(key)) is not None:
-            entry = self._entries.get(found[0])
+        if self._entries and (robot := _robot_of(key)) is not None:
+            entry = self._entries.get(robot[0])
             if entry is not None and entry.early and entry.due:
-                del self._entries[found[0]]
+                del self._entries[robot[0]]
             elif entry is not None:
                 entry.waited = False
 
@@ -73,13 +73,13 @@ class Refusals:
         if not self._entries or now < self._due_at:
             return []
         self._due_at = now + PERIOD
-        found = []
+        notices = []
         for (sub_team, _), entry in self._entries.items():
             if entry.due and (entry.waited or not entry.early):
                 entry.due = False
-                found.append((sub_team, entry.notice))
+                notices.append((sub_team, entry.notice))
             entry.waited = True
-        return found
+        return notices
 
 
 def in_words(refusal: Refusal) -> str:

@@ -64,8 +64,8 @@ class RecordingFlags:
             "world", kind=recorded, dir=self.mrclam, start=self.start, protocol=self.protocol, detector=detector
         )
         if self.anonymous == "all":
-            found = surveyed(recording_folder(self.mrclam))
-            scenario = scenario.changed("robot", landmarks={str(number): place for number, place in found.items()})
+            survey = surveyed(recording_folder(self.mrclam))
+            scenario = scenario.changed("robot", landmarks={str(number): place for number, place in survey.items()})
         if self.anonymous and scenario.tables["world"].get("kind") not in ("mrclam", "pyfg"):
             raise UserError("--anonymous is about a recording; for a simulated world set world.detector.anonymous")
         about = {"mrclam"} | ({"pyfg"} if self.protocol is None else set())

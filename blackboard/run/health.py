@@ -68,9 +68,9 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
 def _there(link: Querier, kind: ProcessKind, team: str) -> str:
     """Who of this kind answers instead."""
     said = link.get(keys.STATUS.key(team=team, sub_team="*", process="*"))
-    found = sorted({parts["process"] for answer in said if (parts := _status_of(answer, kind)) is not None})
-    more = f" and {len(found) - MOST_NAMES} more" if len(found) > MOST_NAMES else ""
-    return f"; there is {', '.join(found[:MOST_NAMES])}{more}" if found else f"; no {kind} of team {team} answers"
+    names = sorted({parts["process"] for answer in said if (parts := _status_of(answer, kind)) is not None})
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return f"; there is {', '.join(names[:MOST_NAMES])}{more}" if names else f"; no {kind} of team {team} answers"
 
 
 def _status_of(envelope: Envelope, kind: ProcessKind) -> dict[str, str] | None:
@@ -134,8 +134,8 @@ def health(
     with Link(flags.link(who=who), f"health-{name}", patience=3.0) as link:
         meant = board_named(link, name, team=of) if kind == "board" else name
         fault = link.denials() or diagnose(link, kind, meant, UnixClock().now(), team=of, max_age=max_age)
-        found = fault or "healthy" + f", {meant}" * (meant != name) + part(link, kind, meant, team=of)
-    sys.stdout.write(f"{printable(found)}\n")
+        answer = fault or "healthy" + f", {meant}" * (meant != name) + part(link, kind, meant, team=of)
+    sys.stdout.write(f"{printable(answer)}\n")
     return 1 if fault else 0
 
 
@@ -152,20 +152,20 @@ def _answers(link: Querier, key_expr: str) -> list[dict[str, Any]]:
 
 def _boards(link: Querier, key_expr: str) -> list[tuple[bool, str]]:
     """Of the boards whose statuses answer: whether each follows, and its name."""
-    found = []
+    boards = []
     for envelope in link.get(key_expr):
         for fields in _read([envelope]):
             if fields.get("kind") == "board" and (parts := keys.STATUS.match(envelope.key)) is not None:
-                found.append((bool(fields.get("follows")), parts["process"]))
-    return found
+                boards.append((bool(fields.get("follows")), parts["process"]))
+    return boards
 
 
 def _read(envelopes: Iterable[Envelope]) -> list[dict[str, Any]]:
-    found = []
+    fields = []
     for envelope in envelopes:
         with suppress(Refused):  # another process sent it; the one that is asked about may be well
-            found.append(unpack_map(envelope.payload))
-    return found
+            fields.append(unpack_map(envelope.payload))
+    return fields
 
 
 def _team_of(scenario: str) -> str:

@@ -146,17 +146,17 @@ def plan(
         raise UserError(f"--hz {hz:g}: give reports a second, more than 0")
     of_team = bits("--link", link)
     of_robot = of_team if robot_link is None else bits("--robot-link", robot_link)
-    found = planned(robots, hz, of_team, of_robot, COSTS[fusion])
-    output.show({"boards": found.boards, "shares": found.shares, "later": found.later, **asdict(found)}, _text)
+    table = planned(robots, hz, of_team, of_robot, COSTS[fusion])
+    output.show({"boards": table.boards, "shares": table.shares, "later": table.later, **asdict(table)}, _text)
     return 0
 
 
 def bits(flag: str, text: str) -> float:
     """Bits a second, as `20Mbit`. UserError: no such number."""
-    found = re.fullmatch(rf"(\d+(?:\.\d+)?) ?({'|'.join(UNITS)})(?:/s)?", text)
-    if found is None or float(found[1]) == 0.0:
+    number = re.fullmatch(rf"(\d+(?:\.\d+)?) ?({'|'.join(UNITS)})(?:/s)?", text)
+    if number is None or float(number[1]) == 0.0:
         raise UserError(f"{flag} {text}: give bits a second as 250kbit, 20Mbit or 1Gbit")
-    return float(found[1]) * UNITS[found[2]]
+    return float(number[1]) * UNITS[number[2]]
 
 
 def _text(plan: dict[str, Any]) -> str:

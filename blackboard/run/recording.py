@@ -30,9 +30,9 @@ async def recording(
     RunFailed, UserError: the recorder ended before that, or does not listen after `ready_seconds`. The team does not depend on
     one that ends later, or that could not write everything: then the Recording has the trouble.
     """
-    found = Recording()
+    recorded = Recording()
     if recorder is None or tape is None:
-        yield found
+        yield recorded
         return
     running = asyncio.create_task(supervisor.run(recorder))
     try:
@@ -47,11 +47,11 @@ async def recording(
             raise RunFailed(f"the recorder does not listen after {ready_seconds:g} s; its output is above") from None
         if running.done():
             raise RunFailed(f"the recorder ended with status {running.result()[0]}; its output is above")
-        yield found
+        yield recorded
         early = running.done()
         supervisor.terminate(recorder.name)
         await asyncio.wait([running], timeout=STOP_SECONDS)
-        found.trouble = _trouble(tape, running, early, supervisor.last_lines.get(recorder.name, ""))
+        recorded.trouble = _trouble(tape, running, early, supervisor.last_lines.get(recorder.name, ""))
     finally:
         running.cancel()
         await asyncio.wait([running])

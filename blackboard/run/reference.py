@@ -121,13 +121,13 @@ def _docstrings(cls: type) -> dict[str, str]:
         body = ast.parse(textwrap.dedent(inspect.getsource(cls))).body[0]
     except (OSError, TypeError):
         return {}
-    found = dict[str, str]()
+    docstrings = dict[str, str]()
     statements = body.body if isinstance(body, ast.ClassDef) else []
     for field, below in pairwise(statements):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(below, ast.Expr):
             text = below.value.value if isinstance(below.value, ast.Constant) else None
-            found |= {field.target.id: text} if isinstance(text, str) else {}
-    return found
+            docstrings |= {field.target.id: text} if isinstance(text, str) else {}
+    return docstrings
 
 
 def _table_in(annotation: Any) -> type[BaseModel] | None:

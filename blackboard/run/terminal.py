@@ -33,8 +33,8 @@ class Printed:
 
 def beneath(stream: Any) -> TextIO:
     """The stream to which control sequences of our own go."""
-    found: TextIO = getattr(stream, "rich_proxied_file", stream)
-    return found
+    inner: TextIO = getattr(stream, "rich_proxied_file", stream)
+    return inner
 
 
 def in_lines(value: Any) -> Any:

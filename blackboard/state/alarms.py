@@ -59,9 +59,9 @@ class Alarms:
         if known is not None and known.until is None:
             self._kept[what, who] = replace(known, until=now)
 
-    def look(self, found: Mapping[tuple[str, str], str], now: float) -> None:
+    def look(self, alarms: Mapping[tuple[str, str], str], now: float) -> None:
         """All that a settled tick shows: kind and name -> text. What was not found for QUIET seconds is over."""
-        for (what, who), text in found.items():
+        for (what, who), text in alarms.items():
             self.raise_(what, who, text, now)
         for (what, who), alarm in self._kept.items():
             if what != "gone" and alarm.until is None and now - alarm.seen > QUIET:
@@ -85,14 +85,14 @@ class Alarms:
 
 def of_robot(name: str, settings: Mapping[str, object]) -> dict[tuple[str, str], str]:
     """The alarms that a robot raises itself, by the settings of its status, which is data: anything may be in it."""
-    stuck, found = settings.get("stuck"), dict[tuple[str, str], str]()
+    stuck, alarms = settings.get("stuck"), dict[tuple[str, str], str]()
     if isinstance(stuck, float) and stuck > 0:
-        found["stuck", name] = f"{name} is stuck: for {stuck:.0f} s its wheels have turned while it stood"
+        alarms["stuck", name] = f"{name} is stuck: for {stuck:.0f} s its wheels have turned while it stood"
     if settings.get("moved") == 1.0:
-        found["moved", name] = (
+        alarms["moved", name] = (
             f"{name} is not where its wheels led: it was pushed or carried, or its landmarks are wrong"
         )
-    return found
+    return alarms
 
 
 def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], dict[tuple[str, str], str]]:
@@ -101,18 +101,18 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
     First conflicts, by subject and "", and sources that are left out or disagree, by subject and source. Then alarms, by kind and
     name.
     """
-    found, alarms = dict[tuple[str, str], str](), dict[tuple[str, str], str]()
+    shown, alarms = dict[tuple[str, str], str](), dict[tuple[str, str], str]()
     for subject, about in moment.subjects.items():
         if about.best is None or about.best.message.tick < moment.tick:
             continue
         consensus = about.best.message
         if consensus.conflict:
-            found[subject, ""] = f"conflict about {subject}"
+            shown[subject, ""] = f"conflict about {subject}"
         for one in consensus.dissent:
             text = f"{one.source} keeps disagreeing about {subject}, by {one.sigmas:.1f} sigmas"
-            found[subject, one.source] = alarms["liar", one.source] = text
+            shown[subject, one.source] = alarms["liar", one.source] = text
         for out in consensus.left_out:
-            found[subject, out.source] = f"{out.source} left out about {subject}: {out.reason}"
+            shown[subject, out.source] = f"{out.source} left out about {subject}: {out.reason}"
         if text := _lost(consensus, cells):
             alarms["lost", subject] = text
         for learned in consensus.learned:
@@ -120,7 +120,7 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
                 times = math.sqrt(max(0.0, learned.variance))
                 text = f"{learned.source} is over-confident: its errors are {times:.1f} times what it claims"
                 alarms["over-confident", learned.source] = text
-    return found, alarms
+    return shown, alarms
 
 
 def _lost(consensus: Consensus, cells: float) -> str:

@@ -29,9 +29,9 @@ class Fold:
         """Take one envelope that arrived at `now`, Unix seconds."""
         try:
             if envelope.kind in (Kind.ALIVE, Kind.GONE):
-                found = keys.parse(envelope.key)
-                if found is not None and found[0].name in TOKENS:
-                    self._team(found[1]["team"]).hear_token(*found, envelope, now)
+                parsed = keys.parse(envelope.key)
+                if parsed is not None and parsed[0].name in TOKENS:
+                    self._team(parsed[1]["team"]).hear_token(*parsed, envelope, now)
             elif envelope.kind is Kind.PUT and (sender := _unread(envelope.key)) is not None:
                 self._team(sender.pop("team")).hear_sender(**sender, size=len(envelope.payload), now=now)
             elif envelope.kind is Kind.PUT:

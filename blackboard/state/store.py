@@ -63,11 +63,11 @@ class Store(Generic[M]):
 
     def until(self, subject: str, time: float) -> dict[str, Received[M]]:
         """The newest of each source, by name, that is not later than a team time, and at most FORGET seconds older."""
-        found = dict[str, Received[M]]()
+        newest = dict[str, Received[M]]()
         for source, recent in sorted(self._kept.get(subject, {}).items()):
             fitting = [received for received in recent if time - FORGET <= received.message.time <= time]
-            found |= {source: fitting[-1]} if fitting else {}
-        return found
+            newest |= {source: fitting[-1]} if fitting else {}
+        return newest
 
     def check(self) -> None:
         """AssertionError: it holds more than its bounds."""

@@ -338,9 +338,9 @@ class TeamFold:
     def _notice(self, moment: Moment, now: float) -> None:
         """Note which conflicts and which sources left out are new, and which did not come back for QUIET seconds."""
         cells = math.inf if self.grid is None else math.prod(self.grid.shape)
-        found, alarms = shown_by(moment, cells)
+        shown, alarms = shown_by(moment, cells)
         self.alarms.look(alarms | self._said(), now)
-        for (subject, source), text in found.items():
+        for (subject, source), text in shown.items():
             if (subject, source) not in self._noticed:
                 self._note("left out" if source else "conflict", subject, text, now)
             self._noticed[subject, source] = moment.time

@@ -157,21 +157,21 @@ def replay(
     table
         Also write every sample that a referee judges into this file (.csv, .jsonl, .parquet), as `demo --table` does.
     """
-    found = load_tape(file, scenario)
+    tape = load_tape(file, scenario)
     if table is not None:
         check_table(table, "--table")
     if speed is not None:
-        door.serve(Player(found, speed, only or ("world", "robots", "boards")), "player", flags, linger=0.0)
+        door.serve(Player(tape, speed, only or ("world", "robots", "boards")), "player", flags, linger=0.0)
         return 0
     if only or flags != door.ZenohFlags():
         raise UserError("--only, and where the network is, are for --speed; without it nothing is sent")
-    if len(found.runs) > 1:
-        sys.stderr.write(f"{file}: {len(found.runs)} runs; the last one is judged\n")
-    story = course(found, found.runs[-1] if found.runs else "")
+    if len(tape.runs) > 1:
+        sys.stderr.write(f"{file}: {len(tape.runs)} runs; the last one is judged\n")
+    story = course(tape, tape.runs[-1] if tape.runs else "")
     with quiet(), series_file(table) as keep:
         if changes.given:
-            return _what_if(found, story, changes, output, keep)
-        return _again(found, story, output, keep)
+            return _what_if(tape, story, changes, output, keep)
+        return _again(tape, story, output, keep)
 
 
 def _with_boards(scenario: Scenario, sets: Sequence[str]) -> Scenario:
@@ -185,33 +185,33 @@ def _with_boards(scenario: Scenario, sets: Sequence[str]) -> Scenario:
     return with_settings(scenario, settings)
 
 
-def _again(found: Tape, story: Course, output: OutputFlags, keep: Keep | None) -> int:
+def _again(tape: Tape, story: Course, output: OutputFlags, keep: Keep | None) -> int:
     clock = UnixClock()
     began = clock.now()
-    with _moving(sum(len(life.events) for life in found.lives)) as moved:
-        again = replay_tape(found, moved)
-    matched = match(story.run, recorded(found), again.output, story.ended)
+    with _moving(sum(len(life.events) for life in tape.lives)) as moved:
+        again = replay_tape(tape, moved)
+    matched = match(story.run, recorded(tape), again.output, story.ended)
     lines = told(again, matched)
-    card = scorecard(judge(found.scenario, story, again.output, clock.now() - began, record=keep))
+    card = scorecard(judge(tape.scenario, story, again.output, clock.now() - began, record=keep))
     output.show(card, lambda card: "\n".join([text(card), "", *lines]))
     if not matched.exact and output.as_json:
         sys.stderr.writelines(f"{line}\n" for line in lines)
     return 0 if matched.exact else 1
 
 
-def _what_if(found: Tape, story: Course, changes: Changes, output: OutputFlags, keep: Keep | None) -> int:
-    scenario, rng, clock = changes.apply(found), np.random.default_rng(changes.seed), UnixClock()
+def _what_if(tape: Tape, story: Course, changes: Changes, output: OutputFlags, keep: Keep | None) -> int:
+    scenario, rng, clock = changes.apply(tape), np.random.default_rng(changes.seed), UnixClock()
     began = clock.now()
     lies = lying(parse_lies(changes.lie, scenario.team.robots))
     lose = lambda _: bool(changes.loss) and rng.random() < changes.loss  # noqa: E731
     ones, others = list[Sample](), list[Sample]()
-    with _moving(2 * len(found.envelopes)) as moved:
-        changed = what_if(found, scenario, changes.without, lose, lies, moved)
+    with _moving(2 * len(tape.envelopes)) as moved:
+        changed = what_if(tape, scenario, changes.without, lose, lies, moved)
         wall, without = clock.now() - began, changes.without
-        unchanged = what_if(found, found.scenario, moved=moved)
+        unchanged = what_if(tape, tape.scenario, moved=moved)
     cards = {
-        "recorded": scorecard(judge(found.scenario, story, recorded(found), 0.0, without)),
-        "unchanged": scorecard(judge(found.scenario, story, unchanged, 0.0, without, ones.append)),
+        "recorded": scorecard(judge(tape.scenario, story, recorded(tape), 0.0, without)),
+        "unchanged": scorecard(judge(tape.scenario, story, unchanged, 0.0, without, ones.append)),
         "what if": scorecard(judge(scenario, story, changed, wall, without, others.append)),
     }
     for sample in others if keep is not None else ():
@@ -293,23 +293,23 @@ def table(file: Path, *, out: Path | None = None, scenario: str | None = None) -
     scenario
         The team's scenario, instead of the one on the tape.
     """
-    found = load_tape(file, scenario)
+    opened = load_tape(file, scenario)
     with table_file(out, COLUMNS, "--out") as write:
-        for row in rows(found):
+        for row in rows(opened):
             write(row)
     return 0
 
 
-def _info(found: dict[str, Any]) -> str:
+def _info(info: dict[str, Any]) -> str:
     """A summary as text."""
-    rows = [(name, str(value)) for name, value in found.items() if not isinstance(value, dict | list)]
-    rows += [("link", ", ".join(f"{count} {name}" for name, count in found["link"].items()))]
-    rows += [("run", run) for run in found["runs"]]
-    for board in found["boards"]:
+    rows = [(name, str(value)) for name, value in info.items() if not isinstance(value, dict | list)]
+    rows += [("link", ", ".join(f"{count} {name}" for name, count in info["link"].items()))]
+    rows += [("run", run) for run in info["runs"]]
+    for board in info["boards"]:
         whole = "from its beginning" if board["whole"] else "the beginning is missing"
         rows.append(("board", f"{board['board']}: {board['events']} events, {board['gaps']} gaps, {whole}"))
     counted = ("messages", "bytes", "events")
-    topics = [(name, *(str(counts[key]) for key in counted)) for name, counts in sorted(found["topics"].items())]
+    topics = [(name, *(str(counts[key]) for key in counted)) for name, counts in sorted(info["topics"].items())]
     return "\n".join([*columns(rows), "", *columns([("topic", *counted), *topics], numbers=range(1, 4))])
 
 

@@ -10,7 +10,7 @@ from blackboard.tape.judge import Match
 from blackboard.tape.replay import Replay
 
 
-def told(found: Replay, matched: Match) -> list[str]:
+def told(replayed: Replay, matched: Match) -> list[str]:
     """Whether a replay is the recording, and every reason why it may not be, in sentences."""
     if matched.exact:
         lines = [f"as recorded, to the bit: {matched.same} consensuses"]
@@ -23,13 +23,13 @@ def told(found: Replay, matched: Match) -> list[str]:
             lines.append(f"from tick {matched.exact_from} on all are the same")
     if matched.cut_off:
         lines.append(f"the tape breaks off before the last {matched.cut_off} consensuses of its boards")
-    if found.missing:
-        lines.append(f"{found.missing} messages that boards were given are not on the tape")
-    if found.gaps:
-        lines.append(f"the journals miss something in {found.gaps} places")
-    if found.late:
+    if replayed.missing:
+        lines.append(f"{replayed.missing} messages that boards were given are not on the tape")
+    if replayed.gaps:
+        lines.append(f"the journals miss something in {replayed.gaps} places")
+    if replayed.late:
         lines.append(
-            f"the recorder came after the beginning of {', '.join(found.late)}: what they held then is unknown"
+            f"the recorder came after the beginning of {', '.join(replayed.late)}: what they held then is unknown"
         )
     return lines
 
@@ -41,12 +41,12 @@ def side_by_side(cards: dict[str, dict[str, Any]]) -> str:
     measures = {f"RMSE {unit}": "rmse", "entropy": "entropy", "log score": "log_score", "in 95 %": "coverage"}
     for group in GROUPS:
         for level in LEVELS:
-            found = [card["scores"][group][level] for card in cards.values()]
-            if not any(each["n"] for each in found):
+            scores = [card["scores"][group][level] for card in cards.values()]
+            if not any(each["n"] for each in scores):
                 continue
             for name, key in measures.items():
                 values = [
-                    (each[key]["95"] if key == "coverage" else each[key]) if each["n"] else None for each in found
+                    (each[key]["95"] if key == "coverage" else each[key]) if each["n"] else None for each in scores
                 ]
                 rows.append((f"{group} {level}, {name}", *(cell(value, "{:.3f}") for value in values)))
     rows.append(("samples", *(str(sum(c["scores"][g]["agreed"]["n"] for g in GROUPS)) for c in cards.values())))

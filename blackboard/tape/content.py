@@ -106,8 +106,8 @@ def summary(tape: Tape) -> dict[str, Any]:
     seconds = tape.envelopes[-1][0] - tape.envelopes[0][0] if tape.envelopes else 0.0
     topics: dict[str, dict[str, int]] = {}
     for _, envelope in tape.envelopes:
-        found = keys.parse(envelope.key)
-        counts = topics.setdefault(found[0].name if found else "other", {"messages": 0, "bytes": 0, "events": 0})
+        parsed = keys.parse(envelope.key)
+        counts = topics.setdefault(parsed[0].name if parsed else "other", {"messages": 0, "bytes": 0, "events": 0})
         counts["messages" if envelope.kind is Kind.PUT else "events"] += 1
         counts["bytes"] += len(envelope.payload)
     return {

@@ -131,13 +131,13 @@ class TapeWriter:
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _add(self, at: float, key: str, put: bool, payload: bytes) -> None:
-        found = self._channels.get((key, put))
-        if found is None:
+        entry = self._channels.get((key, put))
+        if entry is None:
             if len(self._channels) >= MAX_KEYS and key != LINK:
                 self.skipped["too_many_keys"] += 1
                 return
-            found = self._register(key, put), 0
-        channel, count = found
+            entry = self._register(key, put), 0
+        channel, count = entry
         self._channels[key, put] = channel, count + 1
         self._out.count += key != LINK
         time = round(at * 1e9)
@@ -181,11 +181,11 @@ def look_through(path: Path, about: About, broken: list[int] | None = None) -> I
             _note_broken(path, f"a message of {record.log_time / 1e9:.0f} s Unix time", len(record.data), broken)
         elif isinstance(record, Message) and record.channel_id in channels:  # else its channel was in what is broken
             channel = channels[record.channel_id]
-            found = _envelope(channel, record.data)
+            envelope = _envelope(channel, record.data)
             if channel.topic == LINK:
                 about.link = _counters(record.data)
-            elif found is not None:
-                yield record.log_time / 1e9, found
+            elif envelope is not None:
+                yield record.log_time / 1e9, envelope
 
 
 def copy(
@@ -263,11 +263,11 @@ def _records(path: Path, broken: list[int] | None) -> Iterator[McapRecord]:
             opcode = head[0]
             try:
                 room = AT_FIRST + MESSAGES * file.tell() - messages
-                found = _parse(opcode, head + content, MAX_RECORD + UNPACKED * file.tell() - unpacked, room)
+                records = _parse(opcode, head + content, MAX_RECORD + UNPACKED * file.tell() - unpacked, room)
             except Exception as error:  # whatever the library makes of hostile bytes
                 _note_broken(path, f"byte {at}: broken ({error!r:.80})", len(head) + length, broken, error)
                 continue
-            for record in found:
+            for record in records:
                 if isinstance(record, Message):
                     unpacked, messages = unpacked + len(record.data), messages + 1
                 if isinstance(record, Header) and record.profile != PROFILE:
@@ -286,20 +286,20 @@ def _parse(opcode: int, record: bytes, most_bytes: int, most_messages: int) -> l
     """The record in a frame, or those in a chunk, if they are no more than that; none of kinds that are not needed."""
     if opcode not in (Opcode.HEADER, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA, Opcode.CHUNK):
         return []
-    found = next(StreamReader(BytesIO(record), skip_magic=True, emit_chunks=True).records)
-    if not isinstance(found, Chunk):
-        return [found]
-    if found.compression == "zstd":
-        data = zstandard.ZstdDecompressor().stream_reader(found.data).read(MAX_RECORD + 1)
-    elif found.compression == "":
-        data = found.data
+    parsed = next(StreamReader(BytesIO(record), skip_magic=True, emit_chunks=True).records)
+    if not isinstance(parsed, Chunk):
+        return [parsed]
+    if parsed.compression == "zstd":
+        data = zstandard.ZstdDecompressor().stream_reader(parsed.data).read(MAX_RECORD + 1)
+    elif parsed.compression == "":
+        data = parsed.data
     else:
-        raise ValueError(f"compressed by {found.compression}")
-    if len(data) > MAX_RECORD or len(data) != found.uncompressed_size:
-        raise ValueError(f"a chunk of {len(data)} bytes that says {found.uncompressed_size}")
+        raise ValueError(f"compressed by {parsed.compression}")
+    if len(data) > MAX_RECORD or len(data) != parsed.uncompressed_size:
+        raise ValueError(f"a chunk of {len(data)} bytes that says {parsed.uncompressed_size}")
     if len(data) > most_bytes or _has_more_frames(data, most_messages):
         raise ValueError("holds more than a tape of this size")
-    plain = Chunk("", data, found.message_end_time, found.message_start_time, found.uncompressed_crc, len(data))
+    plain = Chunk("", data, parsed.message_end_time, parsed.message_start_time, parsed.uncompressed_crc, len(data))
     return breakup_chunk(plain, validate_crc=True)
 
 
@@ -325,7 +325,11 @@ def _envelope(channel: Channel, data: bytes) -> Envelope | None:
 
 def _counters(data: bytes) -> dict[str, int]:
     try:
-        found = json.loads(data)
+        counters = json.loads(data)
     except (ValueError, RecursionError):
         return {}
-    return {str(name): count for name, count in found.items() if type(count) is int} if isinstance(found, dict) else {}
+    return (
+        {str(name): count for name, count in counters.items() if type(count) is int}
+        if isinstance(counters, dict)
+        else {}
+    )

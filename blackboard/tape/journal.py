@@ -94,7 +94,7 @@ def lives(journals: Iterable[Journal]) -> list[Life]:
     for journal in journals:
         if journal.events:
             parts.setdefault((journal.began, journal.sub_team, journal.board), {})[journal.first] = journal
-    found = []
+    lives = []
     for (began, sub_team, board), journal_at in sorted(parts.items()):
         life = Life(sub_team, board, began, min(journal_at))
         expected = life.first
@@ -105,5 +105,5 @@ def lives(journals: Iterable[Journal]) -> list[Life]:
             if journal.memory:
                 life.memories[len(life.events)] = journal.memory
             expected = max(expected, first + len(journal.events))
-        found.append(life)
-    return found
+        lives.append(life)
+    return lives

@@ -46,7 +46,7 @@ class Course:
 
 def course(tape: Tape, run: str) -> Course:
     """What happened in one run. In lockstep the Clock says who took part; else the tokens do, and who got readings."""
-    found, following = Course(run), False
+    course, following = Course(run), False
     settings = tape.scenario.section("world", WorldSection)
     roster = Roster(grace=settings.grace, comeback=settings.comeback)
     for at, envelope in tape.envelopes:
@@ -64,21 +64,21 @@ def course(tape: Tape, run: str) -> Course:
             following = message.run == run
             if following:
                 roster.forget(at)
-                found.mode, found.ended = message.mode, found.ended or message.end
-                found.ticks = max(found.ticks, message.tick)
+                course.mode, course.ended = message.mode, course.ended or message.end
+                course.ticks = max(course.ticks, message.tick)
                 if not message.end:
                     robots, boards = roster.robots, roster.boards
-                    known = {r.robot for r in found.readings.get(message.tick, [])}
+                    known = {r.robot for r in course.readings.get(message.tick, [])}
                     present = {s: [r for r in robots.get(s, []) if r in known] for s in sorted(boards)}
                     named = {sub_team: list(names) for sub_team, names in message.robots.items()}
-                    found.teams.setdefault(message.tick, named if message.mode == "lockstep" else present)
+                    course.teams.setdefault(message.tick, named if message.mode == "lockstep" else present)
         elif isinstance(message, Readings) and message.run == run:
-            found.readings.setdefault(message.tick, []).append(message)
+            course.readings.setdefault(message.tick, []).append(message)
         elif isinstance(message, Truth) and message.run == run:
-            found.truths.setdefault(message.tick, message)
+            course.truths.setdefault(message.tick, message)
         elif isinstance(message, Solo) and following:
-            found.solos.append(message)
-    return found
+            course.solos.append(message)
+    return course
 
 
 def recorded(tape: Tape) -> Output:
@@ -213,7 +213,7 @@ def _of(run: str, output: Output) -> Iterable[tuple[Consensus, bytes]]:
     """The consensuses of a run that can be read."""
     for of, envelope in output.sent:
         if of == run:
-            yield from ((found, envelope.payload) for found in _opened(envelope))
+            yield from ((consensus, envelope.payload) for consensus in _opened(envelope))
 
 
 def _opened(envelope: Envelope) -> Iterable[Consensus]:

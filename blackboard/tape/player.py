@@ -66,10 +66,10 @@ class Player:
 
 def _part(key: str, boards: set[tuple[str, str]]) -> Part | None:
     """Who sends on a key; None for journals and disks, because the player is no board and no recorder."""
-    found = keys.parse(key)
-    if found is None or found[0] in (keys.JOURNAL, keys.DISK):
+    parsed = keys.parse(key)
+    if parsed is None or parsed[0] in (keys.JOURNAL, keys.DISK):
         return None
-    topic, parts = found
+    topic, parts = parsed
     if topic in OF_WORLD:
         return "world"
     of_board = topic in OF_BOARDS or (topic is keys.STATUS and (parts["sub_team"], parts["process"]) in boards)

@@ -49,10 +49,10 @@ def replay(tape: Tape, moved: Callable[[], None] = lambda: None) -> Replay:
     """Give every board what its journal says. `moved` is called after each event. UserError: there is no journal on the tape."""
     if not tape.lives:
         raise UserError(f"{tape.scenario.where}: no board on the tape kept a journal; boards of this version do")
-    found = Replay()
+    replayed = Replay()
     for life in tape.lives:
-        _live_again(tape, life, found, moved)
-    return found
+        _live_again(tape, life, replayed, moved)
+    return replayed
 
 
 def is_consensus(envelope: Envelope) -> bool:
@@ -60,11 +60,11 @@ def is_consensus(envelope: Envelope) -> bool:
     return keys.CONSENSUS.match(envelope.key) is not None or keys.AGREED.match(envelope.key) is not None
 
 
-def _live_again(tape: Tape, life: Life, found: Replay, moved: Callable[[], None]) -> None:
-    service, output = board_of(tape.scenario, life.sub_team, life.board), found.output
-    found.gaps += len(life.gaps)
+def _live_again(tape: Tape, life: Life, replayed: Replay, moved: Callable[[], None]) -> None:
+    service, output = board_of(tape.scenario, life.sub_team, life.board), replayed.output
+    replayed.gaps += len(life.gaps)
     if life.first:
-        found.late.append(f"{life.sub_team}/{life.board}")
+        replayed.late.append(f"{life.sub_team}/{life.board}")
         for token in _held_before(tape, life):
             if any(intersects(key_expr, token) for key_expr in service.watches):
                 service.receive(Envelope(token, kind=Kind.ALIVE), life.events[0][0])
@@ -75,7 +75,7 @@ def _live_again(tape: Tape, life: Life, found: Replay, moved: Callable[[], None]
         else:
             envelope = Envelope(name, kind=Kind(what)) if what != "put" else tape.by_digest.get(name)
             if envelope is None:  # nothing happens but that time passes, as with one that was too large
-                found.missing += name != TOO_LARGE
+                replayed.missing += name != TOO_LARGE
                 envelope = Envelope(name, kind=Kind.DELETE)
             output.counters["received"] += 1
             output.counters["bytes"] += len(envelope.payload)
@@ -84,7 +84,7 @@ def _live_again(tape: Tape, life: Life, found: Replay, moved: Callable[[], None]
             with suppress(Refused):
                 service.board.remember(memories[number])
         moved()
-    output.counters["dropped"] = found.missing
+    output.counters["dropped"] = replayed.missing
     output.refused += service.refused
 
 
@@ -93,15 +93,15 @@ def _memories(tape: Tape, life: Life) -> dict[int, Memory]:
 
     It is given that again for `max_age`, while what it held before the tape may still have a part in what it learns.
     """
-    found: dict[int, Memory] = {}
+    memories: dict[int, Memory] = {}
     for number, name in life.memories.items() if life.first else ():
         envelope = tape.by_digest.get(name)
         if envelope is not None:
             with suppress(Refused):
-                found[number] = decode(Memory, envelope.payload)
-    begin = next(iter(found.values())).time if found else 0.0
+                memories[number] = decode(Memory, envelope.payload)
+    begin = next(iter(memories.values())).time if memories else 0.0
     return {
-        number: memory for number, memory in found.items() if 0 <= memory.time - begin <= tape.scenario.board.max_age
+        number: memory for number, memory in memories.items() if 0 <= memory.time - begin <= tape.scenario.board.max_age
     }
 
 

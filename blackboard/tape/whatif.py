@@ -112,10 +112,10 @@ class _Boards:
         return self.output
 
     def _take(self, envelope: Envelope) -> None:
-        found = keys.parse(envelope.key)
-        if found is None:
+        parsed = keys.parse(envelope.key)
+        if parsed is None:
             return
-        topic, parts = found
+        topic, parts = parsed
         if self.without & {parts.get("robot"), parts.get("source"), parts.get("process")}:
             return
         board = parts.get("sub_team", ""), parts.get("board") or parts.get("process") or ""

@@ -62,8 +62,8 @@ def why(
         raise UserError(f"{subject} is a tape; say of whom, too: blackboard why robot/r1 {subject}")
     with source.open(flags, "why") as looked:
         moment = looked.moment(wanted, seconds)
-        found = explain(looked.fold, moment, subject, looked.drift if drift is None else drift)
-    output.show(found, lambda told: "\n".join(sentences(told)))
+        explained = explain(looked.fold, moment, subject, looked.drift if drift is None else drift)
+    output.show(explained, lambda told: "\n".join(sentences(told)))
     return door.DONE
 
 

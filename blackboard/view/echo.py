@@ -71,8 +71,8 @@ def in_order(envelopes: Iterable[Envelope]) -> list[Envelope]:
     """The newest values of a team, sorted so that a fold understands them (`ORDER`)."""
 
     def rank(envelope: Envelope) -> int:
-        found = keys.parse(envelope.key)
-        return ORDER.index(found[0].name) if found is not None and found[0].name in ORDER else len(ORDER)
+        parsed = keys.parse(envelope.key)
+        return ORDER.index(parsed[0].name) if parsed is not None and parsed[0].name in ORDER else len(ORDER)
 
     return sorted(envelopes, key=lambda envelope: (rank(envelope), envelope.key))
 

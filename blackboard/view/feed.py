@@ -67,10 +67,10 @@ class Feed:
 
     def receive(self) -> Sequence[tuple[float, Envelope]]:
         """What has arrived, waiting a moment for the first; the fold has not taken it yet. Of plenty, the newest of each key."""
-        found = self._link.receive(WAIT)
+        envelopes = self._link.receive(WAIT)
         at = self._clock()
-        kept = newest(found) if len(found) > PLENTY else found
-        self.skipped += len(found) - len(kept)
+        kept = newest(envelopes) if len(envelopes) > PLENTY else envelopes
+        self.skipped += len(envelopes) - len(kept)
         return [(at, envelope) for envelope in kept]
 
     def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:

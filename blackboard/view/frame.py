@@ -162,12 +162,12 @@ def _motion(best: Received[Consensus] | None) -> Table:
     """Where it heads (radians) and the sigma of that, and how fast it moves (unit / s), as far as that is known."""
     pose = None if best is None else pose_of(best.message.state)
     velocity = None if best is None else velocity_of(best.message.velocity)
-    found: Table = {}
+    motion: Table = {}
     if pose is not None:
-        found["heading"] = [_short(float(pose.mean[HEADING])), _short(float(pose.covariance[HEADING, HEADING]) ** 0.5)]
+        motion["heading"] = [_short(float(pose.mean[HEADING])), _short(float(pose.covariance[HEADING, HEADING]) ** 0.5)]
     if velocity is not None:
-        found["velocity"] = [_short(float(speed)) for speed in velocity.mean[AXES]]
-    return found
+        motion["velocity"] = [_short(float(speed)) for speed in velocity.mean[AXES]]
+    return motion
 
 
 def _belief(

@@ -79,10 +79,10 @@ class Running:
 
     def _teams(self) -> list[str]:
         """The teams of which some process answers."""
-        found = (
+        topics = (
             keys.parse(status.key) for status in self._link.get(keys.STATUS.key(team="*", sub_team="*", process="*"))
         )
-        return sorted({parsed[1]["team"] for parsed in found if parsed is not None})
+        return sorted({parsed[1]["team"] for parsed in topics if parsed is not None})
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._link.__exit__(kind, error, at)
@@ -119,16 +119,16 @@ class Running:
         self.feed.follow(seconds, enough)
         moments = self.fold.moments
         newest = moments.newest
-        found = newest
+        chosen = newest
         if when is not None:
             fitting = [moment for moment in moments if when.fits(moment)]
-            found = fitting[-1] if fitting and newest is not None and when.is_reached(newest) else None
-        if found is None:
+            chosen = fitting[-1] if fitting and newest is not None and when.is_reached(newest) else None
+        if chosen is None:
             what = "has settled nothing" if when is None else f"did not settle {when}"
             others = ", ".join(other for other in self._teams() if other != self.team)
             there = f"; there is {others}" if others else ""
             raise RunFailed(f"team {self.team} {what} within {seconds:g} s{there}")
-        return found
+        return chosen
 
 
 def when(at: str) -> When:

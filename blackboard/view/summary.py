@@ -55,11 +55,11 @@ def team_summary(team: TeamFold, now: float, moment: Moment | None = None) -> Ta
 def processes(team: TeamFold, now: float) -> list[Table]:
     """Boards, robots and the world, by name: liveness, tick, rate, age, counters and refusals."""
     order = {"world": 0, "board": 1, "robot": 2}
-    found = sorted(
+    shown = sorted(
         team.processes.values(),
         key=lambda process: (order.get(process.kind, 3), sorted(process.sub_teams), process.name),
     )
-    return [_process(process, now, _lost(team, process)) for process in found]
+    return [_process(process, now, _lost(team, process)) for process in shown]
 
 
 def _lost(team: TeamFold, process: Process) -> float | None:
@@ -191,13 +191,13 @@ def _team_text(team: Table, width: int | None) -> str:
 
 def alarm_lines(team: Table, width: int | None = None) -> list[str]:
     """What is wrong, a line for each; of what is over only what is a minute old at most."""
-    found = [
+    lines = [
         f"! {one['text']}, for {one['for']:.0f} s"
         + ("" if one["over"] is None else f"; over since {one['over']:.0f} s")
         for one in team["alarms"]
         if one["over"] is None or one["over"] <= RECENT
     ]
-    return found if width is None else [shortened(line, width) for line in found]
+    return lines if width is None else [shortened(line, width) for line in lines]
 
 
 def team_line(team: Table) -> str:

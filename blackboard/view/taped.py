@@ -59,17 +59,17 @@ class Taped:
 
     def moment(self, when: When | None, seconds: float = 0.0) -> Moment:
         """The moment that is meant in the last run that has it, or the newest; reads to the end. RunFailed: there is none."""
-        found: Moment | None = None
+        chosen: Moment | None = None
         seen: Moment | None = None
 
         def look() -> None:
-            nonlocal found, seen
+            nonlocal chosen, seen
             newest = self.fold.moments.newest
             # Each moment once: the older ones are packed.
             if when is not None and newest is not None and newest is not seen:
                 last = seen.tick if seen is not None and seen.run == newest.run else -1
                 fitting = [moment for moment in self.fold.moments.since(last) if when.fits(moment)]
-                found, seen = (fitting[-1] if fitting else found), newest
+                chosen, seen = (fitting[-1] if fitting else chosen), newest
 
         self.read_on(look)
         newest = self.fold.moments.newest
@@ -79,10 +79,10 @@ class Taped:
             raise RunFailed(f"{self.file}: team {self.team} has settled nothing{there}")
         if when is None:
             return newest
-        if found is None or (when.seconds is not None and not when.is_reached(newest)):
+        if chosen is None or (when.seconds is not None and not when.is_reached(newest)):
             last_one = f"the last one is {newest.tick} ({newest.time:.1f} s)"
             raise RunFailed(f"{self.file}: {when} was not settled; {last_one}")
-        return found
+        return chosen
 
 
 def _scenario(text: str) -> Scenario:

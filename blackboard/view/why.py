@@ -83,7 +83,7 @@ def _level(told: Received[Consensus], about: About, moment: Moment, feedback: st
     """One consensus: its belief, its sources, and what it would be without each."""
     consensus = told.message
     drawn, pose, velocity = told.drawn, pose_of(consensus.state), velocity_of(consensus.velocity)
-    found: Table = {
+    level: Table = {
         "level": consensus.level,
         "sub_team": consensus.sub_team,
         "board": consensus.board,
@@ -118,8 +118,8 @@ def _level(told: Received[Consensus], about: About, moment: Moment, feedback: st
         "without": {},
     }
     if consensus.rule != JOINT:
-        found["recomputed"], found["without"] = _without(consensus, about, moment, feedback, drift)
-    return found
+        level["recomputed"], level["without"] = _without(consensus, about, moment, feedback, drift)
+    return level
 
 
 def _truth(belief: PackedBelief, truth: Point) -> Table | None:
@@ -168,8 +168,8 @@ def _without(
         ageing.learn_speed(robot, speed)
 
     def fused(opinions: Iterable[Sequence[Opinion]]) -> Belief:
-        found = [one for of_source in opinions for one in of_source]
-        return fuse_opinions(found, published.grid, settings, consensus.subject, powers=powers).belief
+        chosen = [one for of_source in opinions for one in of_source]
+        return fuse_opinions(chosen, published.grid, settings, consensus.subject, powers=powers).belief
 
     try:
         settings = BoardSection.model_validate({"rule": consensus.rule, **consensus.parameters, "feedback": feedback})
@@ -179,11 +179,11 @@ def _without(
                 return None, {}
             admitted = _admitted(message, published.grid, feedback, alone=len(given) == 1)
             opinions[name] = ageing.aged(admitted, consensus.subject, ages[name])
-        full, found = fused(opinions.values()), {}
+        full, without = fused(opinions.values()), {}
         for name in opinions:
             others = [its for other, its in opinions.items() if other != name]
-            found[name] = _change(full, fused(others)) if others else {}
-        return kullback_leibler(published.p, full.p), found
+            without[name] = _change(full, fused(others)) if others else {}
+        return kullback_leibler(published.p, full.p), without
     except (OpinionError, Refused, UserError, ValueError):  # a rule that is not installed here, or other grids
         return None, {}
 

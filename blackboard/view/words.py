@@ -21,18 +21,18 @@ NOTEWORTHY = 0.2  # by which a variance or a correlation is off before it is men
 def sentences(told: Table) -> list[str]:
     """The sentences, in groups that an empty one parts: the answer, who, the numbers, and then each sub-team's own belief."""
     first, *others = told["levels"]
-    found = [_answer(first, told)]
+    lines = [_answer(first, told)]
     if first["truth"] is not None:
-        found.append(_truth(first, told["unit"]))
-    found += _motion(first, told["unit"])
-    found += ["", _agreement(told), *_who(first, told), "", *_numbers(first, told)]
+        lines.append(_truth(first, told["unit"]))
+    lines += _motion(first, told["unit"])
+    lines += ["", _agreement(told), *_who(first, told), "", *_numbers(first, told)]
     for level in others:
         if level["mean"] is None or not _is_same(level, first):
-            found += ["", f"Sub-team {level['sub_team']} by itself: {_place(level, told['unit'])}.", *_who(level, told)]
-            found += _numbers(level, told)
+            lines += ["", f"Sub-team {level['sub_team']} by itself: {_place(level, told['unit'])}.", *_who(level, told)]
+            lines += _numbers(level, told)
         elif first["rule"] != JOINT:
-            found += ["", f"Sub-team {level['sub_team']} believes the same by itself.", *_who(level, told)]
-    return found
+            lines += ["", f"Sub-team {level['sub_team']} believes the same by itself.", *_who(level, told)]
+    return lines
 
 
 def _answer(level: Table, told: Table) -> str:
@@ -102,8 +102,8 @@ def _motion(level: Table, unit: str) -> list[str]:
         speed, sigma = math.hypot(*level["velocity"][:2]), max(level["velocity_sigma"][:2])
         told.append(f"moves at {speed:.2f} {unit}/s, give or take {sigma:.2f}")
     lost = level["lost"]
-    found = [f"It {' and '.join(told)}."] if told else []
-    return found + (
+    lines = [f"It {' and '.join(told)}."] if told else []
+    return lines + (
         [f"With {100 * lost:.0f} % it is lost, and not there."] if lost is not None and lost >= LIKELY_LOST else []
     )
 
@@ -119,10 +119,10 @@ def _agreement(told: Table) -> str:
 
 def _who(level: Table, told: Table) -> list[str]:
     """Who is behind a belief, who was ignored, and what is known against whom."""
-    found = _joint(level) if level["rule"] == JOINT else _pooled(level, told["unit"])
-    found += [f"{_whose(out['source'])} was ignored: {out['reason']}." for out in level["left_out"]]
-    found += [_dissent(one) for one in level["dissent"]] + _camps(level["camps"])
-    return found + [line for one in level["learned"] if (line := _learned(one))]
+    lines = _joint(level) if level["rule"] == JOINT else _pooled(level, told["unit"])
+    lines += [f"{_whose(out['source'])} was ignored: {out['reason']}." for out in level["left_out"]]
+    lines += [_dissent(one) for one in level["dissent"]] + _camps(level["camps"])
+    return lines + [line for one in level["learned"] if (line := _learned(one))]
 
 
 def _whose(source: str) -> str:
@@ -130,45 +130,45 @@ def _whose(source: str) -> str:
 
 
 def _joint(level: Table) -> list[str]:
-    found = []
+    lines = []
     if level["sources"]:
         each = ", ".join(f"{source['source']} ({source['entropy']:.2f} nats by itself)" for source in level["sources"])
-        found.append(f"New in this tick is what they said: {each}.")
+        lines.append(f"New in this tick is what they said: {each}.")
     if level["existence"] is not None:
-        found.append(
+        lines.append(
             f"It is a track of something without a name, which is there with {100 * level['existence']:.1f} %."
         )
-    found += _unnamed(level["unnamed"])
+    lines += _unnamed(level["unnamed"])
     if len(level["components"]) > 1:
-        found.append(_coalitions(level["components"]))
-    return found
+        lines.append(_coalitions(level["components"]))
+    return lines
 
 
 def _unnamed(sightings: Sequence[Table]) -> list[str]:
     """Whose sightings without a name clearly are this, and with which odds others may be."""
     clear = dict.fromkeys(one["source"] for one in sightings if one["taken"])
-    found = [f"{_and(list(clear))} saw it without a name, and it clearly is this."] if clear else []
+    lines = [f"{_and(list(clear))} saw it without a name, and it clearly is this."] if clear else []
     for one in sightings:
         if not one["taken"] and one["probability"] >= LITTLE:
             share = 100 * one["probability"]
-            found.append(
+            lines.append(
                 f"Something that {one['source']} saw is this with {share:.0f} %; that is not clear, and it counts by that share."
             )
-    return found
+    return lines
 
 
 def _pooled(level: Table, unit: str) -> list[str]:
-    found, idle = [], []
+    lines, idle = [], []
     if level["outcome"] != "pooled":
-        found.append(f"A veto left the rule no cell, so another rule was taken ({level['outcome']}).")
+        lines.append(f"A veto left the rule no cell, so another rule was taken ({level['outcome']}).")
     if len(level["components"]) > 1:
-        found.append(_coalitions(level["components"]))
+        lines.append(_coalitions(level["components"]))
     if level["conflict"]:
-        found.append("There is a conflict: somebody is surer alone than all together, or contradicts them.")
+        lines.append("There is a conflict: somebody is surer alone than all together, or contradicts them.")
     many = len({source["source"] for source in level["sources"]}) > 1
     for source in level["sources"] if many or not level["without"] else ():
         if source["weight"] >= LITTLE:
-            found.append(_said(source))
+            lines.append(_said(source))
     for name, change in level["without"].items():
         if not change:
             continue
@@ -176,15 +176,15 @@ def _pooled(level: Table, unit: str) -> list[str]:
             idle.append(name)
         else:
             nats = "infinitely far" if change["nats"] is None else f"{change['nats']:.3f} nats"
-            found.append(f"Without {name} it would be {change['shift']:.2f} {unit} from there ({nats} away).")
+            lines.append(f"Without {name} it would be {change['shift']:.2f} {unit} from there ({nats} away).")
     if idle:
-        found.append(f"{_and(idle)} changed nothing.")
+        lines.append(f"{_and(idle)} changed nothing.")
     if level["recomputed"] is None:
-        found.append("What would be without a source cannot be said: not everything that was pooled was seen here.")
+        lines.append("What would be without a source cannot be said: not everything that was pooled was seen here.")
     elif level["recomputed"] > LITTLE:
         far = f"{level['recomputed']:.3f} nats"
-        found.append(f"Computed again here it is {far} from what the board published, so take these as rough.")
-    return found
+        lines.append(f"Computed again here it is {far} from what the board published, so take these as rough.")
+    return lines
 
 
 def _said(source: Table) -> str:

@@ -141,8 +141,8 @@ def support(hits: npt.NDArray[np.bool_]) -> tuple[tuple[int, ...], tuple[int, ..
     spans: list[tuple[int, int]] = []
     for axis in range(hits.ndim):
         others = tuple(other for other in range(hits.ndim) if other != axis)
-        found = np.asarray(hits.any(axis=others)).nonzero()[0]
-        spans.append((int(found[0]), int(found[-1]) + 1))
+        filled = np.asarray(hits.any(axis=others)).nonzero()[0]
+        spans.append((int(filled[0]), int(filled[-1]) + 1))
         hits = hits[(slice(None),) * axis + (slice(*spans[-1]),)]  # the other axes need not look elsewhere
     return tuple(a for a, _ in spans), tuple(b - a for a, b in spans)
 

@@ -46,11 +46,11 @@ def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Messa
 
     Refused: "wild-key", what `decode` refuses, and "impostor" where the message names another sender or subject than its key.
     """
-    found = keys.parse(envelope.key)
-    model = MODELS.get(found[0].message) if found else None
-    if found is None or model is None:
+    parsed = keys.parse(envelope.key)
+    model = MODELS.get(parsed[0].message) if parsed else None
+    if parsed is None or model is None:
         raise Refused("wild-key", f"no message belongs on {envelope.key!r:.200}")
-    topic, parts = found
+    topic, parts = parsed
     message = decode(model, envelope.payload)
     fields = vars(message)  # asking pydantic for a field that a model lacks takes long
     for name, in_key in {**parts, "level": topic.name}.items():

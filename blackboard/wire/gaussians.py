@@ -181,8 +181,8 @@ def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
 def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:
     """The relative beliefs of a robot, named by its subject, `robot/r1`; without those of kinds that are not known here."""
     profile = tuple(packed.profile)
-    found = [unpack_seen(sighting, observer) for sighting in packed.seen if sighting.is_known and sighting.covariance]
-    return tuple(found) + tuple(
+    further = [unpack_seen(sighting, observer) for sighting in packed.seen if sighting.is_known and sighting.covariance]
+    return tuple(further) + tuple(
         Relative(
             observer=observer,
             subject=sighting.subject,

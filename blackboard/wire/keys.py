@@ -39,8 +39,8 @@ class Topic:
 
     def match(self, key: str) -> dict[str, str] | None:
         """The parts of a key of this topic, or None. A key with a wildcard is no key."""
-        found = _regex(self.pattern).fullmatch(key)
-        return found.groupdict() if found else None
+        match = _regex(self.pattern).fullmatch(key)
+        return match.groupdict() if match else None
 
 
 @cache
@@ -141,10 +141,10 @@ def writer(key: str) -> str | None:
 
     Readings have an identity of their own that no token gives, because a robot's drivers write them and hold none.
     """
-    found = parse(key) if len(key) <= LONGEST else None
-    if found is None:
+    parsed = parse(key) if len(key) <= LONGEST else None
+    if parsed is None:
         return None
-    topic, parts = found
+    topic, parts = parsed
     if topic.owner == "":
         return f"{parts['team']}/world"
     if topic is READING:

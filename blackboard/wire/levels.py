@@ -47,9 +47,9 @@ def read(data: bytes, size: int, coding: Coding) -> Levels:
 
 def _differences(values: Levels) -> Levels:
     """Each value less the one before it, the first less 0, modulo what its type holds."""
-    found = values.copy()
-    found[1:] -= values[:-1]
-    return found
+    levels = values.copy()
+    levels[1:] -= values[:-1]
+    return levels
 
 
 def _inflated(data: bytes, sizes: tuple[int, ...]) -> bytes:

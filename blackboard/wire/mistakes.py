@@ -72,8 +72,8 @@ def allowed(schema: Schema, root: Schema) -> str:
 
 def properties(schema: Schema, root: Schema) -> Mapping[str, Schema]:
     """The keys of a table."""
-    found: Mapping[str, Schema] = resolved(schema, root).get("properties", {})
-    return found
+    properties: Mapping[str, Schema] = resolved(schema, root).get("properties", {})
+    return properties
 
 
 def resolved(schema: Schema, root: Schema) -> Schema:

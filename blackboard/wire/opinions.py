@@ -24,11 +24,11 @@ def reported(report: Report, grid: Grid, feedback: str = "guarded") -> tuple[Opi
     that at least. Refused: "grid", "mass".
     """
     own = {report.source: report.time}
-    found = [Opinion(report.source, unpack(report.belief, grid), own)]
+    opinions = [Opinion(report.source, unpack(report.belief, grid), own)]
     if report.informed is not None:
         informed = unpack(report.informed.belief, grid)
-        found.append(Opinion(report.source, informed, {**report.informed.ancestors, **own}))
-    return tuple({"paper": found[-1:], "off": found[:1]}.get(feedback, found))
+        opinions.append(Opinion(report.source, informed, {**report.informed.ancestors, **own}))
+    return tuple({"paper": opinions[-1:], "off": opinions[:1]}.get(feedback, opinions))
 
 
 def settled(consensus: Consensus, grid: Grid) -> tuple[Opinion, ...]:

@@ -110,10 +110,10 @@ class _Counter:
 
 
 def _map(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
-    found: dict[Any, Any] = dict(pairs)
-    if len(found) != len(pairs) or bytes in map(type, found):  # a strict key of msgpack's is text or bytes
+    fields: dict[Any, Any] = dict(pairs)
+    if len(fields) != len(pairs) or bytes in map(type, fields):  # a strict key of msgpack's is text or bytes
         raise ValueError("a key of a map is no text, or comes twice")
-    return found
+    return fields
 
 
 def _no_extension(code: int, _: bytes) -> None:

@@ -78,11 +78,11 @@ class Recording:
 
     def number(self, robot: str) -> int:
         """The number of a robot of the team, rK; UserError where the recording has none such."""
-        found = re.fullmatch(r"r([0-9]{1,4})", robot)
-        if found is None or int(found[1]) not in self.tracks:
+        match = re.fullmatch(r"r([0-9]{1,4})", robot)
+        if match is None or int(match[1]) not in self.tracks:
             names = ", ".join(f"r{number}" for number in self.tracks)
             raise UserError(f"team.sub_teams: {self.folder} has no robot {robot}; it has {names}")
-        return int(found[1])
+        return int(match[1])
 
 
 def interpolated(poses: Array, time: float) -> tuple[float, float, float] | None:

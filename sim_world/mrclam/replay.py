@@ -114,16 +114,16 @@ class Replay:
 
     def _sightings(self, number: int, track: Track, before: float, now: float) -> list[Sighting]:
         """What was stamped in (before, now] and the protocol allows, in time order."""
-        found = []
+        sightings = []
         for stamp, seen, distance, bearing in track.sightings_in(before, now):
             subject = int(seen)
             place = None if subject == self.protocol.unknown else self.recording.landmarks.get(subject)
             if place is None or self.protocol.allows(number, subject, stamp - self.start):
                 age = now - stamp + self.settings.sighting_latency
-                found.append(
+                sightings.append(
                     Sighting(subject=self._name(subject), range=distance, bearing=bearing, landmark=place, age=age)
                 )
-        return found[-MAX_OPINIONS:]
+        return sightings[-MAX_OPINIONS:]
 
     def _name(self, number: int) -> str:
         """The subject of a robot or a landmark, which is an object where the protocol makes it one."""

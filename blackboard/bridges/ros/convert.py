@@ -94,12 +94,12 @@ def moving(belief: Belief, stamp: float, child: str, heading: tuple[float, float
 
 def transforms(poses: Mapping[str, tuple[float, float, float]], stamp: float, frame: str) -> Any:
     """Where the frames of some robots are in the team's: x, y and yaw by the name of the frame."""
-    found = []
+    sent = []
     for child, (x, y, yaw) in poses.items():
         at = _pose(x, y, yaw)
         place = _make("geometry_msgs/msg/Vector3", x=x, y=y, z=0.0)
         turned = _make("geometry_msgs/msg/Transform", translation=place, rotation=at.orientation)
-        found.append(
+        sent.append(
             _make(
                 "geometry_msgs/msg/TransformStamped",
                 header=_header(stamp, frame),
@@ -107,7 +107,7 @@ def transforms(poses: Mapping[str, tuple[float, float, float]], stamp: float, fr
                 transform=turned,
             )
         )
-    return _make(TRANSFORMS, transforms=found)
+    return _make(TRANSFORMS, transforms=sent)
 
 
 def points(places: Sequence[tuple[float, float]], stamp: float, frame: str) -> Any:
@@ -149,8 +149,8 @@ def occupancy(belief: Belief, stamp: float) -> Any:
 
 def diagnostics(processes: Iterable[dict[str, Any]], prefix: str, stamp: float) -> Any:
     """The processes of a team (`blackboard.view.summary.processes`): gone is ERROR, silent STALE, and who refuses WARN."""
-    found = [_diagnosed(process, prefix) for process in processes]
-    return _make(DIAGNOSTICS, header=_header(stamp, ""), status=found)
+    statuses = [_diagnosed(process, prefix) for process in processes]
+    return _make(DIAGNOSTICS, header=_header(stamp, ""), status=statuses)
 
 
 def odometry(payload: bytes) -> Place:
@@ -160,13 +160,13 @@ def odometry(payload: bytes) -> Place:
 
 def place(payload: bytes) -> Place:
     """A PoseWithCovarianceStamped. Refused: as there, or its matrix is no covariance, or all zeros."""
-    found = _place(payload, POSE)
-    least, most = (float(value) for value in np.linalg.eigvalsh(found.covariance[:2, :2]))
-    if least < -1e-9 * max(1.0, most) or float(found.covariance[2, 2]) < 0:
+    pose = _place(payload, POSE)
+    least, most = (float(value) for value in np.linalg.eigvalsh(pose.covariance[:2, :2]))
+    if least < -1e-9 * max(1.0, most) or float(pose.covariance[2, 2]) < 0:
         raise Refused("fields", f"{POSE}: the covariance of x, y and yaw is none")
     if most <= 0:
         raise Refused("fields", f"{POSE}: the variances of x and y are 0, which no sensor has; fill in the covariance")
-    return found
+    return pose
 
 
 def _place(payload: bytes, type_name: str) -> Place:

@@ -54,14 +54,14 @@ def heat(moment: Moment, grid: Grid, chosen: str, rows: int, columns: int, log: 
     """
     scale = min(columns / grid.shape[0], 2 * rows / grid.shape[1])  # pixels for a cell
     width, height = max(1, int(grid.shape[0] * scale)), max(1, int(grid.shape[1] * scale))
-    found = np.tile(np.array(BACK, float), (2 * ((height + 1) // 2), width, 1))
+    colours = np.tile(np.array(BACK, float), (2 * ((height + 1) // 2), width, 1))
     marks: dict[tuple[int, int], str] = {}
     for number, (name, about) in enumerate(moment.subjects.items()):
         drawn = None if about.best is None else about.best.drawn
         if drawn is not None:
             fade = about.share * (1.0 if name == chosen or not chosen else FADE)
             share = _shares(drawn, grid, width, height, log)[..., None] * fade
-            found[:height] = found[:height] * (1 - share) + np.array(colour(number)) * share
+            colours[:height] = colours[:height] * (1 - share) + np.array(colour(number)) * share
             row, column = _at((drawn.mean[0], drawn.mean[1]), grid, width, height)
             if (pose := pose_of(None if about.best is None else about.best.message.state)) is not None:
                 marks[row // 2, column + 1] = ARROWS[round(4 * float(pose.mean[HEADING]) / math.pi) % 8]
@@ -71,7 +71,7 @@ def heat(moment: Moment, grid: Grid, chosen: str, rows: int, columns: int, log: 
         if about.truth is not None:
             row, column = _at(about.truth, grid, width, height)
             marks[row // 2, column] = "×"
-    return Heat(found.astype(np.uint8), {at: letter for at, letter in marks.items() if at[1] < columns})
+    return Heat(colours.astype(np.uint8), {at: letter for at, letter in marks.items() if at[1] < columns})
 
 
 def _shares(drawn: Drawn, grid: Grid, width: int, height: int, log: bool) -> npt.NDArray[np.float64]:

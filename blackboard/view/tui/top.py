@@ -129,8 +129,8 @@ class Top(App[None]):
 
     def moment(self) -> Moment | None:
         """The moment that is shown: the newest, or the one at which it was paused while that is kept."""
-        found = None if self.tick is None else self.fold.moments.at(self.tick)
-        return found or self.fold.moments.newest
+        moment = None if self.tick is None else self.fold.moments.at(self.tick)
+        return moment or self.fold.moments.newest
 
     def draw(self) -> None:
         if not self.query("#head"):

@@ -70,9 +70,9 @@ class Page:
     def newest(self, chosen: str) -> bytes:
         """The newest frame, for a browser that has chosen a subject."""
         begin = self.clock()
-        found = self.frames.newest(chosen)
+        packed = self.frames.newest(chosen)
         self._spent += self.clock() - begin
-        return found
+        return packed
 
     async def newer_than(self, number: int) -> int:
         """Wait for a frame that is newer than `number`, and return its own number."""
@@ -110,17 +110,17 @@ async def _file(request: Request) -> Response:
 async def _past(page: Page, request: Request) -> Response:
     """What is over, from a tick on."""
     past = page.frames.past(_tick(request, "from") or 0)
-    found = b'{"source":%b,"past":%b}' % (json.dumps(page.state()).encode(), past)
-    return Response(found, media_type="application/json", headers=HEADERS)
+    answer = b'{"source":%b,"past":%b}' % (json.dumps(page.state()).encode(), past)
+    return Response(answer, media_type="application/json", headers=HEADERS)
 
 
 async def _frame(page: Page, request: Request) -> Response:
     """The frame of a tick that is over."""
     tick, query = _tick(request), request.query_params
-    found = None if tick is None else page.frames.at(query.get("run", ""), tick, query.get("subject", ""))
-    if found is None:
+    packed = None if tick is None else page.frames.at(query.get("run", ""), tick, query.get("subject", ""))
+    if packed is None:
         return Response("this tick is not kept here", 404, headers=HEADERS)
-    return Response(found, media_type="application/octet-stream", headers=HEADERS)
+    return Response(packed, media_type="application/octet-stream", headers=HEADERS)
 
 
 async def _why(page: Page, drift: float, request: Request) -> Response:
@@ -130,10 +130,10 @@ async def _why(page: Page, drift: float, request: Request) -> Response:
     if moment is None or query.get("run", moment.run) != moment.run:
         return JSONResponse({"sentences": ["This tick is no longer kept here."]}, headers=HEADERS)
     try:
-        found = await asyncio.to_thread(explain, team, moment, query.get("subject", ""), drift)
+        told = await asyncio.to_thread(explain, team, moment, query.get("subject", ""), drift)
     except UserError as error:
         return JSONResponse({"sentences": [str(error)]}, headers=HEADERS)
-    return JSONResponse({"sentences": sentences(found), "why": found}, headers=HEADERS)
+    return JSONResponse({"sentences": sentences(told), "why": told}, headers=HEADERS)
 
 
 def _tick(request: Request, name: str = "tick") -> int | None:

@@ -76,12 +76,12 @@ class Frames:
 
     def newest(self, chosen: str) -> bytes:
         """The newest frame for browsers that have chosen a subject; made when the first of them asks."""
-        found = self._newest.get(chosen)
-        if found is None:
-            found = frame(self.team, self.team.moments.newest, self.number, self._now, chosen)
+        newest = self._newest.get(chosen)
+        if newest is None:
+            newest = frame(self.team, self.team.moments.newest, self.number, self._now, chosen)
             if len(self._newest) < MAX_CHOSEN:
-                self._newest[chosen] = found
-        return found
+                self._newest[chosen] = newest
+        return newest
 
     def at(self, run: str, tick: int, chosen: str) -> bytes | None:
         """The frame of a moment, with the processes of then; None where it is no longer kept."""
