@@ -79,10 +79,10 @@ class TeamBeliefs(Mapping[str, TeamBelief]):
             self._found[subject] = None
             with suppress(Refused):
                 self._found[subject] = TeamBelief.unpacked(self._said[subject], self._grid)
-        found = self._found[subject]
-        if found is None:
+        belief = self._found[subject]
+        if belief is None:
             raise KeyError(subject)
-        return found
+        return belief
 
     def __iter__(self) -> Iterator[str]:
         return (subject for subject in self._said if self.get(subject) is not None)
@@ -236,13 +236,15 @@ class Agent:
 
     def _unnamed(self, strange: Sequence[tuple[int, Sighting]]) -> list[UnnamedBelief]:
         """Where the things are that it sees and cannot name, as far as it knows where it is itself."""
-        most, found = self.settings.objects.forget * math.log(self.grid.size), list[UnnamedBelief]()
-        for mark, it in strange[:MAX_UNNAMED]:
-            belief = self.firsthand.place(it)
+        most, beliefs = self.settings.objects.forget * math.log(self.grid.size), list[UnnamedBelief]()
+        for mark, sighting in strange[:MAX_UNNAMED]:
+            belief = self.firsthand.place(sighting)
             if entropy(belief.p) < most:
                 where = pack(belief, self.settings.coding)
-                found.append(UnnamedBelief(kind=it.subject, belief=where, mark=mark, confidence=it.confidence))
-        return found
+                beliefs.append(
+                    UnnamedBelief(kind=sighting.subject, belief=where, mark=mark, confidence=sighting.confidence)
+                )
+        return beliefs
 
     def _report(self, readings: Readings, subject: str, own: PackedBelief, informed: PackedBelief | None) -> Report:
         ancestors = dict(sorted(self.informed.ancestors.items()))

@@ -125,11 +125,13 @@ class Budget:
                 return Choice([], {subject: self.aged(subject, time, speed) for subject in sorted(silent)})
             if evidence is not None:
                 gathered = {"evidence": self.slots.told(time, evidence)}
-                reports = [it if it.evidence is None else it.model_copy(update=gathered) for it in reports]
+                reports = [
+                    report if report.evidence is None else report.model_copy(update=gathered) for report in reports
+                ]
         most = math.log(self.grid.size)  # a board may tell an entropy that no belief on this grid has
-        team = {subject: replace(it, entropy=min(most, max(0.0, it.entropy))) for subject, it in team.items()}
+        team = {subject: replace(about, entropy=min(most, max(0.0, about.entropy))) for subject, about in team.items()}
         subjects = {report.subject for report in reports}
-        self.sent = {subject: it for subject, it in self.sent.items() if subject in subjects}
+        self.sent = {subject: last for subject, last in self.sent.items() if subject in subjects}
         self._since = {subject: self._since.get(subject, time) for subject in sorted(subjects)}
         stale = {subject: self.aged(subject, time, speed) for subject in sorted(subjects)}
         options = self.options(reports, stale, time, team)
@@ -143,7 +145,7 @@ class Budget:
             self.bucket.take(needed)
         else:
             chosen = self._chosen(
-                options, time, {s for s, it in team.items() if it.joint and s != f"robot/{self.robot}"}
+                options, time, {s for s, about in team.items() if about.joint and s != f"robot/{self.robot}"}
             )
         self._reprice(time)
         self._note_sent(chosen, time)
@@ -192,7 +194,9 @@ class Budget:
         for since, subject in waiting:
             if time - since < longest:
                 break
-            cheapest = min((it for it in options[subject] if it.whole), key=lambda option: (option.size, -option.worth))
+            cheapest = min(
+                (option for option in options[subject] if option.whole), key=lambda option: (option.size, -option.worth)
+            )
             if not self.bucket.has(cheapest.size):
                 return chosen  # bytes are saved for the report that has waited longest, so nothing else is sent
             self._take(chosen, cheapest)
@@ -209,14 +213,19 @@ class Budget:
 
     def _datagram(self, options: Mapping[str, list[Option]], time: float) -> dict[str, Option]:
         """The one message of a slot: what the robot adds to a joint, else what has waited too long, else what is worth most."""
-        own = [subject for subject, it in options.items() if it[0].report.evidence is not None]
+        own = [subject for subject, choices in options.items() if choices[0].report.evidence is not None]
         overdue = [subject for subject in options if time - self._since[subject] >= self.settings.longest]
         subjects = own or sorted(overdue, key=lambda subject: (self._since[subject], subject))[:1] or list(options)
         most = DATAGRAM * self.copies
-        fitting = [it for s in subjects for it in options[s] if it.size <= most and self.bucket.has(it.size)]
+        fitting = [
+            option for s in subjects for option in options[s] if option.size <= most and self.bucket.has(option.size)
+        ]
         chosen = dict[str, Option]()
         if fitting:
-            self._take(chosen, max(fitting, key=lambda it: (it.whole, it.worth, -it.size, it.report.subject)))
+            self._take(
+                chosen,
+                max(fitting, key=lambda option: (option.whole, option.worth, -option.size, option.report.subject)),
+            )
         return chosen
 
     def _take(self, chosen: dict[str, Option], option: Option) -> None:
@@ -239,7 +248,7 @@ class Budget:
         self, reports: Sequence[Report], stale: Mapping[str, Belief], time: float, team: Mapping[str, Standing]
     ) -> dict[str, list[Option]]:
         """For each subject its report as it could be sent, as it is first."""
-        found = dict[str, list[Option]]()
+        options = dict[str, list[Option]]()
         best = {report.subject: reported(report, self.grid)[-1].belief for report in reports}
         for report in reports:
             known = team.get(report.subject)
@@ -248,14 +257,14 @@ class Budget:
             if known is not None and known.joint and report.evidence is None:
                 share *= JOINT
             if report.evidence is not None:
-                found[report.subject] = self._with_evidence(
+                options[report.subject] = self._with_evidence(
                     report, best[report.subject], stale[report.subject], share, time, team
                 )
             else:
-                found[report.subject] = self._offers.of_belief(
+                options[report.subject] = self._offers.of_belief(
                     report, best[report.subject], stale[report.subject], known, share
                 )
-        return found
+        return options
 
     def _with_evidence(
         self, report: Report, best: Belief, stale: Belief, share: float, time: float, team: Mapping[str, Standing]
@@ -269,28 +278,28 @@ class Budget:
         mine = team.get(report.subject)
         entered = mine is not None and mine.joint
         worth = share * divergence(best.p, stale.p)
-        areas = {subject: it.entropy for subject, it in team.items() if it.joint}
+        areas = {subject: about.entropy for subject, about in team.items() if about.joint}
         news = self.sightings.news(evidence, time, None if mine is None else mine.state, areas, self.grid)
         first = coarser(unpack(report.belief, self.grid), report.belief, *(COARSEST if entered else COARSER))
         coarse = report.model_copy(update={"belief": first, "informed": None, "ancestors": {}})
         lean = self._lean(coarse, entered)
-        found = [Option(it, self.size(it), worth + sum(news.values()), best) for it in (report, lean)]
+        options = [Option(one, self.size(one), worth + sum(news.values()), best) for one in (report, lean)]
         told = lean.evidence
         assert told is not None
-        by_news = sorted(told.relatives, key=lambda it: (-news.get(it.subject, 0.0), it.subject))
+        by_news = sorted(told.relatives, key=lambda relative: (-news.get(relative.subject, 0.0), relative.subject))
         for count in range(len(by_news) - 1, -1, -1):
             fewer = told.model_copy(update={"relatives": by_news[:count], "profile": told.profile if count else []})
             some = lean.model_copy(update={"evidence": fewer})
-            seen = sum(news.get(it.subject, 0.0) for it in by_news[:count])
-            found.append(Option(some, self.size(some), worth + seen, best))
+            seen = sum(news.get(relative.subject, 0.0) for relative in by_news[:count])
+            options.append(Option(some, self.size(some), worth + seen, best))
         if evidence.increment is not None and entered:  # whom no joint has, it cannot move
             moved = told.model_copy(
                 update={"increment": None, "state": None, "relatives": [], "profile": [], "seen": []}
             )
             less = lean.model_copy(update={"evidence": moved})
             lost = gained(evidence, None if mine is None else mine.state)
-            found.append(Option(less, self.size(less), max(0.0, worth - share * lost), best, False))
-        return found
+            options.append(Option(less, self.size(less), max(0.0, worth - share * lost), best, False))
+        return options
 
     def _lean(self, report: Report, entered: bool) -> Report:
         """The evidence without its state, where the boards have it in their joint and heard one lately.

@@ -139,14 +139,14 @@ class SendSection(Section):
         UserError: fewer than `longest` asks for.
         """
         assert self.rate is not None
-        found = self.rate / robots / sub_teams - 1 / WHOLE
+        pace = self.rate / robots / sub_teams - 1 / WHOLE
         least = 1 / self.longest
-        if found < least * (1 - 1e-6):
+        if pace < least * (1 - 1e-6):
             raise UserError(
                 f"robot.send.rate: {self.rate:g} messages a second of {robots} robots are less than one of each "
                 f"in robot.send.longest, {self.longest:g} s; give at least {robots * sub_teams * (least + 1 / WHOLE):.3g}"
             )
-        return found
+        return pace
 
 
 class RobotSection(Section):

@@ -115,9 +115,9 @@ class Driven(AgentService):
         self._warned = False  # that beliefs come from the team
         super().__init__(sensors=sensors, hears_readings=False, **arguments)
 
-    def _hear(self, it: Cue | Message, now: float) -> list[Envelope]:
-        out = super()._hear(it, now)
-        self._news(it, now)
+    def _hear(self, heard: Cue | Message, now: float) -> list[Envelope]:
+        out = super()._hear(heard, now)
+        self._news(heard, now)
         return out
 
     def step(
@@ -144,7 +144,7 @@ class Driven(AgentService):
         self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
         self._pending = Gathered()
         out = self._turn(now)
-        if (found := self.independence) is not None and found.fed_back and not self._warned:
+        if (independence := self.independence) is not None and independence.fed_back and not self._warned:
             self._warned = True
             log.warning(
                 "%s: its beliefs say what the team believed; they count no more while they do: feed nothing back",
@@ -172,8 +172,8 @@ class Driven(AgentService):
 
     def pose(self) -> Pose | None:
         """Where the robot is, as the team has it; None before anything is known."""
-        found: Moments | None = self.agent.pose()
-        return None if found is None else Pose(found.mean, found.covariance, self.peer.answers.time)
+        pose: Moments | None = self.agent.pose()
+        return None if pose is None else Pose(pose.mean, pose.covariance, self.peer.answers.time)
 
 
 def sensors_in(scenario: Scenario, robot: str) -> Sensors:

@@ -173,7 +173,7 @@ class Estimator:
 
 def newest(sightings: list[Sighting]) -> list[Sighting]:
     """The last sighting of each subject that is named: frames that follow each other share their error."""
-    return list({it.subject: it for it in sightings if not is_class(it.subject)}.values())
+    return list({sighting.subject: sighting for sighting in sightings if not is_class(sighting.subject)}.values())
 
 
 def combined(tracked: Belief | None, seen: Belief, fresh: float) -> Belief:

@@ -64,12 +64,12 @@ class Gathered:
 
     def collect(self) -> dict[str, Consensus]:
         """The newest about each subject, of two boards that of the first name; none of them is collected again."""
-        found: dict[str, Consensus] = {}
+        collected: dict[str, Consensus] = {}
         for (_, _, subject), consensus in sorted(self._newest.items()):
-            if subject not in found or consensus.tick > found[subject].tick:
-                found[subject] = consensus
+            if subject not in collected or consensus.tick > collected[subject].tick:
+                collected[subject] = consensus
         self._newest = {}
-        return found
+        return collected
 
     def forget_from(self, tick: int) -> None:
         """A run is followed from this tick on: what was agreed in no earlier tick is of another run, or of Unix time."""
@@ -81,7 +81,9 @@ class Gathered:
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
         assert len(self._newest) <= MAX_AGREED
-        assert all(self.arrived(it.sub_team, it.tick, [it.subject]) for it in self._newest.values())
+        assert all(
+            self.arrived(consensus.sub_team, consensus.tick, [consensus.subject]) for consensus in self._newest.values()
+        )
 
 
 def _follows(before: Readings, readings: Readings) -> bool:

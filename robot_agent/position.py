@@ -169,11 +169,11 @@ class PositionLocalizer:
         return entropy(self.p)
 
     def marginal(self) -> Belief:
-        it = self._spread() if any(self.pending_covariance) else self
-        it = it._over(it.window.grown(2, self.grid.shape))  # so far `resampled` moves mass
-        p = resampled(it.p, self.offset[0] / self.grid.cell, self.offset[1] / self.grid.cell)
+        spread = self._spread() if any(self.pending_covariance) else self
+        spread = spread._over(spread.window.grown(2, self.grid.shape))  # so far `resampled` moves mass
+        p = resampled(spread.p, self.offset[0] / self.grid.cell, self.offset[1] / self.grid.cell)
         total = p.sum() + FILL * (self.grid.size - p.size)
-        return Belief(self.grid, embedded(p / total, it.window, whole(self.grid.shape), FILL / total))
+        return Belief(self.grid, embedded(p / total, spread.window, whole(self.grid.shape), FILL / total))
 
     def fold(self, agreed: Belief, reported: Belief) -> PositionLocalizer:
         floor = common_floor(agreed, reported)
@@ -262,10 +262,10 @@ class PositionLocalizer:
         """Bayes' rule; a likelihood that is nowhere where `p` has mass replaces `p`."""
         window, peak = self.window, evidence.peak
         near = evidence.support.meet(window)
-        found = evidence.of(near)
-        top = float((found if window.holds(peak) else evidence.of(peak)).max(initial=0.0))
+        there = evidence.of(near)
+        top = float((there if window.holds(peak) else evidence.of(peak)).max(initial=0.0))
         likelihood = np.full(self.p.shape, evidence.floor * top)
-        likelihood[near.within(window)] += found
+        likelihood[near.within(window)] += there
         p = self.p * likelihood  # Bayes' rule, normalised below
         total = p.sum()
         if top * FILL > total * FAINT and not window.holds(peak):  # cells beside the window rise above FAINT

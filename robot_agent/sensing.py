@@ -70,28 +70,33 @@ def trackable(readings: Readings, tracked: Collection[str]) -> Readings:
 
 def placed(readings: Readings) -> Readings:
     """The readings with positions and poses that were seen as sightings in range and bearing, for beliefs on grids."""
-    found = [_placed(it) for it in readings.seen if it.kind in ("position", "pose")]
-    return readings.model_copy(update={"sightings": [*readings.sightings, *found]}) if found else readings
+    places = [_placed(seen) for seen in readings.seen if seen.kind in ("position", "pose")]
+    return readings.model_copy(update={"sightings": [*readings.sightings, *places]}) if places else readings
 
 
-def _placed(it: Seen) -> Sighting:
-    seen, told = unpack_seen(it, ""), it.confidence
+def _placed(further: Seen) -> Sighting:
+    seen, told = unpack_seen(further, ""), further.confidence
     return Sighting(
-        subject=it.subject, range=seen.range, bearing=seen.bearing, landmark=it.landmark, age=it.age, confidence=told
+        subject=further.subject,
+        range=seen.range,
+        bearing=seen.bearing,
+        landmark=further.landmark,
+        age=further.age,
+        confidence=told,
     )
 
 
 def unnamed(readings: Readings) -> list[tuple[int, Sighting]]:
     """Of the newest frame what has no name and a place, each with its number among all that has no name; no landmarks."""
     everything: list[Sighting | Seen] = [*readings.sightings, *readings.seen]
-    there = [it for it in everything if is_class(it.subject)]
-    found = [
-        (mark, it if isinstance(it, Sighting) else _placed(it))
-        for mark, it in enumerate(there)
-        if it.subject != LANDMARK and (isinstance(it, Sighting) or it.kind in ("position", "pose"))
+    there = [sighting for sighting in everything if is_class(sighting.subject)]
+    sightings = [
+        (mark, sighting if isinstance(sighting, Sighting) else _placed(sighting))
+        for mark, sighting in enumerate(there)
+        if sighting.subject != LANDMARK and (isinstance(sighting, Sighting) or sighting.kind in ("position", "pose"))
     ]
-    newest = min((it.age for _, it in found), default=0.0)
-    return [(mark, it) for mark, it in found if it.age == newest]
+    newest = min((sighting.age for _, sighting in sightings), default=0.0)
+    return [(mark, sighting) for mark, sighting in sightings if sighting.age == newest]
 
 
 def unseen(before: Readings | None, readings: Readings) -> Unseen:
@@ -105,9 +110,9 @@ def unseen(before: Readings | None, readings: Readings) -> Unseen:
     gap = readings.time - before.time - readings.odometry.dt
     if gap <= readings.odometry.dt / 2:
         return Unseen()
-    told = [it.odometry for it in (before, readings) if it.odometry is not None]
-    speed = max(abs(it.distance) / it.dt for it in told)
-    rate = max(abs(it.turn) / it.dt for it in told)
+    told = [one.odometry for one in (before, readings) if one.odometry is not None]
+    speed = max(abs(odometry.distance) / odometry.dt for odometry in told)
+    rate = max(abs(odometry.turn) / odometry.dt for odometry in told)
     return Unseen(speed * gap, min(math.pi, max(rate, TURNING if speed else 0.0) * gap))
 
 

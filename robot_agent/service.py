@@ -133,35 +133,35 @@ class AgentService(Around):
 
     # --- what is new --------------------------------------------------------------------------------------------------
 
-    def _hear(self, it: Cue | Message, now: float) -> list[Envelope]:
-        if it is Cue.BEGIN:
+    def _hear(self, heard: Cue | Message, now: float) -> list[Envelope]:
+        if heard is Cue.BEGIN:
             ahead = self._readings.doubted
             self._forget()
             if ahead is not None and ahead.run == self.run:  # they came before the Clock
                 self._wait_with(ahead, now)
-        elif it is Cue.JOIN:
+        elif heard is Cue.JOIN:
             self._agreed.forget_from(self.clock.tick)
-        elif it is Cue.FREE:
+        elif heard is Cue.FREE:
             log.warning("%s: the world is gone; going by Unix time", self.robot)
-        elif isinstance(it, Readings):
-            return self._hear_readings(it, now)
-        elif isinstance(it, Consensus):
-            if self.agent.uses(it.subject):
-                TeamBelief.unpacked(it, self.grid)  # Refused: what is wrong with it
-            self._agreed.take(it)
+        elif isinstance(heard, Readings):
+            return self._hear_readings(heard, now)
+        elif isinstance(heard, Consensus):
+            if self.agent.uses(heard.subject):
+                TeamBelief.unpacked(heard, self.grid)  # Refused: what is wrong with it
+            self._agreed.take(heard)
         return []
 
     def _hear_readings(self, readings: Readings, now: float) -> list[Envelope]:
         """Take readings that go on with those before; of a jump the ones before them, too."""
         if not self.run and self.clock.followed is None:
             self._begin(readings.run)
-        found = self._readings.take(readings, self.run, self.tick, self.clock)
-        if found and (readings.run != self.run or readings.tick < self.tick):
+        taken = self._readings.take(readings, self.run, self.tick, self.clock)
+        if taken and (readings.run != self.run or readings.tick < self.tick):
             self._begin(readings.run)
         out: list[Envelope] = []
-        for number, it in enumerate(found):
+        for number, reading in enumerate(taken):
             out += self._advance(now) if number else []
-            self._wait_with(it, now)
+            self._wait_with(reading, now)
         return out
 
     def _wait_with(self, readings: Readings, now: float) -> None:
@@ -205,10 +205,10 @@ class AgentService(Around):
         if readings.odometry is not None:
             self._speeds.append(abs(readings.odometry.distance) / readings.odometry.dt)
         speed = fastest(list(self._speeds), steady=self._saves)
-        if unknown := sum(not it.is_known for it in readings.seen):
+        if unknown := sum(not sighting.is_known for sighting in readings.seen):
             self.counters["unknown_kinds"] += unknown
         if isinstance(self.agent, Agent):
-            parts = sum(it.kind in PARTS and it.landmark is None for it in readings.seen)
+            parts = sum(sighting.kind in PARTS and sighting.landmark is None for sighting in readings.seen)
             self.counters.update({"unused_parts": parts} if parts else {})
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})

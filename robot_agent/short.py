@@ -39,8 +39,8 @@ def shorter(evidence: PackedEvidence) -> PackedEvidence:
     changes: dict[str, Any] = {
         "travelled": evidence.travelled.model_copy(update=sums),
         "nuisance": evidence.nuisance.model_copy(update=nuisance),
-        "relatives": [_relative(it) for it in evidence.relatives],
-        "seen": [_seen(it) for it in evidence.seen],
+        "relatives": [_relative(relative) for relative in evidence.relatives],
+        "seen": [_seen(sighting) for sighting in evidence.seen],
         "profile": [(single(a), single(b)) for a, b in _thinned(tuple(evidence.profile))],
     }
     if evidence.state is not None:

@@ -46,33 +46,33 @@ class Sightings:
 
         `mine` is the robot's whole block in that joint, `entropies` (nats) those of the places that the joint knows.
         """
-        found, self._after = {}, {}
-        for it in evidence.relatives:
-            along, across = self._known(it, evidence, time, mine, entropies.get(it.subject), grid)
-            lasting = sum(sigma**2 for sigma, _ in it.biases)
-            fresh = fresh_error(it, evidence)
+        news, self._after = {}, {}
+        for relative in evidence.relatives:
+            along, across = self._known(relative, evidence, time, mine, entropies.get(relative.subject), grid)
+            lasting = sum(sigma**2 for sigma, _ in relative.biases)
+            fresh = fresh_error(relative, evidence)
             # An error that lasts is in each sighting of a subject, so that nothing reduces it.
             gains = (max(0.0, along - lasting) / (fresh[0] + lasting), across / fresh[1])
-            found[it.subject] = 0.5 * sum(math.log1p(gain) for gain in gains)
-            if is_class(it.subject):
+            news[relative.subject] = 0.5 * sum(math.log1p(gain) for gain in gains)
+            if is_class(relative.subject):
                 continue
-            self._after[it.subject] = Told(
+            self._after[relative.subject] = Told(
                 time, max(along / (1 + gains[0]), min(along, lasting)), across / (1 + gains[1])
             )
-        return found
+        return news
 
     def said(self, evidence: PackedEvidence) -> None:
         """The evidence of the newest tick was sent, with these sightings."""
-        for it in evidence.relatives:
-            if it.subject in self._after:
-                self.told.pop(it.subject, None)
-                self.told[it.subject] = self._after[it.subject]
+        for relative in evidence.relatives:
+            if relative.subject in self._after:
+                self.told.pop(relative.subject, None)
+                self.told[relative.subject] = self._after[relative.subject]
         while len(self.told) > MOST:
             del self.told[next(iter(self.told))]
 
     def _known(
         self,
-        it: PackedRelative,
+        relative: PackedRelative,
         evidence: PackedEvidence,
         time: float,
         mine: Moments | None,
@@ -85,21 +85,21 @@ class Sightings:
             return widest, widest
         there = grid.cell**2 * math.exp(entropy) / (2 * math.pi * math.e)  # of a Gaussian with that entropy
         here = float(np.trace(mine.covariance[AXES, AXES])) / 2
-        turned = float(mine.covariance[HEADING, HEADING]) * it.range**2
+        turned = float(mine.covariance[HEADING, HEADING]) * relative.range**2
         along, across = min(widest, here + there), min(widest, here + there + turned)
-        told, way = self.told.get(it.subject), evidence.travelled
+        told, way = self.told.get(relative.subject), evidence.travelled
         if told is None:
             return along, across
         # The sums of odometry are of the whole epoch: the time since that sighting has its share of their variance.
         span = max(0.0, time - told.time) / max(way.time, 1.0)
         grown = (way.along + way.across) * span  # variance of both robots' odometry, taken for equal
-        return min(along, told.along + grown), min(across, told.across + grown + way.heading * span * it.range**2)
+        return min(along, told.along + grown), min(across, told.across + grown + way.heading * span * relative.range**2)
 
 
-def fresh_error(it: PackedRelative, evidence: PackedEvidence) -> tuple[float, float]:
+def fresh_error(relative: PackedRelative, evidence: PackedEvidence) -> tuple[float, float]:
     """Variances of a sighting's fresh error along and across the line of sight, unit^2."""
     if evidence.profile:
         distances, variances = np.array(evidence.profile).T
-        variance = max(LEAST, float(np.interp(it.range, distances, variances)))
+        variance = max(LEAST, float(np.interp(relative.range, distances, variances)))
         return variance, variance
-    return max(LEAST, it.range_variance), max(LEAST, it.bearing_variance * it.range**2)
+    return max(LEAST, relative.range_variance), max(LEAST, relative.bearing_variance * relative.range**2)

@@ -60,11 +60,11 @@ class Slots:
         profile = [] if any(len(several) > 1 for several in alike) else evidence.profile
         relatives, seen = list[PackedRelative](), list[Seen]()
         for several in alike:
-            found = _mean(several, time, evidence, alone=bool(profile))
-            if isinstance(found, Seen):
-                seen.append(found)
+            mean = _mean(several, time, evidence, alone=bool(profile))
+            if isinstance(mean, Seen):
+                seen.append(mean)
             else:
-                relatives.append(found)
+                relatives.append(mean)
         return evidence.model_copy(update={"relatives": relatives, "seen": seen, "profile": profile})
 
     def said(self, time: float) -> None:
@@ -78,7 +78,7 @@ class Slots:
         """What waits, and what this tick saw. In an epoch that is over it was seen from a place that is no longer believed."""
         before = self._waiting if evidence.epoch == self._epoch else []
         seen: list[PackedRelative | Seen] = [*evidence.relatives, *evidence.seen]
-        new = [Sighted(time - it.age, evidence.travelled.turn, it) for it in seen]
+        new = [Sighted(time - sighting.age, evidence.travelled.turn, sighting) for sighting in seen]
         return [*new, *before][:MOST]
 
 
@@ -87,16 +87,16 @@ def _alike(waiting: Sequence[Sighted]) -> list[list[Sighted]]:
 
     Several of one moment are different things, and so may those of a class be (`robot/?`): the newest stay as they are.
     """
-    found: dict[tuple[str, str, str], list[Sighted]] = {}
-    for it in waiting:
-        found.setdefault(it.what, []).append(it)
+    by_kind: dict[tuple[str, str, str], list[Sighted]] = {}
+    for sighted in waiting:
+        by_kind.setdefault(sighted.what, []).append(sighted)
     groups = list[list[Sighted]]()
-    for several in found.values():
+    for several in by_kind.values():
         is_class = several[0].seen.subject.endswith("?")
-        if len({it.time for it in several}) == len(several) and not is_class:
+        if len({sighted.time for sighted in several}) == len(several) and not is_class:
             groups.append(several)
         else:
-            groups += [[it] for it in several if it.time == several[0].time]
+            groups += [[sighted] for sighted in several if sighted.time == several[0].time]
     return groups
 
 
@@ -107,18 +107,18 @@ def _mean(several: Sequence[Sighted], time: float, evidence: PackedEvidence, alo
     `alone`: the profile of the evidence, if it has one, is sent too.
     """
     count = len(several)
-    age = max(0.0, time - sum(it.time for it in several) / count)
-    turned = sum(it.turned for it in several) / count
-    told = [(it.seen, it.turned - turned) for it in several]
+    age = max(0.0, time - sum(sighted.time for sighted in several) / count)
+    turned = sum(sighted.turned for sighted in several) / count
+    told = [(sighted.seen, sighted.turned - turned) for sighted in several]
     relatives = [(seen, turn) for seen, turn in told if isinstance(seen, PackedRelative)]
     if not relatives:
         return _mean_of_kind([(seen, turn) for seen, turn in told if isinstance(seen, Seen)], age)
     newest, _ = relatives[0]
     if alone:
         return newest.model_copy(update={"age": single(age)})
-    x, y = np.mean([_turned(_place(it.range, it.bearing), turn) for it, turn in relatives], axis=0)
+    x, y = np.mean([_turned(_place(relative.range, relative.bearing), turn) for relative, turn in relatives], axis=0)
     away = max(math.hypot(x, y), NEAREST)
-    along, across = np.mean([fresh_error(it, evidence) for it, _ in relatives], axis=0) / count
+    along, across = np.mean([fresh_error(relative, evidence) for relative, _ in relatives], axis=0) / count
     numbers = {"range": math.hypot(x, y), "bearing": math.atan2(y, x), "age": age}
     variances = {"range_variance": along, "bearing_variance": across / away**2}
     return newest.model_copy(update={name: single(value) for name, value in {**numbers, **variances}.items()})

@@ -66,7 +66,7 @@ class Offers:
         if self.is_mate(report.subject):
             return self._of_mate(report, first, stale, known, share)
         lost = divergence(best.p, stale.p)
-        found = [self._option(report, best, best, lost, share)]
+        options = [self._option(report, best, best, lost, share)]
         plain = report.model_copy(
             update={"ancestors": {}, "unnamed": []}
         )  # the key says that the source is the only one
@@ -83,8 +83,8 @@ class Offers:
                 told = coarser(best, informed.belief, *precisions[1])
                 changes["informed"] = informed.model_copy(update={"belief": told})
             assert isinstance(told, PackedBelief)
-            found.append(self._option(plain.model_copy(update=changes), unpack(told, self.grid), best, lost, share))
-        return found
+            options.append(self._option(plain.model_copy(update=changes), unpack(told, self.grid), best, lost, share))
+        return options
 
     def _of_mate(
         self, report: Report, first: Belief, stale: Belief, known: Standing | None, factor: float
@@ -98,14 +98,14 @@ class Offers:
         more = max(0.0, math.exp(-entropy(first.p)) - math.exp(-entropy(stale.p)))
         worth = math.log1p(area * more)
         share = min(1.0, area * math.exp(-entropy(first.p)))
-        found = [Option(report, self.size(report), worth * factor, first)]
+        options = [Option(report, self.size(report), worth * factor, first)]
         plain = report.model_copy(update={"ancestors": {}, "informed": None})
         for precision in (FINER, COARSER, COARSEST):
             packed = coarser(first, report.belief, *precision)
-            it, told = plain.model_copy(update={"belief": packed}), unpack(packed, self.grid)
+            shown, told = plain.model_copy(update={"belief": packed}), unpack(packed, self.grid)
             lost = share * divergence(first.p, told.p)
-            found.append(Option(it, self.size(it), (worth - lost) * factor, told))
-        return found
+            options.append(Option(shown, self.size(shown), (worth - lost) * factor, told))
+        return options
 
     def _option(self, report: Report, told: Belief, best: Belief, lost: float, share: float) -> Option:
         worth = share * (lost - divergence(best.p, told.p))

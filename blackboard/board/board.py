@@ -111,7 +111,7 @@ class Board:
 
         A robot in several sub-teams `counts` in the exchange through one of them: elsewhere it is left out of the first-hand part.
         """
-        found, tracks = [], self._cluster(now)
+        settled, tracks = [], self._cluster(now)
         for subject in sorted({*self._entries, *tracks}):
             with self._survive(subject):
                 entries, silent = self._entries.usable(subject, now, self.settings.max_age)
@@ -127,11 +127,11 @@ class Board:
                     left_out = [*_left_out(silent), *(LeftOut(source=one, reason=WAITS) for one in sorted(aside))]
                     made = self._consensus("consensus", subject, tick, now, fusion, left_out)
                     existence = None if self.clusters is None else self.clusters.existence(subject)
-                    found.append(made.model_copy(update={"existence": existence}))
-                    self.hear_consensus(found[-1], now)
-        self.withdraw_consensuses(self.sub_team, tick, [consensus.subject for consensus in found])
+                    settled.append(made.model_copy(update={"existence": existence}))
+                    self.hear_consensus(settled[-1], now)
+        self.withdraw_consensuses(self.sub_team, tick, [consensus.subject for consensus in settled])
         self._guests.forget(self._entries.sources())
-        return found
+        return settled
 
     def _cluster(self, now: float) -> Mapping[str, Mapping[str, Entry]]:
         """What robots say of subjects that they did not name, by subject and robot."""
@@ -141,11 +141,11 @@ class Board:
         for subject in () if self.clusters.is_idle else self._consensuses:
             known = self._consensuses.young(subject, now, self.settings.max_age)
             mine = {source: entry for source, entry in known.items() if source == (self.sub_team, self.name)}
-            for found, entries in ((here, mine), (others, {it: known[it] for it in known.keys() - mine.keys()})):
+            for level, entries in ((here, mine), (others, {name: known[name] for name in known.keys() - mine.keys()})):
                 if entries:
                     newest = max(entries, key=lambda source: (entries[source].time, source))
                     whole = self._aged(replace(it := entries[newest], opinions=it.opinions[-1:]), subject, now)
-                    found[subject] = whole[0].belief
+                    level[subject] = whole[0].belief
         with self._survive("unnamed sightings"):
             return self.clusters.settle(now, self.settings.max_age, here, others)
         return {}
@@ -174,10 +174,10 @@ class Board:
         As many as a status can list: first those of the joint and about `robots`. On all else opinions are pooled, one of each
         sub-team, however many boards it has: the consensus of the newest tick, then of the board whose name sorts first.
         """
-        found = self._marginals(tick, now)
-        first = found.keys() | {f"robot/{robot}" for robot in robots}
+        agreed = self._marginals(tick, now)
+        first = agreed.keys() | {f"robot/{robot}" for robot in robots}
         for subject in self._consensuses:
-            if subject in found:
+            if subject in agreed:
                 continue
             with self._survive(subject):
                 usable, silent = self._consensuses.usable(subject, now, self.settings.max_age)
@@ -192,17 +192,21 @@ class Board:
                     fusion = self._fuse("agreed", opinions, subject, now)
                     lost = None if self.joint is None else self.joint.lost(subject)
                     consensus = self._consensus("agreed", subject, tick, now, fusion, left_out)
-                    exists = [it.existence for it in entries.values() if it.existence is not None]
+                    exists = [entry.existence for entry in entries.values() if entry.existence is not None]
                     told = {"lost": lost, "existence": max(exists, default=None)}
-                    found[subject] = consensus.model_copy(update=told)
-        kept = sorted(found, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
-        return [found[subject] for subject in sorted(kept)]
+                    agreed[subject] = consensus.model_copy(update=told)
+        kept = sorted(agreed, key=lambda subject: (subject not in first, subject))[:MAX_OPINIONS]
+        return [agreed[subject] for subject in sorted(kept)]
 
     def _marginals(self, tick: int, now: float) -> dict[str, Consensus]:
         """What the joint knows, by subject."""
         make = partial(Consensus, board=self.name, sub_team=self.sub_team, level="agreed", tick=tick, time=now)
         with self._survive("the joint"):
-            return {} if self.joint is None else {it.subject: it for it in self.joint.settle(now, make)}
+            return (
+                {}
+                if self.joint is None
+                else {consensus.subject: consensus for consensus in self.joint.settle(now, make)}
+            )
         return {}
 
     def check(self) -> None:
@@ -218,7 +222,7 @@ class Board:
         """
         dissents = [of.dissent for of in self._sources.values()]
         dissents += [] if self.joint is None else [self.joint.dissent]
-        learned = [_told(level, it) for level, of in self._sources.items() for it in of.learner.learned()]
+        learned = [_told(level, one) for level, of in self._sources.items() for one in of.learner.learned()]
         return {"learned": learned, "dissent": [one for dissent in dissents for one in dissent.told()]}
 
     def memory(self, level: str) -> PackedMemory:
@@ -228,8 +232,8 @@ class Board:
     def remember(self, memory: Memory) -> None:
         """Go on from what another board remembered, or this one in an earlier life. Refused: "fields"."""
         axes = self.grid.ndim
-        found = {level: remembered(getattr(memory, level), level, memory.time, axes) for level in self._sources}
-        self._sources = {level: Sources(*of) for level, of in found.items()}
+        sources = {level: remembered(getattr(memory, level), level, memory.time, axes) for level in self._sources}
+        self._sources = {level: Sources(*of) for level, of in sources.items()}
 
     # --- shared ---------------------------------------------------------------------------------------------------------
 
@@ -312,15 +316,15 @@ class Board:
             rule=str(parameters.pop("rule")),
             parameters=parameters,
             outcome=fusion.outcome,
-            learned=[_told(level, it) for it in fusion.learned],
+            learned=[_told(level, one) for one in fusion.learned],
             dissent=dissent.told({share.opinion.source for share in fusion.shares}),
             camps=camps,
             unnamed=[] if self.clusters is None else may_be(subject, self.clusters.unnamed),
         )
 
 
-def _told(level: str, it: learning.Learned) -> Learned:
-    return Learned(level=level, **vars(it))  # type: ignore[arg-type]
+def _told(level: str, one: learning.Learned) -> Learned:
+    return Learned(level=level, **vars(one))  # type: ignore[arg-type]
 
 
 def _left_out(silent: dict[str, float]) -> list[LeftOut]:

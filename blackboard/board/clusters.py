@@ -90,7 +90,8 @@ class Clusters:
         if not waits and len(self._waiting) >= MAX_SOURCES:
             return
         seen = tuple(
-            Sighting(robot, it.kind, it.mark, it.confidence, unpack(it.belief, self.grid)) for it in report.unnamed
+            Sighting(robot, unnamed.kind, unnamed.mark, unnamed.confidence, unpack(unnamed.belief, self.grid))
+            for unnamed in report.unnamed
         )
         self._waiting[robot] = Frame(report.tick, report.time, unpack(report.belief, self.grid), seen)
 
@@ -110,17 +111,17 @@ class Clusters:
         self._time, self.unnamed, self.tally = now, [], Counter()
         self.tracks.pass_time(dt)
         self._end(now, max_age)
-        places = {it: self._now(it, now) for it in self.tracks} | dict(here)
-        found: Entries = {}
+        places = {block: self._now(block, now) for block in self.tracks} | dict(here)
+        entries: Entries = {}
         for robot, frame in sorted(self._waiting.items()):
-            self._judge(frame, places, found)
+            self._judge(frame, places, entries)
             self._settled[robot] = frame.time
         self._settled = {robot: time for robot, time in self._settled.items() if time >= now - max_age}
         self._waiting = {}
         self._rename(dt, places, others)
         self.tally.update(counters(self.unnamed))
-        told = {it: members for it, members in self._members.items() if members and self.tracks.is_told(it)}
-        return found | told
+        told = {block: members for block, members in self._members.items() if members and self.tracks.is_told(block)}
+        return entries | told
 
     def existence(self, subject: str) -> float | None:
         """The probability that what a track is of exists; None of all that is no track of this board, and of robots."""
@@ -130,40 +131,40 @@ class Clusters:
         seen, belief = self._places[block]
         return self.ageing.spread(belief, block, now - seen)
 
-    def _judge(self, frame: Frame, places: dict[str, Belief], found: Entries) -> None:
+    def _judge(self, frame: Frame, places: dict[str, Belief], entries: Entries) -> None:
         """Take a frame: what is of a track becomes a member of it, what is of another subject is put into `found`."""
         robot, strange = frame.sightings[0].observer, list[Sighting]()
         odds, shown = self._odds(frame, places, {f"robot/{robot}"}), dict[str, float]()
-        for it, its in zip(frame.sightings, odds, strict=True):
+        for sighting, its in zip(frame.sightings, odds, strict=True):
             best: str = max(sorted(its), key=lambda one: its[one], default="")
             told = {one: share for one, share in its.items() if one not in self.tracks or self.tracks.is_named(one)}
-            self.unnamed.append(Unnamed(robot, frame.time, it.mark, told, clear(told)))
+            self.unnamed.append(Unnamed(robot, frame.time, sighting.mark, told, clear(told)))
             for block in its.keys() & set(self.tracks):
                 shown[block] = min(1.0, shown.get(block, 0.0) + its[block])
             if best in self.tracks and its[best] >= LIKELY:
-                self._join(best, frame, it)
+                self._join(best, frame, sighting)
             elif best and its[best] >= CLEAR:
-                found.setdefault(best, {})[robot] = _entry(frame, it)
+                entries.setdefault(best, {})[robot] = _entry(frame, sighting)
             elif sum(its.values()) < LIKELY:
-                strange.append(it)
+                strange.append(sighting)
         self._look(frame)
         self.tracks.judge(robot, dict.fromkeys(shown, NOWHERE), shown)
-        for it in strange:
-            begun = self.tracks.begin(robot, it.subject)
+        for sighting in strange:
+            begun = self.tracks.begin(robot, sighting.subject)
             if begun is None:
                 self.tally["unnamed_left_out"] += 1
             else:
-                self._join(begun, frame, it)
-                places[begun] = it.belief
+                self._join(begun, frame, sighting)
+                places[begun] = sighting.belief
 
     def _odds(self, frame: Frame, places: Mapping[str, Belief], without: Collection[str]) -> list[dict[str, float]]:
         """Of each sighting the subjects that it may be of: those with which it overlaps more than with something anywhere."""
         densities = {}
-        for row, it in enumerate(frame.sightings):
-            area = min(self.naming.area, self.tracks.area(it.observer, it.subject))
+        for row, sighting in enumerate(frame.sightings):
+            area = min(self.naming.area, self.tracks.area(sighting.observer, sighting.subject))
             for subject, belief in places.items():
-                if could_be(it.subject, subject) and subject not in without:
-                    density = area / self.grid.volume * float((it.belief.p * belief.p).sum())
+                if could_be(sighting.subject, subject) and subject not in without:
+                    density = area / self.grid.volume * float((sighting.belief.p * belief.p).sum())
                     densities[row, subject] = density if density > 1.0 else 0.0
         shown = {}
         for _, subject in densities:
@@ -175,19 +176,21 @@ class Clusters:
     def _look(self, frame: Frame) -> None:
         """Learn how far a robot sees things, all around it: the board knows where it is, and not where it looks."""
         own = frame.own.mean()
-        for it in frame.sightings:
-            self.tracks.look(it.observer, it.subject, float(np.linalg.norm(it.belief.mean() - own)), math.pi)
+        for sighting in frame.sightings:
+            self.tracks.look(
+                sighting.observer, sighting.subject, float(np.linalg.norm(sighting.belief.mean() - own)), math.pi
+            )
 
     # --- tracks ---------------------------------------------------------------------------------------------------------
 
-    def _join(self, block: str, frame: Frame, it: Sighting) -> None:
-        self._members.setdefault(block, {})[it.observer] = _entry(frame, it)
-        self._places[block] = frame.time, it.belief
+    def _join(self, block: str, frame: Frame, sighting: Sighting) -> None:
+        self._members.setdefault(block, {})[sighting.observer] = _entry(frame, sighting)
+        self._places[block] = frame.time, sighting.belief
 
     def _end(self, now: float, max_age: float) -> None:
         """Forget opinions that are too old, and tracks that are over."""
         for block, members in self._members.items():
-            young = {robot: it for robot, it in members.items() if it.time >= now - max_age}
+            young = {robot: entry for robot, entry in members.items() if entry.time >= now - max_age}
             self._members[block] = young
             if not young:
                 self.tracks.lose(block, math.inf)
@@ -207,16 +210,20 @@ class Clusters:
         A named one is the same as another one where that was likely in the mean over time: what passes by is not.
         """
         apart = [
-            it for it in self.tracks if it in others and not self._is_mine(it) and _density(places[it], others[it]) < 1
+            block
+            for block in self.tracks
+            if block in others and not self._is_mine(block) and _density(places[block], others[block]) < 1
         ]
         for block in apart:
             self._call(block, self._new(block, others))
-        mine = {it: (self.tracks.kind(it), places[it]) for it in self.tracks if it in places}
-        unknown = {it: belief for it, belief in others.items() if it not in places and it not in self.tracks}
+        mine = {block: (self.tracks.kind(block), places[block]) for block in self.tracks if block in places}
+        unknown = {
+            other: belief for other, belief in others.items() if other not in places and other not in self.tracks
+        }
         shares = _same(mine, unknown, lambda one, other: True) | _same(mine, places, self._may_be_one)
         kept = math.exp(-dt / MEMORY)
-        means = {it: kept * self._alike.get(it, 0.0) + (1.0 - kept) * share for it, share in shares.items()}
-        self._alike = {it: mean for it, mean in means.items() if mean > FAINT}
+        means = {pair: kept * self._alike.get(pair, 0.0) + (1.0 - kept) * share for pair, share in shares.items()}
+        self._alike = {pair: mean for pair, mean in means.items() if mean > FAINT}
         for block, other in sorted(self._alike):
             there = other in unknown or other in self.tracks
             first = other.startswith("robot/") or other < block
@@ -229,7 +236,9 @@ class Clusters:
             ):
                 self._call(block, other)
         for block in self.tracks.to_be_named():
-            same = [it for it in unknown if it not in self.tracks and shares.get((block, it), 0.0) >= LIKELY]
+            same = [
+                other for other in unknown if other not in self.tracks and shares.get((block, other), 0.0) >= LIKELY
+            ]
             self._call(block, same[0] if same else self._new(block, others))
             self.tally["tracks_born"] += 1
 
@@ -238,14 +247,14 @@ class Clusters:
         if one == other or other not in self.tracks or not self.tracks.is_named(other):
             return False
         mine, its = self._members[one], self._members[other]
-        return all(mine[it].time != its[it].time for it in mine.keys() & its.keys())
+        return all(mine[robot].time != its[robot].time for robot in mine.keys() & its.keys())
 
     def _is_mine(self, name: str) -> bool:
         """Whether a track has a name that this board gives."""
         return self.tracks.is_named(name) and name.startswith(f"{stem(self.tracks.kind(name))}{self.tracks.label}")
 
     def _new(self, block: str, others: Collection[str]) -> str:
-        return self.tracks.new_name(block, lambda it: it in others or it in self._members)
+        return self.tracks.new_name(block, lambda name: name in others or name in self._members)
 
     def _call(self, block: str, name: str) -> None:
         """A track gets a name, and what is known of it with it; where another track has the name, the two are one."""
@@ -253,15 +262,17 @@ class Clusters:
         if name in self.tracks:
             self.tracks.drop(block)
             both = [*members.items(), *self._members[name].items()]
-            members = dict(sorted(both, key=lambda it: it[1].time))
-            place = max(place, self._places[name], key=lambda it: it[0])
+            members = dict(sorted(both, key=lambda member: member[1].time))
+            place = max(place, self._places[name], key=lambda option: option[0])
         else:
             self.tracks.call(block, name)
         self._members[name], self._places[name] = members, place
 
 
-def _entry(frame: Frame, it: Sighting) -> Entry:
-    return Entry(frame.tick, frame.time, (Opinion(it.observer, it.belief, {it.observer: frame.time}),))
+def _entry(frame: Frame, sighting: Sighting) -> Entry:
+    return Entry(
+        frame.tick, frame.time, (Opinion(sighting.observer, sighting.belief, {sighting.observer: frame.time}),)
+    )
 
 
 def _density(one: Belief, other: Belief) -> float:

@@ -109,7 +109,7 @@ class Dissent:
     @staticmethod
     def _by_the_others(fresh: Sequence[Opinion], bells: Mapping[str, Moments], pool: Pool) -> dict[str, float]:
         """The squared distance of each source from the others' consensus; without those whose others have no single answer."""
-        found = {}
+        distances = {}
         for source in bells:
             others = pool([opinion for opinion in fresh if opinion.source != source])
             if (told := bell(others)) is not None:
@@ -117,8 +117,8 @@ class Dissent:
                     distance(bells[other], told) <= quantile(DOUBT, len(told[0])) for other in bells if other != source
                 ]
                 if 2 * sum(partners) > len(partners):  # else it is one of them against the rest, and no consensus
-                    found[source] = distance(bells[source], told)
-        return found
+                    distances[source] = distance(bells[source], told)
+        return distances
 
     def _close_second(self, time: float) -> None:
         """Count the verdicts of a second once it is over."""
@@ -150,20 +150,20 @@ class Dissent:
         """
         self._left_out = frozenset(robot.removeprefix("robot/") for robot in trust.left_out())
         self.camps = {"": camps} if (camps := trust.camps()) else {}
-        for it in verdicts:
-            if it.freedom > 1:
-                standing = self.standings.setdefault(it.source.removeprefix("robot/"), Standing())
-                standing.taken = ACCUSED * standing.taken + (1 - ACCUSED) * it.taken
-            for end in {it.source, it.subject} if it.kind == "relative" and not it.taken else ():
+        for verdict in verdicts:
+            if verdict.freedom > 1:
+                standing = self.standings.setdefault(verdict.source.removeprefix("robot/"), Standing())
+                standing.taken = ACCUSED * standing.taken + (1 - ACCUSED) * verdict.taken
+            for end in {verdict.source, verdict.subject} if verdict.kind == "relative" and not verdict.taken else ():
                 if (name := end.removeprefix("robot/")) in self._left_out:
-                    standing, sigmas = self.standings.setdefault(name, Standing()), math.sqrt(it.squared)
+                    standing, sigmas = self.standings.setdefault(name, Standing()), math.sqrt(verdict.squared)
                     standing.seen = sigmas if not standing.seen else ACCUSED * standing.seen + (1 - ACCUSED) * sigmas
         self._close_second(time)
         if not self.pending:  # the first step of a second
             gate = quantile(DOUBT, 2)
             squared = {name: distance(told[name], believed[name]) for name in sorted(told.keys() & believed.keys())}
-            if 2 * sum(it > gate for it in squared.values()) < len(squared):
-                self.pending = {name: [(it > gate, math.sqrt(it))] for name, it in squared.items()}
+            if 2 * sum(far > gate for far in squared.values()) < len(squared):
+                self.pending = {name: [(far > gate, math.sqrt(far))] for name, far in squared.items()}
                 self.heard |= dict.fromkeys(squared, time)
         for name in sorted(self._left_out):
             self._name(name, time)
@@ -183,10 +183,10 @@ class Dissent:
 
         In a joint: the share of its evidence that was taken.
         """
-        it = self.standings.get(source)
+        standing = self.standings.get(source)
         if self.joint:
-            return 0.0 if source in self._left_out else 1.0 if it is None else it.taken
-        return 1.0 if it is None else it.weight
+            return 0.0 if source in self._left_out else 1.0 if standing is None else standing.taken
+        return 1.0 if standing is None else standing.weight
 
     def told(self, sources: Collection[str] | None = None) -> list[wire.Dissent]:
         """Who is named, of these sources or of all, sorted."""
@@ -194,12 +194,12 @@ class Dissent:
             wire.Dissent(
                 level=self.level,  # type: ignore[arg-type]
                 source=source,
-                since=it.since,
-                sigmas=max(it.verdicts.sigmas, it.seen if source in self._left_out else 0.0),
+                since=standing.since,
+                sigmas=max(standing.verdicts.sigmas, standing.seen if source in self._left_out else 0.0),
                 weight=self.weight(source),
             )
-            for source, it in sorted(self.standings.items())
-            if it.since is not None and (sources is None or source in sources)
+            for source, standing in sorted(self.standings.items())
+            if standing.since is not None and (sources is None or source in sources)
         ]
 
     def told_camps(self, subject: str, weights: Mapping[str, float]) -> list[wire.Camp]:
@@ -207,20 +207,20 @@ class Dissent:
         return _camps(self.camps.get(subject, []), weights)
 
     def _count(self, source: str, time: float, against: bool, sigmas: float) -> None:
-        it = self.standings.setdefault(source, Standing())
-        it.verdicts = it.verdicts.plus(against, ACCUSED if against else REDEEMED, sigmas)
-        if it.verdicts.firm and it.verdicts.against:
+        standing = self.standings.setdefault(source, Standing())
+        standing.verdicts = standing.verdicts.plus(against, ACCUSED if against else REDEEMED, sigmas)
+        if standing.verdicts.firm and standing.verdicts.against:
             self._name(source, time)
-        elif not it.verdicts.against and source not in self._left_out:
-            it.since = None
+        elif not standing.verdicts.against and source not in self._left_out:
+            standing.since = None
 
     def _name(self, source: str, time: float) -> None:
-        it = self.standings.setdefault(source, Standing())
-        it.since = time if it.since is None else it.since
+        standing = self.standings.setdefault(source, Standing())
+        standing.since = time if standing.since is None else standing.since
         self.heard.setdefault(source, time)
-        if not it.logged:
-            it.logged = True
-            sigmas = max(it.verdicts.sigmas, it.seen)
+        if not standing.logged:
+            standing.logged = True
+            sigmas = max(standing.verdicts.sigmas, standing.seen)
             far = f", by {sigmas:.1f} sigmas" if sigmas > 0 else ""
             what = "%s disagrees with what the others believe (%s)%s: it counts less from now on"
             log.warning(what, source, self.level, far)
@@ -229,7 +229,9 @@ class Dissent:
 def _camps(camps: Iterable[frozenset[str]], weights: Mapping[str, float]) -> list[wire.Camp]:
     heavy = [(sum(weights.get(source, 0.0) for source in camp), sorted(camp)) for camp in camps]
     whole = sum(weight for weight, _ in heavy) or 1.0
-    return [wire.Camp(sources=names, weight=w / whole) for w, names in sorted(heavy, key=lambda it: (-it[0], it[1]))]
+    return [
+        wire.Camp(sources=names, weight=w / whole) for w, names in sorted(heavy, key=lambda camp: (-camp[0], camp[1]))
+    ]
 
 
 def distance(one: Moments, other: Moments) -> float:

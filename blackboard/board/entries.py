@@ -72,7 +72,7 @@ class Entries(Generic[Source]):
 
     def young(self, subject: str, now: float, max_age: float) -> dict[Source, Entry]:
         """The entries on a subject that are young enough, by source."""
-        return {source: it for source, it in self._table.get(subject, {}).items() if it.time >= now - max_age}
+        return {source: entry for source, entry in self._table.get(subject, {}).items() if entry.time >= now - max_age}
 
     def usable(self, subject: str, now: float, max_age: float) -> tuple[dict[Source, Entry], dict[Source, float]]:
         """The entries on a subject that are young enough; the others are forgotten, and returned once as source -> age (s)."""
@@ -104,14 +104,14 @@ class Entries(Generic[Source]):
         said = Counter(one for entries in self._table.values() for one in entries) if self._is_full(subject) else {}
         while self._is_full(subject):
             if len(here) >= MAX_SOURCES:
-                found = [(said[one], subject, [one]) for one in here]
+                oldest = [(said[one], subject, [one]) for one in here]
             elif not here and len(self._table) >= MAX_SUBJECTS:  # of a subject the least that any of its sources says
-                found = [(min(said[one] for one in at), name, list(at)) for name, at in self._table.items()]
+                oldest = [(min(said[one] for one in at), name, list(at)) for name, at in self._table.items()]
             else:
-                found = [(said[one], name, [one]) for name, at in self._table.items() for one in at]
-            found = [it for it in found if not any(self._is_safe(it[1], one) for one in it[2])]
-            most, loser, sources = max(found, default=(0, "", []))
-            if not found or not (self._is_safe(subject, source) or most > said[source] + 1):
+                oldest = [(said[one], name, [one]) for name, at in self._table.items() for one in at]
+            oldest = [option for option in oldest if not any(self._is_safe(option[1], one) for one in option[2])]
+            most, loser, sources = max(oldest, default=(0, "", []))
+            if not oldest or not (self._is_safe(subject, source) or most > said[source] + 1):
                 raise Refused(
                     "too-many",
                     f"{subject} of {source}: there is room for {MAX_SUBJECTS} subjects of {MAX_SOURCES} sources",

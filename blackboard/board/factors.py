@@ -174,7 +174,7 @@ def _median_of(values: Array, chosen: Array) -> Array:
 # --- from estimates to weights --------------------------------------------------------------------------------------------
 
 
-def correlations_of(found: Estimate, known: list[int]) -> Array:
+def correlations_of(estimated: Estimate, known: list[int]) -> Array:
     """The correlations of some sources, -1 for one without samples, shape (N, N).
 
     That of a pair is drawn to the mean of all pairs, the more so the fewer its samples, and the mean to that of the default.
@@ -182,13 +182,15 @@ def correlations_of(found: Estimate, known: list[int]) -> Array:
     n = len(known)
     # With this correlation of all pairs the weights are n^(CAUTIOUS - 1), as those of a coalition are by default.
     prior = (1 + RIDGE) * (n ** (1 - CAUTIOUS) - 1) / (n - 1) if n > 1 else 0.0
-    mean = (found.mean_count * max(0.0, found.mean) + PRIOR_COUNT * prior) / (found.mean_count + PRIOR_COUNT)
+    mean = (estimated.mean_count * max(0.0, estimated.mean) + PRIOR_COUNT * prior) / (
+        estimated.mean_count + PRIOR_COUNT
+    )
     matrix = np.full((n, n), mean)
     index = np.array(known, dtype=int)
     there = np.flatnonzero(index >= 0)
     at = np.ix_(index[there], index[there])
-    raw, count = found.raw[at], np.maximum(found.count[at], LEAST_COUNT)
-    share = found.spread / (found.spread + NOISE**2 / count) * count / (count + PRIOR_COUNT)
+    raw, count = estimated.raw[at], np.maximum(estimated.count[at], LEAST_COUNT)
+    share = estimated.spread / (estimated.spread + NOISE**2 / count) * count / (count + PRIOR_COUNT)
     matrix[np.ix_(there, there)] += np.where(np.isnan(raw), 0.0, share * (raw - mean))
     matrix = np.clip(matrix, 0.0, 1.0)
     np.fill_diagonal(matrix, 1.0)
@@ -206,9 +208,9 @@ def weights_of(correlations: Array, widths: Array) -> Array:
     weights, left = np.zeros(len(widths)), np.arange(len(widths))
     while True:
         s = widths[left]
-        found = (1 + RIDGE) * s * np.linalg.solve(repaired[np.ix_(left, left)], 1 / s)
-        if found.min() > 0:
+        solved = (1 + RIDGE) * s * np.linalg.solve(repaired[np.ix_(left, left)], 1 / s)
+        if solved.min() > 0:
             break
-        left = np.delete(left, int(np.argmin(found)))
-    weights[left] = found
+        left = np.delete(left, int(np.argmin(solved)))
+    weights[left] = solved
     return np.asarray(np.clip(weights, LEAST_WEIGHT, 1.0))

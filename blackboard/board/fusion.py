@@ -171,7 +171,7 @@ def _as_learned(
     widths = [width(opinion.belief) for opinion in independent] if len(independent) > 1 else [1.0]
     advice = learner.advice(sources, widths)
     rule, stack = as_advised(rule, np.stack([opinion.belief.p for opinion in independent]), advice)
-    powers = {(source, "independent"): float(it) for source, it in zip(sources, advice.powers, strict=True)}
+    powers = {(source, "independent"): float(power) for source, power in zip(sources, advice.powers, strict=True)}
     return _Weighed(rule, independent, overlapping, stack, powers, advice.powers, learner.learned(sources))
 
 
@@ -264,9 +264,9 @@ def _outvoted(
     """
     parts: tuple[list[Opinion], list[Opinion]] = [], []
     for opinion in overlapping:
-        others = [it for it in (*independent, *overlapping) if it.source != opinion.source]
-        confirming = {it.source for it in others if not _contradict(opinion, it)}
-        contradicting = {it.source for it in independent if it in others} - confirming
+        others = [other for other in (*independent, *overlapping) if other.source != opinion.source]
+        confirming = {other.source for other in others if not _contradict(opinion, other)}
+        contradicting = {other.source for other in independent if other in others} - confirming
         parts[len(contradicting) >= max(1, len(confirming))].append(opinion)
     return parts
 

@@ -70,4 +70,4 @@ class Guests:
 def _firsthand(entries: Mapping[str, Entry], source: str) -> Opinion | None:
     """What a source says by its own evidence alone."""
     opinions = entries[source].opinions if source in entries else ()
-    return next((it for it in opinions if set(it.ancestors) == {source}), None)
+    return next((opinion for opinion in opinions if set(opinion.ancestors) == {source}), None)

@@ -157,9 +157,9 @@ class Lead:
 
     def release(self) -> list[Publication]:
         """What was kept and not published by any board, the oldest first: this board is to publish it."""
-        found = [said for _, said in self._kept if said.time >= self._floor]
+        released = [said for _, said in self._kept if said.time >= self._floor]
         self._kept.clear()
-        return found
+        return released
 
     @property
     def leader(self) -> str | None:
@@ -219,7 +219,7 @@ class Lead:
     def _forget(self, status: Status, any_tick: bool) -> None:
         """Drop what the leader has published."""
         done = status.tick, PHASES.index(status.phase)
-        left = [(at, it) for at, it in self._kept if not any_tick and (it.tick, PHASES.index(it.phase)) > done]
+        left = [(at, said) for at, said in self._kept if not any_tick and (said.tick, PHASES.index(said.phase)) > done]
         self._kept = deque(left)
 
     @property

@@ -132,11 +132,11 @@ class Learner:
         n = len(sources)
         if n < 2:
             return Advice(CAUTIOUS, np.ones(n), np.ones(n))
-        found = self._found()
-        known = [found.names.index(source) if source in found.names else -1 for source in sources]
-        variance = np.array([found.variance[k] if k >= 0 else 1.0 for k in known])
-        evidence = found.mean_count / (found.mean_count + PRIOR_COUNT)
-        weights = weights_of(correlations_of(found, known), (np.array(widths) * np.sqrt(variance)) ** evidence)
+        estimated = self._found()
+        known = [estimated.names.index(source) if source in estimated.names else -1 for source in sources]
+        variance = np.array([estimated.variance[k] if k >= 0 else 1.0 for k in known])
+        evidence = estimated.mean_count / (estimated.mean_count + PRIOR_COUNT)
+        weights = weights_of(correlations_of(estimated, known), (np.array(widths) * np.sqrt(variance)) ** evidence)
         # n^(independence - 1) is the largest weight; without evidence it is CAUTIOUS to the last digit
         independence = min(1.0, max(0.0, round(1.0 + math.log(weights.max()) / math.log(n), 12)))
         powers = np.clip(np.round(weights * n ** (1.0 - independence) / variance, 12), LEAST_POWER, 1.0)
@@ -146,25 +146,25 @@ class Learner:
         """What was learned of these sources, or of all, sorted; those without a sample are left out."""
         if self._learned is None:
             self._learned = self._told()
-        return [it for it in self._learned if sources is None or it.source in sources]
+        return [one for one in self._learned if sources is None or one.source in sources]
 
     def _told(self) -> list[Learned]:
-        found = self._found()
-        if not found.names:
+        estimated = self._found()
+        if not estimated.names:
             return []
-        correlations = correlations_of(found, list(range(len(found.names))))
+        correlations = correlations_of(estimated, list(range(len(estimated.names))))
         np.fill_diagonal(correlations, -math.inf)
         told = []
-        for i, name in enumerate(found.names):
-            count = found.count[i]
+        for i, name in enumerate(estimated.names):
+            count = estimated.count[i]
             if count.max() > 0:
                 nearest = int(np.argmax(correlations[i]))
-                echo = found.names[nearest] if found.echoes[i, nearest] else None
+                echo = estimated.names[nearest] if estimated.echoes[i, nearest] else None
                 told.append(
                     Learned(
                         source=name,
                         samples=float(count.max()),
-                        variance=float(found.variance[i]),
+                        variance=float(estimated.variance[i]),
                         correlation=float(correlations[i, nearest]),
                         echo=echo,
                         since=self.since.get(name),
@@ -188,9 +188,9 @@ class Learner:
 
     def _date(self, time: float) -> None:
         """Since when a source has been held over-confident or an echo."""
-        found = self._found()
-        for i, name in enumerate(found.names):
-            if found.variance[i] > 1.0 or found.echoes[i].any():
+        estimated = self._found()
+        for i, name in enumerate(estimated.names):
+            if estimated.variance[i] > 1.0 or estimated.echoes[i].any():
                 self.since.setdefault(name, time)
             else:
                 self.since.pop(name, None)

@@ -29,7 +29,7 @@ FLOAT = np.dtype("<f8")
 
 def packed_memory(learner: Learner, dissent: Dissent) -> PackedMemory:
     """All that the two remember, or of the judgements of more subjects than a message holds the newest."""
-    judged = sorted(dissent.judged_at.items(), key=lambda it: (-it[1], it[0]))[:MAX_SUBJECTS]
+    judged = sorted(dissent.judged_at.items(), key=lambda judged_at: (-judged_at[1], judged_at[0]))[:MAX_SUBJECTS]
     return PackedMemory(
         learner=_packed_learner(learner),
         standings=[_packed_standing(dissent, source) for source in sorted(dissent.heard)],
@@ -43,7 +43,9 @@ def _packed_learner(learner: Learner) -> PackedLearner:
     sources = sorted(learner.heard)
     place = {source: i for i, source in enumerate(sources)}
     windows = [learner.samples.get(pair, ()) for pair in combinations(sources, 2)]
-    samples = np.array([(it.a, it.alike, it.turned) for window in windows for it in window], dtype=SAMPLE)
+    samples = np.array(
+        [(sample.a, sample.alike, sample.turned) for window in windows for sample in window], dtype=SAMPLE
+    )
     newest = [
         PackedNewest(
             subject=subject,
@@ -64,15 +66,15 @@ def _packed_learner(learner: Learner) -> PackedLearner:
 
 
 def _packed_standing(dissent: Dissent, source: str) -> PackedStanding:
-    it = dissent.standings.get(source, Standing())
+    standing = dissent.standings.get(source, Standing())
     pending = [-sigmas if contradicts else sigmas for contradicts, sigmas in dissent.pending.get(source, [])]
     return PackedStanding(
         source=source,
         heard=dissent.heard[source],
-        share=it.verdicts.share,
-        seconds=it.verdicts.number,
-        sigmas=it.verdicts.sigmas,
-        since=it.since,
+        share=standing.verdicts.share,
+        seconds=standing.verdicts.number,
+        sigmas=standing.verdicts.sigmas,
+        since=standing.since,
         pending=np.array(pending, dtype=FLOAT).tobytes(),
     )
 
@@ -99,23 +101,26 @@ def _check_times(times: list[float], until: float) -> None:
 
 def _floats(data: bytes) -> Array:
     _check(len(data) % FLOAT.itemsize == 0, "bytes that are no floats")
-    found = np.frombuffer(data, FLOAT).astype(float)
-    _check(bool((np.abs(found) <= LARGEST).all()), "a number is not finite, or too large")
-    return found
+    numbers = np.frombuffer(data, FLOAT).astype(float)
+    _check(bool((np.abs(numbers) <= LARGEST).all()), "a number is not finite, or too large")
+    return numbers
 
 
 def _learner(packed: PackedLearner, until: float, axes: int) -> Learner:
     sources, n = packed.sources, len(packed.sources)
     _check(n <= MAX_SOURCES and sources == sorted(set(sources)), f"sources are not sorted, or more than {MAX_SOURCES}")
     _check(set(packed.heard) == set(sources) and packed.since.keys() <= set(sources), "a time of no source")
-    _check_times([*packed.heard.values(), *packed.since.values(), *(it.time for it in packed.newest)], until)
+    _check_times([*packed.heard.values(), *packed.since.values(), *(newest.time for newest in packed.newest)], until)
     samples = _samples(packed, n * (n - 1) // 2)
     last: dict[str, tuple[float, dict[str, Array]]] = {}
-    for it in packed.newest:
-        who, means = list(it.sources), _floats(it.means)
+    for newest in packed.newest:
+        who, means = list(newest.sources), _floats(newest.means)
         _check(who == sorted(set(who)) and all(i < n for i in who), "a comparison of no source")
         _check(len(means) == axes * len(who), f"means on another number of axes than {axes}")
-        last[it.subject] = it.time, dict(zip((sources[i] for i in who), means.reshape(len(who), axes), strict=True))
+        last[newest.subject] = (
+            newest.time,
+            dict(zip((sources[i] for i in who), means.reshape(len(who), axes), strict=True)),
+        )
     learner = Learner()
     learner.remember(
         {pair: window for pair, window in zip(combinations(sources, 2), samples, strict=True) if window},
@@ -133,8 +138,8 @@ def _samples(packed: PackedLearner, pairs: int) -> list[deque[Sample]]:
         f"no count up to {PAIR_WINDOW} for each pair",
     )
     _check(len(packed.samples) == SAMPLE.itemsize * sum(counts), "another number of samples than is counted")
-    found = np.frombuffer(packed.samples, SAMPLE)
-    a, alike, turned = (found[name].astype(float) for name in ("a", "alike", "turned"))
+    samples = np.frombuffer(packed.samples, SAMPLE)
+    a, alike, turned = (samples[name].astype(float) for name in ("a", "alike", "turned"))
     _check(bool(((a >= 0) & (a <= LARGEST)).all()), "a squared distance is negative, or not finite")
     _check(bool(((alike >= 0) & (alike <= 1)).all()), "a likeness is not between 0 and 1")
     _check(bool((np.isnan(turned) | (np.abs(turned) <= 1)).all()), "no cosine")
@@ -143,20 +148,20 @@ def _samples(packed: PackedLearner, pairs: int) -> list[deque[Sample]]:
 
 
 def _dissent(packed: PackedMemory, level: str, until: float) -> Dissent:
-    standings = {it.source: it for it in packed.standings}
+    standings = {standing.source: standing for standing in packed.standings}
     _check(len(standings) == len(packed.standings), "a source has two standings")
-    times = [time for it in packed.standings for time in (it.heard, it.since) if time is not None]
+    times = [time for standing in packed.standings for time in (standing.heard, standing.since) if time is not None]
     _check_times([*times, *packed.judged.values(), *([] if packed.second is None else [packed.second])], until)
-    _check(all(it.share <= 1 for it in packed.standings), "a share above 1")
+    _check(all(standing.share <= 1 for standing in packed.standings), "a share above 1")
     dissent = Dissent(level)
     dissent.camps = {subject: [frozenset(camp) for camp in camps] for subject, camps in packed.camps.items()}
     dissent.judged_at = dict(packed.judged)
     dissent.second = dissent.second if packed.second is None else packed.second
-    for source, it in standings.items():
-        dissent.heard[source] = it.heard
-        verdicts = Verdicts(it.share, it.seconds, it.sigmas)
-        dissent.standings[source] = Standing(verdicts, since=it.since, logged=it.since is not None)
-        pending = _floats(it.pending)
+    for source, standing in standings.items():
+        dissent.heard[source] = standing.heard
+        verdicts = Verdicts(standing.share, standing.seconds, standing.sigmas)
+        dissent.standings[source] = Standing(verdicts, since=standing.since, logged=standing.since is not None)
+        pending = _floats(standing.pending)
         if len(pending):
             dissent.pending[source] = [(bool(np.signbit(x)), abs(float(x))) for x in pending]
     return dissent

@@ -73,19 +73,21 @@ class Participants:
     def hear_role(self, sub_team: str, board: str, *, follows: bool) -> None:
         """Whether a board of another sub-team follows another one there, as its status says."""
         if (sub_team, board) not in self._follows:
-            self._follows = {(s, b): it for (s, b), it in self._follows.items() if b in self.roster.boards.get(s, [])}
+            self._follows = {
+                (s, b): follows for (s, b), follows in self._follows.items() if b in self.roster.boards.get(s, [])
+            }
         self._follows[sub_team, board] = follows
 
     def note_members(self) -> None:
         """Remember of each robot that is there in which sub-teams it is."""
         robots = self.roster.robots if self.clock.named is None else self.clock.named
-        found: dict[str, tuple[str, ...]] = {}
+        members: dict[str, tuple[str, ...]] = {}
         for sub_team, here in robots.items():
             for robot in here:
-                found[robot] = (*found.get(robot, ()), sub_team)
-        gone = [robot for robot in self._members if robot not in found]
-        kept = gone[max(0, len(gone) + len(found) - MAX_ROBOTS) :]
-        self._members = {**{robot: self._members[robot] for robot in kept}, **found}
+                members[robot] = (*members.get(robot, ()), sub_team)
+        gone = [robot for robot in self._members if robot not in members]
+        kept = gone[max(0, len(gone) + len(members) - MAX_ROBOTS) :]
+        self._members = {**{robot: self._members[robot] for robot in kept}, **members}
 
     def counts(self, robot: str) -> bool:
         """Whether a robot's evidence counts in the exchange through this sub-team.

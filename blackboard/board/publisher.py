@@ -65,26 +65,26 @@ class Publisher:
         """A phase of the tick is over: what is published of it. level: "consensus", or "agreed" of the exchange."""
         tick, time = self.clocks.clock.tick, self.clocks.clock.time(now)
         survive = self.intake.failures.survive
-        found = list[Consensus]()
+        settled = list[Consensus]()
         with survive(f"the {level} of a tick"):
             if level == "consensus":
                 self.participants.note_members()
-                found = self.board.settle(tick, time, self.participants.counts)
+                settled = self.board.settle(tick, time, self.participants.counts)
                 self.intake.counters.update({} if self.board.clusters is None else self.board.clusters.tally)
             else:
-                found = self.board.exchange(tick, time, self.participants.robots())
-                found = [self.clocks.addressed(consensus) for consensus in found]
+                settled = self.board.exchange(tick, time, self.participants.robots())
+                settled = [self.clocks.addressed(consensus) for consensus in settled]
         topic = keys.CONSENSUS if level == "consensus" else keys.AGREED
-        out = [self._told(topic, c, subject=c.subject) for c in found]
+        out = [self._told(topic, c, subject=c.subject) for c in settled]
         if level == "consensus":
             with survive("what is forwarded"):
                 out += self._forward(tick, time)
         else:
             self.handover.agreed_at = tick, time
-        self.intake.counters["settled"] += len(found)
+        self.intake.counters["settled"] += len(settled)
         update = {
             "phase": level,
-            "subjects": [c.subject for c in found],
+            "subjects": [c.subject for c in settled],
             **self.board.believed(),
         }
         status = self._of_tick(tick, time).model_copy(update=update)
@@ -100,9 +100,9 @@ class Publisher:
         out = list[Envelope]()
         if refusals and self.lead.role is not BoardRole.FOLLOWS:
             board, sub_team, time = self.lead.board, self.lead.sub_team, self.clocks.clock.time(now)
-            mine = [it for theirs, it in refusals if theirs == sub_team]
-            told = [Refusal(board=board, sub_team=sub_team, time=time, **asdict(it)) for it in mine]
-            out += [self._told(keys.REFUSED, it, robot=it.robot) for it in told]
+            mine = [refusal for theirs, refusal in refusals if theirs == sub_team]
+            told = [Refusal(board=board, sub_team=sub_team, time=time, **asdict(refusal)) for refusal in mine]
+            out += [self._told(keys.REFUSED, refusal, robot=refusal.robot) for refusal in told]
         memory = self.handover.give(self.clocks.clock.run) if self._learns and self.lead.leads else None
         if memory is None:
             return out
@@ -145,14 +145,14 @@ class Publisher:
         return self._shown(self._settled or self._of_tick(clock.tick, clock.time(now)), now, lacks)
 
     def _in_full(self, all_said: Iterable[Publication], now: float) -> list[Envelope]:
-        found = list[Envelope]()
+        envelopes = list[Envelope]()
         for said in all_said:
             if said.envelopes and self._led != self.lead.term:
                 self._led = self.lead.term
                 where = self.lead.board, self.lead.sub_team, said.tick, self._led
                 log.info("%s speaks for sub-team %s from tick %d on (term %d)", *where)
-            found += [*said.envelopes, self._shown(said.status, now)]
-        return found
+            envelopes += [*said.envelopes, self._shown(said.status, now)]
+        return envelopes
 
     def _followed(self, said: Publication, now: float) -> Envelope:
         """The status of a board that follows: the phase is over here, too."""

@@ -11,21 +11,21 @@ from blackboard.wire.types import MAX_OPINIONS
 
 def may_be(subject: str, unnamed: Iterable[Unnamed]) -> list[UnnamedSighting]:
     """The unnamed sightings that may be of a subject, the likeliest first."""
-    found = [
+    sightings = [
         UnnamedSighting(
-            source=it.source.removeprefix("robot/"),
-            time=it.time,
-            mark=it.mark,
-            probability=min(1.0, it.odds[subject]),
-            taken=it.taken == subject,
+            source=sighting.source.removeprefix("robot/"),
+            time=sighting.time,
+            mark=sighting.mark,
+            probability=min(1.0, sighting.odds[subject]),
+            taken=sighting.taken == subject,
         )
-        for it in unnamed
-        if it.odds and subject in it.odds
+        for sighting in unnamed
+        if sighting.odds and subject in sighting.odds
     ]
-    return sorted(found, key=lambda it: -it.probability)[:MAX_OPINIONS]
+    return sorted(sightings, key=lambda sighting: -sighting.probability)[:MAX_OPINIONS]
 
 
 def counters(unnamed: Iterable[Unnamed]) -> Iterator[str]:
     """The counter of a status that each of them is for: what became of it."""
-    for it in unnamed:
-        yield f"unnamed_{'taken' if it.taken is not None else 'strange' if it.is_strange else 'ambiguous'}"
+    for sighting in unnamed:
+        yield f"unnamed_{'taken' if sighting.taken is not None else 'strange' if sighting.is_strange else 'ambiguous'}"

@@ -95,14 +95,14 @@ class TeamNews:
     ) -> None:
         self._newest, self._on_agreed, self._on_refused = Newest(grid), on_agreed, on_refused
 
-    def take(self, it: Cue | Message, now: float) -> None:
+    def take(self, heard: Cue | Message, now: float) -> None:
         """Take what came at a Unix time. Refused: as in `Newest.take`; and whatever a callback raises."""
-        if it in (Cue.BEGIN, Cue.FREE):
+        if heard in (Cue.BEGIN, Cue.FREE):
             self._newest.forget()
-        elif isinstance(it, Consensus) and (agreed := self._newest.take(it, now)) is not None:
+        elif isinstance(heard, Consensus) and (agreed := self._newest.take(heard, now)) is not None:
             self._on_agreed(agreed)
-        elif isinstance(it, Refusal):
-            self._on_refused(it)
+        elif isinstance(heard, Refusal):
+            self._on_refused(heard)
 
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""

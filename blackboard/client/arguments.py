@@ -30,49 +30,49 @@ class Call:
         self._method, self._warn = method, warn
 
     def number(self, name: str, value: Any, least: float = -LARGEST) -> float:
-        found = self._float(value)
-        if not (math.isfinite(found) and least <= found <= LARGEST):
+        number = self._float(value)
+        if not (math.isfinite(number) and least <= number <= LARGEST):
             bound = "" if least < 0 else f" of at least {least:g}"
             raise self.wrong(name, value, f"give a finite number{bound}")
-        return found
+        return number
 
     def turn(self, name: str, value: Any) -> float:
-        found = self.number(name, value)
-        if abs(found) > math.tau:
+        angle = self.number(name, value)
+        if abs(angle) > math.tau:
             where = f"{self._method}({name})"
-            self._warn(where, f"{self._method}({name}={found:g}): is more than a whole turn; give radians")
-        return found
+            self._warn(where, f"{self._method}({name}={angle:g}): is more than a whole turn; give radians")
+        return angle
 
     def angle(self, name: str, value: Any) -> float:
         return math.remainder(self.turn(name, value), math.tau)
 
     def bearing(self, name: str, value: Any) -> float:
-        if abs(found := self.number(name, value)) > math.tau:
+        if abs(angle := self.number(name, value)) > math.tau:
             raise self.wrong(name, value, "give radians; this is more than a whole turn")
-        return math.remainder(found, math.tau)
+        return math.remainder(angle, math.tau)
 
     def share(self, name: str, value: Any) -> float:
-        found = self._float(value)
-        if not 0.0 < found <= 1.0:
+        share = self._float(value)
+        if not 0.0 < share <= 1.0:
             raise self.wrong(name, value, "give a number above 0 and at most 1")
-        return found
+        return share
 
     def sigma(self, name: str, value: Any) -> float | None:
         return None if value is None else self.number(name, value, least=LEAST)
 
     def numbers(self, name: str, value: Any, shape: tuple[int, ...]) -> Any:
-        found = self._floats(value)
-        if found.shape != shape or not np.isfinite(found).all() or np.abs(found).max() > LARGEST:
+        numbers = self._floats(value)
+        if numbers.shape != shape or not np.isfinite(numbers).all() or np.abs(numbers).max() > LARGEST:
             raise self.wrong(name, value, f"give {' x '.join(str(n) for n in shape)} finite numbers")
-        return tuple(found.tolist())
+        return tuple(numbers.tolist())
 
     def covariance(self, name: str, value: Any, size: int) -> Array:
-        found = np.array(self.numbers(name, value, (size, size)))
-        scale = np.sqrt(np.maximum(np.diag(found), LEAST**2))
-        symmetric = np.abs(found - found.T).max() <= 1e-6 * np.abs(found).max()
-        if not symmetric or np.linalg.eigvalsh(found / np.outer(scale, scale))[0] < SMALLEST:
+        matrix = np.array(self.numbers(name, value, (size, size)))
+        scale = np.sqrt(np.maximum(np.diag(matrix), LEAST**2))
+        symmetric = np.abs(matrix - matrix.T).max() <= 1e-6 * np.abs(matrix).max()
+        if not symmetric or np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] < SMALLEST:
             raise self.wrong(name, value, "give a symmetric matrix with positive eigenvalues")
-        return found
+        return matrix
 
     def array(self, name: str, value: Any, columns: int) -> Array:
         shape = self.shape(value)
@@ -81,10 +81,10 @@ class Call:
         return np.array(self.numbers(name, value, shape))
 
     def weights(self, name: str, value: Any, count: int) -> Array:
-        found = np.array(self.numbers(name, value, (count,)))
-        if (found < 0).any() or not found.sum() > 0:
+        weights = np.array(self.numbers(name, value, (count,)))
+        if (weights < 0).any() or not weights.sum() > 0:
             raise self.wrong(name, value, "give numbers of at least 0, not all 0")
-        return found
+        return weights
 
     def shape(self, value: Any) -> tuple[int, ...]:
         """That of an array of numbers; () of what is none."""
@@ -103,8 +103,8 @@ class Call:
     def _floats(self, value: Any) -> Array:
         """An array of a value; a number that is none where it holds something else than numbers."""
         try:
-            found = np.asarray(value)
-            return found.astype(np.float64) if found.dtype.kind in "iufO" else np.array(np.nan)
+            array = np.asarray(value)
+            return array.astype(np.float64) if array.dtype.kind in "iufO" else np.array(np.nan)
         except (TypeError, ValueError, OverflowError):
             return np.array(np.nan)
 
@@ -126,7 +126,7 @@ def check_kinds(made: str, **arguments: object) -> None:
     """UserError: an argument of what is made is of a kind that cannot be."""
     for name, value in arguments.items():
         kinds, cure = KINDS[name]
-        texts = not isinstance(value, list | tuple) or all(isinstance(it, str) for it in value)
+        texts = not isinstance(value, list | tuple) or all(isinstance(text, str) for text in value)
         if not isinstance(value, kinds) or not texts or (isinstance(value, Real) and not float(value) >= 0):
             raise UserError(f"{made}({name}={shown(value)}): give {cure}")
 

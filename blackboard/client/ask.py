@@ -53,8 +53,8 @@ def ask(
             known |= _boards(get, keys.STATUS.key(team=team or "*", sub_team=sub_team, process="*"))
         if not known and (now() >= end or stopped()):
             others = [
-                f"{found[0]}/{found[1]}"
-                for found in sorted(_boards(get, keys.STATUS.key(team="*", sub_team="*", process="*")))
+                f"{board[0]}/{board[1]}"
+                for board in sorted(_boards(get, keys.STATUS.key(team="*", sub_team="*", process="*")))
             ]
             there = (
                 f"there are boards of {', '.join(others)}" if others else "start `blackboard serve`, or name a scenario"
@@ -75,7 +75,7 @@ def _of(team: str | None, sub_teams: Sequence[str]) -> str:
 
 def _boards(get: Get, key_expr: str) -> dict[tuple[str, str], Found]:
     """What boards tell in their statuses, by team and sub-team."""
-    found = {}
+    boards = {}
     for envelope in get(key_expr):
         try:
             _, parts, message = open_envelope(envelope)
@@ -84,7 +84,7 @@ def _boards(get: Get, key_expr: str) -> dict[tuple[str, str], Found]:
                 anchor = None if at is None else Anchor(at.latitude, at.longitude, at.bearing)
                 grid = replace(unpacked_grid(message.grid), anchor=anchor)
                 told = (str(message.settings.get(key, default)) for key, default in SETTINGS.items())
-                found[team, sub_team] = Found(team, sub_team, grid, *told)
+                boards[team, sub_team] = Found(team, sub_team, grid, *told)
         except Refused:
             continue
-    return found
+    return boards

@@ -131,15 +131,15 @@ class Member(Around):
 
     # --- what is new --------------------------------------------------------------------------------------------------
 
-    def _hear(self, it: Cue | Message, now: float) -> list[Envelope]:
-        if it is Cue.BEGIN:
+    def _hear(self, heard: Cue | Message, now: float) -> list[Envelope]:
+        if heard is Cue.BEGIN:
             self._reports = {}
-        elif it is Cue.FREE:
+        elif heard is Cue.FREE:
             self.peer.begin("")
             self._reports = {}
-        elif it is Cue.TICK:
+        elif heard is Cue.TICK:
             return self._stand(now)
-        self._news.take(it, now)
+        self._news.take(heard, now)
         return []
 
     def _stand(self, now: float) -> list[Envelope]:

@@ -81,7 +81,11 @@ class Membership:
         self.name = team or (known.team.name if known is not None else "")
         self.sub_teams = given
         self._grid = grid or (known.grid if known is not None else None)
-        named = [("robot", robot), *(("team", it) for it in [self.name] if it), *(("sub_team", it) for it in given)]
+        named = [
+            ("robot", robot),
+            *(("team", name) for name in [self.name] if name),
+            *(("sub_team", name) for name in given),
+        ]
         for what, value in named:
             if not re.fullmatch(NAME, value):
                 raise UserError(f"{made}({what}={shown(value)}): use up to 64 letters, digits, '.', '_' and '-'")
@@ -236,7 +240,7 @@ class Membership:
         Asks the boards, which takes at most 2 seconds.
         """
         assert self._link is not None, "the team is joined"
-        found: dict[str, list[Consensus]] = {"agreed": [], "consensus": []}
+        levels: dict[str, list[Consensus]] = {"agreed": [], "consensus": []}
         for topic in (topics.AGREED, topics.CONSENSUS):
             for sub_team in self.sub_teams:
                 for envelope in self._link.get(topic.key(team=self.name, sub_team=sub_team, subject=subject)):
@@ -245,10 +249,10 @@ class Membership:
                     except Refused:
                         continue
                     if isinstance(message, Consensus):
-                        found[message.level].append(message)
-        agreed = max(found["agreed"], key=lambda it: it.time, default=None)
-        refused = tuple(it for it in self._refusals if it.subject == subject)[-1:]
-        return Why(subject, agreed, tuple(found["consensus"]), refused)
+                        levels[message.level].append(message)
+        agreed = max(levels["agreed"], key=lambda consensus: consensus.time, default=None)
+        refused = tuple(refusal for refusal in self._refusals if refusal.subject == subject)[-1:]
+        return Why(subject, agreed, tuple(levels["consensus"]), refused)
 
     # --- inside -----------------------------------------------------------------------------------------------------------
 
@@ -282,13 +286,13 @@ class Membership:
 
     def _ask(self, link: Link) -> None:
         """Learn from the boards which team, sub-team and grid are meant. UserError: none answers, or there are several."""
-        found = ask(link.get, self._clock.now, self.robot, self.name, self.sub_teams, self._patience)
+        board = ask(link.get, self._clock.now, self.robot, self.name, self.sub_teams, self._patience)
         self.name, self.sub_teams, self._grid = (
-            found.team,
-            self.sub_teams or (found.sub_team,),
-            self._grid or found.grid,
+            board.team,
+            self.sub_teams or (board.sub_team,),
+            self._grid or board.grid,
         )
-        self._joint = found.fusion == "joint"
+        self._joint = board.fusion == "joint"
 
 
 def _tell(loop: asyncio.AbstractEventLoop, came: asyncio.Event) -> None:

@@ -220,8 +220,8 @@ class Robot(Membership):
         known = Call("particles")
         points = known.array("particles", particles, 3)
         share = None if weights is None else known.weights("weights", weights, len(points))
-        found = of_particles(points, share)
-        mean, covariance = (None, None) if found is None else (found.mean, found.covariance)
+        posterior = of_particles(points, share)
+        mean, covariance = (None, None) if posterior is None else (posterior.mean, posterior.covariance)
         self._posterior(known, mean, covariance, odometry)
 
     @property

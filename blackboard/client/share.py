@@ -101,7 +101,7 @@ class Share(Around):
     def wake_at(self, now: float) -> float | None:
         # Subjects that have ended are found at the latest with the status of each second.
         due = [self._due[subject] for subject in self._newest]
-        return min(it for it in (self.hears.wake_at(now), self.tells.wake_at(now), *due) if it is not None)
+        return min(at for at in (self.hears.wake_at(now), self.tells.wake_at(now), *due) if at is not None)
 
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
@@ -120,10 +120,10 @@ class Share(Around):
         if len(self._known) > MAX_SUBJECTS:
             del self._known[next(iter(self._known))]
 
-    def _hear(self, it: ClockNews | Message, now: float) -> list[Envelope]:
-        if isinstance(it, ClockNews) and it.news in (News.RUN, News.FREE):
+    def _hear(self, heard: ClockNews | Message, now: float) -> list[Envelope]:
+        if isinstance(heard, ClockNews) and heard.news in (News.RUN, News.FREE):
             self._agreed.forget()
-        elif isinstance(it, Consensus) and (agreed := self._agreed.take(it, now)) is not None:
+        elif isinstance(heard, Consensus) and (agreed := self._agreed.take(heard, now)) is not None:
             self._keep(agreed, now)
         return []
 

@@ -19,17 +19,23 @@ class Why:
     refused: tuple[Refusal, ...]
 
     def __str__(self) -> str:
-        levels = [it for it in (self.agreed, *self.consensus) if it is not None]
-        lines = [line for it in levels for line in _level(it)] or [f"{self.subject}: no board has a belief about it"]
-        return "\n".join([*lines, *(in_words(it) for it in self.refused)])
+        levels = [consensus for consensus in (self.agreed, *self.consensus) if consensus is not None]
+        lines = [line for consensus in levels for line in _level(consensus)] or [
+            f"{self.subject}: no board has a belief about it"
+        ]
+        return "\n".join([*lines, *(in_words(refusal) for refusal in self.refused)])
 
 
-def _level(it: Consensus) -> list[str]:
+def _level(consensus: Consensus) -> list[str]:
     """One belief and its sources, a line for each."""
-    head = f"{it.subject}: {it.level} by {it.board} in tick {it.tick}, entropy {it.entropy:.2f} nats, rule {it.rule}"
+    head = (
+        f"{consensus.subject}: {consensus.level} by {consensus.board} in tick {consensus.tick}, "
+        f"entropy {consensus.entropy:.2f} nats, rule {consensus.rule}"
+    )
     used = [
-        f"  {u.source}: {u.how}, weight {u.weight:.2f}, {u.age:.1f} s old, entropy {u.entropy:.2f}" for u in it.used
+        f"  {u.source}: {u.how}, weight {u.weight:.2f}, {u.age:.1f} s old, entropy {u.entropy:.2f}"
+        for u in consensus.used
     ]
-    left_out = [f"  {out.source}: left out, {quoted(out.reason)}" for out in it.left_out]
-    dissent = [f"  {d.source}: disagrees by {d.sigmas:.1f} sigmas, counts {d.weight:.2f}" for d in it.dissent]
-    return [head + (", in conflict" if it.conflict else ""), *used, *left_out, *dissent]
+    left_out = [f"  {out.source}: left out, {quoted(out.reason)}" for out in consensus.left_out]
+    dissent = [f"  {d.source}: disagrees by {d.sigmas:.1f} sigmas, counts {d.weight:.2f}" for d in consensus.dissent]
+    return [head + (", in conflict" if consensus.conflict else ""), *used, *left_out, *dissent]

@@ -48,4 +48,4 @@ class Ageing:
 
     def aged(self, opinions: Iterable[Opinion], subject: str, age: float) -> list[Opinion]:
         """Opinions about a subject as they are after an age, which they carry from then on."""
-        return [replace(it, belief=self.spread(it.belief, subject, age), age=age) for it in opinions]
+        return [replace(opinion, belief=self.spread(opinion.belief, subject, age), age=age) for opinion in opinions]

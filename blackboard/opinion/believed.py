@@ -103,6 +103,6 @@ def camps_of(names: Collection[str], agreeing: Iterable[Pair]) -> list[frozenset
         if one in group and other in group and group[one] is not group[other]:
             joined = group[one] | group[other]
             group |= dict.fromkeys(joined, joined)
-    groups = sorted(set(group.values()), key=lambda it: (-len(it), sorted(it)))
-    camps = [it for it in groups if len(it) == len(groups[0]) > 1]
+    groups = sorted(set(group.values()), key=lambda members: (-len(members), sorted(members)))
+    camps = [members for members in groups if len(members) == len(groups[0]) > 1]
     return camps if len(camps) > 1 else []

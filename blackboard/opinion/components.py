@@ -193,11 +193,11 @@ def memberships(
     heavy = np.flatnonzero(in_cell > NEGLIGIBLE / (size or len(in_cell)) * in_cell.sum())
     p, w = opinions.reshape(n, -1).take(heavy, axis=1), shares(weights, n)
     mass = mass.take(heavy, axis=1) / in_cell[heavy].sum()
-    found = np.zeros(n)
+    totals = np.zeros(n)
     for start in range(0, len(heavy), BLOCK):
         block = slice(start, start + BLOCK)
-        found += _memberships(p[:, block], w, mass[:, block], first)
-    return found
+        totals += _memberships(p[:, block], w, mass[:, block], first)
+    return totals
 
 
 def _memberships(p: Array, weights: Array, mass: Array, first: int) -> Array:
@@ -214,16 +214,16 @@ def _memberships(p: Array, weights: Array, mass: Array, first: int) -> Array:
     at_products, at_weighted = np.zeros((2, n + 1, cells))  # derivatives of the mass in E_q and W_q
     last = steps[1, n, first:]
     np.divide(mass, last, out=at_weighted[first:], where=last > LEAST_PRODUCT)
-    found = np.zeros((n, cells))
+    shares = np.zeros((n, cells))
     for j in range(n - 1, -1, -1):
         products, weighted = steps[:, j]
         # P_j dC_q/dP_j: the part of C_q (V-.2) that comes from subsets with opinion j
         to_products, to_weighted = ratios[j] * at_products[1 : j + 2], ratios[j] * at_weighted[1 : j + 2]
-        found[j] = (to_weighted * (weighted[: j + 1] + w[j] * products[: j + 1]) + to_products * products[: j + 1]).sum(
-            axis=0
-        )
+        shares[j] = (
+            to_weighted * (weighted[: j + 1] + w[j] * products[: j + 1]) + to_products * products[: j + 1]
+        ).sum(axis=0)
         at_products[: j + 1] += to_products + w[j] * to_weighted
         at_weighted[: j + 1] += to_weighted
     by_opinion = np.zeros((n, cells))
-    np.put_along_axis(by_opinion, order, found, axis=0)
+    np.put_along_axis(by_opinion, order, shares, axis=0)
     return np.asarray(by_opinion.sum(axis=1))

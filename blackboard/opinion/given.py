@@ -126,16 +126,16 @@ def from_range_bearing(
     def log_density(x: Array) -> Array:
         dx, dy = x[..., 0] - here[0], x[..., 1] - here[1]
         far = np.hypot(dx, dy)
-        found = np.zeros(far.shape)
+        density = np.zeros(far.shape)
         if distance is not None:
-            found = found - 0.5 * ((far - distance) / along) ** 2  # ln N(z; |x - x_r|, sigma)
+            density = density - 0.5 * ((far - distance) / along) ** 2  # ln N(z; |x - x_r|, sigma)
         if bearing is not None:
             off = np.arctan2(dy, dx) - heading - bearing
             off = (off + np.pi) % (2 * np.pi) - np.pi
             across = np.maximum(far, least)  # a bearing is less exact than a cell near the robot
             sigma = np.sqrt(bearing_sigma**2 + heading_sigma**2 + (max(position_sigma, least) / across) ** 2)
-            found = found - 0.5 * (off / sigma) ** 2 - np.log(sigma)
-        return np.asarray(found)
+            density = density - 0.5 * (off / sigma) ** 2 - np.log(sigma)
+        return np.asarray(density)
 
     if distance is not None:
         direction = None if bearing is None else heading + bearing
@@ -177,18 +177,18 @@ def from_occupancy(
     is another one than `grid`.
     """
     own = source or grid
-    found = np.asarray(values, dtype=np.float64)
-    if found.shape != own.shape:
+    cells = np.asarray(values, dtype=np.float64)
+    if cells.shape != own.shape:
         raise ValueError(
-            f"from_occupancy: values of shape {found.shape} on a grid of {own.shape}; give one for each cell"
+            f"from_occupancy: values of shape {cells.shape} on a grid of {own.shape}; give one for each cell"
         )
-    wrong = ~((found == -1) | ((found >= 0) & (found <= 100)))
+    wrong = ~((cells == -1) | ((cells >= 0) & (cells <= 100)))
     if wrong.any():
         cell = tuple(int(i) for i in np.argwhere(wrong)[0])
         raise ValueError(
-            f"from_occupancy: cell {cell} holds {found[cell]:g}; give 0 to 100, or -1 where it is not known"
+            f"from_occupancy: cell {cell} holds {cells[cell]:g}; give 0 to 100, or -1 where it is not known"
         )
-    known = np.where(found == -1, unknown, found)
+    known = np.where(cells == -1, unknown, cells)
     p = _normalised(100.0 - known if free else known)
     return p if own is grid else resampled(own, p, grid)
 
@@ -239,15 +239,15 @@ def _integrated(grid: Grid, log_density: Callable[[Array], Array], finest: float
     centres = np.stack(np.broadcast_arrays(*grid.mesh()), axis=-1).reshape(-1, grid.ndim)
     log = log_density(centres)
     top = log.max()
-    found: Array = np.exp(log - top)
+    cells: Array = np.exp(log - top)
     nodes, weights = _rule(grid.ndim, int(np.clip(math.ceil(2 * grid.cell / finest), 3, 8)))
     near = np.flatnonzero(log > top - NEGLIGIBLE)
     step = max(1, CHUNK // len(nodes))
     for first in range(0, len(near), step):
         some = near[first : first + step]
         points = centres[some, None, :] + nodes * grid.cell
-        found[some] = np.exp(log_density(points) - top) @ weights
-    return found.reshape(grid.shape)
+        cells[some] = np.exp(log_density(points) - top) @ weights
+    return cells.reshape(grid.shape)
 
 
 @lru_cache(maxsize=16)

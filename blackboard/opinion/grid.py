@@ -92,7 +92,7 @@ class Grid:
 
 @lru_cache(maxsize=64)
 def _mesh(grid: Grid) -> tuple[Array, ...]:
-    found = np.meshgrid(*(grid.centres(axis) for axis in range(grid.ndim)), indexing="ij", sparse=True)
-    for centres in found:
+    axes = np.meshgrid(*(grid.centres(axis) for axis in range(grid.ndim)), indexing="ij", sparse=True)
+    for centres in axes:
         centres.flags.writeable = False
-    return tuple(found)
+    return tuple(axes)

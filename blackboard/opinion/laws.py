@@ -46,38 +46,38 @@ def draw(kind: str, n: int, shape: tuple[int, ...], rng: np.random.Generator) ->
 
 def the_result_is_a_belief(rule: Rule, opinions: Array, rng: np.random.Generator) -> None:
     """A board always gets a probability vector of the grid's shape; a veto is allowed only where no cell is possible for all."""
-    found = _fused(rule, opinions)
+    fused = _fused(rule, opinions)
     _hold(
-        found.p.shape == opinions.shape[1:], rule, f"the belief has shape {found.p.shape} for opinions {opinions.shape}"
+        fused.p.shape == opinions.shape[1:], rule, f"the belief has shape {fused.p.shape} for opinions {opinions.shape}"
     )
-    _hold(float(found.p.min()) >= 0, rule, f"the belief has a cell of {found.p.min()}")
-    _hold(abs(float(found.p.sum()) - 1.0) <= 1e-9, rule, f"the belief sums to {found.p.sum()}")
+    _hold(float(fused.p.min()) >= 0, rule, f"the belief has a cell of {fused.p.min()}")
+    _hold(abs(float(fused.p.sum()) - 1.0) <= 1e-9, rule, f"the belief sums to {fused.p.sum()}")
     possible_for_all = bool((opinions > 0).all(axis=0).any())
     _hold(
-        found.outcome == "pooled" or not possible_for_all, rule, "vetoed although a cell is possible for all opinions"
+        fused.outcome == "pooled" or not possible_for_all, rule, "vetoed although a cell is possible for all opinions"
     )
 
 
 def the_story_fits(rule: Rule, opinions: Array, rng: np.random.Generator) -> None:
     """One finite weight of at least 0 for each opinion, not all 0; components, where there are any, sum to 1."""
-    found = _fused(rule, opinions)
+    fused = _fused(rule, opinions)
     _hold(
-        found.weights.shape == (len(opinions),),
+        fused.weights.shape == (len(opinions),),
         rule,
-        f"weights of shape {found.weights.shape} for {len(opinions)} opinions",
+        f"weights of shape {fused.weights.shape} for {len(opinions)} opinions",
     )
-    _hold(bool(np.isfinite(found.weights).all()) and found.weights.min() >= 0, rule, f"weights {found.weights}")
-    _hold(found.weights.max() > 0, rule, "no opinion contributed anything")
-    if len(found.components):
+    _hold(bool(np.isfinite(fused.weights).all()) and fused.weights.min() >= 0, rule, f"weights {fused.weights}")
+    _hold(fused.weights.max() > 0, rule, "no opinion contributed anything")
+    if len(fused.components):
         _hold(
-            len(found.components) <= len(opinions),
+            len(fused.components) <= len(opinions),
             rule,
-            f"{len(found.components)} components of {len(opinions)} opinions",
+            f"{len(fused.components)} components of {len(opinions)} opinions",
         )
         _hold(
-            found.components.min() >= 0 and abs(found.components.sum() - 1) <= 1e-9,
+            fused.components.min() >= 0 and abs(fused.components.sum() - 1) <= 1e-9,
             rule,
-            f"components {found.components}",
+            f"components {fused.components}",
         )
 
 
@@ -93,19 +93,19 @@ def the_opinions_stay_as_they_are(rule: Rule, opinions: Array, rng: np.random.Ge
 def the_order_of_opinions_does_not_matter(rule: Rule, opinions: Array, rng: np.random.Generator) -> None:
     """Opinions in another order give the same belief, and each keeps its weight where no two are equal."""
     order = rng.permutation(len(opinions))
-    found, other = _fused(rule, opinions), _fused(rule, opinions[order])
-    _near(other.p, found.p, rule, "the belief depends on the order of the opinions")
+    fused, other = _fused(rule, opinions), _fused(rule, opinions[order])
+    _near(other.p, fused.p, rule, "the belief depends on the order of the opinions")
     if len(np.unique(opinions.reshape(len(opinions), -1), axis=0)) == len(opinions):
-        _near(other.weights, found.weights[order], rule, "the weights depend on the order of the opinions", 1e-6)
+        _near(other.weights, fused.weights[order], rule, "the weights depend on the order of the opinions", 1e-6)
 
 
 def the_order_of_cells_does_not_matter(rule: Rule, opinions: Array, rng: np.random.Generator) -> None:
     """Cells in another order, or on a line, give the same belief in that order."""
     flat = opinions.reshape(len(opinions), -1)
     order = rng.permutation(flat.shape[1])
-    found = _fused(rule, opinions)
-    _near(_fused(rule, flat[:, order]).p, found.p.ravel()[order], rule, "the belief depends on the order of the cells")
-    _near(_fused(rule, flat).p, found.p.ravel(), rule, "the belief depends on the shape of the grid")
+    fused = _fused(rule, opinions)
+    _near(_fused(rule, flat[:, order]).p, fused.p.ravel()[order], rule, "the belief depends on the order of the cells")
+    _near(_fused(rule, flat).p, fused.p.ravel(), rule, "the belief depends on the shape of the grid")
 
 
 def a_single_opinion_is_returned(rule: Rule, opinions: Array, rng: np.random.Generator) -> None:
@@ -164,8 +164,8 @@ def _fused(rule: Rule, opinions: Array) -> Pooled:
     return fuse(rule, opinions, Grid(opinions.shape[1:]))
 
 
-def _near(found: Array, expected: Array, rule: Rule, sentence: str, tolerance: float = 1e-9) -> None:
-    away = float(np.abs(found - expected).max())
+def _near(fused: Array, expected: Array, rule: Rule, sentence: str, tolerance: float = 1e-9) -> None:
+    away = float(np.abs(fused - expected).max())
     _hold(away <= tolerance, rule, f"{sentence}, by {away:.3g}")
 
 

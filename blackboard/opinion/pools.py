@@ -114,18 +114,18 @@ def _on(grid: Grid, opinions: npt.ArrayLike) -> Array:
     return stack
 
 
-def _checked_result(rule: Rule, found: Pooled, stack: Array) -> Pooled:
+def _checked_result(rule: Rule, pooled: Pooled, stack: Array) -> Pooled:
     """What a rule returned, after checking it against `Pooled`; ValueError says what is wrong with it."""
-    found, n, shape = returned(rule, found), len(stack), stack.shape[1:]
+    pooled, n, shape = returned(rule, pooled), len(stack), stack.shape[1:]
     wrong = ""
-    if np.shape(found.p) != shape:
-        wrong = f"a belief of shape {np.shape(found.p)} for a grid of {shape}"
-    elif not (found.p.min() >= 0 and abs(found.p.sum() - 1.0) <= TOLERANCE):
-        wrong = f"a belief that sums to {found.p.sum():.9g}, its least value being {found.p.min():g}"
-    elif np.shape(found.weights) != (n,) or not (np.isfinite(found.weights).all() and found.weights.min() >= 0):
-        wrong = f"weights {np.asarray(found.weights)} for {n} opinions; give one finite number of at least 0 for each"
-    elif found.components.ndim != 1 or len(found.components) > n or not np.isfinite(found.components).all():
-        wrong = f"components {found.components} for {n} opinions; give at most {n} finite shares, or none"
+    if np.shape(pooled.p) != shape:
+        wrong = f"a belief of shape {np.shape(pooled.p)} for a grid of {shape}"
+    elif not (pooled.p.min() >= 0 and abs(pooled.p.sum() - 1.0) <= TOLERANCE):
+        wrong = f"a belief that sums to {pooled.p.sum():.9g}, its least value being {pooled.p.min():g}"
+    elif np.shape(pooled.weights) != (n,) or not (np.isfinite(pooled.weights).all() and pooled.weights.min() >= 0):
+        wrong = f"weights {np.asarray(pooled.weights)} for {n} opinions; give one finite number of at least 0 for each"
+    elif pooled.components.ndim != 1 or len(pooled.components) > n or not np.isfinite(pooled.components).all():
+        wrong = f"components {pooled.components} for {n} opinions; give at most {n} finite shares, or none"
     if wrong:
         raise ValueError(f"rule {rule.name!r} returned {wrong}")
-    return found
+    return pooled

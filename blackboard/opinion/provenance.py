@@ -56,8 +56,8 @@ def split(opinions: Iterable[Opinion]) -> tuple[list[Opinion], list[Opinion]]:
 
 def union(all_ancestors: Iterable[Ancestors]) -> dict[str, float]:
     """The ancestors of several opinions, each until the latest time any of them names, sorted by name."""
-    found: dict[str, float] = {}
+    ages: dict[str, float] = {}
     for ancestors in all_ancestors:
         for name, until in ancestors.items():
-            found[name] = max(until, found.get(name, until))
-    return dict(sorted(found.items()))
+            ages[name] = max(until, ages.get(name, until))
+    return dict(sorted(ages.items()))

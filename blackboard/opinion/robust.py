@@ -39,11 +39,11 @@ class MedianLog(Rule):
         logs, cells = logarithm(ascending), np.arange(flat.shape[1])
         # the median of ln P_i in each cell: the mean of the two in the middle, which are mostly one
         p = from_logarithm(0.5 * (logs[lower, cells] + logs[upper, cells]), self.name)
-        found = np.zeros(len(opinions))
+        counts = np.zeros(len(opinions))
         for middle in (lower, upper):
             equal = np.where(flat == ascending[middle, cells], w[:, np.newaxis], 0.0)
-            found += 0.5 * (equal / equal.sum(axis=0)) @ p
-        return Pooled(p.reshape(opinions.shape[1:]), found)
+            counts += 0.5 * (equal / equal.sum(axis=0)) @ p
+        return Pooled(p.reshape(opinions.shape[1:]), counts)
 
 
 @rule("geometric-median")

@@ -210,11 +210,11 @@ def rule(name: str) -> Callable[[type[R]], type[R]]:
     return register
 
 
-def returned(rule: Rule, found: object) -> Pooled:
+def returned(rule: Rule, pooled: object) -> Pooled:
     """What a rule returned. ValueError: it is no `Pooled`."""
-    if isinstance(found, Pooled):
-        return found
-    kind = type(found).__name__
+    if isinstance(pooled, Pooled):
+        return pooled
+    kind = type(pooled).__name__
     raise ValueError(f"rule {rule.name!r} returned {kind}: give Pooled(belief, what each opinion contributed)")
 
 

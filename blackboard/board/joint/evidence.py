@@ -36,7 +36,7 @@ def unpack(robot: str, tick: int, time: float, packed: PackedEvidence) -> Eviden
         nuisance=unpack_nuisance(packed.nuisance),
         belief=None if packed.state is None else unpack_state(packed.state),
         increment=None if packed.increment is None else unpack_increment(packed.increment),
-        relatives=tuple(it for it in relatives if not it.subject.startswith("landmark/")),
+        relatives=tuple(relative for relative in relatives if not relative.subject.startswith("landmark/")),
         time=time,
     )
 
@@ -46,18 +46,18 @@ def check(packed: PackedEvidence) -> None:
     places, errors = [abs(getattr(packed.travelled, name)) for name in WAYS], [0.0]
     if packed.state is not None:
         places += [abs(value) for value in (*packed.state.mean, *packed.state.covariance)]
-    for it in packed.relatives:
-        places += [it.range, it.range_variance, *(sigma for sigma, _ in it.biases)]
-        errors += [abs(it.bearing), it.bearing_variance]
+    for relative in packed.relatives:
+        places += [relative.range, relative.range_variance, *(sigma for sigma, _ in relative.biases)]
+        errors += [abs(relative.bearing), relative.bearing_variance]
     for seen in packed.seen:
         numbers = [abs(number) for number in (*seen.values, *seen.covariance, *(sigma for sigma, _ in seen.biases))]
         (errors if seen.kind == "bearing" else places).extend(numbers)
     places += [number for pair in packed.profile for number in pair]
     nuisance = packed.nuisance
     errors += [abs(nuisance.forward), abs(nuisance.turn), *nuisance.sigmas, *nuisance.walks]
-    for found, most in ((max(places), MOST), (max(errors), MOST_ERROR)):
-        if found > most:
-            raise Refused("fields", f"evidence holds {found:.3g}; at most {most:g} can be")
+    for largest, most in ((max(places), MOST), (max(errors), MOST_ERROR)):
+        if largest > most:
+            raise Refused("fields", f"evidence holds {largest:.3g}; at most {most:g} can be")
 
 
 def shrank(before: PackedEvidence, packed: PackedEvidence) -> bool:
@@ -85,11 +85,11 @@ def reason(verdict: Verdict) -> str:
 
 def learned(innovations: Innovations, sources: Iterable[str]) -> list[Learned]:
     """How over-confident the evidence of some robots is: the larger factor of what they say of themselves and of others."""
-    found = []
+    rows = []
     for source in sources:
         kinds = [(source, kind) for kind in ("increment", "relative")]
         samples = max(innovations.samples(kind) for kind in kinds)
         variance = max(innovations.variance(kind) for kind in kinds)
         name = source.removeprefix("robot/")
-        found.append(Learned(level="agreed", source=name, samples=samples, variance=variance, correlation=0.0))
-    return found
+        rows.append(Learned(level="agreed", source=name, samples=samples, variance=variance, correlation=0.0))
+    return rows

@@ -77,8 +77,8 @@ class Driver:
             return None
         self._run = self._run or f"ros since {now:.0f}"
         moved = Odometry(distance=self._distance, turn=self._turn, dt=max(self._time, 1e-6)) if self._time > 0 else None
-        seen = [it.model_copy(update={"age": max(0.0, now - at)}) for at, it in self._seen.values()]
-        found = Readings(
+        seen = [sighting.model_copy(update={"age": max(0.0, now - at)}) for at, sighting in self._seen.values()]
+        readings = Readings(
             run=self._run,
             robot=self.robot,
             tick=self._tick,
@@ -91,7 +91,7 @@ class Driver:
         self._distance = self._turn = self._time = 0.0
         self._fix, self._sent_at = None, now
         self._tick += 1
-        return found
+        return readings
 
     def due(self) -> float | None:
         """When the next Readings can go, in Unix seconds; None while nothing waits."""

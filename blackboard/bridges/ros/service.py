@@ -172,16 +172,16 @@ class RosBridge:
         return place
 
     def _drive(self, driver: Driver, now: float) -> list[Envelope]:
-        found = driver.readings(now)
+        readings = driver.readings(now)
         world = self._team.processes.get(WORLD)
-        if found is not None and world is not None and world.alive:
+        if readings is not None and world is not None and world.alive:
             self._log(
                 "world", driver.robot, f"a world gives the readings of {driver.robot}; those from ROS are left out"
             )
-            found = None
-        if found is None:
+            readings = None
+        if readings is None:
             return []
-        return [Envelope(keys.READING.key(team=self._name, robot=driver.robot), encode(found))]
+        return [Envelope(keys.READING.key(team=self._name, robot=driver.robot), encode(readings))]
 
     def _log(self, where: str, what: str, text: str) -> None:
         """Log once for each `where` and `what`, which are few: topics, robots and reasons."""

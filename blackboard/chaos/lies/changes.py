@@ -61,10 +61,10 @@ class Scene:
 
     def place(self, subject: str) -> Array | None:
         """Where the team has a subject, shape (2,)."""
-        found = self.agreed.get(subject)
-        if found is None:
+        agreed = self.agreed.get(subject)
+        if agreed is None:
             return None
-        return np.array(found.state.mean[AXES]) if found.state is not None else self.belief(found).mean()
+        return np.array(agreed.state.mean[AXES]) if agreed.state is not None else self.belief(agreed).mean()
 
     def belief(self, consensus: Consensus) -> Belief:
         return unpack(consensus.belief, self.grid)
@@ -94,11 +94,11 @@ class Change:
 
     def apply(self, reports: Reports, scene: Scene) -> Reports:
         """The reports of a tick instead of the honest ones."""
-        found = {subject: self.report(report, scene) for subject, report in reports.items()}
+        changed = {subject: self.report(report, scene) for subject, report in reports.items()}
         own = f"robot/{scene.robot}"
-        if (evidence := evidence_of(found, scene.robot)) is not None:
-            found[own] = found[own].model_copy(update={"evidence": self.evidence(evidence, scene)})
-        return found
+        if (evidence := evidence_of(changed, scene.robot)) is not None:
+            changed[own] = changed[own].model_copy(update={"evidence": self.evidence(evidence, scene)})
+        return changed
 
     def report(self, report: Report, scene: Scene) -> Report:
         """One report instead of another."""
@@ -162,22 +162,22 @@ class Sees(Change):
     always: bool = False
 
     def apply(self, reports: Reports, scene: Scene) -> Reports:
-        pose, found = scene.pose(reports), dict(reports)
-        seen = {it.subject: it for it in _seen(reports, scene)}
+        pose, changed = scene.pose(reports), dict(reports)
+        seen = {sighting.subject: sighting for sighting in _seen(reports, scene)}
         for subject in scene.targets(self.whom):
             place = scene.place(subject)
             if place is None or subject == f"robot/{scene.robot}":
                 continue
             if self.always:
                 belief = scene.drawn(place + self.offset, self.sigma or 0.5)
-                found[subject] = _about(subject, belief, reports, scene)
-            elif subject in found:
-                found[subject] = displaced(found[subject], self.offset)
+                changed[subject] = _about(subject, belief, reports, scene)
+            elif subject in changed:
+                changed[subject] = displaced(changed[subject], self.offset)
             if pose is not None and (self.always or subject in seen):
                 honest = None if self.always else seen[subject]
                 at = place if honest is None else _where(pose, honest)
                 seen[subject] = _sighting(pose, at + np.array(self.offset), subject, honest, self.sigma)
-        return _with_relatives(found, scene, list(seen.values()))
+        return _with_relatives(changed, scene, list(seen.values()))
 
 
 @dataclass(frozen=True)
@@ -186,8 +186,8 @@ class Unnames(Change):
 
     def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
         unnamed = [
-            it.model_copy(update={"subject": "robot/?"}) if it.subject.startswith("robot/") else it
-            for it in evidence.relatives
+            relative.model_copy(update={"subject": "robot/?"}) if relative.subject.startswith("robot/") else relative
+            for relative in evidence.relatives
         ]
         return evidence.model_copy(update={"relatives": unnamed})
 
@@ -230,15 +230,15 @@ class Knows(Change):
     sigma: float
 
     def apply(self, reports: Reports, scene: Scene) -> Reports:
-        found = dict(reports)
+        changed = dict(reports)
         everybody = dict.fromkeys(sorted({*scene.mates, scene.robot}), scene.time)
         for subject in scene.targets(self.whom):
             place = scene.place(subject)
             if place is not None:
                 informed = Informed(belief=pack(scene.drawn(place + self.offset, self.sigma)), ancestors=everybody)
-                said = found.get(subject) or _about(subject, scene.drawn(place, VAGUE), reports, scene)
-                found[subject] = said.model_copy(update={"informed": informed})
-        return found
+                said = changed.get(subject) or _about(subject, scene.drawn(place, VAGUE), reports, scene)
+                changed[subject] = said.model_copy(update={"informed": informed})
+        return changed
 
 
 @dataclass(frozen=True)
@@ -248,11 +248,11 @@ class Echoes(Change):
     factor: float = 1.0
 
     def apply(self, reports: Reports, scene: Scene) -> Reports:
-        found = dict(reports)
-        for subject in found.keys() & scene.agreed.keys():
+        changed = dict(reports)
+        for subject in changed.keys() & scene.agreed.keys():
             belief = pack(narrowed(scene.belief(scene.agreed[subject]), self.factor))
-            found[subject] = found[subject].model_copy(update={"belief": belief})
-        return super().apply(found, scene)
+            changed[subject] = changed[subject].model_copy(update={"belief": belief})
+        return super().apply(changed, scene)
 
     def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
         agreed = scene.agreed.get(f"robot/{scene.robot}")
@@ -276,7 +276,7 @@ class Invents(Change):
     grouped: bool = False
 
     def apply(self, reports: Reports, scene: Scene) -> Reports:
-        found, turn = dict(reports), scene.tick if self.fresh else 0
+        changed, turn = dict(reports), scene.tick if self.fresh else 0
         near = scene.place(f"robot/{scene.robot}")
         invented = []
         for number in range(self.count):
@@ -294,9 +294,9 @@ class Invents(Change):
             )
             if near is not None:
                 away = 5.0 * np.array([math.cos(bearing), math.sin(bearing)])
-                found[subject] = _about(subject, scene.drawn(near + away, 0.5), reports, scene)
+                changed[subject] = _about(subject, scene.drawn(near + away, 0.5), reports, scene)
         honest = _seen(reports, scene)
-        return _with_relatives(found, scene, [*invented, *honest])
+        return _with_relatives(changed, scene, [*invented, *honest])
 
 
 @dataclass(frozen=True)
@@ -368,19 +368,21 @@ class Replays(Change):
     stamped: bool = False
 
     def apply(self, reports: Reports, scene: Scene) -> Reports:
-        old = next((it for it in scene.past if min(r.time for r in it.values()) >= scene.time - self.seconds), reports)
-        found = {}
+        old = next(
+            (past for past in scene.past if min(r.time for r in past.values()) >= scene.time - self.seconds), reports
+        )
+        changed = {}
         for subject, report in old.items():
             now = (
                 {} if self.stamped else {"tick": scene.tick, "time": scene.time, "ancestors": {scene.robot: scene.time}}
             )
-            found[subject] = report.model_copy(update=now)
-        said, now_said = evidence_of(found, scene.robot), evidence_of(reports, scene.robot)
+            changed[subject] = report.model_copy(update=now)
+        said, now_said = evidence_of(changed, scene.robot), evidence_of(reports, scene.robot)
         if said is not None and now_said is not None and not self.stamped:
             kept = {"epoch": now_said.epoch, "travelled": now_said.travelled}  # whose sums may not shrink
             own = f"robot/{scene.robot}"
-            found[own] = found[own].model_copy(update={"evidence": said.model_copy(update=kept)})
-        return found
+            changed[own] = changed[own].model_copy(update={"evidence": said.model_copy(update=kept)})
+        return changed
 
 
 # --- how ---------------------------------------------------------------------------------------------------------------
@@ -445,11 +447,11 @@ def _with_relatives(reports: Reports, scene: Scene, relatives: list[PackedRelati
 
 def _numbers(part: Any) -> list[Callable[[float], None]]:
     """For every number below a map or a list what puts another one in its place; tuples are made lists."""
-    found: list[Callable[[float], None]] = []
+    setters: list[Callable[[float], None]] = []
     for at, value in list(part.items()) if isinstance(part, dict) else list(enumerate(part)):
         if isinstance(value, float):
-            found.append(partial(part.__setitem__, at))
+            setters.append(partial(part.__setitem__, at))
         elif isinstance(value, dict | list | tuple):
             part[at] = inner = list(value) if isinstance(value, tuple) else value
-            found += _numbers(inner)
-    return found
+            setters += _numbers(inner)
+    return setters

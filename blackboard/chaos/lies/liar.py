@@ -46,15 +46,15 @@ class Liar(Around):
             else:
                 report, team = decode(Report, envelope.payload), parts["team"]
                 honest.setdefault(parts["sub_team"], {})[report.subject] = report
-        found = []
+        said = []
         for sub_team, reports in honest.items():
             for subject, report in self._changed(sub_team, reports).items():
                 key = keys.REPORT.key(team=team, sub_team=sub_team, source=self.scene.robot, subject=subject)
-                found.append(Envelope(key, encode(report)))
-        return found + [self._status(envelope) for envelope in rest]
+                said.append(Envelope(key, encode(report)))
+        return said + [self._status(envelope) for envelope in rest]
 
     def _changed(self, sub_team: str, reports: Reports) -> Reports:
-        scene, newest = self.scene, max(reports.values(), key=lambda it: it.tick)
+        scene, newest = self.scene, max(reports.values(), key=lambda report: report.tick)
         tick, told = self._told.get(sub_team, (-1, reports))
         if newest.tick == tick:
             return told
@@ -78,6 +78,6 @@ class Liar(Around):
         ahead = 0.0
         if self.begin <= status.time < self.end and self.lie.is_told(status.time - self.begin):
             clocks = [change for change in self.lie.changes if isinstance(change, Clock)]
-            ahead = sum(it.seconds + it.rate * (status.time - self.begin) for it in clocks)
+            ahead = sum(clock.seconds + clock.rate * (status.time - self.begin) for clock in clocks)
         changed = status.model_copy(update={"subjects": listed, "time": status.time + ahead})
         return envelope if changed == status else Envelope(envelope.key, encode(changed))

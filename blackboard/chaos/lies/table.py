@@ -37,7 +37,7 @@ def row(scenario: Scenario, seed: int, lie: Lie, calm: Trial, trial: Trial) -> R
         "guests": lie.guests,
         "robots": _ratio(_of(after, "robot/"), _of(before, "robot/")),
         "objects": _ratio(_of(after, "object/"), _of(before, "object/")),
-        "log_score": _mean(it.log_score for it in after) - _mean(it.log_score for it in before),
+        "log_score": _mean(sample.log_score for sample in after) - _mean(sample.log_score for sample in before),
         "coverage": float(held_by(_of(after, "robot/"), 95).mean()) if _of(after, "robot/") else None,
         "told": len(after) / max(1, len(before)),  # of the samples of the calm run
         "named": max(times[0] for times in named) - begin if all(named) else None,  # after its beginning
@@ -48,7 +48,7 @@ def row(scenario: Scenario, seed: int, lie: Lie, calm: Trial, trial: Trial) -> R
 
 
 def _of(samples: Sequence[Sample], kind: str) -> list[Sample]:
-    return [it for it in samples if it.subject.startswith(kind)]
+    return [sample for sample in samples if sample.subject.startswith(kind)]
 
 
 def _ratio(after: Sequence[Sample], before: Sequence[Sample]) -> float | None:
@@ -61,11 +61,11 @@ def _mean(values: Any) -> float:
 
 def _longest(times: Sequence[float]) -> float:
     """The longest that a robot was named without a gap."""
-    found, since = 0.0, times[0]
+    longest, since = 0.0, times[0]
     for earlier, later in pairwise(times):
         since = since if later - earlier < GAP else later
-        found = max(found, later - since)
-    return found
+        longest = max(longest, later - since)
+    return longest
 
 
 def _cleared(named: Sequence[Sequence[float]], end: float, last: float) -> float | None:
@@ -79,11 +79,11 @@ def _cleared(named: Sequence[Sequence[float]], end: float, last: float) -> float
 COLUMNS = ("lie", "robots", "worst", "objects", "log score", "95 %", "told", "named", "cleared", "innocent", "slower")
 
 
-def text(found: Mapping[str, Any]) -> str:
+def text(table: Mapping[str, Any]) -> str:
     """The table as Markdown: of each lie the mean over its seeds, and the worst of the robots' ratios; then what is asked for."""
     lines: list[Sequence[str]] = [COLUMNS]
-    for name in dict.fromkeys(row["lie"] for row in found["rows"]):
-        rows = [row for row in found["rows"] if row["lie"] == name]
+    for name in dict.fromkeys(row["lie"] for row in table["rows"]):
+        rows = [row for row in table["rows"] if row["lie"] == name]
         cells = (
             name,
             cell(mean(rows, "robots"), "{:.2f}"),
@@ -97,8 +97,8 @@ def text(found: Mapping[str, Any]) -> str:
             cell(mean(rows, "slower"), "{:.1f}"),
         )
         lines.append(cells)
-    asked = columns([("yes" if holds else "NO", what) for holds, what in found["asked"]])
-    return "\n".join([*markdown_table(lines), "", *asked, "", found["what"]])
+    asked = columns([("yes" if holds else "NO", what) for holds, what in table["asked"]])
+    return "\n".join([*markdown_table(lines), "", *asked, "", table["what"]])
 
 
 def mean(rows: Sequence[Row], column: str) -> float | None:
@@ -124,10 +124,10 @@ def asked(rows: Sequence[Row], fusion: str) -> list[tuple[bool, str]]:
         ("two that collude, robots", [row for row in rows if row["liars"] > 1], COLLUSION),
         ("guests, robots", [row for row in rows if row["guests"]], GUESTS),
     ]
-    found: list[tuple[bool, str]] = []
+    checks: list[tuple[bool, str]] = []
     if one:
         in_the_mean, of_any = ROBOTS[fusion]
-        found += [
+        checks += [
             _at_most("one liar, robots, mean", in_the_mean, mean(one, "robots")),
             _at_most("one liar, robots, worst", of_any, *_worst(one, "robots")),
             _at_most("one liar, objects, mean", OBJECTS, mean(one, "objects")),
@@ -137,10 +137,10 @@ def asked(rows: Sequence[Row], fusion: str) -> list[tuple[bool, str]]:
         text = (
             f"one liar, 95 % regions hold at least {COVERAGE:.2f}: {share:.2f} ({lowest['lie']}, seed {lowest['seed']})"
         )
-        found.append((share >= COVERAGE, text))
-    found += [_at_most(f"{name}, mean", most, mean(some, "robots")) for name, some, most in groups if some]
-    found.append(_at_most("an honest robot is named, seconds", INNOCENT, *_worst(rows, "innocent")))
-    return [*found, _at_most("slower", SLOWER, *_worst(rows, "slower"))]
+        checks.append((share >= COVERAGE, text))
+    checks += [_at_most(f"{name}, mean", most, mean(some, "robots")) for name, some, most in groups if some]
+    checks.append(_at_most("an honest robot is named, seconds", INNOCENT, *_worst(rows, "innocent")))
+    return [*checks, _at_most("slower", SLOWER, *_worst(rows, "slower"))]
 
 
 def _worst(rows: Sequence[Row], column: str) -> tuple[float | None, str]:

@@ -72,28 +72,30 @@ def run_lie(team: Team, lie: Lie | None) -> None:
 
 def try_lie(scenario: Scenario, lie: Lie | None, rng: np.random.Generator) -> Trial:
     """Run a scenario with a lie; None: nobody lies. RunFailed: the run did not end."""
-    found = Trial()
+    trial = Trial()
 
     def keep(sample: Sample) -> None:
         if sample.level == "agreed":
-            found.samples.append(sample)
+            trial.samples.append(sample)
 
     with quiet():
         before = os.times().user
         team = lying_team(scenario, lie, rng, keep)
-        team.bus.spies.append(lambda envelope: _note(envelope, found.named))
+        team.bus.spies.append(lambda envelope: _note(envelope, trial.named))
         run_lie(team, lie)
-        found.seconds = os.times().user - before
-    return found
+        trial.seconds = os.times().user - before
+    return trial
 
 
 def honest(samples: Collection[Sample], robots: Collection[str], begin: float) -> list[Sample]:
     """What was agreed on honest robots and, by these, on objects, from a team time (s) on."""
     about = {f"robot/{robot}" for robot in robots}
     return [
-        it
-        for it in samples
-        if it.time >= begin and it.robot in robots and (it.subject in about or it.subject.startswith("object/"))
+        sample
+        for sample in samples
+        if sample.time >= begin
+        and sample.robot in robots
+        and (sample.subject in about or sample.subject.startswith("object/"))
     ]
 
 
@@ -101,7 +103,7 @@ def _note(envelope: Envelope, named: dict[str, list[float]]) -> None:
     if envelope.kind is not Kind.PUT or keys.STATUS.match(envelope.key) is None:
         return
     status = decode(Status, envelope.payload)
-    for source in {it.source for it in status.dissent} if status.kind == "board" else ():
+    for source in {named.source for named in status.dissent} if status.kind == "board" else ():
         times = named.setdefault(source, [])
         if not times or times[-1] < status.time:
             times.append(status.time)
