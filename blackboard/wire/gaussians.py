@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import astuple, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -77,7 +77,7 @@ def pack_evidence(
 
 
 def _packed_motion(motion: Motion) -> PackedMotion:
-    sums = dict(zip(PackedMotion.model_fields, _row(np.array(astuple(motion))), strict=True))
+    sums = dict(zip(PackedMotion.model_fields, _row(np.array(motion.numbers())), strict=True))
     return PackedMotion.model_validate(sums)
 
 

@@ -20,7 +20,7 @@ from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.sightings import projected
+from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.tracks import Tracks
@@ -183,7 +183,8 @@ class JointAgent:
             for r in told.relatives
             if r.places and r.subject.startswith("robot/") and r.subject != self.subject and not is_class(r.subject)
         ]
-        known |= {relative.subject: projected(self.own.joint, relative, told.motion) for relative in mates}
+        for mate, claim in zip(mates, claimed(self.own.joint, mates, {self.subject: told.motion}), strict=True):
+            known[mate.subject] = claim.place()
         return {subject: self._drawn(moments) for subject, moments in known.items()}
 
     def _drawn(self, moments: Moments) -> Belief:

@@ -148,10 +148,9 @@ class Span:
             if judged:
                 self._begin(belief, by_team)
 
-    def move(self, motion: Motion) -> None:
-        """Lead the span on by a motion with the noise that was found."""
+    def move(self, motion: Motion, bare: Motion, still: Motion) -> None:
+        """Lead the span on by a motion with the noise that was found; the same without noise along the way, and of the heading."""
         if self._led is not None and self._bare is not None and self._still is not None:
-            bare, still = replace(motion, along=0.0), replace(motion, heading=0.0)
             drive_alike([(self._led, motion), (self._bare, bare), (self._still, still)], self.robot, self.nuisance)
             self._moving += motion.moving
 
@@ -204,8 +203,9 @@ class WheelNoise:
 
     def move(self, motion: Motion) -> None:
         """Lead the spans on by a motion with the noise that was found."""
+        bare, still = replace(motion, along=0.0), replace(motion, heading=0.0)
         for span in self.spans:
-            span.move(motion)
+            span.move(motion, bare, still)
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -45,6 +46,10 @@ def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str,
             sure[robot] = own
             said[robot] = {robot: Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))}
             seen += [r for r in evidence.relatives if r.observer == robot and r.subject != robot and r.places]
+    speakers = Counter(
+        subject for subject, _ in {*((it, it) for it in sure), *((it.subject, it.observer) for it in seen)}
+    )
+    seen = [it for it in seen if speakers[it.subject] > 1]  # nobody contradicts what one alone says
     with team.blaming(""):
         claims = claimed(Joint.of(sure), seen, motions)
     for relative, claim in zip(seen, claims, strict=True):
@@ -92,12 +97,14 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
     factor = None if evidence.increment is None else likelihood(team.joint, robot, evidence.increment)
     if factor is None:
         return
-    factor, squared = team.weighed((robot, "increment"), factor, team.joint.innovation(factor))
+    expected = team.joint.expected(factor)
+    factor, squared = team.weighed((robot, "increment"), factor, expected.innovation(factor))
     by, freedom = team.outvoted(robot, robot), len(factor.residual)
     taken = squared <= quantile(GATE, freedom) and not by
     team.add_verdict(Verdict(robot, robot, "increment", squared, freedom, taken, by))
     if taken:
-        correct(team.joint, factor, team.bounded(robot, factor, team.moved_by(robot)))
+        only = team.bounded(robot, factor, team.moved_by(robot), expected)
+        correct(team.joint, factor, only, expected)
     left_out = 0 if taken else team.known[robot].left_out + 1
     if left_out >= PATIENCE:
         team.widen(robot)

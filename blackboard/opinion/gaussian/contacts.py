@@ -47,6 +47,10 @@ class Claim:
     lasting: Array
     fresh: Array
 
+    def place(self) -> Moments:
+        """The same with all of its error."""
+        return Moments(self.mean, self.lasting + self.fresh)
+
 
 @dataclass(frozen=True, eq=False)
 class Contact:

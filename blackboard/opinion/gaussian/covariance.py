@@ -36,13 +36,15 @@ class Covariance:
         self._lean: Array | None = None  # S: times how much of another state is added to each one, if any is
         self._on: Index = np.arange(len(self._matrix))  # which other state that is
         self._diagonal: Array | None = None  # where it was asked for since the last change
+        self._waits = False
 
     # --- what is asked for ------------------------------------------------------------------------------------------------
 
     @property
     def matrix(self) -> Array:
         """The whole, with all that waited; it may be changed in place."""
-        self.gather()
+        if self._waits:
+            self.gather()
         return self._matrix
 
     def gather(self) -> None:
@@ -54,10 +56,6 @@ class Covariance:
                 to = np.flatnonzero(self._lean)
                 _shear(self._matrix, to, self._on[to], self._lean[to])
             self._forget()
-
-    @property
-    def _waits(self) -> bool:
-        return self._lean is not None or self._variances is not None
 
     def among(self, index: Index) -> Array:
         """The covariance of the states of some whole blocks, by their indices, shape (n,): shape (n, n); or of k such sets, (k, n)."""
@@ -121,6 +119,7 @@ class Covariance:
             self._matrix -= rows.T @ rows  # of which NumPy computes one triangle
         else:
             self._rows, self._variances, self._diagonal = np.concatenate([self._rows, rows]), left, None
+            self._waits = True
         return True
 
     def shear(self, to: Index, by: Index, factors: Array) -> None:
@@ -134,7 +133,7 @@ class Covariance:
         lean = np.zeros(len(self._matrix)) if self._lean is None else self._lean
         lean[to] += factors
         self._on[to] = by
-        self._lean, self._diagonal = lean, None
+        self._lean, self._diagonal, self._waits = lean, None, True
 
 
 def _shear(matrix: Array, to: Index, by: Index, factors: Array) -> None:

@@ -147,11 +147,11 @@ class Influence:
         moved, honest = after
         variances = joint.variances[self._rows(joint)].reshape(-1, 2).mean(axis=1)
         faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
-        now, then = _squared(self._moved, _blocks(self._honest) + faint), _squared(moved, _blocks(honest) + faint)
-        too_far = then > np.maximum(FARTHEST, now)
-        if not too_far.any():
+        then = _squared(moved, _blocks(honest) + faint)
+        if not (then > FARTHEST).any():
             return set()
-        found = zip(*np.nonzero(too_far), strict=True)
+        now = _squared(self._moved, _blocks(self._honest) + faint)
+        found = zip(*np.nonzero(then > np.maximum(FARTHEST, now)), strict=True)
         return {self._sources[one] for one, place in found if self._sources[one] != self._places[place]}
 
     def take(self, after: tuple[Array, Array]) -> None:

@@ -70,6 +70,10 @@ class Expected:
     cross: Array
     spread: Array
 
+    def innovation(self, factor: Factor) -> Innovation:
+        """What the measurement says beyond this."""
+        return Innovation(factor.residual, self.spread + factor.noise)
+
     def of(self, rows: npt.NDArray[np.intp]) -> Expected:
         """The same of some rows of the measurement."""
         return Expected(self.cross[rows], self.spread[rows[:, np.newaxis], rows])
@@ -265,7 +269,7 @@ class Joint:
     def innovation(self, *factors: Factor) -> Innovation:
         """What measurements say together beyond what is expected, with all that their errors share; it changes nothing."""
         whole = together(factors)
-        return Innovation(whole.residual, self.expected(whole).spread + whole.noise)
+        return self.expected(whole).innovation(whole)
 
     def innovations(self, factors: Sequence[Factor]) -> list[Innovation]:
         """What each measurement says by itself; those of one shape are worked out at once."""
@@ -310,10 +314,10 @@ class Joint:
         residual, noise, before = factor.residual, factor.noise, self.mean
         expected = expected or self.expected(factor)
         cross, spread = expected.cross, expected.spread + noise
-        if not np.any(spread):  # without an error on either side nothing can be learnt
+        if not spread.any():  # without an error on either side nothing can be learnt
             return np.zeros_like(before)
         root = np.linalg.cholesky(spread)
-        white = np.linalg.solve(root, np.column_stack([cross, residual]))
+        white = np.linalg.solve(root, np.concatenate([cross, residual[:, np.newaxis]], axis=1))
         gained = white[:, :-1]
         if only is not None:
             return self._consider(white[:, -1], gained, only)

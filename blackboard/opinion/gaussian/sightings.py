@@ -123,7 +123,7 @@ def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> 
     if taken is not None:
         with team.blaming(""):
             together, expected = taken
-            only = team.bounded(seen[0][0].observer, together, expected=expected)
+            only = team.bounded(seen[0][0].observer, together, None, expected)
             correct(team.joint, together, only, expected)
     for relative in noted:
         team.note_errors(relative)
@@ -154,12 +154,15 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     factor = linearise(team.joint, relative, motions)
     if not robot:
         factor = of_object(team, relative, factor, motions)
-    wider = _judged(team, relative, factor, team.joint.innovation(factor))
+    expected = team.joint.expected(factor)
+    wider = _judged(team, relative, factor, expected.innovation(factor))
     if wider is None:
         return
     if not robot and team.freshness.lacks(relative):  # nobody else may see the object, so it counts for a little
         wider = wider.widened(MOST_NOISE)
-    correct(team.joint, wider, team.bounded(observer, wider, team.moved_by_sighting(relative)))
+    now = None if wider.priors else expected  # of the joint as it is once new blocks have begun
+    only = team.bounded(observer, wider, team.moved_by_sighting(relative), now)
+    correct(team.joint, wider, only, now)
     team.note_errors(relative)
     if not robot:
         team.seen[subject] = 0.0
@@ -252,18 +255,20 @@ def projected(joint: Joint, relative: Relative, motion: Motion | None) -> Moment
     `motion` is the observer's in the tick. KeyError: the observer is not in the joint.
     """
     (claim,) = claimed(joint, [relative], {} if motion is None else {relative.observer: motion})
-    return Moments(claim.mean, claim.lasting + claim.fresh)
+    return claim.place()
 
 
 def claimed(joint: Joint, sightings: Sequence[Relative], motions: Mapping[str, Motion]) -> list[Claim]:
     """Where each sighting that places its subject puts it, by where a joint has its observer and nothing else."""
+    if not sightings:
+        return []
     factors, claims = linearise_all(joint, sightings, motions, alone=True), []
     rows = [dict(it.jacobians) for it in factors]
     by_places = [its.pop(seen.subject) for its, seen in zip(rows, sightings, strict=True)]
     without = [Factor(it.residual, its, np.zeros((2, 2)), it.priors) for it, its in zip(factors, rows, strict=True)]
     found = [it.covariance for it in joint.innovations(without)]
-    for seen, it, by_place, lasting in zip(sightings, factors, by_places, found, strict=True):
-        back = np.linalg.inv(by_place)  # of nothing known, the sighting alone decides
+    backs = np.linalg.inv(by_places)  # of nothing known, the sighting alone decides
+    for seen, it, back, lasting in zip(sightings, factors, backs, found, strict=True):
         place = it.priors[seen.subject].mean + back @ it.residual
         claims.append(Claim(place, back @ lasting @ back.T, back @ it.noise @ back.T))
     return claims

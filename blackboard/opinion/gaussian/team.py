@@ -105,6 +105,8 @@ class TeamJoint(TeamState):
     def _take_unnamed(self, news: Mapping[str, Evidence], motions: Mapping[str, Motion], heard: set[str]) -> None:
         unclear: dict[str, list[Doubt]] = {}
         for robot, evidence in news.items():
+            if evidence.named() is evidence and not any(self.tracks):
+                continue
             with self.blaming(robot):
                 unclear[robot] = []
                 clearly = identified(self, evidence, news, motions, unclear[robot]) if robot in heard else []

@@ -65,11 +65,11 @@ def watch(
 
 def places(team: TeamState, observer: str) -> dict[str, Place]:
     """Where the tracks are, as an observer would see them."""
-    state = team.joint.moments(observer)
-    camera = float(state.mean[HEADING] - state.mean[BEARING])
-    found = {}
-    for block in team.tracks:
-        if block in team.joint:
+    blocks, found = [it for it in team.tracks if it in team.joint], dict[str, Place]()
+    if blocks:
+        state = team.joint.moments(observer)
+        camera = float(state.mean[HEADING] - state.mean[BEARING])
+        for block in blocks:
             its = team.joint.moments(block)
             dx, dy = (its.mean - state.mean[AXES]).tolist()
             variance = float(np.trace(its.covariance) + np.trace(state.covariance[AXES, AXES])) / 2

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from operator import add, sub
 from typing import TypeVar
 
 import numpy as np
@@ -71,18 +72,22 @@ class Motion:
     faster: float = 0.0  # unit / s: by how much the speed grew
     quicker: float = 0.0  # radians / s: by how much the rate of the turn grew
 
+    def numbers(self) -> tuple[float, ...]:
+        """All of them, in this order."""
+        return tuple(vars(self).values())
+
     def plus(self, later: Motion) -> Motion:
         """Both spans as one; the shape of the way between is lost."""
-        return Motion(*(getattr(self, name) + getattr(later, name) for name in self.__dataclass_fields__))
+        return Motion(*map(add, self.numbers(), later.numbers()))
 
     def times(self, share: float) -> Motion:
         """So much of it, at an even speed."""
-        scaled = Motion(*(share * getattr(self, name) for name in self.__dataclass_fields__))
-        return replace(scaled, faster=0.0, quicker=0.0)
+        *sums, _, _ = self.numbers()
+        return Motion(*(share * it for it in sums))
 
     def since(self, earlier: Motion) -> Motion:
         """What was added to a sum of motions since it was `earlier`."""
-        return Motion(*(getattr(self, name) - getattr(earlier, name) for name in self.__dataclass_fields__))
+        return Motion(*map(sub, self.numbers(), earlier.numbers()))
 
 
 def entering(pose: Moments, nuisance: Nuisance) -> Moments:
