@@ -62,7 +62,7 @@ class Gathered:
     posterior: Moments | None = None  # of a filter of the robot's own
 
     def plus(self, later: Gathered) -> Gathered:
-        """Both: ways and turns add up, of compass and fix the newest counts."""
+        """Both: ways and turns add up, of place and heading the newest counts."""
         before, odometry = self.odometry, later.odometry
         if before is not None and odometry is not None:
             sums: dict[str, Any] = {name: getattr(before, name) + getattr(odometry, name) for name in SUMMED}
@@ -70,9 +70,12 @@ class Gathered:
                 one, other = getattr(before, name), getattr(odometry, name)
                 sums[name] = None if one is None or other is None else math.hypot(one, other)
             odometry = Odometry(**sums)
+        compass, fix = self.compass, self.fix
+        if later.fix is not None and later.fix.heading is None and fix is not None and fix.heading is not None:
+            compass = compass or (fix.heading, fix.heading_sigma)  # the fix is replaced, its heading holds
         return Gathered(
             odometry or before,
-            later.compass or self.compass,
+            later.compass or compass,
             later.fix or self.fix,
             (*self.sightings, *later.sightings)[-MAX_OPINIONS:],
             (*self.seen, *later.seen)[-MAX_OPINIONS:],

@@ -112,10 +112,18 @@ class PoseGrid:
         """The heading blurred by a variance (radians ** 2): a random walk between neighbouring bins."""
         bins = variance / self.bin**2  # variance in bins ** 2
         steps = max(1, math.ceil(bins / 0.5))
-        after = self
-        for _ in range(steps):
-            after = after._mix(bins / steps / 2)  # a step of +-1 bin, each with probability q, has the variance 2 q
-        return after
+        share = bins / steps / 2  # a step of +-1 bin, each with probability q, has the variance 2 q
+        return self._mix(share) if steps == 1 else self._walk(steps, share)
+
+    def _walk(self, steps: int, share: float) -> PoseGrid:
+        """As many mixings at once: each slice is moved once, onto the grid."""
+        cell, n = self.grid.cell, len(self.p)
+        kernel = np.fft.irfft((1 - 2 * share * (1 - np.cos(np.fft.rfftfreq(n) * math.tau))) ** steps, n)
+        shares = np.maximum(kernel, 0.0)[(np.arange(n)[:, None] - np.arange(n)) % n].astype(np.float32)
+        placed = self.empty()
+        for i in self.slices():
+            placed[i] = shifted(self.p[i], *(self.offsets[i] / cell))
+        return replace(self, p=np.tensordot(shares, placed, 1), offsets=np.zeros_like(self.offsets))
 
     def _mix(self, share: float) -> PoseGrid:
         """Each slice gives `share` of its mass to either neighbour, moved by the difference of their offsets."""

@@ -115,7 +115,10 @@ class Robot(Membership):
         heading: float | None = None,
         heading_sigma: float | None = None,
     ) -> None:
-        """Where the robot is in the team's frame, as of GPS, or where it starts; of two between steps the newest counts."""
+        """Where the robot is in the team's frame, as of GPS, or where it starts.
+
+        Of two between steps the newest place counts, and the newest heading.
+        """
         known = Call("fix", self._warn)
         x, y = known.numbers("position", position, (2,))
         if heading_sigma is not None and heading is None:

@@ -85,6 +85,18 @@ def test_what_several_calls_told_adds_up() -> None:
     assert len(many.sightings) == 256
 
 
+def test_a_fix_without_a_heading_leaves_the_heading_of_the_one_before() -> None:
+    """A start and GPS in one step: without the heading the robot looked for its pose on the grid."""
+    gps = Gathered(fix=Fix(position=(5.0, 4.1), sigma=0.3))
+    assert START.fix is not None
+    both = START.plus(gps)
+    assert both.fix == gps.fix
+    assert both.compass == (START.fix.heading, START.fix.heading_sigma)
+    it = robot()
+    pose, _ = it.step(both, NOW)
+    assert present(pose).covariance[2, 2] == pytest.approx(present(START.fix.heading_sigma) ** 2, rel=0.2)
+
+
 def test_sigmas_of_the_odometry_count_instead_of_the_model_s() -> None:
     def spread(**sigmas: float) -> float:
         it = robot()

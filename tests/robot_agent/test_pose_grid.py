@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blackboard.opinion.belief import blur, gaussian, shift
+from blackboard.opinion.belief import Belief, blur, gaussian, shift
 from blackboard.opinion.grid import Grid
 from robot_agent.pose_grid import PoseGrid
+from robot_agent.raster import shifted
 
 GRID = Grid((20, 16), 0.5)
 N = 12
@@ -81,7 +82,7 @@ def test_blurring_positions_is_along_and_across_each_heading() -> None:
     assert after.p[3] == pytest.approx(0.5 * blur(it.p[3] / 0.5, [0.4, 1.6]), abs=1e-6)
 
 
-@pytest.mark.parametrize("bins", [0.2, 0.7, 1.4])
+@pytest.mark.parametrize("bins", [0.2, 0.5, 0.7, 1.4])
 def test_blurring_headings_adds_its_variance_and_conserves_mass(bins: float) -> None:
     it = grid(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     after = it.blur_headings(bins * it.bin**2)
@@ -90,6 +91,18 @@ def test_blurring_headings_adds_its_variance_and_conserves_mass(bins: float) -> 
     away = np.arange(N) - 6
     assert (after.masses * away).sum() == pytest.approx(0.0, abs=1e-5)
     assert (after.masses * away**2).sum() == pytest.approx(bins, rel=0.02)
+
+
+def test_a_heading_of_which_nothing_is_known_any_more_widens_no_place() -> None:
+    """As after a step that came late. A walk in many small steps moves each slice so often, and widens it each time."""
+    offsets = np.random.default_rng(1).uniform(-0.25, 0.25, (N, 2))
+    it = replace(grid(*[1 / N] * N), offsets=offsets)
+    after = it.blur_headings(math.pi**2)
+    assert after.masses == pytest.approx(np.full(N, 1 / N), abs=1e-5)
+    assert after.p.min() >= 0
+    places = [after.p.sum(axis=0), sum(shifted(p, *(at / GRID.cell)) for p, at in zip(it.p, offsets, strict=True))]
+    spreads = [Belief(GRID, p / p.sum()).covariance() for p in places]
+    assert np.trace(spreads[0]) == pytest.approx(np.trace(spreads[1]), rel=0.01)
 
 
 def test_what_goes_to_a_neighbour_stays_where_it_is() -> None:
