@@ -26,7 +26,7 @@ from blackboard.opinion.pools import fuse, fuse_belief, linear_pool
 from blackboard.opinion.provenance import Opinion, split, union
 from blackboard.opinion.rules import Outcome, Rule
 from blackboard.opinion.vectors import tempered
-from blackboard.opinion.weights import entropy, entropy_weights
+from blackboard.opinion.weights import entropy_of, entropy_weights
 
 #: Two overlapping beliefs whose Bhattacharyya coefficient is below this contradict each other. Equally wide Gaussians do so
 #: that are just over 6 sigma apart: exp(-6^2 / 8) = 0.011.
@@ -292,7 +292,7 @@ def _pool_overlapping(pooled: Array, opinions: Sequence[Opinion]) -> tuple[Array
     Also what each contributed, and whether there was a contradiction.
     """
     shares, contradicted = list[Contribution](), False
-    for opinion in sorted(opinions, key=lambda o: (entropy(o.belief.p), o.source)):
+    for opinion in sorted(opinions, key=lambda o: (entropy_of(o.belief.p), o.source)):
         other = opinion.belief.p
         if bhattacharyya_coefficient(pooled, other) < CONTRADICTION:
             weights = entropy_weights(np.stack([pooled, other]))  # (III-A.1), k = 1

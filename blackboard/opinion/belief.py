@@ -54,13 +54,18 @@ class Belief:
 
     def covariance(self) -> Array:
         """Covariance of the position between cells in unit**2, shape (ndim, ndim); add cell**2 / 12 for the width of a cell."""
-        away = [x - m for x, m in zip(self.grid.mesh(), self.mean(), strict=True)]
+        return self.moments()[1]
+
+    def moments(self) -> tuple[Array, Array]:
+        """`mean` and `covariance`."""
+        mean = self.mean()
+        away = [x - m for x, m in zip(self.grid.mesh(), mean, strict=True)]
         covariance = np.empty((len(away), len(away)))
         for i, a in enumerate(away):
             weighted = self.p * a
             for j, b in enumerate(away[: i + 1]):
                 covariance[i, j] = covariance[j, i] = float((weighted * b).sum())
-        return covariance
+        return mean, covariance
 
     def mode(self) -> Array:
         """The centre of the likeliest cell in the grid's unit, shape (ndim,); of several the first."""

@@ -24,8 +24,8 @@ def escort_moments(belief: Belief) -> tuple[Array, Array]:
     Twice the escort's covariance, and cell^2 / 12 for the width of a cell: those of a Gaussian, and hardly touched by a floor.
     """
     escort = (belief.p / belief.p.max()) ** 2
-    narrowed = Belief(belief.grid, escort / escort.sum())
-    return narrowed.mean(), 2.0 * narrowed.covariance() + np.eye(belief.grid.ndim) * belief.grid.cell**2 / 12
+    mean, covariance = Belief(belief.grid, escort / escort.sum()).moments()
+    return mean, 2.0 * covariance + np.eye(belief.grid.ndim) * belief.grid.cell**2 / 12
 
 
 def width(belief: Belief) -> float:

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from weakref import WeakValueDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -84,11 +85,22 @@ def _grid(shape: tuple[int, ...], cell: float, origin: tuple[float, ...], unit: 
 
 
 def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
-    """The belief of a message in either coding, normalised; on `grid` if one is given.
+    """The belief of a message in either coding, normalised; on `grid` if one is given. It is shared, so its array is read-only.
 
     Refused: "fields" (the parts do not fit together), "grid" (another grid than `grid`), "frame" (both name one, and another),
     "mass" (no probabilities).
     """
+    kept = _beliefs.get((packed, grid))
+    if kept is None:
+        kept = _beliefs[packed, grid] = _unpacked(packed, grid)
+    return kept
+
+
+#: What is unpacked, for as long as somebody has it: in one process all who hear a message read it once.
+_beliefs: WeakValueDictionary[tuple[PackedBelief, Grid | None], Belief] = WeakValueDictionary()
+
+
+def _unpacked(packed: PackedBelief, grid: Grid | None) -> Belief:
     own = _own_grid(packed)
     if grid is not None:
         if (own.shape, own.cell, own.origin, own.unit) != (grid.shape, grid.cell, grid.origin, grid.unit):
@@ -109,6 +121,7 @@ def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
     p = np.full(own.shape, floor)
     shares = np.where(weights > 0, weights * ((1.0 - rest) / total), floor)
     p[_slices(packed.lo, packed.box)] = (shares if cells is None else shares[cells]).reshape(packed.box)
+    p.flags.writeable = False
     return Belief(own, p)
 
 

@@ -39,7 +39,7 @@ from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy_of
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedState, PackedTrack, PackedVelocity
 from blackboard.wire.gaussians import pack_state, pack_track, pack_velocity, unpack_track
@@ -365,7 +365,7 @@ class JointDesk:
                 for name in sorted(left_out)
             ],
             components=[] if choice is None else list(choice.components),
-            entropy=entropy(belief.p),
+            entropy=entropy_of(belief.p),
             conflict=bool(left_out or camps),
             rule="joint",
             learned=learned(self.team.innovations, taken),
@@ -416,7 +416,7 @@ class JointDesk:
             belief=pack(belief, self.settings.coding),
             ancestors=self._ancestors(),
             used=[],
-            entropy=entropy(belief.p),
+            entropy=entropy_of(belief.p),
             conflict=False,
             rule="joint",
             parameters={"places": float(len(places))},
