@@ -11,9 +11,11 @@ import argparse
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+
+import numpy as np
 
 from blackboard.client import Robot
 from examples.field.world import Said, World
@@ -38,20 +40,29 @@ def tell(robot: Robot, said: Said, world: World) -> None:
 def main(args: argparse.Namespace, tell: Callable[[Robot, Said, World], None] = tell) -> None:
     world, off = World(args.seed), dict[str, list[float]]()
     with ExitStack() as stack:
-        robots = {n: stack.enter_context(Robot(n, HERE / "field.toml", endpoint=args.connect)) for n in world.robots}
-        pause, begin = threading.Event(), time.monotonic()
-        for number, said in enumerate(world.steps(args.seconds)):
-            pause.wait(max(0.0, begin + number * world.truth.dt - time.monotonic()))
+        robots = {n: stack.enter_context(Robot(n, HERE / "field.toml", endpoint=args.connect)) for n in args.robots}
+        for said in each_step(world, args):
             for name, robot in robots.items():
                 tell(robot, said[name], world)
                 pose = robot.step()
                 if pose is not None:
                     off.setdefault(name, []).append(math.dist(pose.mean[:2], world.poses[name][:2]))
         for name, robot in robots.items():
-            rmse = math.sqrt(sum(it**2 for it in off[name]) / len(off[name]))
-            print(
-                f"{name}: RMSE {rmse:.2f} m; ball at {robot.agreed['object/ball'].belief.mean().round(1)}", flush=True
-            )
+            report(name, off[name], robot.agreed["object/ball"].belief.mean())
+
+
+def each_step(world: World, args: argparse.Namespace) -> Iterator[Mapping[str, Said]]:
+    """The steps of a world as time goes on."""
+    pause, begin = threading.Event(), max(args.begin, time.time())
+    for number, said in enumerate(world.steps(args.seconds)):
+        pause.wait(max(0.0, begin + number * world.truth.dt - time.time()))
+        yield said
+
+
+def report(name: str, off: list[float], ball: np.ndarray) -> None:
+    """Print how far off a robot was."""
+    rmse = math.sqrt(sum(it**2 for it in off) / len(off))
+    print(f"{name}: RMSE {rmse:.2f} m; ball at {ball.round(1)}", flush=True)
 
 
 def parser(about: str | None) -> argparse.ArgumentParser:
@@ -59,6 +70,8 @@ def parser(about: str | None) -> argparse.ArgumentParser:
     found.add_argument("-e", "--connect", default="tcp/127.0.0.1:7447")
     found.add_argument("--seconds", type=float, default=30.0)
     found.add_argument("--seed", type=int, default=1)
+    found.add_argument("--robots", nargs="+", default=World.robots, choices=World.robots, help="play these alone")
+    found.add_argument("--begin", type=float, default=0.0, help="Unix time at which programs of one world begin")
     return found
 
 

@@ -10,6 +10,7 @@ import pytest
 from blackboard.client import Robot
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
+from blackboard.process.clock import UnixClock
 from blackboard.run.launch import free_port
 from blackboard.wire.codec import decode
 from blackboard.wire.messages import Consensus
@@ -59,6 +60,35 @@ def test_the_robots_of_the_field_find_themselves(example: str) -> None:
     off = [float(it) for it in re.findall(r"^r\d: RMSE ([\d.]+) m; ball at \[", client.out, re.MULTILINE)]
     assert len(off) == 3, client.out
     assert max(off) < 0.5
+
+
+def test_a_robot_by_the_client_one_with_a_filter_and_one_of_ros_are_a_team() -> None:
+    pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    member = ("--scenario", str(ROOT / "examples" / "field" / "field.toml"), "-e", endpoint)
+    topics = ["--odometry", "r3=/r3/odom", "--fix", "r3=/r3/fix"]
+    for subject in ("robot/r1", "robot/r2", "object/ball"):
+        topics += ["--sees", f"r3:{subject}=/r3/sees/{subject}"]
+    with ExitStack() as running:
+        running.enter_context(program("-m", "blackboard", "router", "-l", endpoint)).says("ready")
+        served = ("serve", "--sub-team", "a"), ("ros", *topics)
+        services = [running.enter_context(program("-m", "blackboard", *words, *member)) for words in served]
+        services.append(running.enter_context(program("-m", "robot_agent", "--id", "r3", *member)))
+        for it in services:
+            it.says("ready")
+        common = ("-e", endpoint, "--seconds", "10", "--begin", str(UnixClock().now() + 5.0))
+        examples = [("client", "r1"), ("own_filter", "r2"), ("ros", "r3")]
+        robots = [
+            running.enter_context(program("-m", f"examples.field.{name}", *common, "--robots", it))
+            for name, it in examples
+        ]
+        assert [robot.ends() for robot in robots] == [0, 0, 0], [robot.err for robot in robots]
+        refused = [it.err for it in services if "refused" in it.err]
+    assert not refused
+    told = "".join(robot.out for robot in robots)
+    off = {name: float(it) for name, it in re.findall(r"^(r\d): RMSE ([\d.]+) m; ball at \[", told, re.MULTILINE)}
+    assert sorted(off) == ["r1", "r2", "r3"], told
+    assert max(off.values()) < 0.5
 
 
 def test_a_robot_goes_on_when_the_board_and_the_router_are_started_again_and_one_comes_late() -> None:
