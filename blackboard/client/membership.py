@@ -89,6 +89,9 @@ class Membership:
         for what, value in named:
             if not re.fullmatch(NAME, value):
                 raise UserError(f"{made}({what}={shown(value)}): use up to 64 letters, digits, '.', '_' and '-'")
+        strange = [name for name in given if known is not None and not team and name not in known.team.sub_teams]
+        if strange and known is not None:
+            raise UserError(f"{made}(sub_team={shown(strange[0])}): the scenario has {', '.join(known.team.sub_teams)}")
         #: `[board] fusion` is "joint"; without a scenario a board says it.
         self._joint = known is None or known.board.fusion == "joint"
         self._clock = UnixClock()

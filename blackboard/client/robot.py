@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+FARTHEST = 60.0  # seconds from team time: a time of another clock, of which boards would take nothing
+
 
 class Robot(Membership):
     """A robot among its team-mates: tell it what odometry and sensors say, then `step`; lengths in the grid's unit, angles in radians.
@@ -252,9 +254,12 @@ class Robot(Membership):
         what a board has refused.
         """
         if time is not None:
-            stamp = Call("step").number("time", time)
+            known = Call("step")
+            stamp, now = known.number("time", time), self.time
             if stamp < self._stepped:
                 raise ValueError(f"step(time={time!r}): is before the last step, at {self._stepped!r}")
+            if abs(stamp - now) > FARTHEST:
+                raise known.wrong("time", time, f"give team time in seconds, as `robot.time`, which is {now:.1f}")
             self._stepped = stamp
         self._raise_refused()
         with self._lock:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from blackboard.client import Robot
+from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from tests.client.boards import serving
@@ -215,3 +216,18 @@ def test_time_does_not_go_back(endpoint: str) -> None:
         robot.step(time=now)
         with pytest.raises(ValueError, match=r"^step\(time=.*\): is before the last step"):
             robot.step(time=now - 1)
+
+
+def test_a_time_of_another_clock_is_named(endpoint: str) -> None:
+    """As `time.monotonic()`: boards refused all that the robot said, and the program heard nothing of it."""
+    with serving(endpoint, GRID), Robot("r1", endpoint=endpoint) as robot:
+        for wrong in (12.5, robot.time + 1000):
+            with pytest.raises(ValueError, match=r"^step\(time=.*\): give team time in seconds, as `robot.time`"):
+                robot.step(time=wrong)
+        robot.fix((2.0, 3.0), 0.1, 0.0, 0.1)
+        assert robot.step(time=robot.time) is not None
+
+
+def test_a_sub_team_that_the_scenario_does_not_have_is_named() -> None:
+    with pytest.raises(UserError, match=r"^Robot\(sub_team='z'\): the scenario has a, b$"):
+        Robot("r1", Scenario({"team": {"sub_teams": {"a": ["r1"], "b": ["r2"]}}}), sub_team="z")
