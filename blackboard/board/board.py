@@ -102,6 +102,13 @@ class Board:
         if self.joint is not None and evidence is not None and not self._guests.waits(report.source):
             self.joint.take(report.source, report.tick, report.time, evidence, own=True, skew=skew)
 
+    def remember_tracks(self, numbers: Mapping[str, int]) -> None:
+        """Give no track a number that a robot has heard of before this board was there, by what is before it in the name."""
+        if self.joint is not None:
+            self.joint.team.tracks.remember(numbers)
+        if self.clusters is not None:
+            self.clusters.tracks.remember(numbers)
+
     def withdraw(self, source: str, tick: int, subjects: Collection[str]) -> None:
         """Drop a source's reports from before `tick` on subjects that it no longer lists."""
         self._entries.withdraw(source, tick, subjects)

@@ -145,6 +145,7 @@ class Reception:
             self.participants.check_robot(robot)
         if lists or self.participants.has_robot(robot, sub_team):
             self._learn_speed(status, mine or self.clock.named is None, self.clock.time(now))
+            self.board.remember_tracks(status.tracks)
             self.clocks.hear(robot, status, now)
         if lists:
             self._reports.record_list(robot, status.tick, status.subjects)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 LANDMARK = "landmark/?"  # the class of what a map has; robots find out which themselves
 LONGEST = 32  # characters of the name of a class that the names of its tracks have: with a number they are names, too
+DIGITS = 9  # of the number in a track's name, so that the next one has room in a name, too
 ROBOTS = "object/robot-"  # begins the names of tracks of `robot/?`, which are no members
 
 
@@ -22,6 +23,13 @@ def stem(kind: str) -> str:
     what, _, name = kind[:-1].partition("/")
     begins = ROBOTS if what == "robot" else f"{what}/"
     return f"{begins}{name[:LONGEST]}-" if name else begins
+
+
+def numbered(name: str) -> tuple[str, int]:
+    """How a track's name begins, and its number: of `person/a-7` `person/a-` and 7; 0 where it has none of at most `DIGITS` digits."""
+    begins = name.rstrip("0123456789")
+    digits = name[len(begins) :]
+    return begins, int(digits) if 0 < len(digits) <= DIGITS else 0
 
 
 def kind_of(subject: str) -> str:

@@ -27,6 +27,7 @@ from blackboard.wire.types import Message
 log = logging.getLogger(__name__)
 
 MAX_LOGGED = 256  # boards and reasons of refusals that are remembered as logged
+MAX_BEGINNINGS = 64  # of the names of tracks
 WHOLE = 10.0  # seconds of team time between two statuses with counters and settings on a poor link
 
 
@@ -77,6 +78,7 @@ class Peer(Around):
     def begin(self, run: str) -> None:
         """Forget what was said: it was in another run."""
         self.run, self.answers = run, Answers()
+        self._tracks: dict[str, int] = {}  # how their names begin -> the last number that was heard
         #: team time of the newest status that had everything, and what had been refused then
         self._whole: tuple[float, dict[str, int]] | None = None
 
@@ -125,6 +127,7 @@ class Peer(Around):
         assert answers.solo is None or answers.solo.tick == answers.tick, answers
         assert len(self._logged) <= MAX_LOGGED
         assert set(self._ahead) <= set(self.sub_teams)
+        assert len(self._tracks) <= MAX_BEGINNINGS
 
     # --- speaking -----------------------------------------------------------------------------------------------------
 
@@ -149,6 +152,7 @@ class Peer(Around):
             settings={**self._settings, **said.found, "pace": self.clock.pace.value},
             kept=list(said.kept),
             speed=said.speed,
+            tracks=dict(self._tracks),
         )
         if self.clock.pace is Pace.FREE:
             status = status.model_copy(update={"sent": now, "echo": self._echoes.held(now)})
@@ -207,9 +211,16 @@ class Peer(Around):
             return self._react(heard, now)
         if isinstance(heard, Consensus):
             heard = self._on_time(heard, now)
+            self._note_number(heard)
         if isinstance(heard, Refusal):
             self._count(heard)
         return self._owner_hears(heard, now)
+
+    def _note_number(self, consensus: Consensus) -> None:
+        """Remember the number of a track, so that no board gives it to something else."""
+        begins, number = consensus.number
+        if number and (begins in self._tracks or len(self._tracks) < MAX_BEGINNINGS):
+            self._tracks[begins] = max(number, self._tracks.get(begins, 0))
 
     def _react(self, news: ClockNews, now: float) -> list[Envelope]:
         out: list[Envelope] = []

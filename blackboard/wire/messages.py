@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from blackboard.opinion.classes import numbered
 from blackboard.opinion.rules import Outcome
 from blackboard.wire.evidence import Forward, PackedEvidence, PackedState, PackedVelocity, Seen
 from blackboard.wire.memory import Memory
@@ -341,6 +342,11 @@ class Consensus(Message):
     existence: Annotated[float, Field(ge=0, le=1)] | None = None
     """of a track, as `person/7`: the probability that there is such a thing"""
 
+    @property
+    def number(self) -> tuple[str, int]:
+        """How the name of a track begins, and its number (`opinion.classes.numbered`); the number is 0 of all that is no track."""
+        return ("", 0) if self.existence is None else numbered(self.subject)
+
 
 class Status(Message):
     """Every process but the world and the router reports what it has done: after each tick, and otherwise once a
@@ -389,6 +395,10 @@ class Status(Message):
     """of a board: team time since which it settles, seconds; where nobody leads, the longest does"""
     speed: NonNegative | None = None
     """of a robot: how fast it moved lately at most, unit per second: its old beliefs spread by that"""
+    tracks: Counts = Field(default_factory=dict)
+    """of a robot: the last number of the tracks that it has heard of, by what is before it in their names, as `person/`:
+    a board that has been started again goes on behind it
+    """
     sent: Finite | None = None
     """where there is no world: Unix time of sending, by the sender's clock"""
     echo: Annotated[dict[Text, Annotated[tuple[Finite, NonNegative], Listed]], Field(max_length=MAX_OPINIONS)] = Field(

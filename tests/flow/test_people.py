@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import pytest
 
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
@@ -89,6 +90,24 @@ def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -
     assert len(both) > 0.7 * sum(tick > 20 for tick, _ in mine)
     assert sum(float(np.hypot(*(mine[name] - its[name]))) < 2.0 for name in both) > 0.9 * len(both)
     assert len({subject for _, subject in both}) >= 2
+
+
+@pytest.mark.parametrize("fusion", ["joint", "opinions"])
+def test_boards_that_were_all_started_again_give_no_name_that_was_given_before(fusion: str) -> None:
+    team = Team(PEOPLE.changed("time", seconds=20.0).changed("board", fusion=fusion))
+    heard = Heard(team.bus)
+    team.run_until(lambda: team.world.tick == 18)
+    for board in list(team.boards.values()):
+        team.leave(board)
+    for name in team.boards:
+        team.boards[name] = board_of(team.scenario, name)
+        team.join(team.boards[name])
+    team.run()
+    told = [(it.tick, it.subject) for s in "ab" for it in heard.of(keys.AGREED, sub_team=s) if it.existence is not None]
+    before, after = ({name for tick, name in told if (tick > 18) == late} for late in (False, True))
+    assert before
+    assert after
+    assert not before & after
 
 
 #: Two people and an opponent, whom nobody names, in a team that knows where it is and keeps no joint.

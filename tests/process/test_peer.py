@@ -226,6 +226,16 @@ def test_what_was_agreed_in_a_tick_that_has_not_begun_is_refused() -> None:
     assert robot.it.intake.refused == {"future": 1}
 
 
+def test_a_status_says_the_last_numbers_of_the_tracks_that_were_agreed_on_in_this_run() -> None:
+    robot = Robot()
+    robot.tell(world(), clock(20))
+    names = ("person/9", "person/12", "person/a-3", "person/p", "person/" + "9" * 10)
+    robot.tell(*(agreed(20, subject=name, existence=0.9) for name in names), agreed(20, subject="object/ball1"))
+    assert robot.status().tracks == {"person/": 12, "person/a-": 3}
+    robot.say(0, run="y")
+    assert robot.status().tracks == {}
+
+
 def test_without_a_world_stamps_are_those_of_its_own_clock_and_echoed() -> None:
     """The board tells with the robot's own place how far its clock is ahead."""
     robot = Robot()

@@ -132,6 +132,7 @@ STATUS = Status(
     refused={"mass": 1},
     ages={"r2": 0.1},
     settings={"rule": "cooperative", "k": 2.0},
+    tracks={"person/": 7},
 )
 REFUSAL = Refusal(
     board="a1", sub_team="a", robot="r1", time=0.6, subject="object/ball", reason="grid", text="another", count=3

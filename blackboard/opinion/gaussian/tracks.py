@@ -19,8 +19,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from statistics import median
 
-from blackboard.opinion.classes import stem
-from blackboard.opinion.gaussian.assignment import CLEAR, FRAMES, Rate, keep
+from blackboard.opinion.classes import numbered, stem
+from blackboard.opinion.gaussian.assignment import CLASSES, CLEAR, FRAMES, Rate, keep
 
 #: Nats: the most that one observer's frames say for a track, as for an object that rolls (`walks`), and against it. Two that look
 #: there and see nothing outweigh one that sees it, and one does not: it may be hidden from that one for good.
@@ -45,7 +45,6 @@ FLEETING, KEPT = 2.0, 60.0  # seconds without a sighting, after which a track wi
 NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
 UNKNOWN = Rate(1.0, 2.0)  # of what is there a frame shows a half, before anything was seen
 ROOM = 16  # tracks that one observer alone has seen
-DIGITS = 9  # of the number in a track's name, so that the next one has room in a name, too
 NOWHERE = math.inf, 0.0, 0.0  # a place that no frame shows, so that none speaks against a track there
 MAX_TRACKS = 64  # that several have seen, or one
 FAINTEST = 0.01  # of a track that is in view: below that a frame says nothing of it
@@ -157,6 +156,7 @@ class Tracks:
         default_factory=dict
     )  # the same: of the tracks begun, those that got a name
     _numbers: dict[str, int] = field(default_factory=dict)  # class -> the last number that was given
+    _before: dict[str, int] = field(default_factory=dict)  # how names begin -> the last number, before this was there
     _over: tuple[str, ...] = ()  # the names of those that are over, the newest last
     _begun: int = 0
 
@@ -174,11 +174,19 @@ class Tracks:
             _views=dict(self._views),
             _real=dict(self._real),
             _numbers=dict(self._numbers),
+            _before=dict(self._before),
         )
 
     def anew(self) -> Tracks:
         """No tracks, and no number that was ever given."""
-        return Tracks(self.room, self.label, _numbers=dict(self._numbers), _over=self._over, _begun=self._begun)
+        return Tracks(
+            self.room,
+            self.label,
+            _numbers=dict(self._numbers),
+            _before=dict(self._before),
+            _over=self._over,
+            _begun=self._begun,
+        )
 
     def existence(self, block: str) -> float | None:
         """The probability that what a track is of exists; None of all that is no track."""
@@ -286,17 +294,24 @@ class Tracks:
     def new_name(self, block: str, used: Callable[[str], bool], others: Collection[str] = ()) -> str:
         """A name for a track: its class and the next number that is not `used`, which is never given again.
 
-        The first is the one behind those that `others` have. What has more digits than `DIGITS` is not taken for a number.
+        The first is the one behind those that `others` have, and that `remember` was told of.
         """
         kind = self._tracks[block].kind
-        theirs = [it.removeprefix(f"{stem(kind)}{self.label}") for it in others]
-        given = [int(it) for it in theirs if it.isdecimal() and len(it) <= DIGITS]
-        number = self._numbers.get(kind) or max(given, default=0)
+        begins = f"{stem(kind)}{self.label}"
+        given = [number for it, number in map(numbered, others) if it == begins]
+        number = self._numbers.get(kind) or max([*given, self._before.get(begins, 0)])
         number += 1
-        while used(name := f"{stem(kind)}{self.label}{number}"):
+        while used(name := f"{begins}{number}"):
             number += 1
         self._numbers[kind] = number
         return name
+
+    def remember(self, numbers: Mapping[str, int]) -> None:
+        """Somebody has heard of tracks with these numbers, by how their names begin: the largest of each count."""
+        for begins, number in numbers.items():
+            has_room = begins in self._before or len(self._before) < CLASSES
+            if has_room and numbered(f"{begins}{number}") == (begins, number):
+                self._before[begins] = max(number, self._before.get(begins, 0))
 
     def call(self, block: str, name: str) -> None:
         """A track has a name from now on, or another one."""

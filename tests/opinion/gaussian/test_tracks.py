@@ -194,6 +194,21 @@ def test_a_number_is_given_once_also_after_all_began_anew() -> None:
     assert names == ["person/1", "person/3", "person/4"]
 
 
+def test_the_first_number_is_behind_all_that_anybody_has_heard_of() -> None:
+    tracks = Tracks(label="a-")
+    for numbers in ({"person/a-": 7, "person/b-": 40}, {"person/a-": 3, "object/ball-a-": 50}):
+        tracks.remember(numbers)
+    tracks = tracks.anew().copy()
+    assert tracks.name(begun(tracks, "robot/r1"), lambda it: False) == "person/a-8"
+
+
+@pytest.mark.parametrize("numbers", [{"person/": 10**9}, {"person/": 0}, {"person/1": 5}, {"": 3}], ids=str)
+def test_what_is_no_number_of_a_track_changes_no_name(numbers: dict[str, int]) -> None:
+    tracks = Tracks()
+    tracks.remember(numbers)
+    assert tracks.name(begun(tracks, "robot/r1"), lambda it: False) == "person/1"
+
+
 @pytest.mark.parametrize(
     ("kind", "name"), [("robot/?", "object/robot-1"), ("object/ball?", "object/ball-1"), ("object/?", "object/1")]
 )
