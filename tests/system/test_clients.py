@@ -76,7 +76,7 @@ def test_a_robot_by_the_client_one_with_a_filter_and_one_of_ros_are_a_team() -> 
         services.append(running.enter_context(program("-m", "robot_agent", "--id", "r3", *member)))
         for it in services:
             it.says("ready")
-        common = ("-e", endpoint, "--seconds", "10", "--begin", str(UnixClock().now() + 5.0))
+        common = ("-e", endpoint, "--seconds", "10", "--begin", str(UnixClock().now() + 10.0))
         examples = [("client", "r1"), ("own_filter", "r2"), ("ros", "r3")]
         robots = [
             running.enter_context(program("-m", f"examples.field.{name}", *common, "--robots", it))
@@ -88,7 +88,7 @@ def test_a_robot_by_the_client_one_with_a_filter_and_one_of_ros_are_a_team() -> 
     told = "".join(robot.out for robot in robots)
     off = {name: float(it) for name, it in re.findall(r"^(r\d): RMSE ([\d.]+) m; ball at \[", told, re.MULTILINE)}
     assert sorted(off) == ["r1", "r2", "r3"], told
-    assert max(off.values()) < 0.5
+    assert max(off.values()) < 1.0  # who is late to begin has to catch up
 
 
 def test_a_robot_goes_on_when_the_board_and_the_router_are_started_again_and_one_comes_late() -> None:
