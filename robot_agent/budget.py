@@ -60,7 +60,7 @@ class Bucket:
         """Whether so many bytes may be sent: as many as are there, or more where the bucket is full."""
         return size <= self.level or self.level >= self.burst
 
-    def take(self, size: int) -> None:
+    def spend(self, size: int) -> None:
         self.level -= size
 
 
@@ -142,7 +142,7 @@ class Budget:
             self.slots.said(time)
         elif self.bucket.level - needed >= self.bucket.burst / 2:
             chosen = {option.report.subject: option for option in full}
-            self.bucket.take(needed)
+            self.bucket.spend(needed)
         else:
             chosen = self._chosen(
                 options, time, {s for s, about in team.items() if about.joint and s != f"robot/{self.robot}"}
@@ -230,7 +230,7 @@ class Budget:
 
     def _take(self, chosen: dict[str, Option], option: Option) -> None:
         before = chosen.get(option.report.subject)
-        self.bucket.take(option.size - (0 if before is None else before.size))
+        self.bucket.spend(option.size - (0 if before is None else before.size))
         chosen[option.report.subject] = option
 
     @property

@@ -23,7 +23,7 @@ class Sequencer:
         self.next: Readings | None = None  # of the tick that is to be done next
         self.doubted: Readings | None = None  # the newest that did not go on with those before
 
-    def take(self, readings: Readings, run: str, tick: int, clock: TeamClock) -> list[Readings]:
+    def take_readings(self, readings: Readings, run: str, tick: int, clock: TeamClock) -> list[Readings]:
         """The readings that are to be acted on one after the other, of a robot that has done a tick (-1: none) of a run."""
         before, self.doubted = self.doubted, None
         newest = tick + JUMP if clock.followed is None else max(clock.followed.tick, tick) + 1
@@ -48,7 +48,7 @@ class Gathered:
         self._newest: dict[tuple[str, str, str], Consensus] = {}  # by sub-team, board and subject
         self._arrived: RollCall[str] = RollCall()  # by sub-team, also of the ticks before
 
-    def take(self, consensus: Consensus) -> None:
+    def hear_consensus(self, consensus: Consensus) -> None:
         """Keep a consensus unless a newer one of the same board is kept. Refused: "too-many"."""
         key = consensus.sub_team, consensus.board, consensus.subject
         before = self._newest.get(key)

@@ -148,14 +148,14 @@ class AgentService(Around):
         elif isinstance(heard, Consensus):
             if self.agent.uses(heard.subject):
                 TeamBelief.unpacked(heard, self.grid)  # Refused: what is wrong with it
-            self._agreed.take(heard)
+            self._agreed.hear_consensus(heard)
         return []
 
     def _hear_readings(self, readings: Readings, now: float) -> list[Envelope]:
         """Take readings that go on with those before; of a jump the ones before them, too."""
         if not self.run and self.clock.followed is None:
             self._begin(readings.run)
-        taken = self._readings.take(readings, self.run, self.tick, self.clock)
+        taken = self._readings.take_readings(readings, self.run, self.tick, self.clock)
         if taken and (readings.run != self.run or readings.tick < self.tick):
             self._begin(readings.run)
         out: list[Envelope] = []

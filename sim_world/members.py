@@ -36,9 +36,9 @@ class Members:
         self._newcomers: set[str] = set()  # robots that have not answered a tick yet
         self._heard: set[tuple[str, str]] = set()  # boards that have said something, as sub-team and name
 
-    def hear(self, envelope: Envelope, now: float) -> bool:
+    def hear_token(self, envelope: Envelope, now: float) -> bool:
         """A token appeared or vanished. True if its holder is back and may have missed something: the tick must be sent again."""
-        return self.roster.hear(envelope, now)
+        return self.roster.hear_token(envelope, now)
 
     def hear_status(self, sub_team: str, status: Status) -> None:
         """A message came from a process; if it holds a token there, it takes part from the next tick on."""

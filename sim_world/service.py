@@ -106,7 +106,7 @@ class WorldService:
         self._now = now
         out: list[Envelope] = []
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
-            if self.members.hear(envelope, now) and self._open:
+            if self.members.hear_token(envelope, now) and self._open:
                 name = who(envelope.key)  # none: it was the router that had gone
                 out += self._ask(asked=[name] if name else sorted(self.members.missing(self._open[max(self._open)])))
         else:
@@ -167,7 +167,7 @@ class WorldService:
     def _hear(self, parts: dict[str, str], message: Message, payload: bytes) -> list[Envelope]:
         sub_team = parts.get("sub_team", "")
         if isinstance(message, Status):
-            self.traffic.hear(sub_team, message)
+            self.traffic.hear_status(sub_team, message)
             self.members.hear_status(sub_team, message)
             if self.members.strangers:
                 self.counters["strangers"] = len(self.members.strangers)
@@ -181,7 +181,7 @@ class WorldService:
     def _hear_answer(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> None:
         instant = self._open.get(message.tick)
         self.members.hear_answer(sub_team, message, in_time=instant is not None)
-        if instant is not None and instant.hear(sub_team, message, payload):
+        if instant is not None and instant.hear_message(sub_team, message, payload):
             self._news_at = self._now
         elif instant is None and not isinstance(message, Status):  # statuses are sent again once a second
             self.counters["late"] += 1
@@ -302,7 +302,7 @@ class WorldService:
     def _judge(self) -> None:
         """Give what is over to the referee, while the others work on what was sent."""
         while self._over:
-            self.referee.hear(*self._over.pop(0))
+            self.referee.judge_instant(*self._over.pop(0))
 
     # --- sending ------------------------------------------------------------------------------------------------------
 

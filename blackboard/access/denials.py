@@ -53,7 +53,7 @@ class DenialReader:
         self._skip: Counter[bytes] = Counter()  # thread of the router -> lines of a list that it has still to log
         self._names: dict[bytes, str] = {}  # session -> common name of its certificate
 
-    def take(self, event: bytes) -> Denial | None:
+    def read(self, event: bytes) -> Denial | None:
         """What one event says was denied. An event that fills a `PACKET` goes on in the next ones, which are left out."""
         continued, self._continued = self._continued, len(event) >= PACKET
         line = event.partition(b"\n")[0]

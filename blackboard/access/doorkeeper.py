@@ -40,7 +40,7 @@ class Doorkeeper:
         """One message for each member; a member that gets it knows that the router has its name."""
         return [self._message(name) for name in sorted(self._members)]
 
-    def take(self, denials: Iterable[Denial]) -> None:
+    def count(self, denials: Iterable[Denial]) -> None:
         """Count denials, and log what is new."""
         for denial in denials:
             who = denial.who if denial.who in self._members else ""
@@ -57,7 +57,7 @@ class Doorkeeper:
                     "denied: %r (%d times, %d denials in all)", text[:400], self._seen[seen], self.denied.total()
                 )
 
-    def tell(self, now: float) -> list[Envelope]:
+    def messages_due(self, now: float) -> list[Envelope]:
         """The messages that are due at a time in seconds: of members with new denials, and of those without any for `CALM` seconds."""
         if now < self._told_at + EVERY:
             return []

@@ -94,13 +94,13 @@ class Board:
         self._entries.keep(report.subject, report.source, Entry(report.tick, report.time, opinions))
         is_own = report.subject == f"robot/{report.source}"
         if self.clusters is not None and is_own and not self._guests.waits(report.source):
-            self.clusters.hear(report)
+            self.clusters.hear_report(report)
 
     def hear_evidence(self, report: Report, skew: float) -> None:
-        """Take what a report holds for the joint, by a clock that may be `skew` seconds ahead. Refused: as in `JointDesk.take`."""
+        """Take what a report holds for the joint, by a clock maybe `skew` seconds ahead. Refused: as in `JointDesk.take_evidence`."""
         evidence = report.evidence if report.subject == f"robot/{report.source}" else None
         if self.joint is not None and evidence is not None and not self._guests.waits(report.source):
-            self.joint.take(report.source, report.tick, report.time, evidence, own=True, skew=skew)
+            self.joint.take_evidence(report.source, report.tick, report.time, evidence, own=True, skew=skew)
 
     def remember_tracks(self, numbers: Mapping[str, int]) -> None:
         """Give no track a number that a robot has heard of before this board was there, by what is before it in the name."""
@@ -124,7 +124,7 @@ class Board:
                 entries, silent = self._entries.usable(subject, now, self.settings.max_age)
                 entries = {**tracks.get(subject, {}), **entries}
                 if subject.startswith("robot/"):
-                    self._guests.look(subject.removeprefix("robot/"), entries)
+                    self._guests.hear_place(subject.removeprefix("robot/"), entries)
                 aside = self._guests.aside(entries, now)
                 entries = {source: entry for source, entry in entries.items() if source not in aside}
                 votes = {source: self._vote(source, subject, entries[source]) for source in sorted(entries)}

@@ -42,7 +42,7 @@ class Clocks:
         """Seconds that a robot's clock may be ahead."""
         return self.limit if self.differ else 0.0
 
-    def hear(self, source: str, status: Status, now: float) -> None:
+    def hear_status(self, source: str, status: Status, now: float) -> None:
         """Take the stamps of a status; one without stamps (of an older version, or where there is a world) changes nothing."""
         echo = status.echo.get(self.name)
         if self.differ and status.sent is not None and echo is not None:
@@ -51,7 +51,7 @@ class Clocks:
     def adopt(self, status: Status) -> None:
         """Take what another board of the sub-team found."""
         if self.differ:
-            self.offsets.told(status.clocks)
+            self.offsets.hear_offsets(status.clocks)
 
     def on_time(self, source: str, message: M, now: float) -> M:
         """A message with its stamp by this board's clock. Refused: as `corrected`."""

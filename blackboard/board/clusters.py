@@ -81,7 +81,7 @@ class Clusters:
         self.tracks = Tracks(label=f"{self.sub_team[:LONGEST]}-")
         self.naming = Naming(self.grid.volume * self.grid.size)
 
-    def hear(self, report: Report) -> None:
+    def hear_report(self, report: Report) -> None:
         """Take the unnamed sightings of a robot's tick. Refused: "grid", "mass"."""
         robot, newest = report.source, self._settled.get(report.source, -math.inf)
         waits = robot in self._waiting

@@ -78,7 +78,7 @@ class Dissent:
 
     # --- opinions -------------------------------------------------------------------------------------------------------
 
-    def hear(self, subject: str, time: float, opinions: Sequence[Opinion], pool: Pool) -> None:
+    def judge_opinions(self, subject: str, time: float, opinions: Sequence[Opinion], pool: Pool) -> None:
         """Judge independent opinions on a subject at a team time (s); `pool` is the board's rule, for the others of each source."""
         self._close_second(time)
         if not is_due(time, self.judged_at.get(subject, -math.inf)):
@@ -135,7 +135,7 @@ class Dissent:
 
     # --- a joint --------------------------------------------------------------------------------------------------------
 
-    def hear_joint(
+    def judge_robots(
         self,
         time: float,
         told: Mapping[str, Moments],

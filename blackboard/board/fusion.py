@@ -99,11 +99,11 @@ def fuse_opinions(
     if not everything:
         independent, uniform_ones = _without_uniform(independent)
     if dissent is not None and not everything:
-        dissent.hear(subject, now, independent, lambda others: _pooled(rule, others, grid))
+        dissent.judge_opinions(subject, now, independent, lambda others: _pooled(rule, others, grid))
     if learner is not None and isinstance(rule, Coalition) and rule.independence == "learn":
         if len(independent) == 1 and not overlapping:
             return _with_uniform(uniform_ones, _alone(independent[0], rule, learner, counts), counts)
-        learner.hear(subject, now, independent)
+        learner.compare_opinions(subject, now, independent)
         return _with_uniform(
             uniform_ones, _fused(_as_learned(rule, independent, overlapping, learner), grid, counts), counts
         )

@@ -52,7 +52,7 @@ class Guests:
             return set()
         return set(waiting) - {waiting[int(now // TURN) % len(waiting)]} if waiting else set()
 
-    def look(self, robot: str, entries: Mapping[str, Entry]) -> None:
+    def hear_place(self, robot: str, entries: Mapping[str, Entry]) -> None:
         """Take what is said of a robot's place, by source: a named robot's own evidence that agrees with a guest's confirms it."""
         if not self.waits(robot) or (own := _firsthand(entries, robot)) is None or own.bell is None:
             return

@@ -36,7 +36,7 @@ class Handover:
             agreed=self.board.memory("agreed"),
         )
 
-    def take(self, memory: Memory, *, lockstep: bool) -> None:
+    def take_memory(self, memory: Memory, *, lockstep: bool) -> None:
         """Replace what the board has learned: by one Memory for each second. Refused: "fields".
 
         In lockstep one of an older tick would undo what was learned since; elsewhere it costs a sample of each pair at most.

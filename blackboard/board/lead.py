@@ -104,7 +104,7 @@ class Lead:
 
     # --- events -------------------------------------------------------------------------------------------------------
 
-    def hear(self, status: Status, now: float, newest: float, *, any_tick: bool) -> bool:
+    def hear_status(self, status: Status, now: float, newest: float, *, any_tick: bool) -> bool:
         """Take the status of another board of the sub-team. True if that should hear this board's own at once.
 
         `newest`: the latest team time (seconds) that it can have settled; a later one is of another run. `any_tick`: ticks are each

@@ -64,7 +64,7 @@ class Learned:
 
 
 class Learner:
-    """`hear` the opinions of each tick, ask for `advice` on the sources of a fusion. The order of opinions does not matter."""
+    """`compare_opinions` of each tick, ask for `advice` on the sources of a fusion. The order of opinions does not matter."""
 
     def __init__(self) -> None:
         # what it remembers, all of it (`blackboard.board.memory`)
@@ -90,7 +90,7 @@ class Learner:
         self._pairings = {pair: pairing(window) for pair, window in samples.items()}
         self._estimate = self._learned = None
 
-    def hear(self, subject: str, time: float, opinions: Sequence[Opinion]) -> None:
+    def compare_opinions(self, subject: str, time: float, opinions: Sequence[Opinion]) -> None:
         """Compare the opinions on a subject at a team time, in seconds, in pairs without a common ancestor.
 
         Nothing is taken within SPACING of the subject's sample before, nor from an opinion that is as old as that.

@@ -100,7 +100,7 @@ class Reception:
     def _on_consensus(self, consensus: Consensus, now: float) -> None:
         board = consensus.sub_team, consensus.board
         self.participants.check_board(*board)
-        self.clocks.echoes.hear("/".join(board), consensus.time, now)
+        self.clocks.echoes.hear_stamp("/".join(board), consensus.time, now)
         self.board.hear_consensus(self.clocks.on_time("/".join(board), consensus, now), self.clock.time(now))
         self._consensuses.record(board, consensus.subject, consensus.tick)
 
@@ -116,14 +116,16 @@ class Reception:
         self.participants.check_board(sub_team, forward.board)
         forward = self.clocks.on_time(f"{sub_team}/{forward.board}", forward, now)
         self.board.check_time(forward.time, self.clock.time(now))
-        self.board.joint.hear(forward, lambda robot: self.participants.has_robot(robot, sub_team), self.clocks.skew)
+        self.board.joint.hear_forward(
+            forward, lambda robot: self.participants.has_robot(robot, sub_team), self.clocks.skew
+        )
 
     def _on_memory(self, memory: Memory, now: float) -> None:
         """Where this board follows, learn what its leader has learned."""
         self.participants.check_twin(memory.board)
         if self.lead.role is BoardRole.FOLLOWS and (memory.board, memory.run) == (self.lead.leader, self.clock.run):
             self.board.check_time(memory.time, self.clock.time(now))
-            self.handover.take(memory, lockstep=self.clock.pace is Pace.LOCKSTEP)
+            self.handover.take_memory(memory, lockstep=self.clock.pace is Pace.LOCKSTEP)
 
     def _on_status(self, sub_team: str, status: Status, now: float) -> bool:
         mine = sub_team == self.sub_team
@@ -146,7 +148,7 @@ class Reception:
         if lists or self.participants.has_robot(robot, sub_team):
             self._learn_speed(status, mine or self.clock.named is None, self.clock.time(now))
             self.board.remember_tracks(status.tracks)
-            self.clocks.hear(robot, status, now)
+            self.clocks.hear_status(robot, status, now)
         if lists:
             self._reports.record_list(robot, status.tick, status.subjects)
             self.board.withdraw(robot, status.tick, {*status.subjects, *status.kept})
@@ -168,14 +170,14 @@ class Reception:
         if not status.follows:
             self.clocks.adopt(status)
         newest = self.clock.time(now) + self.board.settings.future
-        return self.lead.hear(status, now, newest, any_tick=self.clocks.differ)
+        return self.lead.hear_status(status, now, newest, any_tick=self.clocks.differ)
 
     def _on_board(self, sub_team: str, status: Status, now: float) -> None:
         """A board of another sub-team lists what it settled."""
         board = sub_team, status.process
         known = self.participants.has_board(*board)
         if known:
-            self.clocks.hear("/".join(board), status, now)
+            self.clocks.hear_status("/".join(board), status, now)
             self.participants.hear_role(*board, follows=status.follows)
         if status.phase == "consensus" and not status.follows:
             # Outside lockstep an empty list changes nothing, and a board that has just started may send it before its token arrives.

@@ -133,7 +133,7 @@ class BoardService:
         out = self.publisher.look(now) + self._turn("before", now)
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             self._hold(now)
-            self.roster.hear(envelope, now)
+            self.roster.hear_token(envelope, now)
             out += self._retry(now) if envelope.kind is Kind.ALIVE else []
             out += [self.publisher.status(now)] if _is_world(envelope) else []
         else:
@@ -177,7 +177,7 @@ class BoardService:
                 log.warning(
                     "a Clock without %s is not followed before that token is there", keys.WORLD.key(team=self.team)
                 )
-        news = self.clock.hear(clock, now)
+        news = self.clock.hear_clock(clock, now)
         if news is not News.REPEATED:
             self._follow(news, now)
             return []

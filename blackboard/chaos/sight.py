@@ -46,7 +46,7 @@ class Sight:
         self.statuses: dict[str, tuple[Status, int]] = {}
         self._agreed: dict[Pair, Consensus] = {}
 
-    def take(self, envelope: Envelope, now: float) -> None:
+    def hear_envelope(self, envelope: Envelope, now: float) -> None:
         """Take what was received at a time (s)."""
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             (self.tokens.add if envelope.kind is Kind.ALIVE else self.tokens.discard)(envelope.key)

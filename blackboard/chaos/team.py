@@ -69,7 +69,7 @@ class StormTeam:
         while True:
             for link in self.links:
                 for envelope in await asyncio.to_thread(link.receive, LOOK / 2):
-                    self.sight.take(envelope, self.now())
+                    self.sight.hear_envelope(envelope, self.now())
             if self.now() - looked >= LOOK and self.sight.tick >= 0:
                 looked = self.now()
                 self.looks.append(self.sight.look(looked, self.away()))

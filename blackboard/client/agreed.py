@@ -62,7 +62,7 @@ class Newest:
         #: subject -> time and tick of what was agreed on last, and Unix time when it came; the oldest arrival first
         self._last: dict[str, tuple[tuple[float, int], float]] = {}
 
-    def take(self, consensus: Consensus, now: float) -> Agreed | None:
+    def hear_consensus(self, consensus: Consensus, now: float) -> Agreed | None:
         """What a consensus that came at a Unix time says, if it is new. Refused: "fields", "grid", "mass"."""
         at = consensus.time, consensus.tick
         last, since = self._last.get(consensus.subject, ((-math.inf, -1), now))
@@ -96,10 +96,10 @@ class TeamNews:
         self._newest, self._on_agreed, self._on_refused = Newest(grid), on_agreed, on_refused
 
     def take(self, heard: Cue | Message, now: float) -> None:
-        """Take what came at a Unix time. Refused: as in `Newest.take`; and whatever a callback raises."""
+        """Take what came at a Unix time. Refused: as in `Newest.hear_consensus`; and whatever a callback raises."""
         if heard in (Cue.BEGIN, Cue.FREE):
             self._newest.forget()
-        elif isinstance(heard, Consensus) and (agreed := self._newest.take(heard, now)) is not None:
+        elif isinstance(heard, Consensus) and (agreed := self._newest.hear_consensus(heard, now)) is not None:
             self._on_agreed(agreed)
         elif isinstance(heard, Refusal):
             self._on_refused(heard)

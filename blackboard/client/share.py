@@ -123,7 +123,7 @@ class Share(Around):
     def _hear(self, heard: ClockNews | Message, now: float) -> list[Envelope]:
         if isinstance(heard, ClockNews) and heard.news in (News.RUN, News.FREE):
             self._agreed.forget()
-        elif isinstance(heard, Consensus) and (agreed := self._agreed.take(heard, now)) is not None:
+        elif isinstance(heard, Consensus) and (agreed := self._agreed.hear_consensus(heard, now)) is not None:
             self._keep(agreed, now)
         return []
 

@@ -102,7 +102,7 @@ def read_graph(file: str | Path | None) -> FactorGraph:
         with path.open(encoding="utf-8", errors="replace") as lines:
             for number, line in enumerate(lines, 1):
                 words = line.split()
-                if words and not reader.take(words):
+                if words and not reader.read_line(words):
                     raise UserError(f"{path}, line {number}: no sound element: {line.strip()!r:.60}; mend or remove it")
     except OSError as error:
         raise UserError(f"{path}: cannot be read ({error.strerror}); give a file in PyFG format") from error
@@ -118,7 +118,7 @@ class _Reader:
         self.edges: list[tuple[str, float, str, str, list[float]]] = []
         self.left_out: Counter[str] = Counter()
 
-    def take(self, words: list[str]) -> bool:
+    def read_line(self, words: list[str]) -> bool:
         """Take a line; False where it is corrupt."""
         kind = words[0]
         if kind not in NUMBERS:

@@ -15,7 +15,7 @@ GONE = 5.0  # seconds without a sample until the end: who comes back is settled 
 
 @dataclass
 class Attendance:
-    """Counts samples; `take` each of them, in order of time. Mutable."""
+    """Counts samples; `note_missing` of each of them, in order of time. Mutable."""
 
     judged: Counter[str] = field(default_factory=Counter)  # subject -> samples
     lacking: Counter[str] = field(default_factory=Counter)  # subject -> samples that were due
@@ -24,7 +24,7 @@ class Attendance:
     _last: dict[str, float] = field(default_factory=dict)  # robot -> team time at which a sample of it was due last
     _until: float = 0.0  # team time of the newest sample
 
-    def take(self, subject: str, time: float, missing: Collection[str]) -> None:
+    def note_missing(self, subject: str, time: float, missing: Collection[str]) -> None:
         """Take a sample of a subject at a team time (s), and the levels whose beliefs are missing."""
         self._until = self._last[subject] = time
         if not missing:

@@ -36,7 +36,7 @@ class Distances:
         """Take in one."""
         self._extend(np.array([distance]))
 
-    def take(self, other: Distances) -> None:
+    def add_all(self, other: Distances) -> None:
         """Take in all of another one."""
         if other._bins is None:
             self._extend(other._kept[: other._n])

@@ -35,7 +35,7 @@ class Instant:
     roll: RollCall[tuple[str, str, str]] = field(default_factory=RollCall)  # sub-team, board and phase
     landmark_seen: frozenset[str] = frozenset()  # the robots that saw a landmark in this tick
 
-    def hear(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> bool:
+    def hear_message(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> bool:
         """Take a message about this tick; True if it is the first of its kind. Who does not take part is ignored."""
         if isinstance(message, Solo):
             first = message.robot not in self.solos

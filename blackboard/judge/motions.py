@@ -26,7 +26,7 @@ class Motions:
         #: what and subject -> how many, sums of squared errors and log densities, and how many regions of LEVELS held the truth
         self._sums: dict[tuple[str, str], Array] = defaultdict(lambda: np.zeros(3 + len(LEVELS)))
 
-    def hear(self, instant: Instant, sub_team: str, subject: str) -> None:
+    def judge_subject(self, instant: Instant, sub_team: str, subject: str) -> None:
         """Judge what a sub-team agreed on about a subject, as far as the truth is known."""
         agreed = instant.consensus(sub_team, "agreed", subject)
         if agreed is None:

@@ -97,7 +97,7 @@ class Referee:
         """sha256 over the payloads of all consensuses, sorted by tick, sub-team, level, subject."""
         return self._hash.hexdigest()
 
-    def hear(self, instant: Instant, judged: bool) -> None:
+    def judge_instant(self, instant: Instant, judged: bool) -> None:
         """Take a tick that is over: into the hash, and into the scores where it is `judged`."""
         for name in sorted(instant.consensuses):
             payload, _ = instant.consensuses[name]
@@ -110,22 +110,22 @@ class Referee:
         sub_team_of = {robot: name for name in sorted(instant.teams, reverse=True) for robot in instant.teams[name]}
         self._took_part |= sub_team_of.keys()
         for robot in sorted(set(self.robots) - sub_team_of.keys()):
-            self._attendance.take(f"robot/{robot}", instant.truth.time, ["solo"])
+            self._attendance.note_missing(f"robot/{robot}", instant.truth.time, ["solo"])
         for robot in sorted(sub_team_of):
             for subject in (f"robot/{robot}", *([] if robot in self.faulty else objects)):
                 if subject in instant.truth.positions:
                     self._sample(instant, robot, sub_team_of[robot], subject, known)
         self._judge_motions(instant, sub_team_of)
-        self._unnamed.hear(instant, {*self.robots, *sub_team_of})
+        self._unnamed.judge_instant(instant, {*self.robots, *sub_team_of})
 
     def _judge_motions(self, instant: Instant, sub_team_of: Mapping[str, str]) -> None:
         """Each robot's by its sub-team, but for those that are faulty, and each object's by the first sub-team."""
         for subject in instant.truth.positions:
             kind, _, name = subject.partition("/")
             if kind == "object" and instant.teams:
-                self._motions.hear(instant, min(instant.teams), subject)
+                self._motions.judge_subject(instant, min(instant.teams), subject)
             elif name in sub_team_of and name not in self.faulty:
-                self._motions.hear(instant, sub_team_of[name], subject)
+                self._motions.judge_subject(instant, sub_team_of[name], subject)
 
     def _sample(
         self,
@@ -145,7 +145,7 @@ class Referee:
                 judged = known[subject, packed]
             if judged is not None:
                 scored[level] = judged
-        self._attendance.take(subject, instant.truth.time, [level for level in LEVELS if level not in scored])
+        self._attendance.note_missing(subject, instant.truth.time, [level for level in LEVELS if level not in scored])
         if len(scored) == len(LEVELS):
             self._company[subject] += len(instant.sources("agreed", robot, sub_team, subject)) > 1
             lost = self._judge_lost(instant, sub_team, subject, scored["agreed"][0])

@@ -35,7 +35,7 @@ class Tally:
         """The entries of several, as a new one."""
         whole = Tally()
         for part in parts:
-            whole._errors.take(part._errors)
+            whole._errors.add_all(part._errors)
             whole._sums += part._sums
         return whole
 

@@ -42,7 +42,7 @@ class Tracks:
         self._unmet: dict[str, bool] = {}  # of each track that lives: whether it was never near a thing
         self._existence = Forecasts()
 
-    def hear(self, things: Mapping[str, Place], tracks: Mapping[str, Track]) -> None:
+    def judge_instant(self, things: Mapping[str, Place], tracks: Mapping[str, Track]) -> None:
         """Take one tick: where each thing is, and what the team says."""
         named, known = sorted(things), sorted(tracks)
         matched = gospa(_rows([things[t] for t in named]), _rows([tracks[t].place for t in known]), self._cut)

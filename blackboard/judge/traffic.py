@@ -17,7 +17,7 @@ class Traffic:
         #: (its sub-team if a board) and process -> counters and refused of its newest status
         self._statuses: dict[tuple[str, str], tuple[dict[str, int], dict[str, int]]] = {}
 
-    def hear(self, sub_team: str, status: Status) -> None:
+    def hear_status(self, sub_team: str, status: Status) -> None:
         """Take a status; processes beyond the first `MAX_PROCESSES` are not counted."""
         name = sub_team if status.kind == "board" else "", status.process
         if name in self._statuses:

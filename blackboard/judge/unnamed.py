@@ -33,7 +33,7 @@ class Unnamed:
         """Whether a subject is of a kind that sightings do not name."""
         return kind_of(subject) in self._tracks
 
-    def hear(self, instant: Instant, team: Collection[str]) -> None:
+    def judge_instant(self, instant: Instant, team: Collection[str]) -> None:
         """Judge what the first sub-team agreed on; of robots without those of the `team`, whom everybody knows."""
         if not instant.teams:
             return
@@ -44,7 +44,7 @@ class Unnamed:
         ]
         tracks = {c.subject: track for c in told if (track := self._track(c)) is not None}
         for kind, judge in self._tracks.items():
-            judge.hear(_of(kind, things), _of(kind, tracks))
+            judge.judge_instant(_of(kind, things), _of(kind, tracks))
         self._identify(instant)
 
     def _identify(self, instant: Instant) -> None:

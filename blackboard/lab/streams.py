@@ -219,7 +219,7 @@ def judge(name: str, fusions: int, rng: np.random.Generator) -> dict[str, Score]
             Opinion(source, Belief(case.grid, p), {source: case.time})
             for source, p in zip(case.sources, case.opinions, strict=True)
         ]
-        learner.hear(case.subject, case.time, opinions)
+        learner.compare_opinions(case.subject, case.time, opinions)
         advice = learner.advice(case.sources, [width(opinion.belief) for opinion in opinions])
         pooled = fuse(*as_advised(rule, case.opinions, advice), case.grid)
         scores[LEARNED].add(Belief(case.grid, pooled.p), case.truth)

@@ -46,7 +46,7 @@ class Knock:
             pause.wait(PAUSE)
         self.denied = max((told[0] for answer in answers if (told := read(answer.payload))), default=0)
 
-    def hear(self, payload: bytes) -> None:
+    def hear_router(self, payload: bytes) -> None:
         """Take what the router says, and log what it denied since."""
         told = read(payload)
         if told is not None:

@@ -233,7 +233,7 @@ class Link:
             if event.transport.whatami == zenoh.WhatAmI.ROUTER:
                 here, now = event.kind == zenoh.SampleKind.PUT, self._clock.now()
                 with self._outage_lock:
-                    self._outage.hear(str(event.transport.zid), now, here=here)
+                    self._outage.hear_router(str(event.transport.zid), now, here=here)
 
         # called in Zenoh's thread, without one of its own; those already connected to come first
         direct: Any = zenoh.handlers.Callback(hear, indirect=False)
@@ -242,7 +242,7 @@ class Link:
     def _listen_at_door(self, knock: Knock) -> None:
         def hear(sample: Any) -> None:
             if len(sample.payload) <= LARGEST:
-                knock.hear(sample.payload.to_bytes())
+                knock.hear_router(sample.payload.to_bytes())
 
         # called in Zenoh's thread, without one of its own
         direct: Any = zenoh.handlers.Callback(hear, indirect=False)

@@ -16,7 +16,7 @@ class Outage:
         self._told = False  # that the router is lost
         self._quiet_until = 0.0
 
-    def hear(self, router: str, now: float, *, here: bool) -> None:
+    def hear_router(self, router: str, now: float, *, here: bool) -> None:
         """A connection to a router was opened or closed."""
         lost = bool(self._routers) and not here
         (self._routers.add if here else self._routers.discard)(router)

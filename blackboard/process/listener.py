@@ -63,7 +63,7 @@ class Listener:
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         out: list[Envelope] = []
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
-            self.roster.hear(envelope, now)
+            self.roster.hear_token(envelope, now)
             if envelope.kind is Kind.ALIVE:
                 out = self.intake.retry(lambda _, message: self._take(message, now))
         else:
@@ -86,7 +86,7 @@ class Listener:
 
     def _take(self, message: Message, now: float) -> list[Envelope]:
         if isinstance(message, Clock):
-            news = self.clock.hear(message, now)
+            news = self.clock.hear_clock(message, now)
             begins = news is News.RUN or not message.end  # the last Clock of a run begins no tick and asks for nothing
             return self._hear(ClockNews(news, message), now) if begins and news is not News.NOTHING else []
         if isinstance(message, Consensus | Refusal) and message.board not in self.roster.boards.get(

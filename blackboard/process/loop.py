@@ -49,7 +49,7 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
         for envelope in arrived:
             if stopped():  # what has arrived may take longer than the one who stops it waits
                 break
-            if (warning := namesakes.hear(envelope, clock.now())) is not None:
+            if (warning := namesakes.hear_envelope(envelope, clock.now())) is not None:
                 log.warning(warning)
             with failures.survive(envelope.key):
                 _send(link, service.receive(envelope, clock.now()))

@@ -27,7 +27,7 @@ class Namesakes:
         self._since = self._heard_at = -math.inf  # of what the other one says
         self._warned = False
 
-    def hear(self, envelope: Envelope, now: float) -> str | None:
+    def hear_envelope(self, envelope: Envelope, now: float) -> str | None:
         """Take what arrived; the line to log where it shows that another process has this name, once as long as that goes on."""
         if envelope.key not in self._keys or envelope.kind is not Kind.PUT:
             return None

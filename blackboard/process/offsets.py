@@ -45,7 +45,7 @@ class Offsets:
         _kept(self._early, source).append(stamp - now)
         self._settle(source)
 
-    def told(self, offsets: Mapping[str, float]) -> None:
+    def hear_offsets(self, offsets: Mapping[str, float]) -> None:
         """What another board of the sub-team found, which counts where this process has no round trip of its own."""
         self._told = dict(list(offsets.items())[:MAX_SOURCES])
         for source in self._told:
@@ -83,7 +83,7 @@ class Echoes:
     def __init__(self) -> None:
         self._newest: dict[str, tuple[float, float]] = {}
 
-    def hear(self, peer: str, stamp: float, now: float) -> None:
+    def hear_stamp(self, peer: str, stamp: float, now: float) -> None:
         """Something that a peer stamped arrives."""
         before = self._newest.pop(peer, None)
         self._newest[peer] = (stamp, now) if before is None or before[0] != stamp else before

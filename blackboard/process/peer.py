@@ -254,7 +254,7 @@ class Peer(Around):
             raise Refused("future", f"agreed in tick {consensus.tick}, and the newest is {newest}")
         if self.clock.pace is not Pace.FREE:
             return consensus
-        self._echoes.hear(f"{consensus.sub_team}/{consensus.board}", consensus.time, now)
+        self._echoes.hear_stamp(f"{consensus.sub_team}/{consensus.board}", consensus.time, now)
         if consensus.subject == f"robot/{self.robot}":
             self._ahead[consensus.sub_team] = consensus.ahead
         ahead = self._ahead.get(consensus.sub_team, 0.0)

@@ -35,7 +35,7 @@ class Roster:
         self._until: dict[str, float] = {}  # token -> until when it counts; infinity while it is held
         self._gone: dict[str, None] = {}  # tokens that counted once and do no longer, the oldest first
 
-    def hear(self, envelope: Envelope, now: float) -> bool:
+    def hear_token(self, envelope: Envelope, now: float) -> bool:
         """A token appeared or vanished. True if it came back while it still counted: its holder may have missed something."""
         token, here = envelope.key, envelope.kind is Kind.ALIVE
         if not any(topic.match(token) for topic in TOKENS):

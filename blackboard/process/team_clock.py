@@ -124,7 +124,7 @@ class TeamClock:
         """The run of the world that is followed; empty where none is."""
         return "" if self.followed is None else self.followed.run
 
-    def hear(self, clock: Clock, now: float) -> News:
+    def hear_clock(self, clock: Clock, now: float) -> News:
         """Take a Clock. It is followed while a world's token is there, and kept until then; an older tick is ignored."""
         if self.roster.world:
             self._stray = self._token_due = None
@@ -139,7 +139,7 @@ class TeamClock:
             clock, since = self._stray
             if self.followed is None and now - since > EARLY:
                 self._stranger = clock.run, now + WORLD_SILENT
-            return self.hear(clock, now)
+            return self.hear_clock(clock, now)
         if self.state is State.TOKEN and self._clock_due is None:
             self._clock_due = now + CLOCKLESS  # a token that comes and goes does not begin it anew
         if self._was_away and not self.roster.away:

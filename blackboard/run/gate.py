@@ -55,7 +55,7 @@ def keep_door(config: LinkConfig, stop: Stop, ready: Callable[[], object]) -> No
         while not stop.wait(LOOK):
             _ = link.counters  # warns once when the router's certificate has expired
             with listening.lock:
-                told = keeper.tell(clock.now())
+                told = keeper.messages_due(clock.now())
             for envelope in told:
                 link.send(envelope)
 
@@ -94,9 +94,9 @@ class _Listening:
             if not self._counts:
                 continue
             with self._failures.survive("Zenoh's log"), self.lock:
-                denial = self._reader.take(event)
+                denial = self._reader.read(event)
                 if denial is not None:
-                    self._keeper.take([denial])
+                    self._keeper.count([denial])
             if self._reader.enabled:
                 self._enabled.set()
             other, self._reader.other = self._reader.other, []

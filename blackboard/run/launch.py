@@ -246,11 +246,11 @@ class Observer:
         """Take in what arrives, until cancelled."""
         while True:
             for envelope in await asyncio.to_thread(self._link.receive, 0.2):
-                self.take(envelope)
+                self.hear_envelope(envelope)
 
-    def take(self, envelope: Envelope) -> None:
+    def hear_envelope(self, envelope: Envelope) -> None:
         """Take in one envelope."""
-        self._fold.take(envelope, self._clock.now())
+        self._fold.hear_envelope(envelope, self._clock.now())
         team = self._team
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             self._changed.set()

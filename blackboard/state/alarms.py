@@ -59,7 +59,7 @@ class Alarms:
         if known is not None and known.until is None:
             self._kept[what, who] = replace(known, until=now)
 
-    def look(self, alarms: Mapping[tuple[str, str], str], now: float) -> None:
+    def raise_all(self, alarms: Mapping[tuple[str, str], str], now: float) -> None:
         """All that a settled tick shows: kind and name -> text. What was not found for QUIET seconds is over."""
         for (what, who), text in alarms.items():
             self.raise_(what, who, text, now)

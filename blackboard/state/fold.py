@@ -17,7 +17,7 @@ MAX_TEAMS = 16
 
 
 class Fold:
-    """All teams that are heard of. `take` never raises for what arrives: it counts what it refuses."""
+    """All teams that are heard of. `hear_envelope` never raises for what arrives: it counts what it refuses."""
 
     def __init__(self, most_bytes: int = MAX_BYTES) -> None:
         """`most_bytes` are those of the moments of each team (`blackboard.state.moments`)."""
@@ -25,7 +25,7 @@ class Fold:
         self.teams: dict[str, TeamFold] = {}
         self.refused: Counter[str] = Counter()  # by reason, as `blackboard.wire.messages.REASONS`
 
-    def take(self, envelope: Envelope, now: float) -> None:
+    def hear_envelope(self, envelope: Envelope, now: float) -> None:
         """Take one envelope that arrived at `now`, Unix seconds."""
         try:
             if envelope.kind in (Kind.ALIVE, Kind.GONE):
@@ -36,7 +36,7 @@ class Fold:
                 self._team(sender.pop("team")).hear_sender(**sender, size=len(envelope.payload), now=now)
             elif envelope.kind is Kind.PUT:
                 _, parts, message = open_envelope(envelope)
-                self._team(parts["team"]).hear(parts, message, len(envelope.payload), now)
+                self._team(parts["team"]).hear_message(parts, message, len(envelope.payload), now)
         except Refused as refusal:
             self.refused[refusal.reason] += 1
 

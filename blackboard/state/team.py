@@ -152,7 +152,7 @@ class TeamFold:
 
     # --- messages -------------------------------------------------------------------------------------------------------
 
-    def hear(self, parts: dict[str, str], message: Message, size: int, now: float) -> None:
+    def hear_message(self, parts: dict[str, str], message: Message, size: int, now: float) -> None:
         """Take a message; Refused: "too-many"."""
         if isinstance(message, Clock):
             self._process(*WORLD).heard(now, size)
@@ -339,7 +339,7 @@ class TeamFold:
         """Note which conflicts and which sources left out are new, and which did not come back for QUIET seconds."""
         cells = math.inf if self.grid is None else math.prod(self.grid.shape)
         shown, alarms = shown_by(moment, cells)
-        self.alarms.look(alarms | self._said(), now)
+        self.alarms.raise_all(alarms | self._said(), now)
         for (subject, source), text in shown.items():
             if (subject, source) not in self._noticed:
                 self._note("left out" if source else "conflict", subject, text, now)

@@ -51,7 +51,7 @@ def course(tape: Tape, run: str) -> Course:
     roster = Roster(grace=settings.grace, comeback=settings.comeback)
     for at, envelope in tape.envelopes:
         if envelope.kind is not Kind.PUT:
-            roster.hear(envelope, at)
+            roster.hear_token(envelope, at)
             continue
         topic = keys.parse(envelope.key)
         if topic is None or topic[0] not in (keys.CLOCK, keys.READING, keys.TRUTH, keys.SOLO):
@@ -93,7 +93,7 @@ def recorded(tape: Tape) -> Output:
             output.sent.append((run, envelope))
         elif keys.STATUS.match(envelope.key):
             for _, parts, status in messages([(0.0, envelope)], keys.STATUS, Status):
-                traffic.hear(parts["sub_team"], status)
+                traffic.hear_status(parts["sub_team"], status)
     output.counters, output.refused = traffic.counters({}), traffic.refused({})
     return output
 
@@ -117,7 +117,7 @@ def judge(
     every = round(JUDGED_EVERY / scenario.time.tick) if settings.kind != "simulated" else 1
     instants = _instants(story, output, without)
     for tick in sorted(instants):
-        referee.hear(instants[tick], judged=tick in story.truths and tick > 0 and tick % max(1, every) == 0)
+        referee.judge_instant(instants[tick], judged=tick in story.truths and tick > 0 and tick % max(1, every) == 0)
     judgement = referee.judgement()
     return RunResult(
         judgement=judgement,
@@ -193,7 +193,7 @@ def _instants(story: Course, output: Output, without: Collection[str]) -> dict[i
         instants[tick] = Instant(truth, teams, landmark_seen=who_saw_landmarks(story.readings.get(tick, [])))
     for solo in story.solos:
         if solo.tick in instants:
-            instants[solo.tick].hear("", solo, b"")
+            instants[solo.tick].hear_message("", solo, b"")
     for consensus, payload in _of(story.run, output):
         if not story.run and consensus.tick not in instants:
             truth = Truth(run="", tick=consensus.tick, time=consensus.time, positions={})
@@ -201,7 +201,7 @@ def _instants(story: Course, output: Output, without: Collection[str]) -> dict[i
         if consensus.tick in instants:
             if not story.run:
                 instants[consensus.tick].teams.setdefault(consensus.sub_team, [])
-            instants[consensus.tick].hear(consensus.sub_team, consensus, payload)
+            instants[consensus.tick].hear_message(consensus.sub_team, consensus, payload)
     return instants
 
 

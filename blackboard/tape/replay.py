@@ -29,7 +29,7 @@ class Output:
     counters: Counter[str] = field(default_factory=Counter)  # "sent", "received", "dropped", "bytes", of envelopes
     refused: Counter[str] = field(default_factory=Counter)  # reason -> messages that boards refused
 
-    def take(self, service: BoardService, out: list[Envelope]) -> None:
+    def add_sent(self, service: BoardService, out: list[Envelope]) -> None:
         """Take what a board sends."""
         self.counters["sent"] += len(out)
         self.sent += [(service.clock.run, envelope) for envelope in out if is_consensus(envelope)]
@@ -71,7 +71,7 @@ def _live_again(tape: Tape, life: Life, replayed: Replay, moved: Callable[[], No
     memories = _memories(tape, life)
     for number, (at, what, name) in enumerate(life.events, 1):
         if what == "wake":
-            output.take(service, service.wake(at))
+            output.add_sent(service, service.wake(at))
         else:
             envelope = Envelope(name, kind=Kind(what)) if what != "put" else tape.by_digest.get(name)
             if envelope is None:  # nothing happens but that time passes, as with one that was too large
@@ -79,7 +79,7 @@ def _live_again(tape: Tape, life: Life, replayed: Replay, moved: Callable[[], No
                 envelope = Envelope(name, kind=Kind.DELETE)
             output.counters["received"] += 1
             output.counters["bytes"] += len(envelope.payload)
-            output.take(service, service.receive(envelope, at))
+            output.add_sent(service, service.receive(envelope, at))
         if number in memories:
             with suppress(Refused):
                 service.board.remember(memories[number])

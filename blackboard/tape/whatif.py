@@ -66,7 +66,7 @@ class _Board(Around):
         return self._sent(super().wake(now))
 
     def _sent(self, out: list[Envelope]) -> list[Envelope]:
-        self._output.take(self.board, out)
+        self._output.add_sent(self.board, out)
         return out
 
     @property

@@ -42,7 +42,7 @@ class Source(Protocol):
 
     def receive(self) -> Sequence[tuple[float, Envelope]]: ...
 
-    def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None: ...
+    def hear_envelopes(self, envelopes: Sequence[tuple[float, Envelope]]) -> None: ...
 
 
 class Feed:
@@ -58,7 +58,9 @@ class Feed:
         link.watch(key_expr)
         link.subscribe(key_expr)
         at = now()
-        self.take([(at, envelope) for envelope in in_order(link.get(key_expr))])  # what was settled before this came
+        self.hear_envelopes(
+            [(at, envelope) for envelope in in_order(link.get(key_expr))]
+        )  # what was settled before this came
 
     @property
     def now(self) -> float:
@@ -73,15 +75,15 @@ class Feed:
         self.skipped += len(envelopes) - len(kept)
         return [(at, envelope) for envelope in kept]
 
-    def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
+    def hear_envelopes(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
         for at, envelope in envelopes:
-            self.fold.take(envelope, at)
+            self.fold.hear_envelope(envelope, at)
 
     def follow(self, seconds: float, enough: Callable[[], bool] = lambda: False) -> None:
         """Take in what arrives for so many seconds, or until it is enough."""
         end = self.now + seconds
         while not enough() and self.now < end:
-            self.take(self.receive())
+            self.hear_envelopes(self.receive())
 
 
 class TapeFeed:
@@ -98,11 +100,11 @@ class TapeFeed:
         """The next few; none at the end. UserError: as in `blackboard.tape.file.read`."""
         return list(islice(self._envelopes, CHUNK))
 
-    def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
+    def hear_envelopes(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
         self.done = not envelopes
         for at, envelope in envelopes:
             self.now = at
-            self.fold.take(envelope, at)
+            self.fold.hear_envelope(envelope, at)
 
 
 def newest(envelopes: Sequence[Envelope]) -> list[Envelope]:

@@ -95,7 +95,7 @@ class Running:
     def read_on(self, each: Callable[[], None] = lambda: None) -> None:
         """Take in what arrives until it is stopped, and call `each` after every look."""
         while not self._stopped():
-            self.feed.take(self.feed.receive())
+            self.feed.hear_envelopes(self.feed.receive())
             each()
 
     def moment(self, when: When | None, seconds: float) -> Moment:

@@ -54,7 +54,7 @@ class Taped:
     def read_on(self, each: Callable[[], None] = lambda: None) -> None:
         """Read to the end, and call `each` after every few envelopes."""
         while not self.feed.done:
-            self.feed.take(self.feed.receive())
+            self.feed.hear_envelopes(self.feed.receive())
             each()
 
     def moment(self, when: When | None, seconds: float = 0.0) -> Moment:

@@ -69,12 +69,12 @@ FOUND = [
 def read_all(events: list[str]) -> list[Denial]:
     """What is read of events, each cut into packets as a pipe cuts it."""
     reader, cut = DenialReader(), [event[i : i + PACKET] for event in events for i in range(0, len(event), PACKET)]
-    return [denial for packet in cut if (denial := reader.take(packet.encode())) is not None]
+    return [denial for packet in cut if (denial := reader.read(packet.encode())) is not None]
 
 
 def test_every_denial_is_read_and_nothing_else() -> None:
     reader = DenialReader()
-    assert [denial for event in LOG if (denial := reader.take(event.encode()))] == FOUND
+    assert [denial for event in LOG if (denial := reader.read(event.encode()))] == FOUND
     assert reader.enabled
     assert reader.other == ["zenoh_transport: something else"]
 
@@ -105,17 +105,17 @@ def test_a_key_with_line_breaks_forges_and_hides_nothing() -> None:
 def test_nothing_in_a_log_breaks_the_reader(noise: list[bytes]) -> None:
     reader = DenialReader()
     for event in noise:
-        reader.take(line("x").encode()[:-2] + event)
-        reader.take(event)
-    reader.take(b"2026-11-21T20:48:42Z  WARN x ThreadId(01) \xff\xfe: \xff")
-    assert reader.take(line("", target="zenoh_link_tls::unicast", level="WARN").encode())
+        reader.read(line("x").encode()[:-2] + event)
+        reader.read(event)
+    reader.read(b"2026-11-21T20:48:42Z  WARN x ThreadId(01) \xff\xfe: \xff")
+    assert reader.read(line("", target="zenoh_link_tls::unicast", level="WARN").encode())
 
 
 def test_a_denial_is_logged_when_it_is_new_and_at_every_tenfold(caplog: pytest.LogCaptureFixture) -> None:
     keeper = Doorkeeper(["robot/r1/1"], "t")
     with caplog.at_level(logging.WARNING):
         for i in range(100):
-            keeper.take([Denial("robot/r1/1", "put", f"cop/t/a/report/r2/object/ball{i}")])
+            keeper.count([Denial("robot/r1/1", "put", f"cop/t/a/report/r2/object/ball{i}")])
     lines = [record.getMessage() for record in caplog.records]
     assert len(lines) == 3  # 1, 10, 100
     assert lines[0] == "denied: 'robot/r1/1 may not put cop/t/a/report/r2/object/ball0' (1 times, 1 denials in all)"
@@ -127,7 +127,7 @@ def test_what_a_denied_one_writes_into_a_key_forges_no_line_and_takes_no_memory(
 ) -> None:
     keeper = Doorkeeper([], "t")
     with caplog.at_level(logging.WARNING):
-        keeper.take(Denial(f"x{i}", "put", f"a\x1b[2Jb\r{i}") for i in range(3 * MAX_DENIALS))
+        keeper.count(Denial(f"x{i}", "put", f"a\x1b[2Jb\r{i}") for i in range(3 * MAX_DENIALS))
     assert not any("\x1b" in record.getMessage() or "\r" in record.getMessage() for record in caplog.records)
     assert len(keeper.denied) == 1
     assert len(caplog.records) <= MAX_DENIALS + 5
@@ -138,26 +138,26 @@ def test_a_member_is_told_what_of_it_was_denied_and_not_too_often() -> None:
     keeper = Doorkeeper(["robot/r1/1", "world/world/1"], "t")
     assert [envelope.key for envelope in keeper.greet()] == ["door/t/robot/r1/1", "door/t/world/world/1"]
     assert {read(envelope.payload) for envelope in keeper.greet()} == {(0, "")}
-    assert keeper.tell(0.0) == []
-    keeper.take([Denial("robot/r1/1", "put", "cop/t/world/clock"), Denial("", "a connection was refused: x")])
-    told = {envelope.key: read(envelope.payload) for envelope in keeper.tell(0.0)}
+    assert keeper.messages_due(0.0) == []
+    keeper.count([Denial("robot/r1/1", "put", "cop/t/world/clock"), Denial("", "a connection was refused: x")])
+    told = {envelope.key: read(envelope.payload) for envelope in keeper.messages_due(0.0)}
     assert told == {
         "door/t/robot/r1/1": (1, "robot/r1/1 may not put cop/t/world/clock"),
         "door/t/strangers": (1, "a connection was refused: x"),
     }
-    keeper.take([Denial("robot/r1/1", "put", "cop/t/world/clock")])
-    assert keeper.tell(0.4) == []
-    assert len(keeper.tell(1.0)) == 1
+    keeper.count([Denial("robot/r1/1", "put", "cop/t/world/clock")])
+    assert keeper.messages_due(0.4) == []
+    assert len(keeper.messages_due(1.0)) == 1
 
 
 def test_a_member_that_stops_is_told_that_it_is_calm_again() -> None:
     keeper = Doorkeeper(["robot/r1/1"], "t")
-    keeper.take([Denial("robot/r1/1", "put", "cop/t/world/clock")])
-    keeper.tell(0.0)
-    assert keeper.tell(CALM - 1.0) == []
-    (calm,) = keeper.tell(CALM)
+    keeper.count([Denial("robot/r1/1", "put", "cop/t/world/clock")])
+    keeper.messages_due(0.0)
+    assert keeper.messages_due(CALM - 1.0) == []
+    (calm,) = keeper.messages_due(CALM)
     assert read(calm.payload) == (1, "")
-    assert keeper.tell(2 * CALM) == []
+    assert keeper.messages_due(2 * CALM) == []
 
 
 @pytest.mark.parametrize("payload", [b"", b"{}", b"[]", b'{"denied": "x", "last": ""}', b"\xff", b"[" * 100_000, b'{"denied": 1e999, "last": 1}'])  # fmt: skip

@@ -26,7 +26,7 @@ class Seat:
 
     def here(self, *boards: str, kind: Kind = Kind.ALIVE) -> bool:
         for board in boards:
-            self.roster.hear(token(board, kind), self.now)
+            self.roster.hear_token(token(board, kind), self.now)
         return self.it.look(self.now)
 
     def freeze(self) -> None:
@@ -47,7 +47,7 @@ class Seat:
     def hear(self, board: str, tick: int = 0, phase: str = "agreed", **part: object) -> bool:
         part = {"follows": False, "term": 0, "since": 0.0, "time": 0.2 * tick, **part}
         status = Status(process=board, kind="board", tick=tick, phase=phase, **part)  # type: ignore[arg-type]
-        answers = self.it.hear(status, self.now, 1e6, any_tick=False)
+        answers = self.it.hear_status(status, self.now, 1e6, any_tick=False)
         self.it.look(self.now)
         return answers
 

@@ -177,7 +177,7 @@ def judge(
 ) -> None:
     believed = {name: moments(0.0) for name in told}
     hear = partial(
-        dissent.hear_joint, told={name: moments(x) for name, x in told.items()}, believed=believed, trust=trust
+        dissent.judge_robots, told={name: moments(x) for name, x in told.items()}, believed=believed, trust=trust
     )
     for tick in range(5 * start, 5 * (start + seconds)):
         hear(tick / 5, verdicts=[Verdict("robot/r3", "robot/r3", "increment", 99.0, 3, taken)])

@@ -142,7 +142,7 @@ def test_a_status_of_another_run_drops_nothing() -> None:
     seat.here("w")
     seat.settle(1)
     status = Status(process="w", kind="board", tick=9, time=50.0, phase="agreed")
-    seat.it.hear(status, seat.now, 1.2, any_tick=False)
+    seat.it.hear_status(status, seat.now, 1.2, any_tick=False)
     assert seat.kept() == [(1, "agreed")]
 
 

@@ -37,7 +37,7 @@ LEARN = BoardSection.model_validate({"independence": "learn"})
 def taught(ticks: int = 40, n: int = 5, **how: Any) -> Learner:
     it = Learner()
     for second, opinions in enumerate(stream(n, ticks, **how)):
-        it.hear("object/ball", float(second), opinions)
+        it.compare_opinions("object/ball", float(second), opinions)
     return it
 
 
@@ -138,7 +138,7 @@ def test_samples_that_follow_each_other_count_less() -> None:
 def test_a_source_that_mends_is_believed_again() -> None:
     it = taught(40, liar=12.0)
     for second, opinions in enumerate(stream(5, 60, seed=2), start=40):
-        it.hear("object/ball", float(second), opinions)
+        it.compare_opinions("object/ball", float(second), opinions)
     assert exponents(it)[0] > 0.5
     assert it.learned(["s0"])[0].since is None
 
@@ -156,8 +156,8 @@ def test_the_order_of_arrival_changes_nothing() -> None:
     rng = np.random.default_rng(3)
     one, other = Learner(), Learner()
     for second, opinions in enumerate(stream(5, 20, liar=8.0)):
-        one.hear("object/ball", float(second), opinions)
-        other.hear("object/ball", float(second), [opinions[i] for i in rng.permutation(5)])
+        one.compare_opinions("object/ball", float(second), opinions)
+        other.compare_opinions("object/ball", float(second), [opinions[i] for i in rng.permutation(5)])
     assert exponents(one) == exponents(other)
     assert one.learned() == other.learned()
 
@@ -166,16 +166,16 @@ def test_what_shares_ancestors_is_not_compared() -> None:
     it = Learner()
     for second, (one, other, *_) in enumerate(stream(5, 20)):
         shared = Opinion(other.source, other.belief, {"s0": 0.0, "s1": 0.0})
-        it.hear("object/ball", float(second), [one, shared])
+        it.compare_opinions("object/ball", float(second), [one, shared])
     assert it.learned() == []
 
 
 def test_what_follows_too_soon_or_is_old_is_not_compared() -> None:
     it = Learner()
     for second, opinions in enumerate(stream(5, 20)):
-        it.hear("object/ball", float(second), opinions)
-        it.hear("object/ball", second + 0.5, opinions)  # within a second of the one before
-        it.hear(
+        it.compare_opinions("object/ball", float(second), opinions)
+        it.compare_opinions("object/ball", second + 0.5, opinions)  # within a second of the one before
+        it.compare_opinions(
             "object/can", float(second), [*opinions[:1], *(opinion(o.source, CENTRE, age=2.0) for o in opinions[1:])]
         )
     assert exponents(it) == exponents(taught(20))
@@ -188,8 +188,8 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     it = Learner()
     for second in range(12):
         names = [f"n{(second * 3 + i) % 11}" for i in range(4)]
-        it.hear(f"object/o{second}", float(second), [opinion(name, CENTRE) for name in names])
-    it.hear("object/all", 20.0, [opinion(f"n{i}", CENTRE) for i in range(9)])
+        it.compare_opinions(f"object/o{second}", float(second), [opinion(name, CENTRE) for name in names])
+    it.compare_opinions("object/all", 20.0, [opinion(f"n{i}", CENTRE) for i in range(9)])
     assert len(it.heard) == 6
     assert len(it.last) == 4
     assert len(it.samples) <= 6 * 5 // 2
@@ -215,7 +215,7 @@ def test_no_belief_makes_it_fail(ticks: list[list[list[float]]]) -> None:
     for second in range(12):
         ps = [np.reshape(p, SMALL.shape) / sum(p) for p in ticks[second % len(ticks)]]
         opinions = [Opinion(f"s{i}", Belief(SMALL, p), {f"s{i}": 0.0}) for i, p in enumerate(ps)]
-        it.hear("object/ball", float(second), opinions)
+        it.compare_opinions("object/ball", float(second), opinions)
         advice = it.advice([o.source for o in opinions], [width(o.belief) for o in opinions])
         assert 0 <= advice.independence <= 1
         assert np.all((advice.powers > 0) & (advice.powers <= 1))

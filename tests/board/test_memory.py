@@ -35,8 +35,8 @@ def pool(opinions: Any) -> Belief:
 
 def hear(learner: Learner, dissent: Dissent, time: float, opinions: list[Opinion]) -> None:
     for k, subject in enumerate(("object/ball", "robot/r1")):
-        learner.hear(subject, time, opinions[k:])
-        dissent.hear(subject, time, opinions[k:], pool)
+        learner.compare_opinions(subject, time, opinions[k:])
+        dissent.judge_opinions(subject, time, opinions[k:], pool)
 
 
 def sent(packed: PackedMemory) -> PackedMemory:
@@ -69,7 +69,7 @@ def test_who_goes_on_from_a_memory_does_the_same_to_the_bit(handed_on: int) -> N
 def test_a_memory_is_small_and_that_of_the_most_sources_fits_a_message() -> None:
     learner = Learner()
     for second in range(PAIR_WINDOW):
-        learner.hear("object/ball", float(second), [opinion(f"r{i}", (10 + i, 10)) for i in range(8)])
+        learner.compare_opinions("object/ball", float(second), [opinion(f"r{i}", (10 + i, 10)) for i in range(8)])
     assert (
         len(
             encode(
@@ -167,5 +167,7 @@ def test_whatever_a_memory_says_within_its_bounds_the_advice_is_sound(
     advice = it.advice(["s0", "s1", "s2"], [1.0, 2.0, 3.0])
     assert 0 <= advice.independence <= 1
     assert ((advice.powers > 0) & (advice.powers <= 1)).all()
-    it.hear("object/ball", 5.0, [Opinion(f"s{i}", gaussian(GRID, (10, 10 + i), 2.0), {f"s{i}": 5.0}) for i in range(3)])
+    it.compare_opinions(
+        "object/ball", 5.0, [Opinion(f"s{i}", gaussian(GRID, (10, 10 + i), 2.0), {f"s{i}": 5.0}) for i in range(3)]
+    )
     assert all(math.isfinite(one.variance) for one in it.learned())

@@ -30,7 +30,7 @@ def seen() -> Seen:
     stream = Stream(feed, "demo")
     assert Stream(feed, "another").new(found) == 0
     while not feed.done:
-        feed.take(feed.receive())
+        feed.hear_envelopes(feed.receive())
         stream.new(found)
     assert stream.new(found) == 0
     assert found.events == list(feed.fold.teams["demo"].events)

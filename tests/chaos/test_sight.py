@@ -26,7 +26,7 @@ def agreed(sub_team: str, subject: str, time: float, **ancestors: float) -> Enve
 def told(*envelopes: Envelope) -> Sight:
     sight = Sight(TEAM)
     for envelope in envelopes:
-        sight.take(envelope, 0.0)
+        sight.hear_envelope(envelope, 0.0)
     return sight
 
 
@@ -76,7 +76,7 @@ def test_messages_are_counted_by_whom_they_are_from() -> None:
 def test_who_holds_a_token() -> None:
     sight = told(token(keys.MEMBER, "r1"))
     assert (sight.holds("r1"), sight.holds("r2")) == (True, False)
-    sight.take(token(keys.MEMBER, "r1", kind=Kind.GONE), 1.0)
+    sight.hear_envelope(token(keys.MEMBER, "r1", kind=Kind.GONE), 1.0)
     assert not sight.holds("r1")
 
 

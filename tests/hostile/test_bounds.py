@@ -81,7 +81,9 @@ def test_the_world_keeps_only_what_it_sums_up() -> None:
     held = []
     for subjects in ([], [f"object/o{i}" for i in range(200)]):
         traffic = Traffic()
-        traffic.hear("a", Status(process="r1", kind="robot", tick=1, time=0.0, counters={"sent": 3}, subjects=subjects))
+        traffic.hear_status(
+            "a", Status(process="r1", kind="robot", tick=1, time=0.0, counters={"sent": 3}, subjects=subjects)
+        )
         assert traffic.counters({}) == {"sent": 3}
         held.append(holdings(traffic, "traffic"))
     assert held[0] == held[1]
@@ -101,10 +103,10 @@ def test_invented_tokens_are_bounded_and_the_world_s_is_still_seen() -> None:
     own = keys.BOARD.key(team="t", sub_team="a", board="a")
     it = Roster(own)
     for i in range(MAX_TOKENS + 100):
-        it.hear(Envelope(keys.MEMBER.key(team="t", sub_team=f"z{i}", robot="x"), kind=Kind.ALIVE), 0.0)
+        it.hear_token(Envelope(keys.MEMBER.key(team="t", sub_team=f"z{i}", robot="x"), kind=Kind.ALIVE), 0.0)
     assert len(it.tokens) == max(holdings(it, "roster").values()) == MAX_TOKENS
-    it.hear(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), 0.0)
-    it.hear(Envelope(own, kind=Kind.ALIVE), 0.0)
+    it.hear_token(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), 0.0)
+    it.hear_token(Envelope(own, kind=Kind.ALIVE), 0.0)
     assert it.world
     assert own in it.tokens
 

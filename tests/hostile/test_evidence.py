@@ -111,12 +111,12 @@ def lives_through(seed: int, caplog: pytest.LogCaptureFixture, *, anew: bool = F
     rng, it, liar = np.random.default_rng(seed), desk(), ("r0", "r9")[seed % 2]
     for tick in range(20):
         for name in PLACES:
-            it.take(name, tick, 0.2 * tick, honest(tick, name), own=True)
+            it.take_evidence(name, tick, 0.2 * tick, honest(tick, name), own=True)
         if tick >= 3:
             with suppress(Refused, ValueError):
                 said = absurd(rng) if rng.random() < 0.3 else lie(rng, tick)
                 said = said.model_copy(update={"epoch": 10 * tick}) if anew else said
-                it.take(liar, tick, 0.2 * tick, said, own=True)
+                it.take_evidence(liar, tick, 0.2 * tick, said, own=True)
         told = means(it.settle(0.2 * tick, MAKE))
         for name, place in PLACES.items():
             assert np.hypot(*np.subtract(told[f"robot/{name}"], place)) < 3.0
@@ -130,7 +130,7 @@ def test_a_robot_with_absurd_readings_says_what_a_message_can_hold_and_is_refuse
         0, Motion(distance=-1e15, along=1e20), Nuisance(), far, Increment(far.mean, far.covariance, far.mean), []
     )
     with pytest.raises(Refused, match="fields"):
-        desk().take("r1", 0, 0.0, said, own=True)
+        desk().take_evidence("r1", 0, 0.0, said, own=True)
 
 
 def test_claims_without_any_error_and_huge_ones_are_compared_without_an_exception() -> None:

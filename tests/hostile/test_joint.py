@@ -45,7 +45,7 @@ def test_a_member_that_breaks_the_joint_every_tick_is_left_out_and_the_others_ar
     it = desk()
     for tick in range(10):
         for i, robot in enumerate(ROBOTS):
-            it.take(robot, tick, float(tick), broken(13) if robot == liar else at(10 + i, 10), own=True)
+            it.take_evidence(robot, tick, float(tick), broken(13) if robot == liar else at(10 + i, 10), own=True)
         told = means(it.settle(float(tick), MAKE))
         assert told.keys() == {f"robot/{robot}" for robot in ROBOTS if robot != liar}
     assert (it.counters["joint_left_out"], it.counters["joint_restarts"]) == (3, 0)
@@ -55,9 +55,9 @@ def test_a_member_that_breaks_the_joint_every_tick_is_left_out_and_the_others_ar
 def test_who_was_left_out_may_return_and_is_left_out_at_once_if_it_breaks_the_joint_again() -> None:
     it = desk()
     for tick in range(5):
-        it.take("r1", tick, float(tick), broken(13), own=True)
+        it.take_evidence("r1", tick, float(tick), broken(13), own=True)
         it.settle(float(tick), MAKE)
-    it.take("r1", 6, 70.0, at(10, 10).model_copy(update={"epoch": 100}), own=True)
+    it.take_evidence("r1", 6, 70.0, at(10, 10).model_copy(update={"epoch": 100}), own=True)
     assert "robot/r1" in means(it.settle(70.0, MAKE))
     assert it.counters["joint_left_out"] == 3
 
@@ -68,8 +68,8 @@ def test_a_fault_of_ours_costs_a_robot_that_tick_and_is_logged_once_with_its_tra
     it = desk()
     for tick in range(10):
         epoch = 14 if 2 <= tick < 7 else 3 * tick
-        it.take("r1", tick, float(tick), at(10, 10).model_copy(update={"epoch": epoch}), own=True)
-        it.take("r2", tick, float(tick), at(20, 10), own=True)
+        it.take_evidence("r1", tick, float(tick), at(10, 10).model_copy(update={"epoch": epoch}), own=True)
+        it.take_evidence("r2", tick, float(tick), at(20, 10), own=True)
         told = means(it.settle(float(tick), MAKE))
         assert told.keys() == {"robot/r1", "robot/r2"}
     assert +it.counters == {"failed": 5}
@@ -81,7 +81,7 @@ def test_a_fault_of_ours_costs_a_robot_that_tick_and_is_logged_once_with_its_tra
 def test_where_no_robot_is_to_blame_the_joint_begins_anew() -> None:
     it = desk()
     for tick in range(6):
-        it.take("r1", tick, float(tick), at(10, 10).model_copy(update={"epoch": 5 * tick}), own=True)
+        it.take_evidence("r1", tick, float(tick), at(10, 10).model_copy(update={"epoch": 5 * tick}), own=True)
         told = means(it.settle(float(tick), MAKE))
         assert told == ({} if tick == 3 else {"robot/r1": (10.0, 10.0)})
     assert +it.counters == {"joint_restarts": 1}
@@ -89,15 +89,17 @@ def test_where_no_robot_is_to_blame_the_joint_begins_anew() -> None:
 
 def test_a_board_may_not_speak_for_a_robot_of_another_sub_team() -> None:
     it = desk()
-    it.take("r1", 0, 0.0, at(10, 10), own=True)
+    it.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
     forged = at(40, 40).model_copy(update={"epoch": 900})
     evidence = [
         Forwarded(robot="r1", tick=2**53 - 1, evidence=forged),
         Forwarded(robot="r9", tick=0, evidence=at(20, 20)),
     ]
     with pytest.raises(Refused, match="unregistered"):
-        it.hear(Forward(board="b", sub_team="b", tick=0, time=1.0, evidence=evidence), lambda robot: robot == "r9")
-    it.take("r1", 1, 0.2, at(10, 10), own=True)
+        it.hear_forward(
+            Forward(board="b", sub_team="b", tick=0, time=1.0, evidence=evidence), lambda robot: robot == "r9"
+        )
+    it.take_evidence("r1", 1, 0.2, at(10, 10), own=True)
     assert means(it.settle(0.2, MAKE)) == {"robot/r1": (10.0, 10.0), "robot/r9": (20.0, 20.0)}
 
 

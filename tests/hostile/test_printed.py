@@ -178,7 +178,7 @@ def test_what_the_terminal_shows_is_printable(tapes: list[Path]) -> None:
     async def look(tape: Path) -> list[str]:
         feed = TapeFeed(read(tape))
         while not feed.done:
-            feed.take(feed.receive())
+            feed.hear_envelopes(feed.receive())
         top = Top(feed, SMALL.team.name)
         async with top.run_test(size=(160, 50)) as pilot:
             while not top.query("#head"):

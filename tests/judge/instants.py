@@ -45,7 +45,7 @@ def instant(
 
 
 def solo(it: Instant, robot: str, beliefs: Mapping[str, PackedBelief]) -> None:
-    it.hear("", Solo(robot=robot, tick=it.truth.tick, time=0.0, beliefs=dict(beliefs)), b"")
+    it.hear_message("", Solo(robot=robot, tick=it.truth.tick, time=0.0, beliefs=dict(beliefs)), b"")
 
 
 def consensus(
@@ -60,7 +60,7 @@ def consensus(
     where = {"board": sub_team, "sub_team": sub_team, "level": level, **more}
     said = messages.consensus(belief, subject, tick=it.truth.tick, used=list(used), **where)
     payload = encode(said)
-    it.hear(sub_team, said, payload)
+    it.hear_message(sub_team, said, payload)
     return payload
 
 

@@ -37,7 +37,7 @@ def real_card() -> dict[str, Any]:
             velocity = PackedVelocity(mean=(1.0, 0.0), covariance=(1.0, 0.0, 1.0))
             seen = UnnamedSighting(source="r1", time=it.truth.time, mark=0, probability=0.5)
             both(it, "a", subject, at(*place), at(*place), velocity=velocity, lost=0.1, unnamed=[seen])
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
     return scorecard(replace(RESULT, judgement=judge.judgement()))
 
 

@@ -100,7 +100,7 @@ def test_the_referee_names_the_causes_of_a_fail_and_none_of_a_pass() -> None:
     it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
     solo(it, "r1", {"robot/r1": at(2, 4)})
     both(it, "a", "robot/r1", at(2, 4), at(2, 4))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     found = judge.judgement()
     assert not found.passed
     assert [cause.split(":")[0] for cause in found.causes] == [
@@ -113,5 +113,5 @@ def test_the_referee_names_the_causes_of_a_fail_and_none_of_a_pass() -> None:
     for robot, sub_team, (x, y) in (("r1", "a", (2, 2)), ("r2", "b", (5, 5))):
         solo(it, robot, {f"robot/{robot}": at(x, y + 2)})
         both(it, sub_team, f"robot/{robot}", at(x, y), at(x, y))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     assert (judge.judgement().passed, judge.judgement().causes) == (True, [])

@@ -43,7 +43,7 @@ def played(
         told(it, "r1", "a")
         if there:
             told(it, "r2", "b")
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
     return judge.verdict(judge.scores())
 
 
@@ -80,7 +80,7 @@ def test_a_guest_that_has_left_owes_nothing_any_more() -> None:
         told(it, "r1", "a")
         if tick < 80:
             told(it, "r3", "a")
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
     assert judge.verdict(judge.scores())[0]
 
 
@@ -97,7 +97,7 @@ def test_an_object_that_robots_see_and_the_team_does_not_know_is_missing_and_one
             solo(it, "r1", {"robot/r1": at(2, 2), "object/ball": at(4, 4)})
         if tick < 7:
             both(it, "a", "object/ball", at(4, 4), at(4, 4))
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
     passed, reasons = judge.verdict(judge.scores())
     assert not passed
     assert reasons == ["object/ball: 44.4 % of its samples are missing (agreed 4, consensus 4, solo 1), at most 20 %"]
@@ -177,7 +177,7 @@ def run(solo_sigma: float, agreed_sigma: float, error: float = 2.0, **check: flo
         solo(it, "r1", {"robot/r1": pack(gaussian(GRID, (x, y), solo_sigma))})
         agreed = pack(gaussian(GRID, (x, y), agreed_sigma))
         both(it, "a", "robot/r1", agreed, agreed)
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
     passed, reasons = judge.verdict(judge.scores())
     return [] if passed else reasons
 

@@ -33,14 +33,14 @@ def test_a_board_is_done_once_everything_listed_is_in() -> None:
     it = instant()
     for phase in ("agreed", "consensus"):
         assert not it.settled("a", "x")
-        assert it.hear("a", status("x", phase, "robot/r1"), b"")
-        assert not it.hear("a", status("x", phase, "robot/r1"), b"")
+        assert it.hear_message("a", status("x", phase, "robot/r1"), b"")
+        assert not it.hear_message("a", status("x", phase, "robot/r1"), b"")
     assert not it.settled("a", "x")
-    assert it.hear("a", consensus("x", "agreed"), b"1")
+    assert it.hear_message("a", consensus("x", "agreed"), b"1")
     assert not it.settled("a", "x")
     assert it.agreed_subjects() == {}
-    assert it.hear("a", consensus("x", "consensus"), b"2")
-    assert not it.hear("a", consensus("x", "consensus"), b"2")
+    assert it.hear_message("a", consensus("x", "consensus"), b"2")
+    assert not it.hear_message("a", consensus("x", "consensus"), b"2")
     assert it.settled("a", "x")
     assert it.agreed_subjects() == {"a": ["robot/r1"]}
     assert not it.settled("a", "y")
@@ -50,10 +50,10 @@ def test_a_board_is_done_once_everything_listed_is_in() -> None:
 def test_two_boards_of_one_sub_team_are_kept_apart_and_the_first_name_speaks(names: str) -> None:
     it = instant()
     for board in names:
-        it.hear("a", status(board, "consensus"), b"")
-        it.hear("a", status(board, "agreed", "robot/r1", f"object/{board}"), b"")
-        it.hear("a", consensus(board, x=2.0 if board == "x" else 7.0), board.encode())
-        it.hear("a", consensus(board, subject=f"object/{board}"), board.encode())
+        it.hear_message("a", status(board, "consensus"), b"")
+        it.hear_message("a", status(board, "agreed", "robot/r1", f"object/{board}"), b"")
+        it.hear_message("a", consensus(board, x=2.0 if board == "x" else 7.0), board.encode())
+        it.hear_message("a", consensus(board, subject=f"object/{board}"), board.encode())
     assert it.settled("a", "x")
     assert it.settled("a", "y")
     assert it.agreed_subjects() == {"a": ["object/x", "robot/r1"]}
@@ -64,20 +64,20 @@ def test_two_boards_of_one_sub_team_are_kept_apart_and_the_first_name_speaks(nam
 
 def test_a_board_that_lists_and_does_not_say_speaks_for_nobody() -> None:
     it = instant()
-    it.hear("a", status("x", "consensus"), b"")
-    it.hear("a", status("x", "agreed", "robot/r1"), b"")
-    it.hear("a", status("y", "consensus"), b"")
-    it.hear("a", status("y", "agreed"), b"")
+    it.hear_message("a", status("x", "consensus"), b"")
+    it.hear_message("a", status("x", "agreed", "robot/r1"), b"")
+    it.hear_message("a", status("y", "consensus"), b"")
+    it.hear_message("a", status("y", "agreed"), b"")
     assert it.agreed_subjects() == {"a": []}
 
 
 def test_only_who_takes_part_is_listened_to() -> None:
     it = instant()
-    it.hear("", Solo(robot="stranger", tick=1, time=0.0, beliefs={}), b"")
-    assert not it.hear("c", consensus("x"), b"")
-    assert not it.hear("c", status("x", "agreed"), b"")
+    it.hear_message("", Solo(robot="stranger", tick=1, time=0.0, beliefs={}), b"")
+    assert not it.hear_message("c", consensus("x"), b"")
+    assert not it.hear_message("c", status("x", "agreed"), b"")
     assert (it.solos, it.consensuses, it.boards) == ({}, {}, {})
-    assert it.hear("", Solo(robot="r1", tick=1, time=0.0, beliefs={}), b"")
+    assert it.hear_message("", Solo(robot="r1", tick=1, time=0.0, beliefs={}), b"")
     assert set(it.solos) == {"r1"}
 
 
@@ -85,15 +85,15 @@ def test_what_is_kept_of_a_tick_is_bounded(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(module, "MAX_CONSENSUSES", 2)
     it = instant()
     for subject in ("robot/r1", "object/ball", "object/can"):
-        it.hear("a", consensus("x", subject=subject), b"")
+        it.hear_message("a", consensus("x", subject=subject), b"")
     assert [name[2] for name in it.consensuses] == ["robot/r1", "object/ball"]
 
 
 def test_a_belief_is_found_by_level_robot_and_sub_team() -> None:
     it = instant()
     alone = pack(gaussian(GRID, (3.0, 3.0), 1.0))
-    it.hear("", Solo(robot="r1", tick=1, time=0.0, beliefs={"robot/r1": alone}), b"")
-    it.hear("a", consensus("x", x=5.0), b"")
+    it.hear_message("", Solo(robot="r1", tick=1, time=0.0, beliefs={"robot/r1": alone}), b"")
+    it.hear_message("a", consensus("x", x=5.0), b"")
     assert it.belief("agreed", "r2", "a", "robot/r1") == consensus("x", x=5.0).belief
     assert it.belief("solo", "r1", "b", "robot/r1") == alone
     assert it.belief("solo", "r1", "a", "object/ball") is None

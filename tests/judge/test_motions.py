@@ -21,8 +21,8 @@ def heard(truth: Truth, said: dict[str, dict[str, object]]) -> Motions:
     for subject, fields in said.items():
         where = {"board": "a", "sub_team": "a", "level": "agreed"}
         message = messages.consensus(at(2, 2), subject, tick=1, **where).model_copy(update=fields)
-        it.hear("a", message, b"")
-        judge.hear(it, "a", subject)
+        it.hear_message("a", message, b"")
+        judge.judge_subject(it, "a", subject)
     return judge
 
 

@@ -25,7 +25,7 @@ def test_errors_entropies_log_scores_and_coverage_are_exact() -> None:
     solo(it, "r2", {"robot/r2": at(5, 5)})
     both(it, "a", "robot/r1", quarter, at(2, 2))
     both(it, "b", "robot/r2", at(5, 8), at(5, 5))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     robots = judge.scores()["robots"]
     assert robots["solo"]["n"] == robots["consensus"]["n"] == robots["agreed"]["n"] == 2
     assert robots["solo"]["rmse"] == pytest.approx(math.sqrt((5**2 + 0) / 2))
@@ -48,7 +48,7 @@ def test_an_object_is_judged_for_each_robot_that_believes_something_about_it() -
     solo(it, "r2", {"object/ball": at(7, 5)})
     both(it, "a", "object/ball", at(7, 4), at(7, 6))
     both(it, "b", "object/ball", at(7, 5), at(7, 6))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     objects = judge.scores()["objects"]
     assert [objects[level]["n"] for level in ("solo", "consensus", "agreed")] == [2, 2, 2]
     assert objects["solo"]["rmse"] == pytest.approx(math.sqrt((4**2 + 2**2) / 2))
@@ -65,7 +65,7 @@ def test_levels_are_judged_on_the_same_samples() -> None:
     both(it, "a", "robot/r1", at(2, 2), at(2, 2))
     solo(it, "r2", {"robot/r2": at(5, 5)})
     consensus(it, "b", "consensus", "robot/r2", at(5, 5))  # and nothing was agreed
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     assert list(judge.scores()["robots"]["by_name"]) == ["r1"]
     assert judge.missing() == {"robot/r2": {"agreed": 1}}
 
@@ -75,7 +75,7 @@ def test_who_is_not_there_or_without_truth_is_not_judged() -> None:
     it = instant({"robot/r2": (5.5, 5.5)}, teams={"a": ["r1"], "b": []})
     solo(it, "r1", {"robot/r1": at(2, 2)})
     both(it, "a", "robot/r1", at(2, 2), at(2, 2))
-    judge.hear(it, judged=True)  # no truth about r1: a gap in the ground truth
+    judge.judge_instant(it, judged=True)  # no truth about r1: a gap in the ground truth
     assert judge.scores()["robots"]["by_name"] == {}
     assert judge.missing() == {"robot/r2": {"solo": 1}}
 
@@ -86,7 +86,7 @@ def test_a_robot_in_two_sub_teams_is_judged_once_in_the_first_by_name() -> None:
     solo(it, "r1", {"robot/r1": at(2, 4)})
     both(it, "a", "robot/r1", at(2, 3), at(2, 2))
     both(it, "b", "robot/r1", at(2, 5), at(2, 2))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     robots = judge.scores()["robots"]
     assert robots["consensus"]["n"] == 1
     assert robots["consensus"]["rmse"] == pytest.approx(1)
@@ -99,7 +99,7 @@ def test_ticks_that_are_not_judged_count_for_the_hash_only() -> None:
     solo(it, "r1", {"robot/r1": at(2, 2)})
     both(it, "a", "robot/r1", at(2, 2), at(2, 2))
     empty = judge.hash
-    judge.hear(it, judged=False)
+    judge.judge_instant(it, judged=False)
     assert judge.scores()["robots"]["solo"]["n"] == 0
     assert judge.hash != empty
 
@@ -109,7 +109,7 @@ def test_a_belief_that_cannot_be_read_is_counted_and_missing() -> None:
     it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
     solo(it, "r1", {"robot/r1": at(2, 2)})
     both(it, "a", "robot/r1", pack(gaussian(Grid((8, 8)), (2, 2), 1)), at(2, 2))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     assert judge.refused == {"grid": 1}
     assert judge.missing()["robot/r1"] == {"consensus": 1}
 
@@ -120,7 +120,7 @@ def test_beliefs_are_scored_as_they_are_on_the_wire() -> None:
     it = instant({"robot/r1": (3.5, 4.5)}, teams={"a": ["r1"]})
     solo(it, "r1", {"robot/r1": pack(belief)})
     both(it, "a", "robot/r1", pack(belief), pack(belief))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     read: Belief = unpack(pack(belief), GRID)
     found = judge.scores()["robots"]["agreed"]
     assert found["entropy"] == pytest.approx(entropy(read.p))
@@ -143,7 +143,7 @@ def test_the_hash_knows_no_order_of_arrival() -> None:
             payloads[sub_team, level, subject] = consensus(
                 it, sub_team, level, subject, at(len(sub_team + level) % 9, 3)
             )
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
         hashes.add(judge.hash)
     expected = hashlib.sha256(b"".join(payloads[name] for name in sorted(payloads))).hexdigest()
     assert hashes == {expected}
@@ -155,7 +155,7 @@ def test_the_hash_is_sorted_by_tick_first() -> None:
     for tick in (1, 2):
         it = instant({}, tick)
         payloads.append(consensus(it, "ba"[tick - 1], "agreed", "robot/r1", at(tick, tick)))
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
     assert judge.hash == hashlib.sha256(b"".join(payloads)).hexdigest()
 
 
@@ -165,7 +165,7 @@ def test_the_judgement_is_all_of_it() -> None:
     for robot, sub_team, place in (("r1", "a", (2, 2)), ("r2", "b", (5, 5))):
         solo(it, robot, {f"robot/{robot}": at(place[0] + 2, place[1])})
         both(it, sub_team, f"robot/{robot}", at(*place), at(*place))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     found = judge.judgement()
     assert (found.passed, found.reasons) == judge.verdict(judge.scores())
     assert found.passed
@@ -177,7 +177,7 @@ def test_refused_beliefs_are_in_the_judgement() -> None:
     judge = referee()
     it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
     solo(it, "r1", {"robot/r1": pack(gaussian(Grid((8, 8)), (2, 2), 1))})
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     assert judge.judgement().refused == {"grid": 1}
     assert judge.judgement().missing["robot/r1"] == {"agreed": 1, "consensus": 1, "solo": 1}
 
@@ -185,8 +185,8 @@ def test_refused_beliefs_are_in_the_judgement() -> None:
 def test_a_robot_of_the_scenario_that_is_absent_is_missing_in_every_judged_tick() -> None:
     judge = referee()
     for tick in (1, 2):
-        judge.hear(instant({"robot/r1": (2.5, 2.5)}, tick, teams={"a": ["r1"]}), judged=True)
-    judge.hear(instant({}, 3, teams={"a": ["r1"]}), judged=False)
+        judge.judge_instant(instant({"robot/r1": (2.5, 2.5)}, tick, teams={"a": ["r1"]}), judged=True)
+    judge.judge_instant(instant({}, 3, teams={"a": ["r1"]}), judged=False)
     assert judge.missing()["robot/r2"] == {"solo": 2}
 
 
@@ -197,7 +197,7 @@ def test_scores_of_several_ticks_and_robots_are_one_sample_each() -> None:
         for robot, sub_team, y in (("r1", "a", 2), ("r2", "b", 5)):
             solo(it, robot, {f"robot/{robot}": at(2, y)})
             both(it, sub_team, f"robot/{robot}", at(2 + off, y), at(2, y))
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
     robots = judge.scores()["robots"]
     assert robots["consensus"]["n"] == 4
     assert robots["consensus"]["rmse"] == pytest.approx(math.sqrt(5))

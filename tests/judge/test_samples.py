@@ -27,7 +27,7 @@ def told(*ticks: Instant) -> list[Sample]:
     samples: list[Sample] = []
     judge = Referee(GRID, CheckSection(), ("r1",), samples.append)
     for it in ticks:
-        judge.hear(it, judged=it.truth.tick % 2 == 1)
+        judge.judge_instant(it, judged=it.truth.tick % 2 == 1)
     return samples
 
 

@@ -81,7 +81,7 @@ def test_what_is_kept_and_what_is_counted_are_taken_together(sizes: tuple[int, i
         one = Distances()
         for distance in part:
             one.add(distance)
-        whole.take(one)
+        whole.add_all(one)
     assert len(whole) == sum(sizes)
     assert whole.summary() == pytest.approx(errors(np.concatenate(parts)), rel=0.0011)
 

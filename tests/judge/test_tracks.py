@@ -17,7 +17,7 @@ def judged(
 ) -> dict[str, object]:
     found = Tracks(CUT)
     for things, tracks in ticks:
-        found.hear(things, {name: Track(place, existence) for name, place in tracks.items()})
+        found.judge_instant(things, {name: Track(place, existence) for name, place in tracks.items()})
     return found.summary()
 
 

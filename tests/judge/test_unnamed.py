@@ -26,7 +26,7 @@ def test_tracks_are_compared_with_things_of_their_kind_alone() -> None:
     it = instant(PLACES)
     both(it, "a", "person/1", at(8, 8), at(8, 8))
     both(it, "a", "object/ball", at(5, 5), at(5, 5))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     (found,) = judge.judgement().tracks.values()
     assert (found["gospa"], found["missed"], found["false"]) == (0.0, 0.0, 0.0)
 
@@ -36,7 +36,7 @@ def test_of_robots_those_of_the_team_are_no_tracks_and_strangers_are() -> None:
     it = instant(PLACES)
     both(it, "a", "robot/r1", at(2, 2), at(2, 2))
     both(it, "a", "robot/1", at(0, 9), at(0, 9))
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     found = judge.judgement().tracks["robot"]
     assert (found["missed_share"], found["false_tracks"]) == (1.0, 1), "r9 is of no team, and nobody is at (0, 9)"
 
@@ -45,7 +45,7 @@ def test_a_track_of_a_robot_of_no_team_is_judged_as_a_robot_and_so_is_its_existe
     judge = referee(unnamed=["robot", "object"])
     it = instant(PLACES)
     both(it, "a", "object/robot-1", at(9, 2), at(9, 2), existence=0.9)
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     tracks = judge.judgement().tracks
     assert (tracks["robot"]["missed"], tracks["robot"]["false"]) == (0.0, 0.0)
     assert tracks["robot"]["existence"]["brier"] == pytest.approx(0.01)
@@ -55,7 +55,7 @@ def test_a_track_of_a_robot_of_no_team_is_judged_as_a_robot_and_so_is_its_existe
 def test_an_unnamed_object_is_missing_nowhere() -> None:
     for unnamed, missing in ((["object"], False), (["person"], True)):
         judge = referee(unnamed=unnamed)
-        judge.hear(instant(PLACES, tick=100), judged=True)
+        judge.judge_instant(instant(PLACES, tick=100), judged=True)
         assert ("object/ball" in judge.missing()) == missing
 
 
@@ -70,7 +70,7 @@ def test_whom_a_sighting_was_taken_for_is_compared_with_whom_it_shows() -> None:
         it, "a", "robot/r2", at(5, 5), at(5, 5), unnamed=[said(0, 0.97), said(1, 0.4), said(2, 1.0), said(0, 1.0, 9.0)]
     )
     both(it, "b", "robot/r2", at(5, 5), at(5, 5), unnamed=[said(0, 0.97)])  # of the same sighting
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     found = judge.judgement().identities
     assert (found["n"], found["taken"], found["wrong"]) == (3, 2, 1)
     assert found["odds"]["brier"] == pytest.approx((0.03**2 + 0.6**2 + 1.0) / 3)
@@ -81,20 +81,20 @@ def test_of_a_track_nobody_says_that_it_is_a_wrong_person() -> None:
     it = instant(PLACES, unnamed={"r1": ["person/p1"]})
     said = UnnamedSighting(source="r1", time=it.truth.time, mark=0, probability=1.0, taken=True)
     both(it, "a", "person/1", at(8, 8), at(8, 8), unnamed=[said])
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     assert judge.judgement().identities == {"n": 1, "taken": 0, "wrong": 0, "odds": {}}
 
 
 def test_where_all_is_named_there_is_no_entry_and_no_line() -> None:
     judge = referee(unnamed=["person"])
-    judge.hear(instant({"robot/r1": (2.5, 2.5)}), judged=True)
+    judge.judge_instant(instant({"robot/r1": (2.5, 2.5)}), judged=True)
     assert judge.judgement().tracks == {}
     assert shown(judge) == []
 
 
 def test_the_line_has_the_distance_and_its_parts() -> None:
     judge = referee(unnamed=["person"])
-    judge.hear(instant(PLACES), judged=True)
+    judge.judge_instant(instant(PLACES), judged=True)
     (line,) = shown(judge)
     assert "tracks of person: GOSPA 2.121 cell (its square is localisation 0.000, missed 4.500, false 0.000)" in line
     assert line.endswith("0 switches, 0 false tracks")

@@ -17,7 +17,7 @@ def verdict(solo_: PackedBelief, agreed: PackedBelief, **check: object) -> tuple
     it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
     solo(it, "r1", {"robot/r1": solo_})
     both(it, "a", "robot/r1", solo_, agreed)
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     return judge.verdict(judge.scores())
 
 
@@ -67,7 +67,7 @@ def test_objects_that_were_never_judged_are_a_reason() -> None:
     it = instant({"robot/r1": (2.5, 2.5), "object/ball": (4.5, 4.5)}, teams={"a": ["r1"]})
     solo(it, "r1", {"robot/r1": WIDE})
     both(it, "a", "robot/r1", WIDE, NEAR)
-    judge.hear(it, judged=True)
+    judge.judge_instant(it, judged=True)
     assert judge.verdict(judge.scores()) == (False, ["no object was ever judged"])
 
 
@@ -78,7 +78,7 @@ def test_objects_have_a_limit_of_their_own() -> None:
         solo(it, "r1", {"robot/r1": WIDE, "object/ball": at(4, 6)})
         both(it, "a", "robot/r1", WIDE, WIDE)
         both(it, "a", "object/ball", at(4, 5), at(4, 5))
-        judge.hear(it, judged=True)
+        judge.judge_instant(it, judged=True)
         return judge.verdict(judge.scores())
 
     assert judged(0.6)[0]

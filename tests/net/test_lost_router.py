@@ -16,7 +16,7 @@ from tests.processes import introduce, program, wait_until
 
 def connected() -> Outage:
     outage = Outage()
-    outage.hear("R1", 0.0, here=True)
+    outage.hear_router("R1", 0.0, here=True)
     return outage
 
 
@@ -26,39 +26,39 @@ def connected() -> Outage:
 def test_a_loss_and_its_end_are_told_once() -> None:
     outage = connected()
     assert outage.look(1.0) == []
-    outage.hear("R1", 2.0, here=False)
+    outage.hear_router("R1", 2.0, here=False)
     assert [outage.look(2.0 + n) for n in range(3)] == [[None], [], []]
-    outage.hear("R2", 5.5, here=True)  # a router that was started again has another name
+    outage.hear_router("R2", 5.5, here=True)  # a router that was started again has another name
     assert [outage.look(6.0 + n) for n in range(3)] == [[3.5], [], []]
 
 
 def test_what_was_over_before_anybody_looked_is_told_with_its_end() -> None:
     outage = connected()
-    outage.hear("R1", 2.0, here=False)
-    outage.hear("R2", 2.25, here=True)
+    outage.hear_router("R1", 2.0, here=False)
+    outage.hear_router("R2", 2.25, here=True)
     assert outage.look(2.5) == [None, 0.25]
     assert outage.look(3.0) == []
 
 
 def test_as_long_as_another_router_is_there_none_is_lost() -> None:
     outage = connected()
-    outage.hear("R2", 1.0, here=True)
-    outage.hear("R1", 2.0, here=False)
+    outage.hear_router("R2", 1.0, here=True)
+    outage.hear_router("R1", 2.0, here=False)
     assert outage.look(3.0) == []
-    outage.hear("R2", 4.0, here=False)
+    outage.hear_router("R2", 4.0, here=False)
     assert outage.look(5.0) == [None]
 
 
 def test_who_was_never_connected_has_lost_nothing() -> None:
     outage = Outage()
-    outage.hear("R1", 1.0, here=False)
+    outage.hear_router("R1", 1.0, here=False)
     assert outage.look(2.0) == []
 
 
 def test_a_router_that_flaps_is_few_lines() -> None:
     outage, told = connected(), 0
     for n in range(1000):
-        outage.hear("R1", 1.0 + 0.1 * n, here=n % 2 == 1)
+        outage.hear_router("R1", 1.0 + 0.1 * n, here=n % 2 == 1)
         told += len(outage.look(1.0 + 0.1 * n))
     assert told <= 2 * (100.0 / PAUSE + 1)
 
@@ -66,24 +66,24 @@ def test_a_router_that_flaps_is_few_lines() -> None:
 def test_a_loss_soon_after_another_one_is_told_later() -> None:
     outage = connected()
     for at in (1.0, 3.0):
-        outage.hear("R1", at, here=False)
+        outage.hear_router("R1", at, here=False)
         outage.look(at)
         if at < 3.0:
-            outage.hear("R1", at + 1.0, here=True)
+            outage.hear_router("R1", at + 1.0, here=True)
             outage.look(at + 1.0)
     assert outage.look(1.0 + PAUSE - 0.1) == []
     assert outage.look(1.0 + PAUSE) == [None]
-    outage.hear("R1", 20.0, here=True)
+    outage.hear_router("R1", 20.0, here=True)
     assert outage.look(20.0) == [17.0]
 
 
 def test_a_clock_that_is_set_back_keeps_nothing_from_being_told() -> None:
     outage = connected()
-    outage.hear("R1", 1e6, here=False)
+    outage.hear_router("R1", 1e6, here=False)
     assert outage.look(1e6) == [None]
-    outage.hear("R1", 1e6, here=True)
+    outage.hear_router("R1", 1e6, here=True)
     outage.look(1e6)
-    outage.hear("R1", 10.0, here=False)
+    outage.hear_router("R1", 10.0, here=False)
     assert outage.look(10.0) == [None]
 
 

@@ -127,7 +127,7 @@ class Watched(Around):
 class Unjudged:
     """In place of a world's referee: the oracles judge."""
 
-    def hear(self, *ticks: object) -> None:
+    def judge_instant(self, *ticks: object) -> None:
         """Nothing is kept."""
 
 

@@ -48,9 +48,9 @@ def test_who_forgets_while_it_is_cut_off_is_named() -> None:
     moved = next(it for it in reversed(events) if isinstance(it, Moved) and it.process == "board/a/board-a")
     roster, now = moved.service.roster, 1e9  # type: ignore[attr-defined]
     oracle = RostersAreTrue(Night(TEAM))
-    roster.hear(Envelope(roster.own, kind=Kind.GONE), now)
+    roster.hear_token(Envelope(roster.own, kind=Kind.GONE), now)
     oracle.see(moved)
-    roster.hear(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r2"), kind=Kind.GONE), now)
+    roster.hear_token(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r2"), kind=Kind.GONE), now)
     oracle.see(moved)
     assert oracle.verdict() is None
     roster.away = False  # as if it took its router for there

@@ -38,7 +38,7 @@ def centralised(scenario: Scenario) -> dict[str, Any]:
         tracker.hear(tick.truth, tick.readings)
         if tick.judged:
             things = {it: place for it, place in tick.truth.positions.items() if it.startswith("person/")}
-            judge.hear(things, {it: Track(place) for it, place in tracker.places().items()})
+            judge.judge_instant(things, {it: Track(place) for it, place in tracker.places().items()})
     return judge.summary()
 
 

@@ -18,7 +18,7 @@ def status(process: str, sub_team: str = "a", kind: Kind = Kind.PUT) -> Envelope
 
 def told(namesakes: Namesakes, *times: float, of: Envelope) -> list[float]:
     """When something was told, where these came at these times."""
-    return [time for time in times if namesakes.hear(of, time) is not None]
+    return [time for time in times if namesakes.hear_envelope(of, time) is not None]
 
 
 def seconds(first: float, last: float) -> list[float]:
@@ -38,8 +38,8 @@ def test_another_one_is_told_once_as_long_as_it_goes_on(tokens: tuple[str, ...],
 
 def test_the_line_says_where_what_and_the_cure() -> None:
     namesakes = Namesakes((BOARD,))
-    namesakes.hear(status("board-a"), 0.0)
-    assert namesakes.hear(status("board-a"), SURE) == (
+    namesakes.hear_envelope(status("board-a"), 0.0)
+    assert namesakes.hear_envelope(status("board-a"), SURE) == (
         "cop/t/a/status/board-a: another process sends under this name, too; stop one of the two, "
         "or give it another name (--id)"
     )

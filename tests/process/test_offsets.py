@@ -80,10 +80,10 @@ def test_small_changes_move_no_stamp() -> None:
 
 def test_what_another_board_found_counts_until_there_is_a_round_trip() -> None:
     it = Offsets()
-    it.told({"r1": -3.0})
+    it.hear_offsets({"r1": -3.0})
     assert it.ahead("r1") == -3.0
     trip(it, -4.0)
-    it.told({"r1": -3.0})
+    it.hear_offsets({"r1": -3.0})
     assert it.ahead("r1") == pytest.approx(-4.0)
 
 
@@ -92,17 +92,17 @@ def test_memory_is_bounded() -> None:
     for number in range(2 * MAX_SOURCES):
         it.stamped(f"r{number}", 103.0, 100.0)
         it.round_trip(f"q{number}", 103.0, 100.0, 0.0, 100.0)
-        echoes.hear(f"b{number}", 1.0, 100.0)
-    it.told({f"p{number}": 9.0 for number in range(2 * MAX_SOURCES)})
+        echoes.hear_stamp(f"b{number}", 1.0, 100.0)
+    it.hear_offsets({f"p{number}": 9.0 for number in range(2 * MAX_SOURCES)})
     assert len(it.found()) <= MAX_SOURCES
     assert len(echoes.held(100.0)) == MAX_SOURCES
 
 
 def test_the_newest_stamp_of_each_peer_is_held_since_it_came_first() -> None:
     it = Echoes()
-    it.hear("b", 7.0, 100.0)
-    it.hear("b", 7.0, 100.5)
-    it.hear("a", 8.0, 100.5)
+    it.hear_stamp("b", 7.0, 100.0)
+    it.hear_stamp("b", 7.0, 100.5)
+    it.hear_stamp("a", 8.0, 100.5)
     assert it.held(101.0) == {"a": (8.0, 0.5), "b": (7.0, 1.0)}
-    it.hear("b", 7.2, 101.0)
+    it.hear_stamp("b", 7.2, 101.0)
     assert it.held(101.0)["b"] == (7.2, 0.0)

@@ -16,11 +16,11 @@ WORLD = keys.WORLD.key(team="t")
 
 
 def alive(roster: Roster, *tokens: str, now: float = 0.0) -> list[bool]:
-    return [roster.hear(Envelope(token, kind=Kind.ALIVE), now) for token in tokens]
+    return [roster.hear_token(Envelope(token, kind=Kind.ALIVE), now) for token in tokens]
 
 
 def gone(roster: Roster, *tokens: str, now: float) -> list[bool]:
-    return [roster.hear(Envelope(token, kind=Kind.GONE), now) for token in tokens]
+    return [roster.hear_token(Envelope(token, kind=Kind.GONE), now) for token in tokens]
 
 
 def test_tokens_tell_who_is_there() -> None:

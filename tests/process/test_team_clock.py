@@ -28,7 +28,7 @@ def clock_of(tick: int, run: str = "one", seconds: float | None = None) -> dict[
 
 
 def world(it: TeamClock, kind: Kind, now: float = NOW) -> None:
-    it.roster.hear(Envelope(WORLD, kind=kind), now)
+    it.roster.hear_token(Envelope(WORLD, kind=kind), now)
 
 
 def news(it: TeamClock, now: float) -> list[News]:
@@ -78,18 +78,18 @@ def test_a_token_without_a_clock_stops_nobody_for_long() -> None:
         news(it, NOW + 20.9 + i)
         world(it, Kind.ALIVE, NOW + 20.9 + i)
         assert it.pace is Pace.FREE
-    assert it.hear(clock(7), NOW + 200.0) is News.RUN
+    assert it.hear_clock(clock(7), NOW + 200.0) is News.RUN
     assert it.pace is Pace.LOCKSTEP
 
 
 def test_a_token_whose_clock_has_stopped_is_given_up() -> None:
     it = TeamClock(Roster(), period=0.5)
     world(it, Kind.ALIVE)
-    it.hear(clock(3), NOW)
+    it.hear_clock(clock(3), NOW)
     assert it.changes_at() == NOW + STOPPED
     assert news(it, NOW + STOPPED) == [News.FREE, News.TICK]
     assert it.pace is Pace.FREE
-    assert it.hear(clock(4), NOW + 100.0) is News.RUN
+    assert it.hear_clock(clock(4), NOW + 100.0) is News.RUN
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
@@ -101,13 +101,13 @@ def test_one_clock_moves_nobody_whoever_sends_it(false: dict[str, Any], mode: st
     it = TeamClock(Roster(), period=0.5)
     world(it, Kind.ALIVE)
     for tick in range(6):
-        it.hear(clock(tick, mode), NOW + 0.2 * tick)
+        it.hear_clock(clock(tick, mode), NOW + 0.2 * tick)
     said = Clock(mode=mode, **false)  # type: ignore[arg-type]
-    assert it.hear(said, NOW + 1.1) is News.NOTHING
-    assert it.hear(clock(6, mode), NOW + 1.2) is News.TICK
-    assert it.hear(said, NOW + 1.3) is News.NOTHING
-    assert it.hear(clock(6, mode), NOW + 1.9) is News.REPEATED
-    assert it.hear(said, NOW + 2.1) is News.NOTHING
+    assert it.hear_clock(said, NOW + 1.1) is News.NOTHING
+    assert it.hear_clock(clock(6, mode), NOW + 1.2) is News.TICK
+    assert it.hear_clock(said, NOW + 1.3) is News.NOTHING
+    assert it.hear_clock(clock(6, mode), NOW + 1.9) is News.REPEATED
+    assert it.hear_clock(said, NOW + 2.1) is News.NOTHING
     assert (it.tick, it.time(NOW + 1.2)) == (6, pytest.approx(1.2))
 
 
@@ -115,52 +115,52 @@ def test_one_clock_moves_nobody_whoever_sends_it(false: dict[str, Any], mode: st
 def test_a_jump_is_believed_with_the_second_clock_and_the_true_one_again_when_it_stops(jump: int) -> None:
     it = TeamClock(Roster(), period=0.5)
     world(it, Kind.ALIVE)
-    it.hear(clock(5), NOW)
-    assert [it.hear(clock(jump), NOW + 0.2 * i) for i in range(4)] == [News.NOTHING] * 3 + [News.TICK]
+    it.hear_clock(clock(5), NOW)
+    assert [it.hear_clock(clock(jump), NOW + 0.2 * i) for i in range(4)] == [News.NOTHING] * 3 + [News.TICK]
     assert it.tick == jump
-    assert it.hear(clock(5), NOW + 2.0) is News.NOTHING  # the true world repeats its tick
-    assert it.hear(clock(5), NOW + 4.0) is News.RUN
+    assert it.hear_clock(clock(5), NOW + 2.0) is News.NOTHING  # the true world repeats its tick
+    assert it.hear_clock(clock(5), NOW + 4.0) is News.RUN
     assert it.tick == 5
 
 
 def test_a_new_run_is_believed_at_once_only_with_a_new_token() -> None:
     it = TeamClock(Roster(grace=0.5), period=0.5)
     world(it, Kind.ALIVE)
-    it.hear(clock(5), NOW)
-    assert it.hear(clock(0, run="two"), NOW + 1.0) is News.NOTHING
+    it.hear_clock(clock(5), NOW)
+    assert it.hear_clock(clock(0, run="two"), NOW + 1.0) is News.NOTHING
     world(it, Kind.GONE, NOW + 1.1)
     world(it, Kind.ALIVE, NOW + 1.2)
-    assert it.hear(clock(0, run="two"), NOW + 1.3) is News.RUN
-    assert it.hear(clock(9, run="one"), NOW + 1.4) is News.NOTHING
+    assert it.hear_clock(clock(0, run="two"), NOW + 1.3) is News.RUN
+    assert it.hear_clock(clock(9, run="one"), NOW + 1.4) is News.NOTHING
 
 
 def test_a_run_that_has_fallen_silent_is_left_for_one_that_is_heard() -> None:
     it = TeamClock(Roster(), period=0.5)
     world(it, Kind.ALIVE)
-    it.hear(clock(5), NOW)
-    assert [it.hear(clock(i, run="two"), NOW + 1.0 + i) for i in range(4)] == [News.NOTHING] * 4
-    assert it.hear(clock(4, run="two"), NOW + WORLD_SILENT) is News.RUN
+    it.hear_clock(clock(5), NOW)
+    assert [it.hear_clock(clock(i, run="two"), NOW + 1.0 + i) for i in range(4)] == [News.NOTHING] * 4
+    assert it.hear_clock(clock(4, run="two"), NOW + WORLD_SILENT) is News.RUN
 
 
 def test_one_clock_of_another_run_is_not_enough_even_in_silence() -> None:
     it = TeamClock(Roster(), period=0.5)
     world(it, Kind.ALIVE)
-    it.hear(clock(5), NOW)
-    assert it.hear(clock(0, run="two"), NOW + 30.0) is News.NOTHING
-    assert it.hear(clock(6), NOW + 31.0) is News.TICK
+    it.hear_clock(clock(5), NOW)
+    assert it.hear_clock(clock(0, run="two"), NOW + 30.0) is News.NOTHING
+    assert it.hear_clock(clock(6), NOW + 31.0) is News.TICK
 
 
 @pytest.mark.parametrize(("mode", "pace", "runs"), [("lockstep", Pace.LOCKSTEP, 0.0), ("realtime", Pace.REALTIME, 1.5)])
 def test_a_world_gives_the_ticks_and_the_time(mode: str, pace: Pace, runs: float) -> None:
     it = TeamClock(Roster(), period=0.5)
     world(it, Kind.ALIVE)
-    assert it.hear(clock(3, mode), NOW) is News.RUN
+    assert it.hear_clock(clock(3, mode), NOW) is News.RUN
     assert (it.pace, it.tick) == (pace, 3)
     assert it.time(NOW + 1.5) == pytest.approx(0.6 + runs)
-    assert it.hear(clock(3, mode), NOW + 1.0) is News.REPEATED
+    assert it.hear_clock(clock(3, mode), NOW + 1.0) is News.REPEATED
     assert it.time(NOW + 1.5) == pytest.approx(0.6 + runs)  # from its first arrival on
-    assert it.hear(clock(2, mode), NOW + 1.0) is News.NOTHING
-    assert it.hear(clock(4, mode), NOW + 2.0) is News.TICK
+    assert it.hear_clock(clock(2, mode), NOW + 1.0) is News.NOTHING
+    assert it.hear_clock(clock(4, mode), NOW + 2.0) is News.TICK
     assert news(it, NOW + 2.0 + STOPPED - 0.1) == []  # a world that is there may take its time
     assert it.changes_at() == NOW + 2.0 + STOPPED
 
@@ -168,7 +168,7 @@ def test_a_world_gives_the_ticks_and_the_time(mode: str, pace: Pace, runs: float
 def test_a_clock_without_a_world_is_not_followed() -> None:
     it = TeamClock(Roster(), period=0.5)
     for seconds in range(12):  # however often it is said: its token is waited for once
-        assert it.hear(clock(seconds), NOW + seconds) is News.NOTHING
+        assert it.hear_clock(clock(seconds), NOW + seconds) is News.NOTHING
         waits = seconds < WORLD_SILENT
         assert news(it, NOW + seconds) == ([] if waits else [News.TICK])
         assert it.pace is (Pace.WAITING if waits else Pace.FREE)
@@ -178,7 +178,7 @@ def test_a_clock_without_a_world_is_not_followed() -> None:
 
 def test_a_clock_that_comes_before_its_token_is_followed_with_it() -> None:
     it = TeamClock(Roster(), period=0.5)
-    it.hear(clock(3), NOW)
+    it.hear_clock(clock(3), NOW)
     world(it, Kind.ALIVE)
     assert news(it, NOW + 0.1) == [News.RUN]
     assert (it.pace, it.tick, it.heard_at) == (Pace.LOCKSTEP, 3, NOW + 0.1)
@@ -188,7 +188,7 @@ def test_a_clock_that_comes_before_its_token_is_followed_with_it() -> None:
 def test_a_world_that_is_gone_and_silent_is_given_up(mode: str) -> None:
     it = TeamClock(Roster(grace=0.5), period=0.5)
     world(it, Kind.ALIVE)
-    it.hear(clock(3, mode), NOW)
+    it.hear_clock(clock(3, mode), NOW)
     world(it, Kind.GONE, NOW + 1.0)
     assert news(it, NOW + 1.5) == []
     assert it.changes_at() == NOW + WORLD_SILENT
@@ -198,39 +198,41 @@ def test_a_world_that_is_gone_and_silent_is_given_up(mode: str) -> None:
     assert (it.pace, it.time(NOW + 6.0)) == (Pace.FREE, NOW + 6.0)
     world(it, Kind.ALIVE, NOW + 7.0)
     assert it.pace is Pace.WAITING
-    assert it.hear(clock(3, mode), NOW + 7.0) is News.RUN  # also of the same run: what was said since is Unix time
+    assert (
+        it.hear_clock(clock(3, mode), NOW + 7.0) is News.RUN
+    )  # also of the same run: what was said since is Unix time
 
 
 def test_the_clocks_of_a_world_that_is_gone_do_not_keep_it() -> None:
     it = TeamClock(Roster(grace=0.5), period=0.5)
     world(it, Kind.ALIVE)
-    it.hear(clock(3), NOW)
+    it.hear_clock(clock(3), NOW)
     world(it, Kind.GONE, NOW)
     it.roster.forget(NOW + 0.5)
-    assert it.hear(clock(4), NOW + 4.0) is News.NOTHING
+    assert it.hear_clock(clock(4), NOW + 4.0) is News.NOTHING
     assert news(it, NOW + WORLD_SILENT) == [News.FREE, News.TICK]
 
 
 def test_a_world_that_is_back_in_time_goes_on() -> None:
     it = TeamClock(Roster(grace=0.5), period=0.5)
     world(it, Kind.ALIVE)
-    it.hear(clock(3), NOW)
+    it.hear_clock(clock(3), NOW)
     world(it, Kind.GONE, NOW + 1.0)
     assert news(it, NOW + 2.0) == []
     world(it, Kind.ALIVE, NOW + 4.0)
     assert news(it, NOW + 50.0) == []
-    assert it.hear(clock(4), NOW + 50.0) is News.TICK
+    assert it.hear_clock(clock(4), NOW + 50.0) is News.TICK
 
 
 def test_while_the_router_is_away_the_world_is_not_given_up() -> None:
     it = TeamClock(Roster(OWN, grace=0.5, comeback=5.0), period=0.5)
-    it.roster.hear(Envelope(OWN, kind=Kind.ALIVE), NOW)
+    it.roster.hear_token(Envelope(OWN, kind=Kind.ALIVE), NOW)
     world(it, Kind.ALIVE)
-    it.hear(clock(3), NOW)
+    it.hear_clock(clock(3), NOW)
     world(it, Kind.GONE, NOW + 1.0)
-    it.roster.hear(Envelope(OWN, kind=Kind.GONE), NOW + 1.2)
+    it.roster.hear_token(Envelope(OWN, kind=Kind.GONE), NOW + 1.2)
     assert news(it, NOW + 50.0) == []
-    it.roster.hear(Envelope(OWN, kind=Kind.ALIVE), NOW + 50.0)
+    it.roster.hear_token(Envelope(OWN, kind=Kind.ALIVE), NOW + 50.0)
     assert news(it, NOW + 54.0) == []
     world(it, Kind.ALIVE, NOW + 54.0)
-    assert it.hear(clock(3), NOW + 54.0) is News.REPEATED
+    assert it.hear_clock(clock(3), NOW + 54.0) is News.REPEATED

@@ -41,7 +41,7 @@ class Walk:
         return found
 
     def _token(self, kind: Kind) -> list[News]:
-        self.it.roster.hear(Envelope(WORLD, kind=kind), self.now)
+        self.it.roster.hear_token(Envelope(WORLD, kind=kind), self.now)
         self.it.roster.forget(self.now)
         return []
 
@@ -49,7 +49,7 @@ class Walk:
         """A Clock that is so many ticks after the one before."""
         self.tick = max(0, self.tick + ticks)
         clock = Clock(run=run, tick=self.tick, time=0.2 * self.tick, mode="lockstep")
-        one = self.it.hear(clock, self.now)
+        one = self.it.hear_clock(clock, self.now)
         return [] if one is News.NOTHING else [one]
 
     def _wait(self, seconds: float) -> list[News]:

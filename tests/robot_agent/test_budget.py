@@ -139,7 +139,7 @@ def test_a_bucket_that_goes_back_in_time_gains_nothing() -> None:
     bucket = Bucket(100.0, 200.0)
     bucket.refill(10.0)
     assert bucket.level == 200.0
-    bucket.take(200)
+    bucket.spend(200)
     bucket.refill(5.0)
     assert bucket.level == 0.0
     bucket.refill(6.0)
@@ -336,14 +336,14 @@ def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
 def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() -> None:
     team = Team(LONGER.changed("robot", send={"budget": 700.0}))
     heard, fold, tallied = Heard(team.bus), Fold(), Traffic()
-    team.bus.spies.append(lambda envelope: fold.take(envelope, team.now))
+    team.bus.spies.append(lambda envelope: fold.hear_envelope(envelope, team.now))
     team.run()
     statuses = heard.of(keys.STATUS, process="r1")
     full = [status for status in statuses if status.settings]
     assert 1 <= len(full) <= 4
     assert statuses[-1] not in full
     for status in statuses:
-        tallied.hear("a", status)
+        tallied.hear_status("a", status)
     assert tallied.counters({})["ticks"] == full[-1].counters["ticks"]
     shown = fold.teams["t"].processes["robot", "r1"].status
     assert shown is not None

@@ -20,7 +20,7 @@ def test_the_launcher_sees_who_is_alive_and_the_clock_by_the_one_fold() -> None:
 
     def look() -> None:
         for envelope in link.receive():
-            observer.take(envelope)
+            observer.hear_envelope(envelope)
 
     observer = Observer(link, SCENARIO, lambda: alive.append(len(seen)), lambda *at: seen.append(at))  # type: ignore[arg-type]
     world.token("cop/t/a/member/r1")

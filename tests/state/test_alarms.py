@@ -24,13 +24,13 @@ R1 = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
 def test_what_comes_and_goes_is_one_alarm_until_it_stays_away() -> None:
     alarms = Alarms()
     for now in range(10):
-        alarms.look({("liar", "r2"): "r2 lies"} if now % 2 == 0 else {}, float(now))
+        alarms.raise_all({("liar", "r2"): "r2 lies"} if now % 2 == 0 else {}, float(now))
     (one,) = alarms.all()
     assert (one.since, one.until) == (0.0, None)
-    alarms.look({}, 8.0 + QUIET + 0.1)
+    alarms.raise_all({}, 8.0 + QUIET + 0.1)
     (one,) = alarms.all()
     assert one.until == 8.0
-    alarms.look({("liar", "r2"): "again"}, 30.0)
+    alarms.raise_all({("liar", "r2"): "again"}, 30.0)
     assert [(it.since, it.until) for it in alarms.all()] == [(30.0, None)]
 
 
@@ -46,30 +46,30 @@ def test_what_lasts_stands_before_what_is_over_and_the_oldest_that_are_over_go()
 
 def test_a_robot_that_goes_and_comes_back_is_told_for_a_minute() -> None:
     fold = folded()
-    fold.take(Envelope(R1, kind=Kind.GONE), 1_000_010.0)
+    fold.hear_envelope(Envelope(R1, kind=Kind.GONE), 1_000_010.0)
     team = summary(fold, 1_000_022.0)["teams"][0]
     assert ("gone", "r1", 12.0, None) in [(it["what"], it["who"], it["for"], it["over"]) for it in team["alarms"]]
     assert "! r1 is gone, for 12 s" in text(summary(fold, 1_000_022.0))
-    fold.take(Envelope(R1, kind=Kind.ALIVE), 1_000_030.0)
+    fold.hear_envelope(Envelope(R1, kind=Kind.ALIVE), 1_000_030.0)
     assert "! r1 is gone, for 20 s; over since 10 s" in text(summary(fold, 1_000_040.0))
     assert not any("r1 is gone" in it for it in alarm_lines(team_summary(fold.teams["t"], 1_000_200.0)))
 
 
 def test_the_world_at_the_end_of_its_run_is_no_alarm() -> None:
     fold, world = Fold(), keys.WORLD.key(team="t")
-    fold.take(Envelope(world, kind=Kind.ALIVE), 1.0)
+    fold.hear_envelope(Envelope(world, kind=Kind.ALIVE), 1.0)
     clock = Clock(run="x", tick=3, time=1.0, mode="realtime", end=True)
-    fold.take(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 2.0)
-    fold.take(Envelope(world, kind=Kind.GONE), 3.0)
+    fold.hear_envelope(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 2.0)
+    fold.hear_envelope(Envelope(world, kind=Kind.GONE), 3.0)
     assert fold.teams["t"].alarms.all() == []
 
 
 def test_a_robot_that_went_before_anybody_looked_is_known_by_its_board() -> None:
     fold = Fold()
     said = Status(process="board-a", kind="board", tick=4, time=2.0, ages={"r1": 0.1, "r3": 12.0, "r4": 500.0})
-    fold.take(Envelope(keys.BOARD.key(team="t", sub_team="a", board="board-a"), kind=Kind.ALIVE), 100.0)
-    fold.take(Envelope(R1, kind=Kind.ALIVE), 100.0)
-    fold.take(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 100.0)
+    fold.hear_envelope(Envelope(keys.BOARD.key(team="t", sub_team="a", board="board-a"), kind=Kind.ALIVE), 100.0)
+    fold.hear_envelope(Envelope(R1, kind=Kind.ALIVE), 100.0)
+    fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 100.0)
     rows = {it["name"]: it for it in summary(fold, 100.0)["teams"][0]["processes"]}
     assert (rows["r3"]["state"], rows["r3"]["age"]) == ("gone", 12.0)
     assert "r4" not in rows
@@ -93,7 +93,7 @@ def settled(ticks: int, **changes: Any) -> TeamFold:
         told = CONSENSUS.model_copy(update={**at, "conflict": n % 2 == 0, **changes})
         said = Status(process="b", kind="board", phase="agreed", subjects=[told.subject], **at)
         for message in (told, said):
-            team.hear({"sub_team": told.sub_team}, message, 1, 0.5 * n)
+            team.hear_message({"sub_team": told.sub_team}, message, 1, 0.5 * n)
     return team
 
 
@@ -104,7 +104,7 @@ def test_what_flaps_is_told_once() -> None:
         calm = CONSENSUS.model_copy(update={"tick": n, "time": 0.5 * n, "conflict": False})
         said = Status(process="b", kind="board", tick=n, time=0.5 * n, phase="agreed", subjects=[calm.subject])
         for message in (calm, said):
-            team.hear({"sub_team": calm.sub_team}, message, 1, 0.5 * n)
+            team.hear_message({"sub_team": calm.sub_team}, message, 1, 0.5 * n)
     assert [it.what for it in team.events] == ["conflict", "agreement"]
 
 
@@ -132,7 +132,7 @@ def test_a_robot_that_is_refused_for_some_time_is_named_once() -> None:
             (keys.REFUSED.key(team=team, sub_team="a", robot="r7"), it),
             (keys.STATUS.key(team=team, sub_team="a", process="b"), status),
         ):
-            fold.take(Envelope(key, encode(message)), float(n))
+            fold.hear_envelope(Envelope(key, encode(message)), float(n))
         if n < 2:
             assert fold.teams[team].alarms.all() == []
     (one,) = fold.teams[team].alarms.all()
@@ -152,11 +152,11 @@ def test_a_robot_that_is_refused_for_some_time_is_named_once() -> None:
 def test_a_robot_that_is_stuck_or_was_moved_says_so_itself(settings: dict[str, str | float], kinds: list[str]) -> None:
     team = TeamFold("t")
     said = Status(process="r1", kind="robot", tick=0, time=0.0, phase="reported", settings=settings)
-    team.hear({"sub_team": "a"}, said, 1, 0.0)
+    team.hear_message({"sub_team": "a"}, said, 1, 0.0)
     board = Status(process="b", kind="board", phase="agreed", tick=0, time=0.0, subjects=[CONSENSUS.subject])
     told = CONSENSUS.model_copy(update={"tick": 0, "time": 0.0})
     for message in (told, board):
-        team.hear({"sub_team": told.sub_team}, message, 1, 0.1)
+        team.hear_message({"sub_team": told.sub_team}, message, 1, 0.1)
     assert [(it.what, it.who) for it in team.alarms.all()] == [(kind, "r1") for kind in kinds]
 
 
@@ -167,8 +167,8 @@ def test_a_moment_waits_for_a_belief_that_its_status_overtook() -> None:
     token = keys.BOARD.key(team="t", sub_team=told.sub_team, board="b")
     parts = {"team": "t", "sub_team": told.sub_team, "board": "b"}
     team.hear_token(keys.BOARD, parts, Envelope(token, kind=Kind.ALIVE), 1.0)
-    team.hear({"sub_team": told.sub_team}, said, 1, 1.5)
+    team.hear_message({"sub_team": told.sub_team}, said, 1, 1.5)
     assert team.moments.newest is not None
     assert team.moments.newest.tick == 2
-    team.hear({"sub_team": told.sub_team}, told, 1, 1.6)
+    team.hear_message({"sub_team": told.sub_team}, told, 1, 1.6)
     assert team.moments.newest.tick == 3

@@ -79,8 +79,8 @@ def test_processes_their_ticks_and_who_is_there() -> None:
 def test_a_token_that_vanishes_is_noted_with_its_time() -> None:
     fold = Fold()
     token = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
-    fold.take(Envelope(token, kind=Kind.ALIVE), 1.0)
-    fold.take(Envelope(token, kind=Kind.GONE), 3.0)
+    fold.hear_envelope(Envelope(token, kind=Kind.ALIVE), 1.0)
+    fold.hear_envelope(Envelope(token, kind=Kind.GONE), 3.0)
     team = fold.teams["t"]
     process = team.processes["robot", "r1"]
     assert not process.alive
@@ -98,9 +98,9 @@ def test_what_a_robot_sees_is_a_sighting_until_it_sees_something_else() -> None:
 def test_another_run_begins_with_nothing() -> None:
     fold = Fold()
     for envelope, now in recorded():
-        fold.take(envelope, now)
+        fold.hear_envelope(envelope, now)
     clock = Clock(run="another", tick=0, time=0.0, mode="lockstep")
-    fold.take(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 5.0)
+    fold.hear_envelope(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 5.0)
     assert len(fold.teams["t"].moments) == 0
     assert fold.teams["t"].processes
 
@@ -110,7 +110,7 @@ def test_a_dead_board_holds_no_moment_up() -> None:
     fold, ticks = Fold(), []
     for envelope, now in recorded():
         if "/b/" not in envelope.key or envelope.kind is Kind.ALIVE:
-            fold.take(envelope, now)
+            fold.hear_envelope(envelope, now)
         moment = fold.teams["t"].moments.newest
         if moment is not None and moment.tick not in ticks:
             ticks.append(moment.tick)
@@ -124,7 +124,7 @@ def test_the_order_of_arrival_of_different_senders_changes_no_belief() -> None:
     begun = [i for i, it in enumerate(envelopes) if it.key.endswith("/world/clock")] + [len(envelopes)]
     fold, chance = Fold(), random.Random(1)
     for envelope in envelopes[: begun[0]]:
-        fold.take(envelope, 0.0)
+        fold.hear_envelope(envelope, 0.0)
     for begin, end in itertools.pairwise(begun):
         senders: dict[str, list[Envelope]] = {}
         for envelope in envelopes[begin:end]:
@@ -134,7 +134,7 @@ def test_the_order_of_arrival_of_different_senders_changes_no_belief() -> None:
         queues = list(senders.values())
         while queues:
             queue = chance.choice(queues)
-            fold.take(queue.pop(0), 0.0)
+            fold.hear_envelope(queue.pop(0), 0.0)
             queues = [it for it in queues if it]
     told = [
         (moment.tick, subject, sorted(about.agreed), sorted(about.consensus))
@@ -170,7 +170,7 @@ PAYLOADS = [envelope.payload for envelope, _ in recorded()][::7]
 def test_nothing_that_arrives_raises(sent: list[tuple[str, bytes, Kind]]) -> None:
     fold = Fold()
     for n, (key, payload, kind) in enumerate(sent):
-        fold.take(Envelope(key, payload, kind), float(n))
+        fold.hear_envelope(Envelope(key, payload, kind), float(n))
         for team in fold.teams.values():
             team.check()
 
@@ -178,12 +178,12 @@ def test_nothing_that_arrives_raises(sent: list[tuple[str, bytes, Kind]]) -> Non
 def test_a_tick_that_cannot_have_begun_hides_nothing() -> None:
     fold = Fold()
     for envelope, now in recorded():
-        fold.take(envelope, now)
+        fold.hear_envelope(envelope, now)
         found = keys.parse(envelope.key)
         if found is not None and found[0] is keys.STATUS and envelope.kind is Kind.PUT:
             status = decode(Status, envelope.payload)
             liar = status.model_copy(update={"tick": (1 << 53) - 1, "time": 1e15, "kind": "board", "phase": "agreed"})
-            fold.take(Envelope(envelope.key, encode(liar)), now)
+            fold.hear_envelope(Envelope(envelope.key, encode(liar)), now)
     ticks = [moment.tick for moment in fold.teams["t"].moments]
     assert ticks == [moment.tick for moment in team_of().moments]
 
@@ -192,10 +192,10 @@ def test_names_without_end_are_refused() -> None:
     fold = Fold()
     for n in range(1000):
         token = keys.MEMBER.key(team=f"t{n}", sub_team="a", robot="r1")
-        fold.take(Envelope(token, kind=Kind.ALIVE), 0.0)
+        fold.hear_envelope(Envelope(token, kind=Kind.ALIVE), 0.0)
     assert len(fold.teams) == MAX_TEAMS
     for n in range(2000):
-        fold.take(Envelope(keys.MEMBER.key(team="t0", sub_team=f"s{n}", robot=f"r{n}"), kind=Kind.ALIVE), 0.0)
+        fold.hear_envelope(Envelope(keys.MEMBER.key(team="t0", sub_team=f"s{n}", robot=f"r{n}"), kind=Kind.ALIVE), 0.0)
     assert len(fold.teams["t0"].processes) == MAX_PROCESSES
     assert fold.refused["too-many"] > 1000
 
@@ -207,17 +207,17 @@ def test_subjects_sources_and_truths_are_bounded() -> None:
     for n in range(MAX_SUBJECTS + 5):
         made = report.model_copy(update={"subject": f"object/o{n}"})
         if n < MAX_SUBJECTS:
-            team.hear(parts, made, 1, 0.0)
+            team.hear_message(parts, made, 1, 0.0)
         else:
             with pytest.raises(Refused, match="subjects"):
-                team.hear(parts, made, 1, 0.0)
+                team.hear_message(parts, made, 1, 0.0)
     for n in range(MAX_SOURCES - 1):
-        team.hear(parts, report.model_copy(update={"subject": "object/o0", "source": f"x{n}"}), 1, 0.0)
+        team.hear_message(parts, report.model_copy(update={"subject": "object/o0", "source": f"x{n}"}), 1, 0.0)
     with pytest.raises(Refused, match="sources"):
-        team.hear(parts, report.model_copy(update={"subject": "object/o0", "source": "y"}), 1, 0.0)
+        team.hear_message(parts, report.model_copy(update={"subject": "object/o0", "source": "y"}), 1, 0.0)
     held = []
     for n in range(3 * MAX_TRUTHS):
-        team.hear({}, Truth(run="r", tick=n, time=0.0, positions={"robot/r1": (0.0, 0.0)}), 1, 0.0)
+        team.hear_message({}, Truth(run="r", tick=n, time=0.0, positions={"robot/r1": (0.0, 0.0)}), 1, 0.0)
         held.append(holdings(team, "team"))
     assert held[MAX_TRUTHS - 2] != held[MAX_TRUTHS - 1] == held[-1]
 
@@ -225,8 +225,8 @@ def test_subjects_sources_and_truths_are_bounded() -> None:
 def test_refusals_and_conflicts_are_events() -> None:
     team = TeamFold("t")
     status = Status(process="b", kind="board", tick=1, time=0.0)
-    team.hear({"sub_team": "a"}, status, 1, 0.0)
-    team.hear({"sub_team": "a"}, status.model_copy(update={"refused": {"future": 3}}), 1, 1.0)
+    team.hear_message({"sub_team": "a"}, status, 1, 0.0)
+    team.hear_message({"sub_team": "a"}, status.model_copy(update={"refused": {"future": 3}}), 1, 1.0)
     assert [event.text for event in team.events] == ["b refuses messages: future"]
 
 
@@ -235,7 +235,7 @@ def test_another_process_of_the_same_name_is_an_event() -> None:
     status = Status(process="r1", kind="robot", tick=1, time=0.0)
     counted = status.model_copy(update={"counters": {"namesakes": 1}})
     for at, said in enumerate((status, counted, counted)):
-        team.hear({"sub_team": "a"}, said, 1, float(at))
+        team.hear_message({"sub_team": "a"}, said, 1, float(at))
     assert [(event.what, event.text) for event in team.events] == [
         ("namesake", "r1: another process sends under this name, too")
     ]

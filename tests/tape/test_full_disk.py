@@ -123,7 +123,7 @@ def test_whoever_looks_on_has_an_alarm_of_a_full_disk_until_it_is_looked_at() ->
     def until(now: float) -> str:
         recorder.receive(SENT[int(now)][1], now)
         for envelope in recorder.wake(now):
-            fold.take(envelope, now)
+            fold.hear_envelope(envelope, now)
         return text(summary(fold, now))
 
     assert until(1.0) == "no team is heard of here"
@@ -131,7 +131,7 @@ def test_whoever_looks_on_has_an_alarm_of_a_full_disk_until_it_is_looked_at() ->
     for now in range(2, 20):
         told = until(float(now))
     assert "! recorder cannot write its tape (No space left on device), 18 messages are missing, for 17 s" in told
-    fold.take(NEW_RUN, 19.0)
+    fold.hear_envelope(NEW_RUN, 19.0)
     disk.room = 1 << 20
     assert ", for 18 s; over since 0 s" in until(20.0)
     assert recorder.wake(21.0) == []

@@ -49,7 +49,7 @@ def folded(joint: bool = False) -> Fold:
     """A fold that has taken a whole run."""
     fold = Fold()
     for envelope, now in recorded(joint):
-        fold.take(envelope, now)
+        fold.hear_envelope(envelope, now)
     return fold
 
 
@@ -61,7 +61,7 @@ def golden_team() -> TeamFold:
     """The team of the golden tape, read to its end."""
     fold = Fold()
     for at, envelope in tape.read(GOLDEN):
-        fold.take(envelope, at)
+        fold.hear_envelope(envelope, at)
     return fold.teams["demo"]
 
 

@@ -33,7 +33,7 @@ class Live:
     def __init__(self) -> None:
         self.fold, self.news = Fold(), queue.Queue[Envelope]()
         for envelope, _ in recorded():
-            self.fold.take(envelope, self.now)
+            self.fold.hear_envelope(envelope, self.now)
 
     @property
     def now(self) -> float:
@@ -45,9 +45,9 @@ class Live:
         except queue.Empty:
             return []
 
-    def take(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
+    def hear_envelopes(self, envelopes: Sequence[tuple[float, Envelope]]) -> None:
         for at, envelope in envelopes:
-            self.fold.take(envelope, at)
+            self.fold.hear_envelope(envelope, at)
 
 
 @pytest.fixture(scope="module")

@@ -91,7 +91,7 @@ def test_what_the_moments_forget_the_past_forgets() -> None:
 
 def test_another_run_begins_anew() -> None:
     frames = remembered()
-    frames.team.hear({}, Clock(run="another", tick=0, time=0.0, mode="lockstep"), 1, 0.0)
+    frames.team.hear_message({}, Clock(run="another", tick=0, time=0.0, mode="lockstep"), 1, 0.0)
     frames.remember(0.0)
     assert past(frames) == {"first": 0, "made": 0, "lines": []}
 

@@ -25,7 +25,7 @@ AGREED = keys.AGREED.key(team="t", sub_team="a", subject="object/ball")
 def folded(*messages: tuple[str, Message]) -> Fold:
     fold = Fold()
     for key, message in messages:
-        fold.take(Envelope(key, encode(message)), 1.0)
+        fold.hear_envelope(Envelope(key, encode(message)), 1.0)
     return fold
 
 

@@ -34,7 +34,7 @@ def test_the_summary_is_json_and_its_text_names_everybody() -> None:
 
 def test_a_process_that_says_nothing_is_silent_and_one_without_a_token_gone() -> None:
     fold = folded()
-    fold.take(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.GONE), 1_000_001.0)
+    fold.hear_envelope(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.GONE), 1_000_001.0)
     states = {it["name"]: it["state"] for it in summary(fold, 1_000_100.0)["teams"][0]["processes"]}
     assert (states["r1"], states["r2"]) == ("gone", "silent")
 
@@ -42,8 +42,8 @@ def test_a_process_that_says_nothing_is_silent_and_one_without_a_token_gone() ->
 def test_a_process_that_noticed_another_of_its_name_says_so() -> None:
     fold = Fold()
     said = Status(process="r1", kind="robot", tick=1, time=0.0, counters={"namesakes": 2})
-    fold.take(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.ALIVE), 1.0)
-    fold.take(Envelope(keys.STATUS.key(team="t", sub_team="a", process="r1"), encode(said)), 1.0)
+    fold.hear_envelope(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.ALIVE), 1.0)
+    fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="r1"), encode(said)), 1.0)
     assert "alive, namesakes 2" in text(summary(fold, 1.0))
 
 
@@ -101,7 +101,7 @@ def test_the_newest_values_of_a_team_are_a_moment_once_they_are_in_order() -> No
     newest = {envelope.key: envelope for envelope, _ in recorded() if envelope.kind is Kind.PUT}
     fold = Fold()
     for envelope in in_order(sorted(newest.values(), key=lambda it: it.key)):
-        fold.take(envelope, 0.0)
+        fold.hear_envelope(envelope, 0.0)
     moment, whole = fold.teams["t"].moments.newest, folded().teams["t"].moments.newest
     assert moment is not None
     assert whole is not None
@@ -146,7 +146,7 @@ def test_tracks_and_sightings_without_a_name_are_counted_once_for_all_boards() -
     for board, born in (("a", 3), ("b", 2)):
         counters = {"tracks_born": born, "tracks_died": 1, "unnamed_ambiguous": 7}
         said = Status(process=board, kind="board", tick=1, time=0.0, counters=counters)
-        fold.take(Envelope(keys.STATUS.key(team="t", sub_team=board, process=board), encode(said)), 1.0)
+        fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team=board, process=board), encode(said)), 1.0)
     it = summary(fold, 1.0)["teams"][0]
     assert it["unnamed"] == {"born": 3, "died": 1, "taken": 0, "ambiguous": 7, "strange": 0}
     assert "without a name: 3 tracks began, 1 ended; sightings: 0 clear, 7 ambiguous" in text(summary(fold, 1.0))

@@ -24,7 +24,7 @@ from tests.view.recorded import Deaf, recorded
 def test_the_fold_takes_a_tape_and_finds_every_settled_tick() -> None:
     feed = TapeFeed(read(GOLDEN))
     while not feed.done:
-        feed.take(feed.receive())
+        feed.hear_envelopes(feed.receive())
     team = feed.fold.teams["demo"]
     assert [moment.tick for moment in team.moments] == list(range(16))
     assert feed.fold.refused == {}
@@ -118,7 +118,7 @@ def test_of_plenty_the_newest_of_each_key_settle_the_newest_tick() -> None:
     whole, thinned = Fold(), Fold()
     for fold, some in ((whole, envelopes), (thinned, kept)):
         for envelope in some:
-            fold.take(envelope, 1_000_000.0)
+            fold.hear_envelope(envelope, 1_000_000.0)
     one, other = whole.teams["t"].moments.newest, thinned.teams["t"].moments.newest
     assert one is not None
     assert other is not None

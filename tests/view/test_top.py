@@ -31,7 +31,7 @@ def on_a_tape(story: Callable[[Top, Pilot[None]], Coroutine[Any, Any, None]]) ->
     """Let a story happen in a terminal that has read the golden tape."""
     feed = TapeFeed(read(GOLDEN))
     while not feed.done:
-        feed.take(feed.receive())
+        feed.hear_envelopes(feed.receive())
 
     async def play() -> None:
         top = Top(feed, "demo")

@@ -47,7 +47,7 @@ def test_what_a_board_learned_is_computed_again_as_well() -> None:
     """After 10 s the weights in force are no longer those of the settings, and everything that is needed is published."""
     fold, powers, independences, checked = Fold(), set[float](), set[object](), 0
     for envelope, now in record(LEARNS):
-        fold.take(envelope, now)
+        fold.hear_envelope(envelope, now)
     team = fold.teams["t"]
     assert team.moments.newest is not None
     for subject in team.moments.newest.subjects:
@@ -66,7 +66,7 @@ def test_old_reports_are_computed_again_with_the_speeds_that_their_robots_gave()
     fold, ages = Fold(), list[float]()
     team = SCENARIO.changed("team", sub_teams={"a": ["r1", "r2", "r3"]})
     for envelope, now in record(team.changed("robot", send={"budget": 400.0})):
-        fold.take(envelope, now)
+        fold.hear_envelope(envelope, now)
     for moment in fold.teams["t"].moments:
         for subject, about in moment.subjects.items():
             for level in explain(fold.teams["t"], moment, subject)["levels"] if about.best is not None else ():
@@ -86,7 +86,7 @@ def behind_by_a_tick() -> tuple[TeamFold, Moment]:
 
     tape = TapeFeed((at, envelope) for envelope, at in recorded() if not is_late(envelope))
     while not tape.done:
-        tape.take(tape.receive())
+        tape.hear_envelopes(tape.receive())
     moment = tape.fold.teams["t"].moments.at(4)
     return tape.fold.teams["t"], present(moment)
 
@@ -109,9 +109,9 @@ def test_a_power_that_no_board_would_say_ends_nothing() -> None:
             if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
                 told = decode(Consensus, envelope.payload)
                 used = [one.model_copy(update={"power": power}) for one in told.used]
-                fold.take(replace(envelope, payload=encode(told.model_copy(update={"used": used}))), now)
+                fold.hear_envelope(replace(envelope, payload=encode(told.model_copy(update={"used": used}))), now)
             else:
-                fold.take(envelope, now)
+                fold.hear_envelope(envelope, now)
         moment = fold.teams["t"].moments.newest
         assert sentences(explain(fold.teams["t"], present(moment), "robot/r1"))
 
@@ -250,9 +250,9 @@ def test_who_keeps_disagreeing_and_opposed_camps_are_told() -> None:
         if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
             told = decode(Consensus, envelope.payload)
             told = told.model_copy(update={"dissent": [off], "camps": camps, "conflict": True})
-            fold.take(replace(envelope, payload=encode(told)), now)
+            fold.hear_envelope(replace(envelope, payload=encode(told)), now)
         else:
-            fold.take(envelope, now)
+            fold.hear_envelope(envelope, now)
     team = fold.teams["t"]
     moment = team.moments.newest
     assert moment is not None

@@ -112,7 +112,9 @@ class JointDesk:
             objects, naming=naming, limits=limits, rule=rule if isinstance(rule, Coalition) else Coalition()
         )
 
-    def take(self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool, skew: float = 0.0) -> None:
+    def take_evidence(
+        self, robot: str, tick: int, time: float, packed: PackedEvidence, *, own: bool, skew: float = 0.0
+    ) -> None:
         """Take the evidence of a robot's tick at a team time (s), once; `own` evidence is kept to be forwarded.
 
         `skew` is how many seconds the robot's clock, by which it numbers its epochs, may be ahead. Where that clock was set back, a
@@ -180,10 +182,12 @@ class JointDesk:
         self.counters["joint_dropped"] += len(evidence.relatives) - len(kept)
         return replace(evidence, relatives=kept)
 
-    def hear(self, forward: Forward, has_robot: Callable[[str], bool] = lambda robot: True, skew: float = 0.0) -> None:
+    def hear_forward(
+        self, forward: Forward, has_robot: Callable[[str], bool] = lambda robot: True, skew: float = 0.0
+    ) -> None:
         """Take the evidence that another board passes on of the robots that its sub-team has.
 
-        Refused: as in `take`, and "unregistered", after what is sound was taken.
+        Refused: as in `take_evidence`, and "unregistered", after what is sound was taken.
         """
         self._heard.setdefault((forward.sub_team, forward.board), deque(maxlen=TICKS)).append(forward.tick)
         self.hear_tracks(forward)
@@ -194,7 +198,7 @@ class JointDesk:
                     raise Refused(
                         "unregistered", f"{one.robot} holds no liveliness token in sub-team {forward.sub_team}"
                     )
-                self.take(one.robot, one.tick, forward.time - one.age, one.evidence, own=False, skew=skew)
+                self.take_evidence(one.robot, one.tick, forward.time - one.age, one.evidence, own=False, skew=skew)
             except Refused as refusal:
                 refusals.append(refusal)
         if refusals:
@@ -306,7 +310,7 @@ class JointDesk:
                 believed[robot] = marginal.mean, marginal.covariance
                 own[f"robot/{robot}"] = distance(told[robot], believed[robot])
         self._lost.hear(time, filter(self.team.knows, map("robot/{}".format, self._states)), verdicts, own)
-        self.dissent.hear_joint(time, told, believed, verdicts, self.team.trust)
+        self.dissent.judge_robots(time, told, believed, verdicts, self.team.trust)
 
     def _without(
         self, left: list[Evidence], before: TeamJoint, number: int, dt: float, batch: list[Evidence]

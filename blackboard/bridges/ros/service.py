@@ -99,7 +99,7 @@ class RosBridge:
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         if envelope.key in self._takes:
             return self._take(envelope, now)
-        self._fold.take(envelope, now)
+        self._fold.hear_envelope(envelope, now)
         out = [answer for member in self._members.values() for answer in _hear(member, envelope, now)]
         return self._own(out, now) + self._publisher.beliefs(self._team, now)
 
@@ -192,7 +192,7 @@ class RosBridge:
     def _own(self, out: list[Envelope], now: float) -> list[Envelope]:
         """Show the fold what is sent to the team, too: a process does not hear itself."""
         for envelope in out:
-            self._fold.take(envelope, now)
+            self._fold.hear_envelope(envelope, now)
         return out
 
 

@@ -119,7 +119,7 @@ class Top(App[None]):
         while not self.source.done:
             envelopes = await asyncio.to_thread(self.source.receive)
             begin = loop.time()
-            self.source.take(envelopes)
+            self.source.hear_envelopes(envelopes)
             await asyncio.sleep(loop.time() - begin)
 
     @property

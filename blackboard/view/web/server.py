@@ -105,7 +105,7 @@ async def _following(page: Page, stopped: Callable[[], bool], server: uvicorn.Se
             while not (stopped() or server.should_exit):
                 envelopes = await asyncio.to_thread(page.source.receive)
                 begin = page.clock()
-                page.source.take(envelopes)
+                page.source.hear_envelopes(envelopes)
                 await page.look()
                 if page.source.done is None:
                     await asyncio.sleep(min(LONGEST_REST, page.clock() - begin))
