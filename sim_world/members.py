@@ -7,6 +7,7 @@ its token. Such a robot is waited for once it has answered a tick.
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 
 from blackboard.config import TeamSection
 from blackboard.errors import Refused
@@ -88,18 +89,18 @@ class Members:
             absent += [f"{name} of {sub_team}" for name in names if name not in robots.get(sub_team, [])]
         return absent
 
-    def missing(self, instant: Instant) -> set[str]:
-        """Who takes part in a tick, is alive, and has not sent everything; no newcomers."""
+    def missing(self, instant: Instant) -> Iterator[str]:
+        """Who takes part in a tick, is alive, and has not sent everything; no newcomers. A robot of two sub-teams comes twice."""
         alive = self.teams()
         teams = {sub_team: robots for sub_team, robots in instant.teams.items() if sub_team in alive}
-        boards = {
-            f"board/{sub_team}/{board}"
-            for sub_team in teams
-            for board in self._boards(sub_team)
-            if not (instant.settled(sub_team, board) and instant.is_led(sub_team))
-        }
-        waited_for = {robot for sub_team, robots in teams.items() for robot in robots if robot in alive[sub_team]}
-        return boards | {f"robot/{robot}" for robot in waited_for - set(instant.solos) - self._newcomers}
+        for sub_team, robots in teams.items():
+            for robot in robots:
+                if robot in alive[sub_team] and robot not in instant.solos and robot not in self._newcomers:
+                    yield f"robot/{robot}"
+        for sub_team in teams:
+            for board in self._boards(sub_team):
+                if not (instant.settled(sub_team, board) and instant.is_led(sub_team)):
+                    yield f"board/{sub_team}/{board}"
 
     def names(self) -> set[str]:
         """Who takes part and is alive."""
@@ -110,7 +111,7 @@ class Members:
     def give_up(self, instant: Instant) -> int:
         """Wait no longer for those who are missing in a tick that is over, newcomers too, until they answer one; how many they are."""
         asked = {robot for robots in instant.teams.values() for robot in robots} & self._newcomers
-        missing = self.missing(instant) | {f"robot/{robot}" for robot in asked}
+        missing = {*self.missing(instant)} | {f"robot/{robot}" for robot in asked}
         if missing:
             names = ", ".join(sorted(missing))
             log.warning("tick %d: %s alive and silent; no longer waited for", instant.truth.tick, names)

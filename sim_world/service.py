@@ -108,7 +108,7 @@ class WorldService:
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             if self.members.hear_token(envelope, now) and self._open:
                 name = who(envelope.key)  # none: it was the router that had gone
-                out += self._ask(asked=[name] if name else sorted(self.members.missing(self._open[max(self._open)])))
+                out += self._ask(asked=[name] if name else sorted({*self.members.missing(self._open[max(self._open)])}))
         else:
             out = self.intake.take(envelope, lambda parts, message: self._hear(parts, message, envelope.payload), now)
         return out + self._advance(now)
@@ -210,7 +210,7 @@ class WorldService:
 
         In between there is time for what was on its way: a status may overtake the answers.
         """
-        missing = self.members.missing(self._open[self.tick])
+        missing = {*self.members.missing(self._open[self.tick])}
         lost = (self._done & missing) | (self._spoke & self._lacked)
         owing = lost if self._rounds_asked % 2 else set[str]()
         self._rounds_asked += 1
@@ -263,7 +263,7 @@ class WorldService:
         """Whether the "team" is there (all of it, before the first tick), or all "answers" to the tick."""
         if fact == "team":
             return self.members.enough() and not (self.tick < 0 and self.members.absent())
-        return not self.members.missing(self._open[self.tick])
+        return next(self.members.missing(self._open[self.tick]), None) is None
 
     def _set_off(self, now: float) -> list[Envelope]:
         """The team is there, or the wait for it is over: begin, or go on, with those who are there; end where there is none."""

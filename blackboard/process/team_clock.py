@@ -42,6 +42,9 @@ class Pace(Enum):
     REALTIME = "realtime"  # the world paces, team time runs on between two Clocks
 
 
+PACES: dict[str, Pace] = {it.value: it for it in Pace}
+
+
 class State(Enum):
     """What a process has of a world."""
 
@@ -111,7 +114,7 @@ class TeamClock:
     @property
     def pace(self) -> Pace:
         if self.followed is not None:
-            return Pace(self.followed.mode)
+            return PACES[self.followed.mode]
         return Pace.FREE if self.state is State.FREE else Pace.WAITING
 
     @property

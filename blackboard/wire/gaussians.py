@@ -212,7 +212,7 @@ def _unpacked(sighting: PackedRelative | Seen) -> dict[str, Any]:
 
 def _row(values: Array) -> tuple[float, ...]:
     """The numbers, at most as large as a message can hold: a robot whose readings are absurd says so, and is refused."""
-    return tuple(float(v) for v in np.clip(values, -LARGEST, LARGEST))
+    return tuple(np.clip(values, -LARGEST, LARGEST).tolist())
 
 
 def _upper(matrix: Array) -> tuple[float, ...]:

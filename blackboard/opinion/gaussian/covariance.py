@@ -57,6 +57,12 @@ class Covariance:
                 _shear(self._matrix, to, self._on[to], self._lean[to])
             self._forget()
 
+    def block(self, place: slice) -> Array:
+        """The covariance of the states of a whole block, shape (n, n)."""
+        if self._waits:
+            return self.among(np.arange(place.start, place.stop))
+        return self._matrix[place, place].copy()
+
     def among(self, index: Index) -> Array:
         """The covariance of the states of some whole blocks, by their indices, shape (n,): shape (n, n); or of k such sets, (k, n)."""
         found: Array = self._matrix[index[..., np.newaxis], index[..., np.newaxis, :]]

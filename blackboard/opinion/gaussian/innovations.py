@@ -8,8 +8,8 @@ A source is never taken for better than it claims, because noise that is alike f
 from __future__ import annotations
 
 import statistics
-from collections import deque
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from blackboard.opinion.believed import ENOUGH, MOST_NOISE, WINDOW
 from blackboard.opinion.chi_squared import MEDIAN, quantile
@@ -22,11 +22,11 @@ Source = tuple[str, str]  # a robot, and the kind of its evidence
 class Innovations:
     """Mutable; `judge` once per piece of evidence, before it is scaled or left out."""
 
-    _ratios: dict[Source, deque[float]] = field(default_factory=dict)
+    _ratios: dict[Source, tuple[float, ...]] = field(default_factory=dict)
 
     def copy(self) -> Innovations:
         """The same, which may be changed without changing this one."""
-        return Innovations({source: ratios.copy() for source, ratios in self._ratios.items()})
+        return Innovations(dict(self._ratios))
 
     def judge(self, source: Source, squared: float, freedom: int, share: float = 1.0) -> None:
         """Take the squared distance of a piece of evidence as it was claimed, with its degrees of freedom.
@@ -34,7 +34,7 @@ class Innovations:
         `share` is that of the source's noise in the variance that was expected, 0 to 1.
         """
         excess = (squared / quantile(MEDIAN, freedom) - 1.0) / max(share, LEAST)
-        self._ratios.setdefault(source, deque(maxlen=WINDOW)).append(1.0 + excess)
+        self._ratios[source] = (*self._ratios.get(source, ()), 1.0 + excess)[-WINDOW:]
 
     def samples(self, source: Source) -> int:
         """How many pieces of evidence are remembered of a source."""
@@ -43,4 +43,10 @@ class Innovations:
     def variance(self, source: Source) -> float:
         """The variance of a source's noise relative to what it claims, at least 1; 1 until enough is known."""
         ratios = self._ratios.get(source, ())
-        return min(MOST_NOISE, max(1.0, statistics.median(ratios))) if len(ratios) >= ENOUGH else 1.0
+        return min(MOST_NOISE, max(1.0, _median(ratios))) if len(ratios) >= ENOUGH else 1.0
+
+
+@lru_cache(maxsize=256)
+def _median(ratios: tuple[float, ...]) -> float:
+    """Kept, because it is asked for more often than there is something new."""
+    return statistics.median(ratios)

@@ -192,7 +192,7 @@ class Joint:
         """The marginal of some blocks, in the order given."""
         if len(blocks) == 1:
             at = self.blocks[blocks[0]]
-            return Moments(self.mean[at].copy(), self._covariance.among(np.arange(at.start, at.stop)))
+            return Moments(self.mean[at].copy(), self._covariance.block(at))
         local = self.among(blocks)
         return Moments(local.mean, local.covariance)
 

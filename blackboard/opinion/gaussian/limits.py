@@ -87,7 +87,7 @@ class Limits:
                 share, too_much = (share, middle) if _is_sharper(tried, robot, floors) else (middle, too_much)
             after = _multiplied(before, robot, increment, share)
         self._alone[robot] = after
-        return None if share == 0 else increment if share == 1 else _scaled(increment, share)
+        return None if share == 0 else _scaled(increment, share)
 
     def sighting(self, relative: Relative, distance: float) -> Relative:
         """A sighting that claims no more than the sharpest sensor could; `distance` (unit) is how far away its subject is."""
@@ -139,6 +139,8 @@ def _multiplied(alone: Joint, robot: str, increment: Increment, share: float) ->
 
 def _scaled(increment: Increment, share: float) -> Increment:
     """The likelihood to a power."""
+    if share == 1.0:
+        return increment
     return replace(increment, information=increment.information * share, vector=increment.vector * share)
 
 

@@ -119,6 +119,8 @@ class TeamJoint(TeamState):
 
     def _bounded(self, news: Mapping[str, Evidence], known: set[str]) -> dict[str, Evidence]:
         """The evidence of a tick, as much of it as its robots' sensors can know; `known` are the robots whose increments count."""
+        if not self.limits.sharpest:
+            return dict(news)
         bounded = {}
         for robot, it in news.items():
             with self.blaming(robot):
