@@ -96,13 +96,7 @@ class Freshness:
             self._observers[observer] = self._observers.get(observer, Record()).plus(small, OF_OBSERVER)
         self._trails[of] = Trail(residual, noise, record)
 
-    def lacks(self, sighting: Relative) -> bool:
-        """Whether its pair, or all that its observer sees, lately differed less than 99.9 % of what has fresh noise."""
-        trail = self._trails.get((sighting.observer, sighting.subject, sighting.kind))
-        of_all = self._observers.get(sighting.observer, Record())
-        return of_all.held > 0 or (trail is not None and trail.record.held > 0)
-
     def doubts(self, robot: str) -> bool:
-        """Whether anything that it sees is held against it."""
+        """Whether a pair of it, or all that it sees, lately differed less than 99.9 % of what has fresh noise."""
         of_all = self._observers.get(robot, Record())
         return of_all.held > 0 or any(it.record.held > 0 for (one, _, _), it in self._trails.items() if one == robot)

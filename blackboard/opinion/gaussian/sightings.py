@@ -158,7 +158,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     wider = _judged(team, relative, factor, expected.innovation(factor))
     if wider is None:
         return
-    if not robot and team.freshness.lacks(relative):  # nobody else may see the object, so it counts for a little
+    if not robot and team.freshness.doubts(observer):  # nobody else may see the object, so it counts for a little
         wider = wider.widened(MOST_NOISE)
     now = None if wider.priors else expected  # of the joint as it is once new blocks have begun
     only = team.bounded(observer, wider, team.moved_by_sighting(relative), now)
@@ -189,7 +189,7 @@ def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapp
     """A sighting of an object, once it has told how that moves; a range alone does not, and what is no news does not."""
     observer, subject = relative.observer, relative.subject
     moves = team.moved_by_sighting(relative)
-    is_doubted = team.freshness.lacks(relative) or (moves is not None and subject not in moves)
+    is_doubted = team.freshness.doubts(observer) or (moves is not None and subject not in moves)
     if observer in team.left_out or len(factor.residual) < 2 or is_doubted:
         return factor
     pushed = team.walks.judge(subject, _placed(team, subject, factor))

@@ -185,13 +185,13 @@ class TeamState:
         return self._of({robot} if self.doubts(robot) else set())
 
     def moved_by_sighting(self, relative: Relative) -> list[Block] | None:
-        """The same of a sighting: of a track that alone; one that tells nothing new moves its observer, and an object with it."""
+        """The same of a sighting: of a track that alone, else the ends that are doubted, or an object that only such a robot sees."""
         observer, subject = relative.observer, relative.subject
         if subject in self.tracks:
             return [subject]
-        doubted = {it for it in (observer, subject) if self.offsets.doubts(it)}
-        if self.freshness.lacks(relative):
-            doubted |= {observer} if subject in self.known or self.vouching(subject, observer) else {observer, subject}
+        doubted = {it for it in (observer, subject) if self.doubts(it)}
+        if self.freshness.doubts(observer) and subject not in self.known and not self.vouching(subject, observer):
+            doubted.add(subject)
         return self._of(doubted)
 
     def _of(self, robots: Collection[str]) -> list[Block] | None:

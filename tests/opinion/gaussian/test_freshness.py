@@ -85,6 +85,23 @@ def test_who_is_found_out_to_see_a_mate_always_as_far_aside_has_not_taken_it_alo
     assert np.hypot(*away) < 0.2 * aside
 
 
+def test_who_is_found_out_moves_nobody_neither_by_what_it_sees_nor_by_being_seen() -> None:
+    """Before, a mate that saw it was led to where the liar had moved itself."""
+    one, another, third = MATES
+    team, tick = TeamJoint(), 0
+    while not team.doubts(LIAR):
+        told = seen(team, LIAR, one, 1.0)
+        team.settle(tick, DT, [says(it, tick, told if it == LIAR else ()) for it in PLACES])
+        tick += 1
+    places = []
+    for told in ({}, {LIAR: seen(team, LIAR, third, 1.0), another: seen(team, another, LIAR, 1.0)}):
+        after = team.copy()
+        after.settle(tick, DT, [says(it, tick, told.get(it, ())) for it in PLACES])
+        places.append([after.marginal(mate) for mate in MATES])
+    for without, with_it in zip(*places, strict=True):
+        assert with_it.mean == pytest.approx(without.mean) and with_it.covariance == pytest.approx(without.covariance)
+
+
 def test_an_object_is_not_taken_along_by_one_that_sees_it_aside_of_where_the_team_has_it_in_each_tick() -> None:
     """Before, it went 13 units in 7 s."""
     before, after = run(lambda _: []), run(lambda team: [seen(team, LIAR, BALL, 2.0)])
@@ -121,7 +138,7 @@ def test_of_those_with_half_the_noise_that_they_claim_or_more_hardly_any_is_held
         sighting, it = factor(offset + wider * SIGMA * chance.normal(size=2))
         freshness.pass_time(DT)
         freshness.hear(sighting, it)
-        held += freshness.lacks(sighting)
+        held += freshness.doubts(sighting.observer)
     assert held <= 50, "two false alarms"
 
 
@@ -132,10 +149,10 @@ def test_who_begins_to_say_anew_what_it_sees_is_believed_again_and_who_declares_
         freshness.pass_time(DT)
         freshness.hear(sighting, it)
         if tick == 19:
-            assert freshness.lacks(sighting)
-    assert not freshness.lacks(sighting)
+            assert freshness.doubts(sighting.observer)
+    assert not freshness.doubts(sighting.observer)
     freshness = Freshness()
     declared = replace(sighting, biases=(Bias(SIGMA, 60.0),))
     for _ in range(20):
         freshness.hear(declared, factor(np.array([2.0, 0.0]))[1])
-    assert not freshness.lacks(declared)
+    assert not freshness.doubts(declared.observer)
