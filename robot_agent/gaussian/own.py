@@ -27,6 +27,7 @@ WINDOW = 60  # gains that are remembered
 FEWEST = 20  # gains before anything is said of them
 ALIKE = 0.05  # of the median squared distance to be expected: nearer to the team's belief is no measurement, but that belief
 WEIGHTY = 0.05  # share of the team's variance that a gain removes, at least; of smaller ones the distance says nothing
+SLIGHT = 1e-3  # share of a variance that is too little to be a gain
 ROUNDING = 1e-9  # of the largest entry of a covariance
 JUMP = 2.0  # times the 99.9 % quantile: a posterior so far from its prediction begins anew
 FLATTEST = 1.8  # kurtosis along an axis of a uniform distribution: particles below have several hypotheses
@@ -135,6 +136,7 @@ class Given(FirstHand):
         """Predict with the odometry. Its noise is the own filter's, as far as the caller or earlier posteriors have told it.
 
         A posterior that is nowhere sharper than the one before, moved on without noise, took nothing in: what it lost is the noise.
+        Where the noise is told, it is moved on with that, because a filter that takes something in at each step loses as much.
         """
         told, before, self._last = readings.odometry, self._last, readings
         self._idle = False
@@ -146,10 +148,11 @@ class Given(FirstHand):
             along, across, heading = (rate * told.dt for rate in self._rates)
             motion = replace(motion, along=along, across=across, heading=heading)
         if self.known and given is not None:
-            lost = self._lost(replace(motion, along=0.0, across=0.0, heading=0.0), given)
-            self._idle = bool(np.linalg.eigvalsh(lost)[0] > -ROUNDING * np.abs(given.covariance).max())
+            still = replace(motion, along=0.0, across=0.0, heading=0.0)
+            is_told = told.distance_sigma is not None and told.turn_sigma is not None
+            self._idle = not _is_sharper(given, self._moved(motion if is_told else still, bent=False))
             if self._idle:
-                along, across, heading = (max(0.0, float(it)) for it in np.diag(lost))
+                along, across, heading = (max(0.0, float(it)) for it in self._lost(still, given))
                 motion = replace(motion, along=along, across=across, heading=heading)
                 if told.distance or told.turn:
                     self._rates = along / told.dt, across / told.dt, heading / told.dt
@@ -159,15 +162,29 @@ class Given(FirstHand):
                 drive(joint, self.robot, motion, self.sensors.wheels.nuisance)
         return motion
 
-    def _lost(self, motion: Motion, given: Moments) -> Array:
-        """By how much a posterior's covariance exceeds that of its prediction, shape (3, 3), its axes along and across the way."""
+    def _moved(self, motion: Motion, *, bent: bool) -> Moments:
         ahead = self.joint.copy()
-        drive(ahead, self.robot, motion, self.sensors.wheels.nuisance)
-        prediction = ahead.moments(self.robot)
+        drive(ahead, self.robot, motion, self.sensors.wheels.nuisance, bent=bent)
+        found = ahead.moments(self.robot)
+        return Moments(found.mean[POSE], found.covariance[POSE, POSE])
+
+    def _lost(self, motion: Motion, given: Moments) -> Array:
+        """By how much a posterior's variances exceed those of its prediction: along and across the way, and of the heading.
+
+        The boards predict with what a badly known heading adds, so that is left out of what the posterior lost.
+        """
+        prediction = self._moved(motion, bent=True)
         way = float(prediction.mean[HEADING]) - motion.turn / 2
         c, s = np.cos(way), np.sin(way)
         frame = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        return np.asarray(frame @ (given.covariance - prediction.covariance[POSE, POSE]) @ frame.T)
+        return np.diag(frame @ (given.covariance - prediction.covariance) @ frame.T)
+
+
+def _is_sharper(given: Moments, prediction: Moments) -> bool:
+    """Whether a posterior is anywhere sharper than its prediction, by more than the filters may differ by rounding."""
+    scale = np.linalg.cholesky(prediction.covariance + ROUNDING * np.abs(given.covariance).max() * np.eye(3))
+    share = np.linalg.solve(scale, np.linalg.solve(scale, given.covariance).T)
+    return bool(np.linalg.eigvalsh(share)[0] < 1.0 - SLIGHT)
 
 
 def _has_jumped(prediction: Moments, given: Moments) -> bool:

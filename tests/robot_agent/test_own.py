@@ -40,10 +40,10 @@ class Own:
         self.mean = self.mean + gain @ (z - self.mean)
         self.covariance = (np.eye(3) - gain) @ self.covariance
 
-    def tell(self, distance: float = 0.1) -> Told:
+    def tell(self, distance: float = 0.1, **sigmas: float) -> Told:
         self.tick += 1
         self.given.give(Moments(self.mean.copy(), self.covariance.copy()))
-        told = Odometry(distance=distance, turn=0.0, dt=0.1)
+        told = Odometry(distance=distance, turn=0.0, dt=0.1, **sigmas)
         return self.given.step(Readings(run="x", robot="r1", tick=self.tick, time=0.1 * self.tick, odometry=told))
 
 
@@ -55,6 +55,36 @@ def test_what_took_nothing_in_gains_nothing_and_its_noise_is_learned() -> None:
         told = own.tell()
         assert told.increment is None
         assert told.motion.heading == pytest.approx(3e-3)
+
+
+def test_a_filter_that_knows_its_heading_badly_and_takes_nothing_in_gains_nothing() -> None:
+    """An extended Kalman filter with wheels alone: predictions that are wider than its own made each step a gain."""
+    random, given, found = np.random.default_rng(5), Given(ROBOT, SENSORS), []
+    mean, covariance, along, heading = np.array([1.0, 2.0, 0.3]), np.diag([0.01, 0.01, 0.1]), 1e-4, 1e-4
+    for number in range(200):
+        turn, told = float(random.normal(0, 0.1)), Odometry(distance=0.0, turn=0.0, dt=0.1)
+        if number:
+            told = Odometry(distance=0.05, turn=turn, dt=0.1)
+            c, s = math.cos(mean[2] + turn / 2), math.sin(mean[2] + turn / 2)
+            by = np.array([[1.0, 0, -0.05 * s], [0, 1, 0.05 * c], [0, 0, 1]])
+            noise = np.zeros((3, 3))
+            noise[:2, :2], noise[2, 2] = along * np.outer([c, s], [c, s]), heading
+            mean, covariance = mean + [0.05 * c, 0.05 * s, turn], by @ covariance @ by.T + noise
+        given.give(Moments(mean.copy(), covariance.copy()))
+        found.append(given.step(Readings(run="x", robot="r1", tick=number, time=0.1 * number, odometry=told)))
+    assert all(it.increment is None for it in found)
+    assert sum(it.motion.heading for it in found) == pytest.approx(199 * heading, rel=0.05)
+
+
+def test_a_filter_that_takes_something_in_at_every_step_gains_at_every_step_if_it_tells_its_noise() -> None:
+    """In its steady state it is no sharper than before. It was taken for one that takes nothing in, and told the team nothing."""
+    own = Own(noise=1e-4)
+    for number in range(100):
+        if number:
+            own.drive(0.0)
+            own.measure(own.mean, np.diag([0.005, 0.005, 0.005]))
+        told = own.tell(0.0, distance_sigma=0.01, turn_sigma=0.01)
+        assert (told.increment is not None) == (number > 0)
 
 
 def test_a_joint_of_its_increments_is_its_posterior() -> None:

@@ -122,12 +122,15 @@ def meant(state: Array, motion: Motion) -> tuple[float, float, Array]:
     return way, turn, by
 
 
-def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance) -> None:
-    """Move a robot's block by its odometry, through its scales, drift, slip and lag, along the chord of the turn."""
-    drive_alike([(joint, motion)], robot, nuisance)
+def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance, *, bent: bool = True) -> None:
+    """Move a robot's block by its odometry, through its scales, drift, slip and lag, along the chord of the turn.
+
+    `bent`: with the variance that a badly known heading adds along the way; without it as an extended Kalman filter does it.
+    """
+    drive_alike([(joint, motion)], robot, nuisance, bent=bent)
 
 
-def drive_alike(moves: Sequence[tuple[Joint, Motion]], robot: Block, nuisance: Nuisance) -> None:
+def drive_alike(moves: Sequence[tuple[Joint, Motion]], robot: Block, nuisance: Nuisance, *, bent: bool = True) -> None:
     """As `drive`, of joints that have the robot at the same mean, by motions that differ in their noise alone."""
     joint, motion = moves[0]
     state = joint.mean[joint.blocks[robot]]
@@ -152,7 +155,8 @@ def drive_alike(moves: Sequence[tuple[Joint, Motion]], robot: Block, nuisance: N
         added = np.diag(noise)
         added[HEADING, HEADING] = motion.heading
         added[AXES, AXES] = (frame * [motion.along, motion.across]) @ frame.T
-        added[AXES, AXES] += along[:, np.newaxis] * along * _bent(joint, robot, distance, along)
+        if bent:
+            added[AXES, AXES] += along[:, np.newaxis] * along * _bent(joint, robot, distance, along)
         joint.move(robot, mean, transition, added)
 
 
