@@ -41,9 +41,9 @@ INFORMED = 0.1  # share by which what was seen moves a pose from where odometry 
 TINY = 1e-9  # a share of odometry's variances; and unit^2 or radians^2: no measurement is more exact
 MEMORY = 40.0  # samples after which what was seen has faded to 1 / e
 LOGS = np.arange(-3.0, 3.01, 0.25)  # binary logarithms of s
-#: The logarithm of the log-normal prior of s, one sigma of which is a factor of 2. A given model is its median; a guess is what
-#: the prior expects s^2 to be.
-GIVEN, GUESSED = -0.5 * LOGS**2, -0.5 * (LOGS + np.log(2)) ** 2
+#: The correlation of the logarithms of two kinds of noise that are found together: one floor and one pair of wheels make both.
+#: None where one model was given and the other is a guess.
+TOGETHER = 0.8
 
 
 @dataclass
@@ -55,7 +55,6 @@ class NoiseFactor:
     mean: float = 0.0  # of the binary logarithm of s
     sigma: float = 1.0
     _expected: float = 1.0  # s^2
-    _seen: Array = field(default_factory=lambda: np.zeros(len(LOGS)))  # the log-likelihood of each factor, faded
 
     @property
     def variance(self) -> float:
@@ -64,20 +63,53 @@ class NoiseFactor:
             return max(self.least, self._expected)
         return max(self.least, float(4.0**self.mean))
 
-    def weigh(self, error: Array, rest: Array, added: Array) -> None:
-        """Take an error, shape (n,), whose covariance is `rest + s^2 added`, shape (n, n) each."""
-        present = float(error @ np.linalg.solve(rest + self.variance * added, error))
-        farthest = quantile(GATE, len(error))  # farther off, as by a misread barcode, counts as this
-        nearer = farthest / max(farthest, present)
-        covariances = rest + 4.0 ** LOGS[:, np.newaxis, np.newaxis] * added
-        squared = nearer * np.einsum("i,kij,j->k", error, np.linalg.inv(covariances), error)
-        self._seen = self._seen * np.exp(-1 / MEMORY) - 0.5 * (squared + np.linalg.slogdet(covariances)[1])
-        logs = (GIVEN if self.given else GUESSED) + self._seen
-        weights = np.exp(logs - logs.max())
-        weights /= weights.sum()
+    def take(self, weights: Array) -> None:
+        """Its posterior is this, shape (13,), over `LOGS`."""
         self._expected = float(weights @ 4.0**LOGS)
         self.mean = float(weights @ LOGS)
         self.sigma = float(np.sqrt(weights @ (LOGS - self.mean) ** 2))
+
+
+@dataclass
+class Factors:
+    """Mutable: the factors of kinds of noise that make one error together, by the likelihood of each combination.
+
+    The prior of their logarithms is normal, one sigma of which is a factor of 2. A given model is its median; a guess is what the
+    prior expects s^2 to be.
+    """
+
+    kinds: tuple[NoiseFactor, ...]
+    _prior: Array = field(init=False)  # logarithms, shape (13,) * kinds
+    _seen: Array = field(init=False)  # the log-likelihood of each combination, faded, as `_prior`
+    _variances: Array = field(init=False)  # of each combination, shape (13 ** kinds, kinds)
+
+    def __post_init__(self) -> None:
+        number = len(self.kinds)
+        combined = np.stack(np.meshgrid(*[LOGS] * number, indexing="ij"), axis=-1)
+        apart = combined - [0.0 if kind.given else -np.log(2) for kind in self.kinds]
+        alike = TOGETHER if len({kind.given for kind in self.kinds}) == 1 else 0.0
+        # how far below its bound one kind is says nothing of the other
+        least = [kind.least if alike else 0.0 for kind in self.kinds]
+        correlation = alike + (1 - alike) * np.eye(number)
+        self._prior = -0.5 * np.sum(apart @ np.linalg.inv(correlation) * apart, axis=-1)
+        self._seen = np.zeros_like(self._prior)
+        self._variances = np.maximum(least, 4.0 ** combined.reshape(-1, number))
+
+    def weigh(self, error: Array, rest: Array, added: Array) -> None:
+        """Take an error, shape (n,), whose covariance is `rest`, (n, n), and s^2 times `added`, (kinds, n, n), of each kind."""
+        variances = np.array([kind.variance for kind in self.kinds])
+        present = float(error @ np.linalg.solve(rest + np.tensordot(variances, added, 1), error))
+        farthest = quantile(GATE, len(error))  # farther off, as by a misread barcode, counts as this
+        nearer = farthest / max(farthest, present)
+        covariances = rest + np.tensordot(self._variances, added, 1)
+        squared = nearer * np.einsum("i,kij,j->k", error, np.linalg.inv(covariances), error)
+        likelihood = -0.5 * (squared + np.linalg.slogdet(covariances)[1])
+        self._seen = self._seen * np.exp(-1 / MEMORY) + likelihood.reshape(self._seen.shape)
+        logs = self._prior + self._seen
+        weights = np.exp(logs - logs.max())
+        weights /= weights.sum()
+        for axis, kind in enumerate(self.kinds):
+            kind.take(weights.sum(axis=tuple(it for it in range(len(self.kinds)) if it != axis)))
 
 
 class _Measured(NamedTuple):
@@ -109,6 +141,7 @@ class Span:
     given: tuple[bool, bool] = (True, True)
     along: NoiseFactor = field(init=False)
     heading: NoiseFactor = field(init=False)
+    _factors: Factors = field(init=False)
     _led: Joint | None = None  # the robot's block since the span began, by odometry alone
     _bare: Joint | None = None  # the same without the error along the way
     _still: Joint | None = None  # the same without the error of the heading
@@ -117,6 +150,7 @@ class Span:
 
     def __post_init__(self) -> None:
         self.along, self.heading = (NoiseFactor(1.0 if given else LEAST, given) for given in self.given)
+        self._factors = Factors((self.along, self.heading))
 
     def give_up(self) -> None:
         """Judge nothing of this span."""
@@ -132,20 +166,16 @@ class Span:
             way[AXES] = np.linalg.eigh((led.covariance - bare.covariance)[AXES, AXES])[1][:, -1]
             head = np.zeros(len(led.mean))
             head[HEADING] = 1.0
-            seen, judged = _measured(led, belief), False
-            for factor, present, axis, without in zip(
-                (self.along, self.heading), noise, (way, head), (bare, still), strict=True
-            ):
+            judged, made = False, []
+            for present, axis, without in zip(noise, (way, head), (bare, still), strict=True):
                 by_odometry, rest, after = (float(axis @ it.covariance @ axis) for it in (led, without, belief))
-                added, gain = (by_odometry - rest) / present, 1.0 - after / by_odometry
-                if added > 0 and gain > INFORMED:
-                    rows = seen.rows
-                    more = rows @ (led.covariance - without.covariance)[POSE, POSE] @ rows.T
-                    factor.weigh(
-                        seen.error, rows @ without.covariance[POSE, POSE] @ rows.T + seen.noise, more / present
-                    )
-                    judged = True
+                judged |= by_odometry > rest and 1.0 - after / by_odometry > INFORMED
+                made.append((led.covariance - without.covariance)[POSE, POSE] / present)
             if judged:
+                seen = _measured(led, belief)
+                rest = led.covariance[POSE, POSE] - np.tensordot(noise, made, 1)
+                added = np.array([seen.rows @ it @ seen.rows.T for it in made])
+                self._factors.weigh(seen.error, seen.rows @ rest @ seen.rows.T + seen.noise, added)
                 self._begin(belief, by_team)
 
     def move(self, motion: Motion, bare: Motion, still: Motion) -> None:
@@ -214,8 +244,12 @@ class CameraNoise:
 
     range: NoiseFactor = field(default_factory=NoiseFactor)
     bearing: NoiseFactor = field(default_factory=NoiseFactor)
+    _factors: tuple[Factors, Factors] = field(init=False)
     #: Group -> team time (s) of its last sighting that was judged.
     _judged: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._factors = Factors((self.range,)), Factors((self.bearing,))
 
     def scaled(self, relative: Relative) -> Relative:
         """A sighting whose noise is that of the model, with that which was found."""
@@ -241,8 +275,8 @@ class CameraNoise:
         self._judged[group] = time
         u = measured.jacobians[relative.observer][:, RANGE]
         u = u / np.linalg.norm(u)
-        for factor, axis in ((self.range, u), (self.bearing, QUARTER @ u)):
+        for factors, axis in zip(self._factors, (u, QUARTER @ u), strict=True):
             total, fresh = float(axis @ found.covariance @ axis), float(axis @ measured.noise @ axis)
             once = fresh / COUNTED**2
-            rest, added = np.array([[max(0.0, total - fresh)]]), np.array([[once / factor.variance]])
-            factor.weigh(axis[np.newaxis] @ found.residual, rest, added)
+            rest, added = np.array([[max(0.0, total - fresh)]]), np.array([[[once / factors.kinds[0].variance]]])
+            factors.weigh(axis[np.newaxis] @ found.residual, rest, added)
