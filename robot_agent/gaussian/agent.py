@@ -118,8 +118,8 @@ class JointAgent:
         state = self.team if self.team is not None else self.filter.belief
         if state is None:
             return None if self.searching is None else self.searching.pose()
-        found = Moments(state.mean[POSE].copy(), state.covariance[POSE, POSE].copy())
-        return found if np.trace(found.covariance[AXES, AXES]) < KNOWN else None
+        moments = Moments(state.mean[POSE].copy(), state.covariance[POSE, POSE].copy())
+        return moments if np.trace(moments.covariance[AXES, AXES]) < KNOWN else None
 
     def found(self) -> dict[str, float]:
         """What it has found out of its sensors, by name."""

@@ -134,10 +134,12 @@ class FirstHand:
         newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age) if not is_class(s.subject)}
         relatives = self._relatives(newest, motion.dt, named.blurs)
         places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
-        further = [it for it in readings.seen if it.is_known and not is_class(it.subject)]
+        further = [sighting for sighting in readings.seen if sighting.is_known and not is_class(sighting.subject)]
         seen_landmarks = [(relatives[name], np.array(place)) for name, place in sorted(places.items())]
         seen_landmarks += [
-            (self.sensors.relative(self.robot, it), np.array(it.landmark)) for it in further if it.landmark
+            (self.sensors.relative(self.robot, sighting), np.array(sighting.landmark))
+            for sighting in further
+            if sighting.landmark
         ]
         if self.known and (noise := self.mishaps.judge(self.joint, seen_landmarks, motion)) is not None:
             motion = motion.plus(noise)
@@ -162,9 +164,11 @@ class FirstHand:
             unsent = gained(self._before, self.belief)
         self._unsent = None
         seen = tuple(r for name, r in relatives.items() if name not in places)
-        seen += tuple(self.sensors.relative(self.robot, it) for it in further if not it.landmark)
+        seen += tuple(self.sensors.relative(self.robot, sighting) for sighting in further if not sighting.landmark)
         unnamed = self.sensors.unnamed(self.robot, readings, self._turned, motion.dt)
-        seen += tuple(self.camera.scaled(it) if it.kind == "range-bearing" else it for it in unnamed)
+        seen += tuple(
+            self.camera.scaled(sighting) if sighting.kind == "range-bearing" else sighting for sighting in unnamed
+        )
         if self._gave_up(readings, team, apart):
             increment = unsent = None
         return Told(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
@@ -196,7 +200,7 @@ class FirstHand:
 
     def _seen(self, dt: float) -> Callable[[Sighting], Relative]:
         """How a sighting of a tick of `dt` seconds is told alone."""
-        return lambda it: self.camera.scaled(self.sensors.camera.relative(self.robot, it, self._turned, dt))
+        return lambda sighting: self.camera.scaled(self.sensors.camera.relative(self.robot, sighting, self._turned, dt))
 
     def _relatives(
         self, newest: Mapping[str, Sighting], dt: float, blurs: Mapping[str, tuple[float, float]]
@@ -206,14 +210,14 @@ class FirstHand:
         places = {name: newest[name].landmark for name in names}
         groups = {n: camera.group(self._groups, n, place) for n, place in places.items() if place is not None}
         alike = Counter(groups.values())
-        found = {}
+        relatives = {}
         for name in names:
             group = groups.get(name, "")
             seen = camera.relative(self.robot, newest[name], self._turned, dt, group, alike[group] or 1)
-            found[name] = self.camera.scaled(seen)
+            relatives[name] = self.camera.scaled(seen)
             if name in blurs:
-                found[name] = blurred(found[name], *blurs[name])
-        return found
+                relatives[name] = blurred(relatives[name], *blurs[name])
+        return relatives
 
     def found(self) -> dict[str, float]:
         """What it has found out of its wheels and its camera, by name (`findings`); nothing where none of it is unknown."""
@@ -340,9 +344,9 @@ class FirstHand:
         variance = relative.range_variance + lasting if is_range else relative.bearing_variance + heading
         time = 0.0 if self._last is None else self._last.time
         self._ring.add(Line(place, relative.range if is_range else angle, variance, LEAST, is_range, time))
-        found = self._ring.places()
-        if found and found[0].weight > SURE:
-            moments, rows = found[0].moments, np.eye(STATES)[AXES]
+        places = self._ring.places()
+        if places and places[0].weight > SURE:
+            moments, rows = places[0].moments, np.eye(STATES)[AXES]
             correct(self.joint, Factor(moments.mean - belief.mean[AXES], {self.robot: rows}, moments.covariance))
             self._ring = None
 
@@ -363,10 +367,10 @@ class FirstHand:
                 self._search(relative, place)
                 continue
             factor = linearise(self.joint, relative, {self.robot: motion}, place, at)
-            found = self.joint.innovation(factor)
+            innovation = self.joint.innovation(factor)
             if not any(named.blurs.get(relative.subject, ())):
-                self.camera.judge(relative, factor, found, time)
-            if found.squared > quantile(GATE, len(factor.residual)):  # a misread barcode
+                self.camera.judge(relative, factor, innovation, time)
+            if innovation.squared > quantile(GATE, len(factor.residual)):  # a misread barcode
                 missed += 1
             else:
                 correct(self.joint, factor)

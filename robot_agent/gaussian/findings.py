@@ -53,6 +53,6 @@ def findings(belief: Moments, wheels: WheelNoise, camera: CameraNoise, mishaps: 
         told[name] = base + float(row @ belief.mean)
         told[f"{name} sigma"] = math.sqrt(max(0.0, float(row @ belief.covariance @ row)))
     noise = {"along": wheels.along, "heading": wheels.heading, "range": camera.range, "bearing": camera.bearing}
-    told |= {f"{name} noise": math.sqrt(it.variance) for name, it in noise.items()}
+    told |= {f"{name} noise": math.sqrt(learned.variance) for name, learned in noise.items()}
     told |= {"stuck": mishaps.stuck, "moved": mishaps.moved}
     return {name: round(value, 4) for name, value in told.items()}

@@ -95,7 +95,7 @@ class Ideal:
 
     def _sightings(self, readings: Sequence[Readings]) -> list[tuple[Relative, Array | None]]:
         """What was seen in a tick, with its place where that is known: landmarks first, then mates, then objects."""
-        found = []
+        pairs = []
         for one in readings:
             robot, told = f"robot/{one.robot}", one.odometry
             camera = self._sensors(robot).camera
@@ -109,8 +109,8 @@ class Ideal:
                         camera.group(groups, sighting.subject, sighting.landmark),
                         np.array(sighting.landmark),
                     )
-                found.append((camera.relative(robot, sighting, turned, dt, group), place))
-        return sorted(found, key=lambda it: (it[1] is None, it[0].subject.startswith("object/")))
+                pairs.append((camera.relative(robot, sighting, turned, dt, group), place))
+        return sorted(pairs, key=lambda pair: (pair[1] is None, pair[0].subject.startswith("object/")))
 
     def _see(self, relative: Relative, motions: Mapping[str, Motion], place: Array | None) -> None:
         if relative.observer not in self.joint:

@@ -54,14 +54,18 @@ class Landmarks:
         association, Bar-Shalom and Tse, Automatica 11(5), 1975). Farther apart they would be taken for one again and again, and that
         error does not average out. `joint` holds the robot as it is expected to be, `motion` is that of the tick.
         """
-        unnamed = [it for it in readings.sightings if it.subject == LANDMARK]
+        unnamed = [sighting for sighting in readings.sightings if sighting.subject == LANDMARK]
         if not unnamed or not self.places:
             return Named(readings)
-        pose, found, blurs, strange = joint.moments(robot), dict[str, Sighting](), dict[str, tuple[float, float]](), 0
-        for age in sorted({it.age for it in unnamed}):
-            told = [(it, replace(relative(it), confidence=it.confidence)) for it in unnamed if it.age == age]
-            tried = [(it, one, near) for it, one in told if len(near := self._near(pose, one)) <= MOST]
-            frame, seen = [it for it, _, _ in tried], [one for _, one, _ in tried]
+        pose, by_name, blurs, strange = joint.moments(robot), dict[str, Sighting](), dict[str, tuple[float, float]](), 0
+        for age in sorted({sighting.age for sighting in unnamed}):
+            told = [
+                (sighting, replace(relative(sighting), confidence=sighting.confidence))
+                for sighting in unnamed
+                if sighting.age == age
+            ]
+            tried = [(sighting, one, near) for sighting, one in told if len(near := self._near(pose, one)) <= MOST]
+            frame, seen = [sighting for sighting, _, _ in tried], [one for _, one, _ in tried]
             candidates = [{name: replace(one, subject=name) for name in near} for _, one, near in tried]
             with_map = joint.copy()
             for name in sorted({name for _, _, near in tried for name in near}):
@@ -70,14 +74,14 @@ class Landmarks:
             strange += sum(shares is not None and not shares for shares in odds)
             groups = [self._group(shares) for shares in odds]
             for number, name in _distinct(groups):
-                if name in found:
+                if name in by_name:
                     continue  # a newer frame has it
                 place, spread = self._mean(groups[number])
                 along, across = _turned(spread, float(pose.mean[HEADING]) + frame[number].bearing)
                 blurs[name] = along, across / max(frame[number].range, MIN_RANGE) ** 2
-                found[name] = frame[number].model_copy(update={"subject": name, "landmark": place})
-        others = [it for it in readings.sightings if it.subject != LANDMARK]
-        return Named(readings.model_copy(update={"sightings": [*others, *found.values()]}), blurs, strange)
+                by_name[name] = frame[number].model_copy(update={"subject": name, "landmark": place})
+        others = [sighting for sighting in readings.sightings if sighting.subject != LANDMARK]
+        return Named(readings.model_copy(update={"sightings": [*others, *by_name.values()]}), blurs, strange)
 
     def _group(self, odds: Mapping[str, float] | None) -> Mapping[str, float]:
         """The odds of the likeliest landmark and of those that stand by it; none where it may well be elsewhere."""
@@ -108,18 +112,18 @@ class Landmarks:
 
 def blurred(relative: Relative, along: float, across: float) -> Relative:
     """A sighting whose subject's place has these variances along the line of sight (unit^2) and across it (radians^2)."""
-    it = relative.without_profile()
-    return replace(it, range_variance=it.range_variance + along, bearing_variance=it.bearing_variance + across)
+    bare = relative.without_profile()
+    return replace(bare, range_variance=bare.range_variance + along, bearing_variance=bare.bearing_variance + across)
 
 
 def _distinct(odds: Sequence[Mapping[str, float]]) -> list[tuple[int, str]]:
     """A name for each sighting of a frame that has odds, the likeliest first, none twice."""
     pairs = [(-share, number, name) for number, shares in enumerate(odds) for name, share in shares.items()]
-    found: dict[int, str] = {}
+    distinct: dict[int, str] = {}
     for _, number, name in sorted(pairs):
-        if number not in found and name not in found.values():
-            found[number] = name
-    return sorted(found.items())
+        if number not in distinct and name not in distinct.values():
+            distinct[number] = name
+    return sorted(distinct.items())
 
 
 def _turned(covariance: Array, angle: float) -> tuple[float, float]:

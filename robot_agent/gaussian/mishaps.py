@@ -70,9 +70,9 @@ class Mishaps:
 
 def _squares(joint: Joint, seen: Seen, motions: dict[str, Motion]) -> list[tuple[float, float]]:
     """The squared Mahalanobis distance of each sighting that tells a place, and the limit beyond which it contradicts."""
-    found = []
+    squares = []
     for relative, place in seen:
         if relative.places:
             factor = linearise(joint, relative, motions, place)
-            found.append((joint.innovation(factor).squared, quantile(GATE, len(factor.residual))))
-    return found
+            squares.append((joint.innovation(factor).squared, quantile(GATE, len(factor.residual))))
+    return squares

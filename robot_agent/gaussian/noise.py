@@ -161,20 +161,22 @@ class Span:
         if self._led is None or self._bare is None or self._still is None or self._moving > LONGEST:
             self._begin(belief, by_team)
         elif self._moving >= self.seconds and by_team >= self._by_team:
-            led, bare, still = (it.moments(self.robot) for it in (self._led, self._bare, self._still))
+            led, bare, still = (joint.moments(self.robot) for joint in (self._led, self._bare, self._still))
             way = np.zeros(len(led.mean))
             way[AXES] = np.linalg.eigh((led.covariance - bare.covariance)[AXES, AXES])[1][:, -1]
             head = np.zeros(len(led.mean))
             head[HEADING] = 1.0
             judged, made = False, []
             for present, axis, without in zip(noise, (way, head), (bare, still), strict=True):
-                by_odometry, rest, after = (float(axis @ it.covariance @ axis) for it in (led, without, belief))
+                by_odometry, rest, after = (
+                    float(axis @ moments.covariance @ axis) for moments in (led, without, belief)
+                )
                 judged |= by_odometry > rest and 1.0 - after / by_odometry > INFORMED
                 made.append((led.covariance - without.covariance)[POSE, POSE] / present)
             if judged:
                 seen = _measured(led, belief)
                 rest = led.covariance[POSE, POSE] - np.tensordot(noise, made, 1)
-                added = np.array([seen.rows @ it @ seen.rows.T for it in made])
+                added = np.array([seen.rows @ unit @ seen.rows.T for unit in made])
                 self._factors.weigh(seen.error, seen.rows @ rest @ seen.rows.T + seen.noise, added)
                 self._begin(belief, by_team)
 
@@ -186,8 +188,8 @@ class Span:
 
     def _begin(self, belief: Moments, by_team: bool) -> None:
         self._led, self._bare, self._still, self._moving, self._by_team = Joint(), Joint(), Joint(), 0.0, by_team
-        for it in (self._led, self._bare, self._still):
-            it.add(self.robot, belief)
+        for joint in (self._led, self._bare, self._still):
+            joint.add(self.robot, belief)
 
 
 @dataclass
@@ -205,12 +207,12 @@ class WheelNoise:
     @property
     def along(self) -> NoiseFactor:
         """Of the way, by the spans that surely show the most."""
-        return max((span.along for span in self.spans), key=lambda it: it.mean - it.sigma)
+        return max((span.along for span in self.spans), key=lambda factor: factor.mean - factor.sigma)
 
     @property
     def heading(self) -> NoiseFactor:
         """Of the heading, by the spans that surely show the most."""
-        return max((span.heading for span in self.spans), key=lambda it: it.mean - it.sigma)
+        return max((span.heading for span in self.spans), key=lambda factor: factor.mean - factor.sigma)
 
     def give_up(self) -> None:
         """Judge nothing of these spans, because the belief was given up or a motion was not measured."""
@@ -263,7 +265,7 @@ class CameraNoise:
             biases=tuple(Bias(bias.sigma * sigma, bias.seconds) for bias in relative.biases),
         )
 
-    def judge(self, relative: Relative, measured: Factor, found: Innovation, time: float) -> None:
+    def judge(self, relative: Relative, measured: Factor, innovation: Innovation, time: float) -> None:
         """Take a sighting of a landmark, as a factor, and what it says beyond what was expected, at a team time (s)."""
         group = relative.group or relative.subject
         if (
@@ -276,7 +278,7 @@ class CameraNoise:
         u = measured.jacobians[relative.observer][:, RANGE]
         u = u / np.linalg.norm(u)
         for factors, axis in zip(self._factors, (u, QUARTER @ u), strict=True):
-            total, fresh = float(axis @ found.covariance @ axis), float(axis @ measured.noise @ axis)
+            total, fresh = float(axis @ innovation.covariance @ axis), float(axis @ measured.noise @ axis)
             once = fresh / COUNTED**2
             rest, added = np.array([[max(0.0, total - fresh)]]), np.array([[[once / factors.kinds[0].variance]]])
-            factors.weigh(axis[np.newaxis] @ found.residual, rest, added)
+            factors.weigh(axis[np.newaxis] @ innovation.residual, rest, added)

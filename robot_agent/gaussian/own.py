@@ -63,16 +63,16 @@ class Independence:
         factor = likelihood(joint, robot, gain)
         if factor is None:
             return
-        found = joint.innovation(factor)
-        removed = 1.0 - float(np.trace(np.linalg.solve(found.covariance, factor.noise))) / found.freedom
+        innovation = joint.innovation(factor)
+        removed = 1.0 - float(np.trace(np.linalg.solve(innovation.covariance, factor.noise))) / innovation.freedom
         if removed < WEIGHTY:
             return
         apart = moved.mean - shown.mean
         apart[HEADING] = wrap(float(apart[HEADING]))
-        before = found.residual + factor.jacobians[robot] @ apart
-        squared = min(found.squared, squared_distance(before, found.covariance))
+        before = innovation.residual + factor.jacobians[robot] @ apart
+        squared = min(innovation.squared, squared_distance(before, innovation.covariance))
         self.gains += 1
-        self._ratios.append(squared / quantile(MEDIAN, found.freedom))
+        self._ratios.append(squared / quantile(MEDIAN, innovation.freedom))
 
 
 @dataclass
@@ -115,9 +115,9 @@ class Given(FirstHand):
         ]
         relatives = {s.subject: self.sensors.camera.relative(self.robot, s, self._turned, motion.dt) for s in seen}
         further = tuple(
-            self.sensors.relative(self.robot, it)
-            for it in readings.seen
-            if it.is_known and it.landmark is None and not is_class(it.subject)
+            self.sensors.relative(self.robot, sighting)
+            for sighting in readings.seen
+            if sighting.is_known and sighting.landmark is None and not is_class(sighting.subject)
         )
         further += tuple(self.sensors.unnamed(self.robot, readings, self._turned, motion.dt))
         told = tuple(relatives[name] for name in sorted(relatives)) + further
@@ -152,7 +152,7 @@ class Given(FirstHand):
             is_told = told.distance_sigma is not None and told.turn_sigma is not None
             self._idle = not _is_sharper(given, self._moved(motion if is_told else still, bent=False))
             if self._idle:
-                along, across, heading = (max(0.0, float(it)) for it in self._lost(still, given))
+                along, across, heading = (max(0.0, float(variance)) for variance in self._lost(still, given))
                 motion = replace(motion, along=along, across=across, heading=heading)
                 if told.distance or told.turn:
                     self._rates = along / told.dt, across / told.dt, heading / told.dt
@@ -165,8 +165,8 @@ class Given(FirstHand):
     def _moved(self, motion: Motion, *, bent: bool) -> Moments:
         ahead = self.joint.copy()
         drive(ahead, self.robot, motion, self.sensors.wheels.nuisance, bent=bent)
-        found = ahead.moments(self.robot)
-        return Moments(found.mean[POSE], found.covariance[POSE, POSE])
+        moments = ahead.moments(self.robot)
+        return Moments(moments.mean[POSE], moments.covariance[POSE, POSE])
 
     def _lost(self, motion: Motion, given: Moments) -> Array:
         """By how much a posterior's variances exceed those of its prediction: along and across the way, and of the heading.

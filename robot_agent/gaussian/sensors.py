@@ -74,7 +74,7 @@ class Wheels:
         if before is not None:
             rise = told.distance / told.dt - before.distance / before.dt
             change = told.turn / told.dt - before.turn / before.dt
-        curved, driven = (float(it) for it in kinds(told.distance, told.turn, self.track))
+        curved, driven = (float(value) for value in kinds(told.distance, told.turn, self.track))
         along = self.along**2 * time + self.way**2 * abs(told.distance)
         heading = self.heading**2 * time + self.turning**2 * abs(told.turn) + (self.starting * change) ** 2
         by_way, by_turn = 1 + (self.curved - 1) * curved, 1 + (self.driven - 1) * driven
@@ -169,7 +169,7 @@ class Sensors:
 
     def relative(self, robot: str, seen: Seen) -> Relative:
         """A sighting of a further kind that is known here as a relative belief, by the robot's model where it says no errors."""
-        camera, covariance, biases = self.camera, seen.covariance, tuple(Bias(*it) for it in seen.biases)
+        camera, covariance, biases = self.camera, seen.covariance, tuple(Bias(*bias) for bias in seen.biases)
         if seen.kind == "range":
             covariance = covariance or ((camera.floor + camera.share * seen.values[0]) ** 2,)
             biases = biases or self.ranging
@@ -180,18 +180,18 @@ class Sensors:
     def unnamed(self, robot: str, readings: Readings, turned: float, dt: float) -> list[Relative]:
         """The sightings of which only the class is told, all of them; `turned` and `dt` as in `Camera.relative`."""
         seen_now: list[Sighting | Seen] = [*readings.sightings, *readings.seen]
-        found = []
-        for mark, it in enumerate(it for it in seen_now if is_class(it.subject)):
-            if it.subject == LANDMARK:
+        relatives = []
+        for mark, sighting in enumerate(sighting for sighting in seen_now if is_class(sighting.subject)):
+            if sighting.subject == LANDMARK:
                 continue
-            if isinstance(it, Sighting):
-                seen = self.camera.relative(robot, it, turned, dt)
-            elif it.is_known:
-                seen = self.relative(robot, it)
+            if isinstance(sighting, Sighting):
+                seen = self.camera.relative(robot, sighting, turned, dt)
+            elif sighting.is_known:
+                seen = self.relative(robot, sighting)
             else:
                 continue
-            found.append(replace(seen, confidence=it.confidence, mark=mark))
-        return found
+            relatives.append(replace(seen, confidence=sighting.confidence, mark=mark))
+        return relatives
 
 
 def sensors_of(settings: RobotSection) -> Sensors:

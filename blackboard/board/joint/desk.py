@@ -136,7 +136,7 @@ class JointDesk:
         if before is None and len(self._newest) >= MAX_ROBOTS:
             raise Refused("too-many", f"{robot} would be one more than {MAX_ROBOTS} robots in the joint")
         evidence = self._bounded(unpack(robot, tick, time, packed))
-        if unknown := sum(not it.is_known for it in packed.seen):
+        if unknown := sum(not sighting.is_known for sighting in packed.seen):
             self.counters["unknown_kinds"] += unknown  # sightings of kinds that are not known here
         self._newest[robot], self._states[robot], self._until[robot] = packed, evidence.belief, time
         others = [(epoch, newest) for epoch, newest in taken.items() if epoch != packed.epoch]
@@ -170,15 +170,19 @@ class JointDesk:
         alone = [name for name, seen in self._objects.items() if set(seen) == {robot}]
         known = set(alone[:share]) | {name for name in self._objects if name not in alone}
         room = share - min(share, len(alone))
-        others = {it.subject for it in evidence.relatives if it.subject.startswith("robot/") or is_class(it.subject)}
-        sighted = sorted({it.subject for it in evidence.relatives} - others)
+        others = {
+            relative.subject
+            for relative in evidence.relatives
+            if relative.subject.startswith("robot/") or is_class(relative.subject)
+        }
+        sighted = sorted({relative.subject for relative in evidence.relatives} - others)
         known |= set([name for name in sighted if name not in self._objects][:room])
         for name in sighted:
             if name in known:
                 self._objects.setdefault(name, {})[robot] = time
         several = [name for name, seen in self._objects.items() if len(seen) > 1]
         known -= set(several[MAX_OBJECTS:])
-        kept = tuple(it for it in evidence.relatives if it.subject in known | others)
+        kept = tuple(relative for relative in evidence.relatives if relative.subject in known | others)
         self.counters["joint_dropped"] += len(evidence.relatives) - len(kept)
         return replace(evidence, relatives=kept)
 
@@ -220,9 +224,9 @@ class JointDesk:
 
     def forward(self, time: float) -> list[Forwarded]:
         """The own robots' evidence since the last call, sorted, at a team time (s): what the other boards need."""
-        found = [it.model_copy(update={"age": time - then}) for then, it in self._forward]
+        rows = [forwarded.model_copy(update={"age": time - then}) for then, forwarded in self._forward]
         self._forward = []
-        return sorted(found, key=lambda it: (it.robot, it.tick))
+        return sorted(rows, key=lambda forwarded: (forwarded.robot, forwarded.tick))
 
     @property
     def since(self) -> float | None:
@@ -231,20 +235,26 @@ class JointDesk:
 
     def tracks(self) -> list[PackedTrack]:
         """The tracks that have names, for the other boards."""
-        return [pack_track(it, self.team.marginal(it)) for it in self.team.tracks if self.team.tracks.is_named(it)]
+        return [
+            pack_track(track, self.team.marginal(track))
+            for track in self.team.tracks
+            if self.team.tracks.is_named(track)
+        ]
 
     def _called(self, time: float) -> dict[str, Moments]:
         """Where the board that keeps its joint for longest, and for longer than this one, has tracks, by name."""
-        self._tracks = {board: it for board, it in self._tracks.items() if it.time >= time - self.settings.max_age}
+        self._tracks = {
+            board: message for board, message in self._tracks.items() if message.time >= time - self.settings.max_age
+        }
         elders = [
-            (it.since, board)
-            for board, it in self._tracks.items()
-            if it.since is not None and self._began is not None and it.since < self._began
+            (message.since, board)
+            for board, message in self._tracks.items()
+            if message.since is not None and self._began is not None and message.since < self._began
         ]
         if not elders:
             return {}
         with suppress(Refused):
-            return {it.name: unpack_track(it) for it in self._tracks[min(elders)[1]].tracks}
+            return {track.name: unpack_track(track) for track in self._tracks[min(elders)[1]].tracks}
         return {}
 
     # --- out ------------------------------------------------------------------------------------------------------------
@@ -269,8 +279,8 @@ class JointDesk:
         self._judge(time, verdicts)
         known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
         doubtful = self.team.doubtful().items()
-        found = [self._consensus(subject, verdicts, time, make) for subject in known]
-        return found + [self._in_doubt(subject, places, make) for subject, places in doubtful]
+        settled = [self._consensus(subject, verdicts, time, make) for subject in known]
+        return settled + [self._in_doubt(subject, places, make) for subject, places in doubtful]
 
     def _settle(self, number: int, dt: float, batch: list[Evidence]) -> list[Verdict]:
         """One step of the joint, without the evidence that breaks it.
@@ -279,26 +289,26 @@ class JointDesk:
         is `Degenerate` is to blame; any other exception is a fault of this program.
         """
         before = self.team.copy()
-        found, why = self._tried(number, dt, batch)
-        if found is not None:
-            return found
+        verdicts, why = self._tried(number, dt, batch)
+        if verdicts is not None:
+            return verdicts
         suspects = sorted(batch, key=lambda evidence: evidence.robot)
         named = [evidence for evidence in suspects if isinstance(why, Degenerate) and evidence.robot == why.robot]
         if named and self._without(named, before, number, dt, batch) is not None:
             suspects = named
         while len(suspects) > 1:
             half = suspects[: len(suspects) // 2]
-            found = self._without(half, before, number, dt, batch)
-            suspects = suspects[len(half) :] if found is None else half
-        found = self._without(suspects, before, number, dt, batch)
-        if found is None or not suspects:
+            verdicts = self._without(half, before, number, dt, batch)
+            suspects = suspects[len(half) :] if verdicts is None else half
+        verdicts = self._without(suspects, before, number, dt, batch)
+        if verdicts is None or not suspects:
             self.counters["joint_restarts"] += 1  # evidence came that no arithmetic survives
             log.warning("the joint begins anew: %s", why)
             self.team = replace(self._begun(), tick=number, tracks=self.team.tracks.anew())
             return []
         if isinstance(why, Degenerate):
             self._strike(suspects[0].robot, why)
-        return found
+        return verdicts
 
     def _judge(self, time: float, verdicts: list[Verdict]) -> None:
         """Compare where each robot says that it is with where the joint has it."""
@@ -378,7 +388,7 @@ class JointDesk:
             velocity=self._velocity(subject, time),
             lost=self.lost(subject),
             dissent=self.dissent.told(
-                {it.source.removeprefix("robot/") for it in about} | {subject.removeprefix("robot/")}
+                {verdict.source.removeprefix("robot/") for verdict in about} | {subject.removeprefix("robot/")}
             ),
             camps=camps,
             unnamed=may_be(subject, self._unnamed),
@@ -435,8 +445,8 @@ class JointDesk:
 
     def _velocity(self, subject: str, time: float) -> PackedVelocity | None:
         """How fast a subject moves; None of a robot that is not heard any more."""
-        found = self.team.velocity(subject) if self._age(subject, time) <= STALE else None
-        return None if found is None else pack_velocity(found)
+        velocity = self.team.velocity(subject) if self._age(subject, time) <= STALE else None
+        return None if velocity is None else pack_velocity(velocity)
 
     def _entropies(self, sources: list[str], subject: str) -> list[float]:
         """Nats on the grid's cells of what robots say about a subject: themselves in the joint, or a sighting from there.
@@ -453,5 +463,5 @@ class JointDesk:
         covariance += (angles[:, np.newaxis] * across)[:, :, np.newaxis] * across[:, np.newaxis, :]
         determinants = np.maximum(np.linalg.det(covariance), 1e-300)
         nats = 0.5 * np.log((2 * math.pi * math.e) ** 2 * determinants) - math.log(self.grid.volume)
-        found: list[float] = np.maximum(0.0, nats).tolist()
-        return found
+        entropies: list[float] = np.maximum(0.0, nats).tolist()
+        return entropies

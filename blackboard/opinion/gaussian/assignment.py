@@ -64,20 +64,20 @@ def posterior(weights: Array) -> Array:
     0: it cannot be.
     """
     weights = np.minimum(weights, MOST)
-    found = np.zeros_like(weights)
+    odds = np.zeros_like(weights)
     for rows, columns in _clusters(weights > 0):
         part = weights[np.ix_(rows, columns)]
         if min(part.shape) > MAX_CLUSTER:
-            found[np.ix_(rows, columns)] = _propagated(part)
+            odds[np.ix_(rows, columns)] = _propagated(part)
         else:
             wide = part.shape[1] > part.shape[0]
-            found[np.ix_(rows, columns)] = _marginals(part.T).T if wide else _marginals(part)
-    return found
+            odds[np.ix_(rows, columns)] = _marginals(part.T).T if wide else _marginals(part)
+    return odds
 
 
 def _clusters(pairs: Array) -> list[tuple[list[int], list[int]]]:
     """The connected rows and columns of a matrix of booleans."""
-    found, left = [], set(np.flatnonzero(pairs.any(axis=1)).tolist())
+    clusters, left = [], set(np.flatnonzero(pairs.any(axis=1)).tolist())
     while left:
         rows, columns, new = set[int](), set[int](), {min(left)}
         while new:
@@ -85,8 +85,8 @@ def _clusters(pairs: Array) -> list[tuple[list[int], list[int]]]:
             columns |= set(np.flatnonzero(pairs[sorted(new)].any(axis=0)).tolist())
             new = set(np.flatnonzero(pairs[:, sorted(columns)].any(axis=1)).tolist()) - rows
         left -= rows
-        found.append((sorted(rows), sorted(columns)))
-    return found
+        clusters.append((sorted(rows), sorted(columns)))
+    return clusters
 
 
 def _marginals(weights: Array) -> Array:
@@ -101,15 +101,15 @@ def _marginals(weights: Array) -> Array:
             after[free[column] | 1 << column] += row[column] * before[-1][free[column]]
         before.append(after)
     total, behind = before[-1].sum(), np.ones(len(sets))
-    found = np.zeros((number, width))
+    marginals = np.zeros((number, width))
     for i in reversed(range(number)):
         earlier = behind.copy()
         for column in range(width):
             rest = weights[i, column] * behind[free[column] | 1 << column]
-            found[i, column] = (before[i][free[column]] * rest).sum() / total
+            marginals[i, column] = (before[i][free[column]] * rest).sum() / total
             earlier[free[column]] += rest
         behind = earlier
-    return found
+    return marginals
 
 
 def _propagated(weights: Array) -> Array:
@@ -125,7 +125,7 @@ def _propagated(weights: Array) -> Array:
 
 def _others(values: Array) -> Array:
     """Of each value the sum of all others in its column; without a difference, which would lose small ones beside large ones."""
-    found = np.zeros_like(values)
-    found[1:] += np.cumsum(values, axis=0)[:-1]
-    found[:-1] += np.cumsum(values[::-1], axis=0)[-2::-1]
-    return found
+    sums = np.zeros_like(values)
+    sums[1:] += np.cumsum(values, axis=0)[:-1]
+    sums[:-1] += np.cumsum(values[::-1], axis=0)[-2::-1]
+    return sums

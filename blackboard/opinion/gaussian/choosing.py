@@ -25,7 +25,7 @@ def choose_evidence(
     Where a coalition of the evidence wins over the prediction (the robot was carried away, or entered with a lie), its place
     is forgotten.
     """
-    found = {}
+    choices = {}
     heard = entered | set(motions)
     known = [robot for robot in sorted(heard) if team.knows(robot)]
     evidence = {robot: _pieces(team, robot, news, heard, entered) for robot in known}
@@ -41,7 +41,7 @@ def choose_evidence(
             choice = choose({PREDICTION: predicted, **opinions}, team.rule)
             if choice.outvoted and not _is_refuted(team, [factors[name][0] for name in sorted(choice.members)]):
                 continue  # what they say agrees with the prediction once the errors that they share are counted
-            found[robot] = choice
+            choices[robot] = choice
             if choice.outvoted:
                 away = [opinions[name].mean - predicted.mean for name in choice.members]
                 team.widen(robot, float(np.hypot(*np.mean(away, axis=0))))
@@ -49,7 +49,7 @@ def choose_evidence(
                 team.trust.forget(robot)
                 team.offsets.forget(robot)
                 team.tally.outvoted += 1
-    return found
+    return choices
 
 
 def _factors(
@@ -59,14 +59,16 @@ def _factors(
 
     What says nothing is left out.
     """
-    seen = {id(it): it for pieces in evidence.values() for it in pieces.values() if isinstance(it, Relative)}
+    seen = {
+        id(piece): piece for pieces in evidence.values() for piece in pieces.values() if isinstance(piece, Relative)
+    }
     factors = dict(zip(seen, linearise_all(team.joint, list(seen.values()), motions), strict=True))
     for robot, pieces in evidence.items():
         own = pieces.get(robot)
         if isinstance(own, Increment) and (factor := likelihood(team.joint, robot, own)) is not None:
             factors[id(own)] = factor
     innovations = team.joint.innovations(list(factors.values()))
-    doubtful = [it.squared > quantile(DOUBT, it.freedom) for it in innovations]
+    doubtful = [innovation.squared > quantile(DOUBT, innovation.freedom) for innovation in innovations]
     return dict(zip(factors, zip(factors.values(), doubtful, strict=True), strict=True))
 
 
@@ -74,22 +76,22 @@ def _pieces(
     team: TeamState, robot: str, news: Mapping[str, Evidence], heard: set[str], entered: set[str]
 ) -> dict[str, Increment | Relative]:
     """The evidence about a robot's place, by its source: the robot itself, or the other end of a sighting."""
-    found: dict[str, Increment | Relative] = {}
+    pieces: dict[str, Increment | Relative] = {}
     for evidence in news.values():
         for relative in evidence.relatives:
             ends = {relative.observer, relative.subject}
             if relative.observer != evidence.robot or robot not in ends or len(ends) < 2 or ends & team.left_out:
                 continue
             (other,) = ends - {robot}
-            if other in heard and team.knows(other) and (relative.places or other not in found):
-                found[other] = relative
+            if other in heard and team.knows(other) and (relative.places or other not in pieces):
+                pieces[other] = relative
     own = news[robot].increment
     if own is not None and robot not in entered:
-        found[robot] = own
-    return found
+        pieces[robot] = own
+    return pieces
 
 
 def _is_refuted(team: TeamState, factors: list[Factor]) -> bool:
     """Whether some evidence together is beyond the 99.9 % quantile, all that its errors share in the joint considered."""
-    found = team.joint.innovation(*factors)
-    return found.squared > wilson_hilferty(GATE, found.freedom)
+    innovation = team.joint.innovation(*factors)
+    return innovation.squared > wilson_hilferty(GATE, innovation.freedom)

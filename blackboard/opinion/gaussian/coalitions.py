@@ -60,11 +60,11 @@ def about(
     `pieces` are by the robot itself, or by the other end of a sighting. The rest of the robot's states, and the other ends, are as the
     joint has them. KeyError: one is not in it.
     """
-    block, found = joint.moments(robot), {}
+    block, places = joint.moments(robot), {}
     block.covariance[AXES, :] = block.covariance[:, AXES] = 0.0
     block.covariance[AXES, AXES] = np.eye(2) * FLAT
-    alone = Joint.of({robot: block, **{it: joint.moments(it) for it in pieces if it != robot}})
-    seen = {source: it for source, it in pieces.items() if isinstance(it, Relative)}
+    alone = Joint.of({robot: block, **{name: joint.moments(name) for name in pieces if name != robot}})
+    seen = {source: piece for source, piece in pieces.items() if isinstance(piece, Relative)}
     factors: dict[str, Factor | None] = dict(zip(seen, linearise_all(alone, [*seen.values()], motions), strict=True))
     for source, piece in pieces.items():
         factor = likelihood(alone, robot, piece) if isinstance(piece, Increment) else factors[source]
@@ -73,14 +73,14 @@ def about(
             correct(after, factor)
         place = after.moments(robot)
         if np.trace(place.covariance[AXES, AXES]) < KNOWN:
-            found[source] = Moments(place.mean[AXES], place.covariance[AXES, AXES])
-    return found
+            places[source] = Moments(place.mean[AXES], place.covariance[AXES, AXES])
+    return places
 
 
 def _grid(opinions: list[Moments]) -> Grid:
     """A square grid that holds all opinions, but for what is farther out than the vaguest needs beside the sharpest."""
-    means = np.array([it.mean for it in opinions])
-    sigmas = np.sqrt([max(np.diag(it.covariance)) for it in opinions])
+    means = np.array([opinion.mean for opinion in opinions])
+    sigmas = np.sqrt([max(np.diag(opinion.covariance)) for opinion in opinions])
     reach = REACH * min(float(sigmas.max()), CELLS * float(sigmas.min()))
     low, high = means.min(axis=0) - reach, means.max(axis=0) + reach
     edge = float((high - low).max())

@@ -149,7 +149,7 @@ class Contacts:
         pairs = {pair: contact.contradicts for pair, contact in self._pairs.items()}
         while True:
             excess, by = accusers(pairs, out)
-            for robot, accuser in [(robot, it) for it in doubted for robot in by.get(it, ())]:
+            for robot, accuser in [(robot, mate) for mate in doubted for robot in by.get(mate, ())]:
                 excess[robot] -= 1
                 by[robot].discard(accuser)
             by = {robot: accusing for robot, accusing in by.items() if accusing}
@@ -177,7 +177,7 @@ class Contacts:
         ) and last.misread < MISREAD:
             return replace(last, misread=last.misread + 1)
         variances = [float(claim.lasting[0, 0] + claim.lasting[1, 1]) for claim in claims]
-        left = [math.exp(then - it) for then, it in zip(last.corrected, corrected, strict=True)]
+        left = [math.exp(then - time) for then, time in zip(last.corrected, corrected, strict=True)]
         kept = sum(share * variance for share, variance in zip(left, variances, strict=True))
         new = 1.0 - kept / sum(variances) if sum(variances) > 0 and not beyond else float(beyond)
         if new < RENEWED:

@@ -65,25 +65,25 @@ class Covariance:
 
     def among(self, index: Index) -> Array:
         """The covariance of the states of some whole blocks, by their indices, shape (n,): shape (n, n); or of k such sets, (k, n)."""
-        found: Array = self._matrix[index[..., np.newaxis], index[..., np.newaxis, :]]
+        part: Array = self._matrix[index[..., np.newaxis], index[..., np.newaxis, :]]
         if not self._waits:
-            return found
+            return part
         rows = np.moveaxis(self._rows[:, index], 0, -1)
-        found -= rows @ rows.swapaxes(-1, -2)
+        part -= rows @ rows.swapaxes(-1, -2)
         shear = self._local(index)
-        found = shear @ found @ shear.swapaxes(-1, -2)
-        return np.asarray(0.5 * (found + found.swapaxes(-1, -2)))
+        part = shear @ part @ shear.swapaxes(-1, -2)
+        return np.asarray(0.5 * (part + part.swapaxes(-1, -2)))
 
     def rows(self, blocks: Sequence[tuple[slice, Array]]) -> Array:
         """H P, shape (m, n), by the blocks where H, shape (m, n), is not zero, and what it is there."""
-        found = np.zeros((len(blocks[0][1]), len(self._matrix)))
+        product = np.zeros((len(blocks[0][1]), len(self._matrix)))
         for place, part in blocks:
             if not self._waits:
-                found += part @ self._matrix[place]
+                product += part @ self._matrix[place]
             else:
                 there = part @ self._local(np.arange(place.start, place.stop))
-                found += there @ self._matrix[place] - (there @ self._rows[:, place].T) @ self._rows
-        return found if self._lean is None else found + found[:, self._on] * self._lean
+                product += there @ self._matrix[place] - (there @ self._rows[:, place].T) @ self._rows
+        return product if self._lean is None else product + product[:, self._on] * self._lean
 
     def diagonal(self) -> Array:
         """The variances, shape (n,)."""

@@ -37,9 +37,9 @@ class Evidence:
 
     def named(self) -> Evidence:
         """Without the sightings of which only the class is told."""
-        if not any(is_class(it.subject) for it in self.relatives):
+        if not any(is_class(relative.subject) for relative in self.relatives):
             return self
-        return replace(self, relatives=tuple(it for it in self.relatives if not is_class(it.subject)))
+        return replace(self, relatives=tuple(relative for relative in self.relatives if not is_class(relative.subject)))
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, hea
     the first. A heading without error leaves the second exact.
     """
     places, exact = its[0].places, bool(its[0].spread)
-    ranges, bearings = np.array([(it.range, it.bearing) for it in its]).T
+    ranges, bearings = np.array([(sighting.range, sighting.bearing) for sighting in its]).T
     distance = np.hypot(away[:, 0], away[:, 1])
     polar = (heading > EXACT) & (spread[:, 0, 0] + spread[:, 1, 1] < (heading + 0.01) * distance**2)
     polar = (polar & (distance >= NEAREST) & ((ranges >= distance / 2) | (not exact))) | (not places)
@@ -60,11 +60,11 @@ def form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, hea
     by_range = np.where(row, [1.0, 0.0], along)
     larger = _larger(its, sight, distance, spread)
     if exact:
-        stretched = [max(it.range, NEAREST) for it in its]
+        stretched = [max(sighting.range, NEAREST) for sighting in its]
         noise = np.array(
             [
-                it.spread_along(1.0, d / r) if p else triangle(it.spread)
-                for it, d, r, p in zip(its, far.tolist(), stretched, polar.tolist(), strict=True)
+                sighting.spread_along(1.0, d / r) if p else triangle(sighting.spread)
+                for sighting, d, r, p in zip(its, far.tolist(), stretched, polar.tolist(), strict=True)
             ]
         )
     else:
@@ -82,7 +82,11 @@ def _larger(its: Sequence[Relative], sight: Array, distance: Array, spread: Arra
     By the errors of the measured range, one that is too short would weigh more than one that is too long, and all of them pull.
     """
     larger = np.ones(len(its))
-    grow = [n for n, it in enumerate(its) if it.kind == "range-bearing" and it.biases and it.range >= NEAREST]
+    grow = [
+        n
+        for n, sighting in enumerate(its)
+        if sighting.kind == "range-bearing" and sighting.biases and sighting.range >= NEAREST
+    ]
     if grow:
         ranges = np.array([its[n].range for n in grow])
         own = np.array([its[n].range_variance + sum(bias.sigma**2 for bias in its[n].biases) for n in grow])
@@ -99,10 +103,10 @@ def _variances(its: Sequence[Relative], sight: Array, distance: Array, spread: A
     `sight` are unit vectors along the lines of sight, shape (k, 2).
     """
     if not its[0].profile:
-        radial, angular = np.array([(it.range_variance, it.bearing_variance) for it in its]).T
+        radial, angular = np.array([(sighting.range_variance, sighting.bearing_variance) for sighting in its]).T
         return radial, angular
     distances, variances = _columns(its[0].profile)
-    ranges = np.array([it.range for it in its])
+    ranges = np.array([sighting.range for sighting in its])
     prior = np.maximum(0.0, (sight[:, np.newaxis, :] @ spread @ sight[:, :, np.newaxis])[:, 0, 0])
     own = np.interp(ranges, distances, variances)
     gain = prior / (prior + own)
@@ -151,14 +155,14 @@ def with_heading(seen: Form, off: Array) -> Form:
 
 def _unit(angles: Array) -> Array:
     """Vectors of length 1, shape (k, 2)."""
-    found = np.empty((len(angles), 2))
-    np.cos(angles, out=found[:, 0])
-    np.sin(angles, out=found[:, 1])
-    return found
+    vectors = np.empty((len(angles), 2))
+    np.cos(angles, out=vectors[:, 0])
+    np.sin(angles, out=vectors[:, 1])
+    return vectors
 
 
 def _frames(axes: Array) -> Array:
     """Of unit vectors, shape (k, 2): frames whose first axes they are, shape (k, 2, 2), axes as rows."""
-    found = np.empty((len(axes), 2, 2))
-    found[:, 0], found[:, 1] = axes, axes[:, ::-1] * TURNED
-    return found
+    frames = np.empty((len(axes), 2, 2))
+    frames[:, 0], frames[:, 1] = axes, axes[:, ::-1] * TURNED
+    return frames

@@ -71,12 +71,14 @@ class Freshness:
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
         self._trails = {
-            of: replace(it, record=it.record.after(dt), age=it.age + dt)
-            for of, it in self._trails.items()
-            if it.age + dt <= KEPT
+            of: replace(trail, record=trail.record.after(dt), age=trail.age + dt)
+            for of, trail in self._trails.items()
+            if trail.age + dt <= KEPT
         }
         heard = {observer for observer, _, _ in self._trails}
-        self._observers = {observer: it.after(dt) for observer, it in self._observers.items() if observer in heard}
+        self._observers = {
+            observer: trail.after(dt) for observer, trail in self._observers.items() if observer in heard
+        }
 
     def hear(self, sighting: Relative, factor: Factor) -> None:
         """Take a sighting against what the joint expects. One that declares lasting errors counts so already."""
@@ -99,4 +101,6 @@ class Freshness:
     def doubts(self, robot: str) -> bool:
         """Whether a pair of it, or all that it sees, lately differed less than 99.9 % of what has fresh noise."""
         of_all = self._observers.get(robot, Record())
-        return of_all.held > 0 or any(it.record.held > 0 for (one, _, _), it in self._trails.items() if one == robot)
+        return of_all.held > 0 or any(
+            trail.record.held > 0 for (one, _, _), trail in self._trails.items() if one == robot
+        )

@@ -40,42 +40,50 @@ def identified(
     alone takes for a robot of no team is one of the two. Nor does it get what may be of a mate or a track. Tracks take nobody along:
     what may be of several of them is taken for the likeliest, and `unclear` gets it where it may be of none.
     """
-    observer, found, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
+    observer, chosen, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
     lonely = set[float]()  # ages of frames that may show a robot that nobody else has seen
-    named = {it.subject for it in evidence.relatives if not is_class(it.subject)}
+    named = {sighting.subject for sighting in evidence.relatives if not is_class(sighting.subject)}
     unnamed = _unnamed(team, evidence)
     if not unnamed:
         watch(team, observer, [], [])
-    for number, age in enumerate(sorted({it.age for it in unnamed})):
-        frame = [it for it in unnamed if it.age == age]
+    for number, age in enumerate(sorted({sighting.age for sighting in unnamed})):
+        frame = [sighting for sighting in unnamed if sighting.age == age]
         candidates = _candidates(team, evidence, frame, news, motions)
         odds = _odds(team, observer, frame, candidates, motions)
         watch(team, observer, frame, odds)
         of_tracks: list[tuple[float, Doubt]] = []  # of some track with this probability
-        for it, its, share in zip(frame, candidates, odds, strict=True):
+        for sighting, its, share in zip(frame, candidates, odds, strict=True):
             taken = clear(share)
-            team.tally.unnamed.append(_told(team, Unnamed(observer, evidence.time, it.mark or 0, share, taken)))
+            team.tally.unnamed.append(_told(team, Unnamed(observer, evidence.time, sighting.mark or 0, share, taken)))
             lonely |= {age for one in share or () if one.startswith(ROBOTS) and team.tracks.is_alone(observer, one)}
             if taken is not None and taken not in named:
-                found.setdefault(taken, its[taken])
+                chosen.setdefault(taken, its[taken])
             elif taken is None and share and set(share) <= set(team.tracks):
                 of_tracks.append((sum(share.values()), [(p, its[one]) for one, p in share.items()]))
             elif taken is None and share:
                 doubts.append((age, [(p, its[one]) for one, p in share.items()]))
         if number == 0:
-            for some, one in _apart(of_tracks, set(found)):
+            for some, one in _apart(of_tracks, set(chosen)):
                 if some >= CLEAR:
-                    found[one.subject] = one
+                    chosen[one.subject] = one
                 else:
                     unclear.append([(some, one)])
-            found |= begin(team, frame, odds)
-    used = named | set(found) | {it.subject for doubt in unclear for _, it in doubt}
+            chosen |= begin(team, frame, odds)
+    used = named | set(chosen) | {sighting.subject for doubt in unclear for _, sighting in doubt}
     for age in sorted({age for age, _ in doubts}):
-        fresh = [doubt for its_age, doubt in doubts if its_age == age and not used & {it.subject for _, it in doubt}]
-        used |= {it.subject for doubt in fresh for _, it in doubt}
-        alone = len(fresh) == 1 and age not in lonely and not any(it.subject in team.tracks for _, it in fresh[0])
+        fresh = [
+            doubt
+            for its_age, doubt in doubts
+            if its_age == age and not used & {sighting.subject for _, sighting in doubt}
+        ]
+        used |= {sighting.subject for doubt in fresh for _, sighting in doubt}
+        alone = (
+            len(fresh) == 1
+            and age not in lonely
+            and not any(sighting.subject in team.tracks for _, sighting in fresh[0])
+        )
         unclear += fresh if alone else []
-    return [found[subject] for subject in sorted(found)]
+    return [chosen[subject] for subject in sorted(chosen)]
 
 
 def _apart(doubts: Sequence[tuple[float, Doubt]], used: set[str]) -> list[tuple[float, Relative]]:
@@ -84,21 +92,28 @@ def _apart(doubts: Sequence[tuple[float, Doubt]], used: set[str]) -> list[tuple[
     Means over all of them would draw tracks that meet together (Blom and Bloem, IEEE TAC 45(2), 2000, who leave out the less likely
     of two assignments that exchange tracks).
     """
-    pairs = sorted((-p, it.subject, number) for number, (_, doubt) in enumerate(doubts) for p, it in doubt)
-    found, done = [], set[int]()
+    pairs = sorted((-p, sighting.subject, number) for number, (_, doubt) in enumerate(doubts) for p, sighting in doubt)
+    apart, done = [], set[int]()
     for _, subject, number in pairs:
         if subject not in used and number not in done:
             used, done = used | {subject}, done | {number}
             share, doubt = doubts[number]
-            found.append((share, next(it for _, it in doubt if it.subject == subject)))
-    return found
+            apart.append((share, next(sighting for _, sighting in doubt if sighting.subject == subject)))
+    return apart
 
 
 def _unnamed(team: TeamState, evidence: Evidence) -> list[Relative]:
     """The unnamed sightings of a robot's own, as many as are looked at, the newest first."""
-    unnamed = [it for it in evidence.relatives if is_class(it.subject) and it.observer == evidence.robot]
-    unnamed = [it if it.mark is not None else replace(it, mark=number) for number, it in enumerate(unnamed)]
-    unnamed.sort(key=lambda it: (it.age, it.mark or 0))
+    unnamed = [
+        sighting
+        for sighting in evidence.relatives
+        if is_class(sighting.subject) and sighting.observer == evidence.robot
+    ]
+    unnamed = [
+        sighting if sighting.mark is not None else replace(sighting, mark=number)
+        for number, sighting in enumerate(unnamed)
+    ]
+    unnamed.sort(key=lambda sighting: (sighting.age, sighting.mark or 0))
     team.tally.tracks["unnamed_left_out"] += len(unnamed[MOST_SEEN:])
     return unnamed[:MOST_SEEN]
 
@@ -112,21 +127,23 @@ def _candidates(
 ) -> list[dict[str, Relative]]:
     """Of each sighting of a frame the subjects that it may be of, with the sighting as one of that subject."""
     observer, ends = evidence.robot, {robot: known.time for robot, known in team.known.items()}
-    ends |= {robot: it.time for robot, it in news.items()}
-    there = {observer} | {it.subject for it in evidence.relatives if it.age == frame[0].age}
+    ends |= {robot: told.time for robot, told in news.items()}
+    there = {observer} | {sighting.subject for sighting in evidence.relatives if sighting.age == frame[0].age}
     subjects = sorted({*team.known, *team.seen} - there)
-    found = []
+    candidates = []
     for seen in frame:
         is_same = seen.kind != "bearing"  # how far away it is says the sighting, whatever it is of
-        it = team.limits.sighting(seen, seen.range) if is_same else seen
-        possible = near(team, it, motions.get(observer)) if observer in team.joint else ()
+        sighting = team.limits.sighting(seen, seen.range) if is_same else seen
+        possible = near(team, sighting, motions.get(observer)) if observer in team.joint else ()
         of = [
-            replace(it, subject=one, ahead=ends.get(one, evidence.time) - evidence.time)
+            replace(sighting, subject=one, ahead=ends.get(one, evidence.time) - evidence.time)
             for one in subjects
-            if could_be(it.subject, one) and (one not in team.tracks or one in possible)
+            if could_be(sighting.subject, one) and (one not in team.tracks or one in possible)
         ]
-        found.append({one.subject: one if is_same else team.limits.sighting(one, team.distance(one)) for one in of})
-    return found
+        candidates.append(
+            {one.subject: one if is_same else team.limits.sighting(one, team.distance(one)) for one in of}
+        )
+    return candidates
 
 
 def _odds(
@@ -143,12 +160,12 @@ def _odds(
     return [*team.naming.judge(team.joint, frame, candidates, moved, team.knows, team.tracks, places(team, observer))]
 
 
-def _told(team: TeamState, it: Unnamed) -> Unnamed:
+def _told(team: TeamState, unnamed: Unnamed) -> Unnamed:
     """What is told of an unnamed sighting: nothing of tracks that have no name yet."""
-    if it.odds is None:
-        return it
-    odds = {one: share for one, share in it.odds.items() if one not in team.tracks or team.tracks.is_named(one)}
-    return replace(it, odds=odds, taken=it.taken if it.taken in odds else None)
+    if unnamed.odds is None:
+        return unnamed
+    odds = {one: share for one, share in unnamed.odds.items() if one not in team.tracks or team.tracks.is_named(one)}
+    return replace(unnamed, odds=odds, taken=unnamed.taken if unnamed.taken in odds else None)
 
 
 def take_in_the_mean(team: TeamState, doubt: Doubt, motions: Mapping[str, Motion]) -> None:

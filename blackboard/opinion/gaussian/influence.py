@@ -73,8 +73,8 @@ class Influence:
 
     def rename(self, old: str, new: str) -> None:
         """A place has another name from now on."""
-        self._places = [new if it == old else it for it in self._places]
-        self._went = {new if it == old else it: way for it, way in self._went.items()}
+        self._places = [new if place == old else place for place in self._places]
+        self._went = {new if place == old else place: way for place, way in self._went.items()}
 
     def go(self, place: str, way: Array) -> None:
         """Note the displacement of an object, shape (2,), by its velocity. What is taken back of a robot includes its share of it."""
@@ -89,16 +89,20 @@ class Influence:
 
     def _follow(self, joint: Joint) -> None:
         """Note who has come into the joint and who has gone; where they were when they came counts for nobody."""
-        subjects = [it for it in joint.blocks if isinstance(it, str)]
-        robots = [it for it in subjects if joint.blocks[it].stop - joint.blocks[it].start == STATES]
+        subjects = [block for block in joint.blocks if isinstance(block, str)]
+        robots = [block for block in subjects if joint.blocks[block].stop - joint.blocks[block].start == STATES]
         room = int(math.sqrt(MOST / max(1, len(robots))) / 2)
-        places = [*robots, *(it for it in subjects if it not in robots)][:room] if self.is_counted(len(robots)) else []
+        places = (
+            [*robots, *(block for block in subjects if block not in robots)][:room]
+            if self.is_counted(len(robots))
+            else []
+        )
         if (robots, places) == (self._sources, self._places):
             return
         before = self._sources, self._places, self._moved, self._honest
         size = 2 * len(places)
         self._moved, self._honest = np.zeros((len(robots), size)), np.zeros((len(robots), size, size))
-        kept = [it for it in places if it in before[1]]
+        kept = [block for block in places if block in before[1]]
         to, of = _pairs(places, kept), _pairs(before[1], kept)
         for row, robot in enumerate(robots):
             if robot in before[0]:
@@ -129,7 +133,7 @@ class Influence:
                 by[:, at : at + 2] = part[:, AXES]
         gain = share * np.linalg.solve(spread, expected.cross[:, rows]).T
         if only is not None:
-            gain *= np.repeat([it in only for it in self._places], 2)[:, np.newaxis]
+            gain *= np.repeat([place in only for place in self._places], 2)[:, np.newaxis]
         moved = self._moved - (self._moved @ by.T) @ gain.T
         # from both sides alike, or else what rounding adds grows
         left = self._honest - (self._honest @ by.T) @ gain.T
@@ -151,8 +155,8 @@ class Influence:
         if not (then > FARTHEST).any():
             return set()
         now = _squared(self._moved, _blocks(self._honest) + faint)
-        found = zip(*np.nonzero(then > np.maximum(FARTHEST, now)), strict=True)
-        return {self._sources[one] for one, place in found if self._sources[one] != self._places[place]}
+        pairs = zip(*np.nonzero(then > np.maximum(FARTHEST, now)), strict=True)
+        return {self._sources[one] for one, place in pairs if self._sources[one] != self._places[place]}
 
     def take(self, after: tuple[Array, Array]) -> None:
         """A factor is taken next, which leaves that D and C (`after`)."""
@@ -168,7 +172,7 @@ class Influence:
         self._follow(joint)
         if robot not in self._sources:
             return
-        row, own = self._sources.index(robot), np.repeat([it == robot for it in self._places], 2)
+        row, own = self._sources.index(robot), np.repeat([place == robot for place in self._places], 2)
         others = ~own & ~own[:, np.newaxis]
         rows = self._rows(joint)
         joint.mean[rows] -= np.where(own, 0.0, self._moved[row]) + self._share_of_ways(row)
@@ -178,13 +182,13 @@ class Influence:
 
     def _rows(self, joint: Joint) -> Array:
         """The indices of x and y of all places, shape (2 places,)."""
-        first = np.array([joint.blocks[it].start for it in self._places], dtype=np.intp)
+        first = np.array([joint.blocks[place].start for place in self._places], dtype=np.intp)
         return np.asarray((first[:, np.newaxis] + np.arange(2)).ravel())
 
 
 def _pairs(places: list[str], some: list[str]) -> npt.NDArray[np.intp]:
     """Where x and y of some places are, shape (2 some,)."""
-    at = 2 * np.array([places.index(it) for it in some], dtype=np.intp)
+    at = 2 * np.array([places.index(place) for place in some], dtype=np.intp)
     return np.asarray((at[:, np.newaxis] + np.arange(2)).ravel())
 
 

@@ -103,17 +103,19 @@ def together(factors: Sequence[Factor]) -> Factor:
     """Measurements as one, in the order given, with noise that is independent between them."""
     if len(factors) == 1:
         return factors[0]
-    residual = np.concatenate([it.residual for it in factors])
+    residual = np.concatenate([factor.residual for factor in factors])
     noise, jacobians, first = np.zeros((len(residual),) * 2), dict[Block, Array](), 0
-    for it in factors:
-        mine = slice(first, first + len(it.residual))
-        noise[mine, mine], first = it.noise, mine.stop
-        for block, part in it.jacobians.items():
+    for factor in factors:
+        mine = slice(first, first + len(factor.residual))
+        noise[mine, mine], first = factor.noise, mine.stop
+        for block, part in factor.jacobians.items():
             if block not in jacobians:
                 jacobians[block] = np.zeros((len(residual), part.shape[1]))
             jacobians[block][mine] = part
-    priors = {block: prior for it in factors for block, prior in it.priors.items()}
-    return Factor(residual, jacobians, noise, priors, {b: mean for it in factors for b, mean in it.anchors.items()})
+    priors = {block: prior for factor in factors for block, prior in factor.priors.items()}
+    return Factor(
+        residual, jacobians, noise, priors, {b: mean for factor in factors for b, mean in factor.anchors.items()}
+    )
 
 
 class Joint:
@@ -132,11 +134,11 @@ class Joint:
     def of(cls, blocks: Mapping[str, Moments]) -> Self:
         """The belief of blocks that are independent of each other."""
         joint, first = cls(), 0
-        joint.mean = np.concatenate([np.zeros(0), *(it.mean for it in blocks.values())])
+        joint.mean = np.concatenate([np.zeros(0), *(moments.mean for moments in blocks.values())])
         joint.covariance = np.zeros((len(joint.mean),) * 2)
-        for block, it in blocks.items():
-            at = joint.blocks[block] = slice(first, first + len(it.mean))
-            joint.covariance[at, at], first = _symmetric(it.covariance), at.stop
+        for block, moments in blocks.items():
+            at = joint.blocks[block] = slice(first, first + len(moments.mean))
+            joint.covariance[at, at], first = _symmetric(moments.covariance), at.stop
         return joint
 
     def __contains__(self, block: Block) -> bool:
@@ -175,14 +177,14 @@ class Joint:
 
     def among(self, blocks: Iterable[Block]) -> Joint:
         """The belief of some blocks alone, in the order given: a joint of its own."""
-        found, states = Joint(), list[int]()
+        marginal, states = Joint(), list[int]()
         for block in blocks:
             first = len(states)
             states.extend(range(self.blocks[block].start, self.blocks[block].stop))
-            found.blocks[block] = slice(first, len(states))
+            marginal.blocks[block] = slice(first, len(states))
         index = np.array(states, dtype=np.intp)
-        found.mean, found.covariance = self.mean[index], self._covariance.among(index)
-        return found
+        marginal.mean, marginal.covariance = self.mean[index], self._covariance.among(index)
+        return marginal
 
     def among_each(self, index: npt.NDArray[np.intp]) -> Array:
         """The covariances of the states of some whole blocks at a time, by their indices, shape (k, n): shape (k, n, n)."""
@@ -222,7 +224,7 @@ class Joint:
 
     def rename(self, block: Block, name: Block) -> None:
         """A block has another name from now on."""
-        self.blocks = {name if it == block else it: place for it, place in self.blocks.items()}
+        self.blocks = {name if other == block else other: place for other, place in self.blocks.items()}
 
     # --- time -----------------------------------------------------------------------------------------------------------
 
@@ -274,27 +276,29 @@ class Joint:
     def innovations(self, factors: Sequence[Factor]) -> list[Innovation]:
         """What each measurement says by itself; those of one shape are worked out at once."""
         alike: dict[tuple[int, ...], list[int]] = {}
-        for number, it in enumerate(factors):
-            widths = [part.shape[1] for block, part in it.jacobians.items() if block in self.blocks]
-            alike.setdefault((len(it.residual), *widths), []).append(number)
-        found: dict[int, Innovation] = {}
+        for number, factor in enumerate(factors):
+            widths = [part.shape[1] for block, part in factor.jacobians.items() if block in self.blocks]
+            alike.setdefault((len(factor.residual), *widths), []).append(number)
+        by_number: dict[int, Innovation] = {}
         for (_, *widths), numbers in alike.items():
             its = [factors[number] for number in numbers]
-            known = [[block for block in it.jacobians if block in self.blocks] for it in its]
+            known = [[block for block in factor.jacobians if block in self.blocks] for factor in its]
             first = np.array([[self.blocks[block].start for block in blocks] for blocks in known], dtype=np.intp)
             states = np.concatenate([np.arange(width) for width in widths])
             covariance = self.among_each(np.repeat(first, widths, axis=1) + states)
             rows = np.array(
-                [np.hstack([it.jacobians[b] for b in blocks]) for it, blocks in zip(its, known, strict=True)]
+                [np.hstack([factor.jacobians[b] for b in blocks]) for factor, blocks in zip(its, known, strict=True)]
             )
             spreads = rows @ covariance @ rows.swapaxes(1, 2)
-            for number, it, spread in zip(numbers, its, spreads, strict=True):
+            for number, factor, spread in zip(numbers, its, spreads, strict=True):
                 new = [
-                    (part, it.priors[block].covariance) for block, part in it.jacobians.items() if block in it.priors
+                    (part, factor.priors[block].covariance)
+                    for block, part in factor.jacobians.items()
+                    if block in factor.priors
                 ]
-                more = sum((part @ prior @ part.T for part, prior in new), it.noise)
-                found[number] = Innovation(it.residual, spread + more)
-        return [found[number] for number in range(len(factors))]
+                more = sum((part @ prior @ part.T for part, prior in new), factor.noise)
+                by_number[number] = Innovation(factor.residual, spread + more)
+        return [by_number[number] for number in range(len(factors))]
 
     def begin(self, priors: Mapping[Block, Moments], anchors: Mapping[Block, Array] | None = None) -> None:
         """Add the blocks that are not there, and put means that are arbitrary at their anchors."""

@@ -43,11 +43,13 @@ class Limits:
 
     def copy(self) -> Limits:
         """The same, which may be changed without changing this one."""
-        return Limits(self.sharpest, {robot: it.copy() for robot, it in self._alone.items()}, dict(self._entries))
+        return Limits(self.sharpest, {robot: own.copy() for robot, own in self._alone.items()}, dict(self._entries))
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
-        self._entries = {robot: it for robot, n in self._entries.items() if (it := n + dt / RENEWAL) < ENTRIES}
+        self._entries = {
+            robot: entries for robot, n in self._entries.items() if (entries := n + dt / RENEWAL) < ENTRIES
+        }
 
     def entering(self, robot: str, belief: Moments) -> Moments:
         """The belief with which a robot's block enters the joint."""
@@ -117,9 +119,9 @@ class Limits:
         lacking = np.maximum(0.0, self.sharpest**2 - values)
         if not lacking.any():
             return covariance
-        found = covariance.copy()
-        found[AXES, AXES] += (axes * lacking) @ axes.T
-        return found
+        blunted = covariance.copy()
+        blunted[AXES, AXES] += (axes * lacking) @ axes.T
+        return blunted
 
 
 @lru_cache(maxsize=256)  # all sightings of a robot have one profile

@@ -64,15 +64,15 @@ def linearise_all(
     known; with `alone` every subject is. KeyError: an observer is not in the joint.
     """
     alike: dict[tuple[str, Profile, int], list[int]] = {}
-    for number, it in enumerate(sightings):
-        block = None if alone or place is not None else joint.blocks.get(it.subject)
-        alike.setdefault((it.kind, it.profile, block.stop - block.start if block else 0), []).append(number)
-    found: dict[int, Factor] = {}
+    for number, sighting in enumerate(sightings):
+        block = None if alone or place is not None else joint.blocks.get(sighting.subject)
+        alike.setdefault((sighting.kind, sighting.profile, block.stop - block.start if block else 0), []).append(number)
+    by_number: dict[int, Factor] = {}
     for (_, _, states), numbers in alike.items():
         its = [sightings[number] for number in numbers]
         ends = _ends(joint, its, states, place, at)
-        found.update(zip(numbers, _factors(joint, its, ends, _seen(its, ends, motions)), strict=True))
-    return [found[number] for number in range(len(sightings))]
+        by_number.update(zip(numbers, _factors(joint, its, ends, _seen(its, ends, motions)), strict=True))
+    return [by_number[number] for number in range(len(sightings))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +91,9 @@ class _Ends:
 
 def _ends(joint: Joint, its: Sequence[Relative], states: int, place: Array | None, at: Array | None) -> _Ends:
     """Of sightings whose subjects have so many states in the joint; 0: they are not there."""
-    index = _indices(joint, [it.observer for it in its], STATES)
+    index = _indices(joint, [sighting.observer for sighting in its], STATES)
     if states:
-        index = np.concatenate([index, _indices(joint, [it.subject for it in its], states)], axis=1)
+        index = np.concatenate([index, _indices(joint, [sighting.subject for sighting in its], states)], axis=1)
     covariance, mean = joint.among_each(index), joint.mean[index]
     observer, subject = mean[:, :STATES], mean[:, STATES:]
     spread = covariance[:, AXES, AXES]
@@ -157,33 +157,35 @@ def _is_flat(joint: Joint, name: str) -> bool:
 
 def _seen(its: Sequence[Relative], ends: _Ends, motions: Mapping[str, Motion]) -> Form:
     """K sightings of one kind, by where both ends were when they were taken."""
-    stood = _stood(ends.observer, [motions.get(it.observer) for it in its], [it.age for it in its])
-    there, moves = ends.subject, [motions.get(it.subject) for it in its]
+    stood = _stood(
+        ends.observer, [motions.get(sighting.observer) for sighting in its], [sighting.age for sighting in its]
+    )
+    there, moves = ends.subject, [motions.get(sighting.subject) for sighting in its]
     if ends.states == STATES:
-        there = _stood(there, moves, [it.age + it.ahead for it in its])
+        there = _stood(there, moves, [sighting.age + sighting.ahead for sighting in its])
     camera = stood[:, HEADING] - ends.observer[:, BEARING]
     seen = form(its, there[:, AXES] - stood[:, AXES], camera, ends.spread, ends.heading)
     if ends.states == STATES:
-        strayed = [_strayed(it, motion) for it, motion in zip(its, moves, strict=True)]
+        strayed = [_strayed(sighting, motion) for sighting, motion in zip(its, moves, strict=True)]
         seen.noise[:, X, X] += strayed
         seen.noise[:, Y, Y] += strayed
     if not its[0].places:
         return of_one_number(its[0].kind, seen, ends.spread)
     if its[0].kind == "pose" and ends.states == STATES:
-        return with_heading(seen, wrap(np.array([it.heading for it in its]) - there[:, HEADING] + camera))
+        return with_heading(seen, wrap(np.array([sighting.heading for sighting in its]) - there[:, HEADING] + camera))
     return replace(seen, noise=seen.noise[:, AXES, AXES])
 
 
 def _stood(states: Array, motions: Sequence[Motion | None], ages: Sequence[float]) -> Array:
     """Where robots (their states, shape (k, 12)) were some seconds before the end of a motion: x, y and heading, shape (k, 3)."""
-    found = states[:, POSE]
+    poses = states[:, POSE]
     if any(ages):
-        found = found.copy()
-        for place, state, motion, age in zip(found, states, motions, ages, strict=True):
+        poses = poses.copy()
+        for place, state, motion, age in zip(poses, states, motions, ages, strict=True):
             back, turned = moved_in(state, motion, age)
             place[AXES] -= back
             place[HEADING] -= turned
-    return found
+    return poses
 
 
 def _strayed(sighting: Relative, motion: Motion | None) -> float:
@@ -201,7 +203,7 @@ def _strayed(sighting: Relative, motion: Motion | None) -> float:
 
 def _factors(joint: Joint, its: Sequence[Relative], ends: _Ends, seen: Form) -> list[Factor]:
     """The factors of k sightings of one kind."""
-    stretched = seen.by_range * np.array([[it.stretched] for it in its]) * seen.larger[:, np.newaxis]
+    stretched = seen.by_range * np.array([[sighting.stretched] for sighting in its]) * seen.larger[:, np.newaxis]
     residual = seen.residual - stretched * ends.observer[:, RANGE : RANGE + 1]
     by_observer = np.zeros((*residual.shape, STATES))
     by_observer[:, :, AXES], by_observer[:, :, RANGE] = -seen.by_place, stretched
@@ -212,19 +214,19 @@ def _factors(joint: Joint, its: Sequence[Relative], ends: _Ends, seen: Form) -> 
         by_subject[:, 2:, HEADING] = 1.0
     if ends.apart is not None:
         residual = residual - (by_observer @ ends.apart[:, :, np.newaxis])[:, :, 0]
-    found = []
-    for number, it in enumerate(its):
-        jacobians: dict[Block, Array] = {it.observer: by_observer[number]}
+    factors = []
+    for number, sighting in enumerate(its):
+        jacobians: dict[Block, Array] = {sighting.observer: by_observer[number]}
         priors, anchors, rest = dict[Block, Moments](), ends.anchors[number], residual[number]
         if not ends.is_known:
-            jacobians[it.subject] = by_subject[number]
+            jacobians[sighting.subject] = by_subject[number]
         if not ends.is_known and not ends.states:
-            priors[it.subject] = Moments(anchors.pop(it.subject, NOTHING.mean), NOTHING.covariance)
-        for block, sigma in it.blocks().items() if it.biases else ():
+            priors[sighting.subject] = Moments(anchors.pop(sighting.subject, NOTHING.mean), NOTHING.covariance)
+        for block, sigma in sighting.blocks().items() if sighting.biases else ():
             jacobians[block] = seen.by_range[number, :, np.newaxis] * (seen.larger[number] * sigma)
             if block in joint:
                 rest = rest - jacobians[block] @ joint.mean[joint.blocks[block]]
             else:
                 priors[block] = STANDARD
-        found.append(Factor(rest, jacobians, seen.noise[number], priors, anchors))
-    return found
+        factors.append(Factor(rest, jacobians, seen.noise[number], priors, anchors))
+    return factors

@@ -55,19 +55,22 @@ class Lost:
         `own` is the squared distance of where a robot says that it is from where the joint has it.
         """
         dt = 0.0 if self._time is None else max(0.0, time - self._time)
-        self._time, found = time, {robot: self._astray(robot) for robot in robots}
+        self._time, astray = time, {robot: self._astray(robot) for robot in robots}
         usual, stays = ASTRAY / (SOUND + ASTRAY), math.exp(-dt * (1 / SOUND + 1 / ASTRAY))
-        odds = {robot: _logit(usual + (it - usual) * stays) for robot, it in found.items()}
-        pieces = [(it.source, it.subject, str(it.kind), it.squared, it.freedom) for it in verdicts]
+        odds = {robot: _logit(usual + (share - usual) * stays) for robot, share in astray.items()}
+        pieces = [
+            (verdict.source, verdict.subject, str(verdict.kind), verdict.squared, verdict.freedom)
+            for verdict in verdicts
+        ]
         pieces += [(robot, robot, "own", squared, 2) for robot, squared in own.items()]
         for source, subject, kind, squared, freedom in pieces:
             weight = COUNTED * self._weight((source, subject, kind), time)
             share = _of_the_lost(squared, freedom, AGREES[kind])
             for end, other in {(source, subject), (subject, source)}:
                 if end in odds:
-                    doubt = found.get(other, ELSEWHERE) if other != end else 0.0
+                    doubt = astray.get(other, ELSEWHERE) if other != end else 0.0
                     odds[end] += weight * (share - math.log((1 - doubt) + doubt * math.exp(share)))
-        self._probabilities = {robot: min(1 - LEAST, max(LEAST, _share(it))) for robot, it in odds.items()}
+        self._probabilities = {robot: min(1 - LEAST, max(LEAST, _share(logit))) for robot, logit in odds.items()}
         if len(self._heard) > MAX_PAIRS:
             self._heard = {pair: at for pair, at in self._heard.items() if time - at < SPACING}
 

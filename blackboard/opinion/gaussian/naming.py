@@ -89,8 +89,8 @@ class Naming:
         placed = [(row, subject) for row, subject in pairs if subject in known]
         factors = linearise_all(joint, [candidates[row][subject] for row, subject in placed], motions)
         densities = dict.fromkeys(pairs, 1.0)
-        for (row, subject), it in zip(placed, joint.innovations(factors), strict=True):
-            densities[row, subject] = self._density(it, tracks.area(frame[row].observer, frame[row].subject))
+        for (row, subject), innovation in zip(placed, joint.innovations(factors), strict=True):
+            densities[row, subject] = self._density(innovation, tracks.area(frame[row].observer, frame[row].subject))
         return self.weigh(frame, densities, shown)
 
     def weigh(
@@ -108,27 +108,33 @@ class Naming:
             strange = seen.confidence * self._rate(seen) + 1.0 - seen.confidence
             weight = seen.confidence * density / strange * shown[subject]
             weights[row, subjects.index(subject)] = min(MOST, weight)
-        found: list[dict[str, float]] = []
+        odds: list[dict[str, float]] = []
         strangers: dict[tuple[str, str], float] = {}
         for seen, shares in zip(frame, posterior(weights).tolist(), strict=True):
-            found.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT})
+            odds.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT})
             rest = max(0.0, 1.0 - sum(shares))
             key = seen.observer, seen.subject
             strangers[key] = strangers.get(key, 0.0) + seen.confidence * rest
         for key, seen_so in strangers.items():
             keep(self._strangers, key, self._strangers.get(key, Rate()).plus(seen_so))
-        return found
+        return odds
 
     def _rate(self, seen: Sighted) -> float:
         return self._strangers.get((seen.observer, seen.subject), Rate()).rate
 
-    def _density(self, it: Innovation, area: float) -> float:
+    def _density(self, innovation: Innovation, area: float) -> float:
         """How much likelier a sighting is of its subject than at any place that is seen; 0 beyond the gate."""
-        if it.squared > quantile(GATE, it.freedom):
+        if innovation.squared > quantile(GATE, innovation.freedom):
             return 0.0
-        anywhere = min(self.area, area) ** -(min(it.freedom, 2) / 2) / (2 * math.pi if it.freedom > 2 else 1.0)
-        determinant = float(np.linalg.det(2 * math.pi * it.covariance))
-        return MOST if determinant <= 0 else min(MOST, math.exp(-it.squared / 2) / math.sqrt(determinant) / anywhere)
+        anywhere = min(self.area, area) ** -(min(innovation.freedom, 2) / 2) / (
+            2 * math.pi if innovation.freedom > 2 else 1.0
+        )
+        determinant = float(np.linalg.det(2 * math.pi * innovation.covariance))
+        return (
+            MOST
+            if determinant <= 0
+            else min(MOST, math.exp(-innovation.squared / 2) / math.sqrt(determinant) / anywhere)
+        )
 
 
 def _shown(tracks: Tracks, observer: str, subject: str, places: Mapping[str, Place]) -> float:

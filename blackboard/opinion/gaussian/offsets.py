@@ -67,8 +67,8 @@ class Offsets:
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
         keep = math.exp(-dt / MEMORY)
-        self._all = {observer: it.faded(keep) for observer, it in self._all.items() if it.share * keep > LEAST}
-        self._pairs = {pair: it.faded(keep) for pair, it in self._pairs.items() if it.share * keep > LEAST}
+        self._all = {observer: score.faded(keep) for observer, score in self._all.items() if score.share * keep > LEAST}
+        self._pairs = {pair: score.faded(keep) for pair, score in self._pairs.items() if score.share * keep > LEAST}
         self._held = {observer: left - dt for observer, left in self._held.items() if left > dt}
 
     def hear(self, observer: str, joint: Joint, seen: Sequence[tuple[str, Factor]]) -> None:
@@ -79,10 +79,10 @@ class Offsets:
         """
         if not seen:
             return
-        found = joint.innovation(*(factor for _, factor in seen))
+        innovation = joint.innovation(*(factor for _, factor in seen))
         ways = np.vstack([factor.jacobians[subject][:, AXES] for subject, factor in seen])
-        both = np.column_stack([ways, found.residual])
-        inverse = np.linalg.inv(found.covariance)
+        both = np.column_stack([ways, innovation.residual])
+        inverse = np.linalg.inv(innovation.covariance)
         weighed = inverse @ both
         self._all[observer] = self._all.get(observer, NONE).plus(_score(ways.T @ weighed))
         subjects = np.repeat([subject for subject, _ in seen], [len(factor.residual) for _, factor in seen])
@@ -99,8 +99,8 @@ class Offsets:
         whole = self._all[observer]
         # a bearing says nothing along its line of sight, and rounding is no evidence
         whole = whole.plus(Score(np.zeros(2), ROUNDED * np.trace(whole.covariance) * np.eye(2)))
-        scores = [it for (one, _), it in self._pairs.items() if one == observer]
-        return len(scores) > 1 and all(whole.plus(it, -1.0).is_far() for it in scores)
+        scores = [score for (one, _), score in self._pairs.items() if one == observer]
+        return len(scores) > 1 and all(whole.plus(score, -1.0).is_far() for score in scores)
 
     def doubts(self, observer: str) -> bool:
         """Whether what it sees had such an offset in the last `MEMORY` seconds."""
@@ -112,11 +112,11 @@ class Offsets:
 
     def forget(self, robot: str) -> None:
         """Drop what concerns a robot."""
-        for (observer, subject), it in self._pairs.items():
+        for (observer, subject), score in self._pairs.items():
             if subject == robot and observer in self._all:
-                self._all[observer] = replace(self._all[observer].plus(it, -1.0), share=self._all[observer].share)
+                self._all[observer] = replace(self._all[observer].plus(score, -1.0), share=self._all[observer].share)
         self._all.pop(robot, None)
-        self._pairs = {pair: it for pair, it in self._pairs.items() if robot not in pair}
+        self._pairs = {pair: score for pair, score in self._pairs.items() if robot not in pair}
         self._held.pop(robot, None)
 
 

@@ -73,7 +73,7 @@ class Ring:
 
     def move(self, by: Array) -> None:
         """The thing moved by so much, shape (2,), as it knows itself: what was seen before is seen from as far on."""
-        self._lines = deque((replace(it, place=it.place + by) for it in self._lines), maxlen=MOST)
+        self._lines = deque((replace(line, place=line.place + by) for line in self._lines), maxlen=MOST)
 
     @property
     def newest(self) -> float:
@@ -97,20 +97,20 @@ class Ring:
             apart = [ends[k] - ends[other] for other in kept]
             if costs[k] > costs.min() + 2 * math.log(UNLIKELY):
                 break
-            if all(float(it @ information[other] @ it) > APART**2 for it, other in zip(apart, kept, strict=True)):
+            if all(float(way @ information[other] @ way) > APART**2 for way, other in zip(apart, kept, strict=True)):
                 kept.append(k)
         if np.linalg.det(information[kept]).min() <= 0:
             return ()
         shares = np.exp(-0.5 * (costs[kept] - costs.min())) / np.sqrt(np.linalg.det(information[kept]))
         common = max(line.own for line in self._lines)  # their errors last: many sightings do not average them
-        found = []
+        places = []
         for k, share in zip(kept, (shares / shares.sum()).tolist(), strict=True):
             covariance = np.linalg.inv(information[k]) + common * np.eye(2)
             nearest = min(float(np.hypot(*(ends[k] - line.place))) for line in self._lines)
             if math.sqrt(float(np.linalg.eigvalsh(covariance)[-1])) > COMPACT * nearest:
                 return ()
-            found.append(Place(Moments(ends[k], covariance), share))
-        return tuple(sorted(found, key=lambda it: -it.weight))
+            places.append(Place(Moments(ends[k], covariance), share))
+        return tuple(sorted(places, key=lambda place: -place.weight))
 
     def _starts(self) -> Array:
         """Places along the first ring, or along the first ray, shape (n, 2)."""
@@ -127,9 +127,9 @@ class Ring:
     def _solved(self, starts: Array) -> tuple[Array, Array, Array]:
         """By Gauss and Newton from each start: - 2 ln(likelihood), shape (n,), place, (n, 2), and information, (n, 2, 2)."""
         lines = list(self._lines)
-        places, ranges = np.array([it.place for it in lines]), np.array([it.is_range for it in lines])
-        values, fresh = np.array([it.value for it in lines]), np.array([it.variance for it in lines])
-        own = np.array([it.own + self.walk**2 * (self.newest - it.time) for it in lines])
+        places, ranges = np.array([line.place for line in lines]), np.array([line.is_range for line in lines])
+        values, fresh = np.array([line.value for line in lines]), np.array([line.variance for line in lines])
+        own = np.array([line.own + self.walk**2 * (self.newest - line.time) for line in lines])
         ends = starts
         for step in range(STEPS + 1):
             away = ends[:, None] - places

@@ -39,33 +39,36 @@ def see(
     Sightings of mates are taken together, but for those that move one end alone; then the others are, one by one. `doubts` are
     sightings of which it is not clear whose they are: they are held against the joint, too. `apart` are objects to be set aside.
     """
-    seen = [it for evidence in news if evidence.robot in heard for it in _own(evidence)]
-    known = {name for it in (*seen, *doubts) for name in (it.observer, it.subject)} & {*heard, *team.seen}
+    seen = [sighting for evidence in news if evidence.robot in heard for sighting in _own(evidence)]
+    known = {name for sighting in (*seen, *doubts) for name in (sighting.observer, sighting.subject)} & {
+        *heard,
+        *team.seen,
+    }
     known = {name for name in known if team.knows(name)}
-    clear = [it for it in (*seen, *doubts) if it.observer in known and it.subject in known]
+    clear = [sighting for sighting in (*seen, *doubts) if sighting.observer in known and sighting.subject in known]
     pairs = list(zip(clear, linearise_all(team.joint, clear, motions), strict=True))
     by_observer: dict[str, list[tuple[Relative, Factor]]] = {}
-    for it, factor in pairs:
-        by_observer.setdefault(it.observer, []).append((it, factor))
+    for sighting, factor in pairs:
+        by_observer.setdefault(sighting.observer, []).append((sighting, factor))
     for robot, its in by_observer.items():
         if robot not in team.left_out:
             with team.blaming(robot):
                 _compare_with_joint(team, robot, its, motions, heard)
-    own = {id(it) for it in seen if it.subject in heard}
-    mates = [(it, factor) for it, factor in pairs if id(it) in own and not factor.priors]
-    mates = [(it, factor) for it, factor in mates if team.moved_by_sighting(it) is None]
-    done = {id(it) for it, _ in mates}
+    own = {id(sighting) for sighting in seen if sighting.subject in heard}
+    mates = [(sighting, factor) for sighting, factor in pairs if id(sighting) in own and not factor.priors]
+    mates = [(sighting, factor) for sighting, factor in mates if team.moved_by_sighting(sighting) is None]
+    done = {id(sighting) for sighting, _ in mates}
     while mates:
         left = _take_together(team, mates)
         mates = list(zip(left, linearise_all(team.joint, left, motions), strict=True))
-    for it in seen:
-        if id(it) in done:
+    for sighting in seen:
+        if id(sighting) in done:
             continue
-        with team.blaming(it.observer):
-            if it.subject in apart:
-                set_aside(team, it, motions)
+        with team.blaming(sighting.observer):
+            if sighting.subject in apart:
+                set_aside(team, sighting, motions)
             else:
-                take_sighting(team, it, motions, heard)
+                take_sighting(team, sighting, motions, heard)
 
 
 def batches(news: Iterable[Evidence]) -> Iterator[list[Evidence]]:
@@ -73,7 +76,7 @@ def batches(news: Iterable[Evidence]) -> Iterator[list[Evidence]]:
     part: list[Evidence] = []
     for evidence in news:
         part.append(evidence)
-        if sum(len(it.relatives) for it in part) >= TOGETHER:
+        if sum(len(evidence.relatives) for evidence in part) >= TOGETHER:
             yield part
             part = []
     if part:
@@ -82,7 +85,7 @@ def batches(news: Iterable[Evidence]) -> Iterator[list[Evidence]]:
 
 def _own(evidence: Evidence) -> list[Relative]:
     """What a robot says that it sees itself, in an order that depends on that alone."""
-    own = [it for it in evidence.relatives if it.observer == evidence.robot != it.subject]
+    own = [relative for relative in evidence.relatives if relative.observer == evidence.robot != relative.subject]
     return sorted(own, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind))
 
 
@@ -95,11 +98,11 @@ def _compare_with_joint(
 ) -> None:
     """Hold all that a robot sees in a tick against where the joint has it, before any of it moves that."""
     noise = team.innovations.variance((robot, "relative"))
-    moving = {it for it, motion in motions.items() if motion.moving}
+    moving = {robot for robot, motion in motions.items() if motion.moving}
     for sighting, factor in seen:
         if moving & {robot, sighting.subject}:  # where both stand, an exact sensor says the same again and again
             team.freshness.hear(sighting, factor)
-    mates = [(it.subject, factor.widened(noise)) for it, factor in seen if it.subject in heard]
+    mates = [(sighting.subject, factor.widened(noise)) for sighting, factor in seen if sighting.subject in heard]
     team.offsets.hear(robot, team.joint, mates)
 
 
@@ -110,12 +113,12 @@ def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> 
     """
     chain, noted, left = Chain(team.joint, [factor for _, factor in seen]), list[Relative](), list[Relative]()
     for relative, factor in seen:
-        found = chain.next()
-        moved = float(np.square(found.residual - factor.residual).sum())
-        if moved > 2 * STRAIGHT * team.distance(relative) * math.sqrt(float(factor.noise.trace()) / found.freedom):
+        innovation = chain.next()
+        moved = float(np.square(innovation.residual - factor.residual).sum())
+        if moved > 2 * STRAIGHT * team.distance(relative) * math.sqrt(float(factor.noise.trace()) / innovation.freedom):
             left.append(relative)
             continue
-        wider = _judged(team, relative, factor, found)
+        wider = _judged(team, relative, factor, innovation)
         if wider is not None:
             chain.take(wider)
             noted.append(relative)
@@ -168,12 +171,12 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
         team.seen[subject] = 0.0
 
 
-def _judged(team: TeamState, relative: Relative, factor: Factor, found: Innovation) -> Factor | None:
+def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Innovation) -> Factor | None:
     """What is taken of a sighting, with the noise that its observer's have shown to have; None: nothing."""
     observer, subject = relative.observer, relative.subject
-    factor, squared = team.weighed((observer, "relative"), factor, found)
+    factor, squared = team.weighed((observer, "relative"), factor, innovation)
     by = team.outvoted(subject, observer) or team.outvoted(observer, subject)
-    agrees = squared <= quantile(GATE, found.freedom) and not by and not team.contradict(observer, subject)
+    agrees = squared <= quantile(GATE, innovation.freedom) and not by and not team.contradict(observer, subject)
     if not subject.startswith(
         "robot/"
     ):  # of two robots that contradict each other, the one that placed the object first is believed
@@ -181,7 +184,7 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, found: Innovati
     taken = agrees and not {observer, subject} & team.left_out
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
-    team.add_verdict(Verdict(observer, subject, "relative", squared, found.freedom, taken, by))
+    team.add_verdict(Verdict(observer, subject, "relative", squared, innovation.freedom, taken, by))
     return factor if taken else None
 
 
@@ -263,12 +266,14 @@ def claimed(joint: Joint, sightings: Sequence[Relative], motions: Mapping[str, M
     if not sightings:
         return []
     factors, claims = linearise_all(joint, sightings, motions, alone=True), []
-    rows = [dict(it.jacobians) for it in factors]
+    rows = [dict(factor.jacobians) for factor in factors]
     by_places = [its.pop(seen.subject) for its, seen in zip(rows, sightings, strict=True)]
-    without = [Factor(it.residual, its, np.zeros((2, 2)), it.priors) for it, its in zip(factors, rows, strict=True)]
-    found = [it.covariance for it in joint.innovations(without)]
+    without = [
+        Factor(factor.residual, its, np.zeros((2, 2)), factor.priors) for factor, its in zip(factors, rows, strict=True)
+    ]
+    covariances = [innovation.covariance for innovation in joint.innovations(without)]
     backs = np.linalg.inv(by_places)  # of nothing known, the sighting alone decides
-    for seen, it, back, lasting in zip(sightings, factors, backs, found, strict=True):
-        place = it.priors[seen.subject].mean + back @ it.residual
-        claims.append(Claim(place, back @ lasting @ back.T, back @ it.noise @ back.T))
+    for seen, factor, back, lasting in zip(sightings, factors, backs, covariances, strict=True):
+        place = factor.priors[seen.subject].mean + back @ factor.residual
+        claims.append(Claim(place, back @ lasting @ back.T, back @ factor.noise @ back.T))
     return claims

@@ -159,7 +159,7 @@ class TeamState:
 
     def rename(self, old: str, new: str) -> None:
         """An object has another name from now on; the lasting errors of sightings of it begin anew."""
-        for block in [it for it in self.joint.blocks if isinstance(it, tuple) and old in it[1:3]]:
+        for block in [block for block in self.joint.blocks if isinstance(block, tuple) and old in block[1:3]]:
             self.joint.drop(block)
             del self.used[block[1]][block]
         self.joint.rename(old, new)
@@ -189,7 +189,7 @@ class TeamState:
         observer, subject = relative.observer, relative.subject
         if subject in self.tracks:
             return [subject]
-        doubted = {it for it in (observer, subject) if self.doubts(it)}
+        doubted = {end for end in (observer, subject) if self.doubts(end)}
         if self.freshness.doubts(observer) and subject not in self.known and not self.vouching(subject, observer):
             doubted.add(subject)
         return self._of(doubted)
@@ -198,7 +198,7 @@ class TeamState:
         """The blocks of some robots, and of the lasting errors of what they see; None of nobody."""
         if not robots:
             return None
-        return [it for it in self.joint.blocks if (it[1] if isinstance(it, tuple) else it) in robots]
+        return [block for block in self.joint.blocks if (block[1] if isinstance(block, tuple) else block) in robots]
 
     def doubts(self, robot: str) -> bool:
         """Whether what a robot sees keeps one side, or tells nothing new."""
@@ -206,7 +206,7 @@ class TeamState:
 
     def vouching(self, subject: str, observer: str) -> list[str]:
         """Who else has seen a subject, mostly agreed, and is not doubted."""
-        return [it for it in self.trust.observers(subject) if it != observer and not self.doubts(it)]
+        return [other for other in self.trust.observers(subject) if other != observer and not self.doubts(other)]
 
     def refuted_now(self) -> frozenset[str]:
         """The robots that `contacts` leaves out, where nobody is accused by one that is doubted."""
@@ -237,13 +237,13 @@ class TeamState:
         self.influence.take(after)
         return only
 
-    def weighed(self, source: Source, factor: Factor, found: Innovation) -> tuple[Factor, float]:
+    def weighed(self, source: Source, factor: Factor, innovation: Innovation) -> tuple[Factor, float]:
         """A factor with the noise that its source's evidence has shown to have, and the squared distance of what it says then."""
         if not any(block in self.tracks for block in factor.jacobians):  # what is wrong may be whose the sighting is
-            share = float(np.trace(np.linalg.solve(found.covariance, factor.noise))) / found.freedom
-            self.innovations.judge(source, found.squared, found.freedom, share)
+            share = float(np.trace(np.linalg.solve(innovation.covariance, factor.noise))) / innovation.freedom
+            self.innovations.judge(source, innovation.squared, innovation.freedom, share)
         wider = factor.widened(self.innovations.variance(source))
-        return wider, squared_distance(found.residual, found.covariance + (wider.noise - factor.noise))
+        return wider, squared_distance(innovation.residual, innovation.covariance + (wider.noise - factor.noise))
 
     def distance(self, relative: Relative) -> float:
         """How far away a subject is: as it was measured, or else as the joint has it; 0 where nobody knows."""

@@ -86,7 +86,7 @@ class TeamJoint(TeamState):
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if enter(self, evidence)}
         all_news = self._bounded(news, set(motions) - entered)
-        news = {robot: it.named() for robot, it in all_news.items()}
+        news = {robot: evidence.named() for robot, evidence in all_news.items()}
         heard = entered | set(motions)
         entered |= compare(self, news, motions)
         with self.blaming(""):
@@ -98,7 +98,7 @@ class TeamJoint(TeamState):
         alone = self.influence.is_counted(
             len(self.known)
         )  # what each robot moves is known where its sightings are taken alone
-        for part in ([it] for it in news.values()) if alone else batches(news.values()):
+        for part in ([evidence] for evidence in news.values()) if alone else batches(news.values()):
             see(self, part, motions, heard, apart=apart)
         self._take_unnamed(all_news, motions, heard)
 
@@ -110,7 +110,7 @@ class TeamJoint(TeamState):
             with self.blaming(robot):
                 unclear[robot] = []
                 clearly = identified(self, evidence, news, motions, unclear[robot]) if robot in heard else []
-                likeliest = [max(doubt, key=lambda it: it[0])[1] for doubt in unclear[robot]]
+                likeliest = [max(doubt, key=lambda option: option[0])[1] for doubt in unclear[robot]]
                 see(self, [replace(evidence, relatives=tuple(clearly))], motions, heard, likeliest)
         for robot, doubts in unclear.items():
             with self.blaming(robot):
@@ -122,19 +122,19 @@ class TeamJoint(TeamState):
         if not self.limits.sharpest:
             return dict(news)
         bounded = {}
-        for robot, it in news.items():
+        for robot, evidence in news.items():
             with self.blaming(robot):
-                increment = it.increment
+                increment = evidence.increment
                 if robot in known:
                     learned = self.innovations.variance((robot, "increment"))
-                    increment = self.limits.increment(robot, increment, learned, it.belief)
+                    increment = self.limits.increment(robot, increment, learned, evidence.belief)
                 relatives = tuple(
                     relative
                     if is_class(relative.subject)  # how far away it is depends on what it is
                     else self.limits.sighting(relative, self.distance(relative))
-                    for relative in it.relatives
+                    for relative in evidence.relatives
                 )
-                bounded[robot] = replace(it, increment=increment, relatives=relatives)
+                bounded[robot] = replace(evidence, increment=increment, relatives=relatives)
         return bounded
 
     def _news(self, tick: int, reports: Iterable[Evidence]) -> dict[str, Evidence]:
@@ -155,15 +155,19 @@ class TeamJoint(TeamState):
 
     def _aligned(self, news: dict[str, Evidence]) -> dict[str, Evidence]:
         """With the sightings of robots whose tick ended at another time than the observer's saying so."""
-        ends = {robot: known.time for robot, known in self.known.items()} | {r: it.time for r, it in news.items()}
+        ends = {robot: known.time for robot, known in self.known.items()} | {
+            r: evidence.time for r, evidence in news.items()
+        }
         if len(set(ends.values())) < 2:
             return news
         return {
             robot: replace(
-                it,
-                relatives=tuple(replace(r, ahead=ends.get(r.subject, it.time) - it.time) for r in it.relatives),
+                evidence,
+                relatives=tuple(
+                    replace(r, ahead=ends.get(r.subject, evidence.time) - evidence.time) for r in evidence.relatives
+                ),
             )
-            for robot, it in news.items()
+            for robot, evidence in news.items()
         }
 
     def _predict(self, dt: float, news: Mapping[str, Evidence]) -> dict[str, Motion]:
@@ -203,8 +207,8 @@ class TeamJoint(TeamState):
 
     def doubtful(self) -> dict[str, tuple[Place, ...]]:
         """Of the objects that are not in the joint, those that are in one of a few places, as two rings leave them."""
-        found = {subject: ring.places() for subject, ring in sorted(self.rings.items())}
-        return {subject: places for subject, places in found.items() if places}
+        by_subject = {subject: ring.places() for subject, ring in sorted(self.rings.items())}
+        return {subject: places for subject, places in by_subject.items() if places}
 
     def ahead(self, robot: str, age: float) -> Moments | None:
         """Where a robot that was heard last some seconds ago is if it goes on: as fast as lately, and turning as in its last motion.

@@ -24,7 +24,7 @@ def near(team: TeamState, seen: Relative, motion: Motion | None) -> set[str]:
 
     The trace of a covariance is no less than any variance in it; and what an observer errs, tracks that it saw err with it.
     """
-    blocks = [it for it in team.tracks if it in team.joint]
+    blocks = [block for block in team.tracks if block in team.joint]
     if not seen.places or not blocks:
         return set(blocks)
     observer = team.joint.moments(seen.observer)
@@ -32,16 +32,16 @@ def near(team: TeamState, seen: Relative, motion: Motion | None) -> set[str]:
     angle = float(observer.mean[HEADING] - turned - observer.mean[BEARING]) + seen.bearing
     place = observer.mean[AXES] - back + seen.range * np.array([math.cos(angle), math.sin(angle)])
     variances = observer.covariance.diagonal()
-    fresh = seen.range_variance + max((it for _, it in seen.profile), default=0.0)
-    fresh += sum(it.sigma**2 for it in seen.biases) + sum(np.abs(seen.spread))
+    fresh = seen.range_variance + max((variance for _, variance in seen.profile), default=0.0)
+    fresh += sum(bias.sigma**2 for bias in seen.biases) + sum(np.abs(seen.spread))
     spread = (
         variances[AXES].sum() + fresh + seen.range**2 * (variances[[HEADING, BEARING]].sum() + seen.bearing_variance)
     )
-    first = np.array([team.joint.blocks[it].start for it in blocks])
+    first = np.array([team.joint.blocks[block].start for block in blocks])
     apart = team.joint.mean[first[:, np.newaxis] + np.arange(2)] - place
     diagonal = team.joint.variances
     within = np.square(apart).sum(axis=1) <= quantile(GATE, 2) * (spread + diagonal[first] + diagonal[first + 1])
-    return {it for it, found in zip(blocks, within.tolist(), strict=True) if found}
+    return {block for block, close in zip(blocks, within.tolist(), strict=True) if close}
 
 
 def watch(
@@ -50,9 +50,9 @@ def watch(
     """Hold a frame of an observer, with what its sightings may be of, for and against all tracks."""
     if observer in team.left_out or not team.knows(observer) or any(its is None for its in odds):
         return
-    for it in frame:
-        if it.places:
-            team.tracks.look(observer, it.subject, it.range, it.bearing)
+    for sighting in frame:
+        if sighting.places:
+            team.tracks.look(observer, sighting.subject, sighting.range, sighting.bearing)
     shown: dict[str, float] = {}
     for its in odds:
         for block, share in (its or {}).items():
@@ -65,7 +65,7 @@ def watch(
 
 def places(team: TeamState, observer: str) -> dict[str, Place]:
     """Where the tracks are, as an observer would see them."""
-    blocks, found = [it for it in team.tracks if it in team.joint], dict[str, Place]()
+    blocks, places = [block for block in team.tracks if block in team.joint], dict[str, Place]()
     if blocks:
         state = team.joint.moments(observer)
         camera = float(state.mean[HEADING] - state.mean[BEARING])
@@ -73,24 +73,24 @@ def places(team: TeamState, observer: str) -> dict[str, Place]:
             its = team.joint.moments(block)
             dx, dy = (its.mean - state.mean[AXES]).tolist()
             variance = float(np.trace(its.covariance) + np.trace(state.covariance[AXES, AXES])) / 2
-            found[block] = math.hypot(dx, dy), wrap(math.atan2(dy, dx) - camera), math.sqrt(max(0.0, variance))
-    return found
+            places[block] = math.hypot(dx, dy), wrap(math.atan2(dy, dx) - camera), math.sqrt(max(0.0, variance))
+    return places
 
 
 def begin(
     team: TeamState, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None]
 ) -> dict[str, Relative]:
     """A track for each sighting of a frame that most likely is of nobody known: by its block, with the sighting as one of it."""
-    found: dict[str, Relative] = {}
-    for it, its in zip(frame, odds, strict=True):
-        strange = its is not None and sum(its.values()) < LIKELY and kind_of(it.subject) != "landmark"
-        if strange and it.places and it.observer not in team.left_out:
-            block = team.tracks.begin(it.observer, it.subject)
+    begun: dict[str, Relative] = {}
+    for sighting, its in zip(frame, odds, strict=True):
+        strange = its is not None and sum(its.values()) < LIKELY and kind_of(sighting.subject) != "landmark"
+        if strange and sighting.places and sighting.observer not in team.left_out:
+            block = team.tracks.begin(sighting.observer, sighting.subject)
             if block is None:
                 team.tally.tracks["unnamed_left_out"] += 1
             else:
-                found[block] = team.limits.sighting(replace(it, subject=block), it.range)
-    return found
+                begun[block] = team.limits.sighting(replace(sighting, subject=block), sighting.range)
+    return begun
 
 
 def _is_anywhere(team: TeamState, block: str) -> bool:
@@ -111,7 +111,7 @@ def end_tick(team: TeamState) -> None:
     new, same = team.tracks.to_be_named(), _called(team)
     for block in new:
         name = same.get(block) or team.tracks.new_name(
-            block, lambda it: it in team.called or _is_used(team, it), team.called
+            block, lambda name: name in team.called or _is_used(team, name), team.called
         )
         _call(team, block, name)
         team.tally.tracks["tracks_born"] += 1
@@ -120,7 +120,7 @@ def end_tick(team: TeamState) -> None:
 
 
 def _is_used(team: TeamState, name: str) -> bool:
-    return any(name in it for it in (team.joint, team.known, team.rings))
+    return any(name in kept for kept in (team.joint, team.known, team.rings))
 
 
 def _call(team: TeamState, block: str, name: str) -> None:
@@ -134,8 +134,8 @@ def _called(team: TeamState) -> dict[str, str]:
     A name that is in use here, or over, is of something else.
     """
     new = team.tracks.to_be_named()
-    blocks = [it for it in team.tracks if it in new or team.tracks.is_named(it)] if team.called else []
-    names = sorted(it for it in team.called if not (_is_used(team, it) or team.tracks.is_over(it)))
+    blocks = [block for block in team.tracks if block in new or team.tracks.is_named(block)] if team.called else []
+    names = sorted(block for block in team.called if not (_is_used(team, block) or team.tracks.is_over(block)))
     weights = np.zeros((len(blocks), len(names)))
     for row, block in enumerate(blocks):
         mine = team.marginal(block)

@@ -96,7 +96,9 @@ class Track:
         surplus = _nats(track.existence) - _nats(track.existence * math.exp(-dt / STAYS))
         behind = math.fsum(max(0.0, vote.evidence) for vote in votes.values())
         kept = 1.0 - min(1.0, surplus / behind) if behind else 1.0
-        votes = {o: replace(it, evidence=it.evidence * kept) if it.evidence > 0 else it for o, it in votes.items()}
+        votes = {
+            o: replace(vote, evidence=vote.evidence * kept) if vote.evidence > 0 else vote for o, vote in votes.items()
+        }
         return replace(track, votes=votes, prior=self.prior - max(0.0, surplus - behind))
 
     @property
@@ -241,9 +243,9 @@ class Tracks:
 
     def look(self, observer: str, kind: str, distance: float, bearing: float) -> None:
         """An observer sees something of a class at a distance (unit) and a bearing (rad)."""
-        it = self._view(observer, kind)
-        farthest, widest = max(it.farthest, distance), max(it.widest, abs(bearing))
-        view = replace(it, farthest=farthest, widest=widest, sightings=it.sightings + 1)
+        field_of_view = self._view(observer, kind)
+        farthest, widest = max(field_of_view.farthest, distance), max(field_of_view.widest, abs(bearing))
+        view = replace(field_of_view, farthest=farthest, widest=widest, sightings=field_of_view.sightings + 1)
         keep(self._views, (observer, kind), view)
 
     def judge(self, observer: str, places: Mapping[str, Place], seen: Mapping[str, float]) -> None:
@@ -298,7 +300,7 @@ class Tracks:
         """
         kind = self._tracks[block].kind
         begins = f"{stem(kind)}{self.label}"
-        given = [number for it, number in map(numbered, others) if it == begins]
+        given = [number for name, number in map(numbered, others) if name == begins]
         number = self._numbers.get(kind) or max([*given, self._before.get(begins, 0)])
         number += 1
         while used(name := f"{begins}{number}"):

@@ -30,15 +30,17 @@ class Trust:
 
     def observers(self, subject: str) -> list[str]:
         """Whose sightings of a subject mostly agreed, since it was forgotten."""
-        return [observer for (observer, seen), it in self._pairs.items() if seen == subject and not it.against]
+        return [
+            observer for (observer, seen), verdicts in self._pairs.items() if seen == subject and not verdicts.against
+        ]
 
     def by_subject(self) -> dict[str, set[str]]:
         """`observers` of every subject."""
-        found: dict[str, set[str]] = {}
-        for (observer, subject), it in self._pairs.items():
-            if not it.against:
-                found.setdefault(subject, set()).add(observer)
-        return found
+        observers: dict[str, set[str]] = {}
+        for (observer, subject), verdicts in self._pairs.items():
+            if not verdicts.against:
+                observers.setdefault(subject, set()).add(observer)
+        return observers
 
     def judged(self, observer: str) -> set[str]:
         """What an observer was judged by, whether its sightings agreed or not."""
@@ -73,9 +75,9 @@ class Trust:
         """Whether more of the observers of an object contradict its place than confirm it; those left out do not count."""
         out = self.left_out()
         votes = [
-            it.against
-            for (o, subject), it in self._pairs.items()
-            if subject == thing and o not in out and it.number > 1
+            verdicts.against
+            for (o, subject), verdicts in self._pairs.items()
+            if subject == thing and o not in out and verdicts.number > 1
         ]
         return 2 * sum(votes) > len(votes) and sum(votes) >= min(FEWEST, max(1, len(votes)))
 
@@ -85,12 +87,12 @@ class Trust:
 
     def _contradictions(self) -> dict[Pair, bool]:
         """For each two robots that were judged often enough, whether they contradict each other."""
-        found: dict[Pair, bool] = {}
-        for (observer, subject), it in self._pairs.items():
-            if it.firm and subject.startswith("robot/"):
+        contradictions: dict[Pair, bool] = {}
+        for (observer, subject), verdicts in self._pairs.items():
+            if verdicts.firm and subject.startswith("robot/"):
                 first, second = sorted((observer, subject))
-                found[first, second] = found.get((first, second), False) or it.against
-        return found
+                contradictions[first, second] = contradictions.get((first, second), False) or verdicts.against
+        return contradictions
 
 
 def _opposed(camps: list[frozenset[str]], contradictions: dict[Pair, bool]) -> bool:

@@ -185,7 +185,7 @@ def moved_in(state: Array, motion: Motion | None, age: float) -> tuple[Array, fl
     if motion is None or not age or motion.dt <= 0:
         return np.zeros(2), 0.0
     share = age / motion.dt
-    way, turn = (share * it for it in meant(state, motion)[:2])
+    way, turn = (share * part for part in meant(state, motion)[:2])
     middle = float(state[HEADING]) - turn / 2
     return np.array([way * math.cos(middle), way * math.sin(middle)]), turn
 
@@ -220,7 +220,7 @@ def correct(
     moved = joint.update(factor, only, expected)
     first = joint.firsts(STATES)
     dx, dy = moved[first + X], moved[first + Y]
-    first, dx, dy = (it[(dx != 0) | (dy != 0)] for it in (first, dx, dy))
+    first, dx, dy = (rows[(dx != 0) | (dy != 0)] for rows in (first, dx, dy))
     if len(first):
         heading = first + HEADING
         joint.shear(
