@@ -50,7 +50,7 @@ class _Fault(Section):
         return self.active and robot in self.names and self.start <= time < self.end
 
 
-class Lie(_Fault):
+class LieFault(_Fault):
     """Every place that it tells is off by `offset` (unit): of itself, of what it sees, in beliefs and in evidence."""
 
     kind: Literal["lie"]
@@ -124,8 +124,8 @@ class Freeze(_Fault):
     "The sensors repeat what they measured last, or the process says nothing and holds its liveliness token."
 
 
-Fault = Annotated[Lie | Collude | Overconfident | Skew | Lose | Drift | Freeze, Field(discriminator="kind")]
-AnyFault = Lie | Collude | Overconfident | Skew | Lose | Drift | Freeze
+Fault = Annotated[LieFault | Collude | Overconfident | Skew | Lose | Drift | Freeze, Field(discriminator="kind")]
+AnyFault = LieFault | Collude | Overconfident | Skew | Lose | Drift | Freeze
 KINDS = ("lie", "collude", "overconfident", "skew", "lose", "drift", "freeze")
 _FAULTS: TypeAdapter[list[AnyFault]] = TypeAdapter(list[Fault])
 

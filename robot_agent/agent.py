@@ -32,7 +32,7 @@ from blackboard.wire.messages import (
     Solo,
     UnnamedBelief,
 )
-from robot_agent.budget import Choice
+from robot_agent.budget import Sending
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
 from robot_agent.localizers import heading_of
@@ -162,7 +162,7 @@ class Agent:
         """What it has found out of its sensors: nothing, because grids leave no room for that."""
         return {}
 
-    def on_sent(self, choice: Choice) -> None:
+    def on_sent(self, choice: Sending) -> None:
         """What of the newest reports was sent: what the team agrees on rests on that, or on what was sent before it."""
         sent = {report.subject: report for report in choice.reports}
         if self.subject in sent:

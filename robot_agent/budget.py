@@ -27,7 +27,7 @@ from robot_agent.config import SendSection
 from robot_agent.short import shorter
 from robot_agent.sightings import Sightings
 from robot_agent.slots import DATAGRAM, Slots
-from robot_agent.worth import COARSER, COARSEST, Offers, Option, Standing, divergence, gained
+from robot_agent.worth import COARSER, COARSEST, Offers, Option, TeamKnowledge, divergence, gained
 
 #: Factor on the worth of a belief about a subject that the boards' joint knows from evidence: such a belief enters the consensus only.
 JOINT = 0.05
@@ -73,7 +73,7 @@ class LastSent:
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class Sending:
     """The choice of a tick: the reports that are sent, and on the other subjects what the boards still have."""
 
     reports: list[Report]
@@ -106,15 +106,15 @@ class Budget:
         self._offers = Offers(self.grid, self.robot, self.size)
 
     def choose(
-        self, reports: Sequence[Report], time: float, speed: float | None, team: Mapping[str, Standing]
-    ) -> Choice:
+        self, reports: Sequence[Report], time: float, speed: float | None, team: Mapping[str, TeamKnowledge]
+    ) -> Sending:
         """The reports of a tick at a team time (s) that are sent, in their order, some of them coarser.
 
         `speed` is what the boards have of the robot (unit/s), `team` what was agreed. With an infinite budget everything is
         sent.
         """
         if not self.saves:
-            return Choice(list(reports), {})
+            return Sending(list(reports), {})
         reports = [_short(report) for report in reports]
         self.bucket.refill(time)
         if self.slots is not None:
@@ -122,7 +122,7 @@ class Budget:
             if not self.slots.due(time):
                 self.slots.wait(time, evidence)
                 silent = {report.subject for report in reports} & self.sent.keys()
-                return Choice([], {subject: self.aged(subject, time, speed) for subject in sorted(silent)})
+                return Sending([], {subject: self.aged(subject, time, speed) for subject in sorted(silent)})
             if evidence is not None:
                 gathered = {"evidence": self.slots.told(time, evidence)}
                 reports = [
@@ -150,7 +150,7 @@ class Budget:
         self._reprice(time)
         self._note_sent(chosen, time)
         kept = {s: stale[s] for s in sorted(subjects) if s not in chosen and s in self.sent}
-        return Choice([chosen[r.subject].report for r in reports if r.subject in chosen], kept)
+        return Sending([chosen[r.subject].report for r in reports if r.subject in chosen], kept)
 
     def aged(self, subject: str, time: float, speed: float | None) -> Belief:
         """What a board has of this robot about a subject, spread as it spreads it; uniform where it has nothing."""
@@ -245,7 +245,7 @@ class Budget:
         self.price = min(DEAREST, max(CHEAPEST, self.price * factor))
 
     def options(
-        self, reports: Sequence[Report], stale: Mapping[str, Belief], time: float, team: Mapping[str, Standing]
+        self, reports: Sequence[Report], stale: Mapping[str, Belief], time: float, team: Mapping[str, TeamKnowledge]
     ) -> dict[str, list[Option]]:
         """For each subject its report as it could be sent, as it is first."""
         options = dict[str, list[Option]]()
@@ -267,7 +267,7 @@ class Budget:
         return options
 
     def _with_evidence(
-        self, report: Report, best: Belief, stale: Belief, share: float, time: float, team: Mapping[str, Standing]
+        self, report: Report, best: Belief, stale: Belief, share: float, time: float, team: Mapping[str, TeamKnowledge]
     ) -> list[Option]:
         """For boards that keep a joint: all of it; the evidence with a coarse belief, with fewer sightings; and the motion alone.
 
@@ -327,6 +327,6 @@ def _short(report: Report) -> Report:
     return report.model_copy(update={"evidence": shorter(report.evidence)})
 
 
-def _share(belief: Belief, known: Standing | None) -> float:
+def _share(belief: Belief, known: TeamKnowledge | None) -> float:
     """How much of what the team knows about a subject a belief may be: the area of the one over that of the other."""
     return 1.0 if known is None else min(1.0, math.exp(known.entropy - entropy(belief.p)))

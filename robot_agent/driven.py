@@ -30,7 +30,7 @@ from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of, wh
 from robot_agent.service import AgentService
 
 #: All that a program's own robot needs.
-__all__ = ["Driven", "Gathered", "Independence", "Pose", "driven", "of_particles"]
+__all__ = ["Driven", "Independence", "Pose", "SinceStep", "driven", "of_particles"]
 
 log = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ SUMMED = ("distance", "turn", "dt")  # of Odometry
 
 
 @dataclass(frozen=True)
-class Gathered:
+class SinceStep:
     """What a robot's sensors measured since its last step."""
 
     odometry: Odometry | None = None
@@ -61,7 +61,7 @@ class Gathered:
     seen: tuple[Seen, ...] = ()  # of other kinds
     posterior: Moments | None = None  # of a filter of the robot's own
 
-    def plus(self, later: Gathered) -> Gathered:
+    def plus(self, later: SinceStep) -> SinceStep:
         """Both: ways and turns add up, of place and heading the newest counts."""
         before, odometry = self.odometry, later.odometry
         if before is not None and odometry is not None:
@@ -73,7 +73,7 @@ class Gathered:
         compass, fix = self.compass, self.fix
         if later.fix is not None and later.fix.heading is None and fix is not None and fix.heading is not None:
             compass = compass or (fix.heading, fix.heading_sigma)  # the fix is replaced, its heading holds
-        return Gathered(
+        return SinceStep(
             odometry or before,
             later.compass or compass,
             later.fix or self.fix,
@@ -114,7 +114,7 @@ class Driven(AgentService):
     def __init__(self, news: Callable[[Cue | Message, float], None], *, sensors: Sensors, **arguments: Any) -> None:
         """`news` gets what the peer hears, after it was taken; `arguments` are the others of `AgentService`."""
         self._news, self._sensors = news, sensors
-        self._pending = Gathered()  # what no tick has taken yet
+        self._pending = SinceStep()  # what no tick has taken yet
         self._warned = False  # that beliefs come from the team
         super().__init__(sensors=sensors, hears_readings=False, **arguments)
 
@@ -124,13 +124,13 @@ class Driven(AgentService):
         return out
 
     def step(
-        self, gathered: Gathered | None, now: float, time: float | None = None
+        self, gathered: SinceStep | None, now: float, time: float | None = None
     ) -> tuple[Pose | None, list[Envelope]]:
         """Act on what the sensors measured, at a team time (s) [default: now]: where the robot is, and what is to be sent.
 
         Where a world gives the clock, it is one step for each of its ticks: what comes after it waits for the next one.
         """
-        self._pending = self._pending.plus(gathered or Gathered())
+        self._pending = self._pending.plus(gathered or SinceStep())
         followed = self.clock.followed
         done = followed is not None and followed.run == self.run and followed.tick <= self.tick
         if done or self.clock.pace is Pace.WAITING:
@@ -145,7 +145,7 @@ class Driven(AgentService):
         if self._pending.posterior is not None:
             self._own().give(self._pending.posterior)
         self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
-        self._pending = Gathered()
+        self._pending = SinceStep()
         out = self._turn(now)
         if (independence := self.independence) is not None and independence.fed_back and not self._warned:
             self._warned = True

@@ -24,7 +24,7 @@ from blackboard.wire.types import capped
 from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer, TakesParts
 from robot_agent.localizers import localizer_factory
-from robot_agent.sensing import PARTS, Motion, motion, unseen
+from robot_agent.sensing import PARTS, TickMotion, motion, unseen
 
 #: Below this Bhattacharyya coefficient a sighting contradicts the tracked belief, and both hypotheses are kept.
 CONTRADICTION = 0.01
@@ -36,7 +36,7 @@ SPLIT_WEIGHTS = (0.95, 0.8, 0.5, 0.2)
 VAGUE = 10.0
 
 #: The motion of a tick without odometry, the first one.
-STILL = Motion(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+STILL = TickMotion(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Estimator:
     robot: str
     localizer: Localizer
     last: Readings | None = None  # the newest ones that were taken
-    moved: Motion | None = None  # in their tick
+    moved: TickMotion | None = None  # in their tick
     objects: dict[str, Belief] = field(default_factory=dict)
     seen: dict[str, Belief] = field(default_factory=dict)  # mates, only where sighted in this tick
     ancestors: dict[str, float] = field(default_factory=dict)
@@ -119,7 +119,7 @@ class Estimator:
 
     # --- inside -------------------------------------------------------------------------------------------------------
 
-    def _update_with_mates(self, readings: Readings, moved: Motion | None, mates: Mapping[str, Mate]) -> Estimator:
+    def _update_with_mates(self, readings: Readings, moved: TickMotion | None, mates: Mapping[str, Mate]) -> Estimator:
         """Use each team-mate that was seen, and whose agreed position is not vague, as an uncertain landmark."""
         estimator = self
         for sighting in newest(readings.sightings):
@@ -134,7 +134,7 @@ class Estimator:
             estimator = replace(estimator, localizer=localizer, ancestors=ancestors)
         return estimator
 
-    def _intersected(self, sighting: Sighting, moved: Motion | None, mate: Mate) -> Localizer:
+    def _intersected(self, sighting: Sighting, moved: TickMotion | None, mate: Mate) -> Localizer:
         """Split covariance intersection (Julier & Uhlmann) with the w of least entropy.
 
         P(own)^w P(sighting; mate's covariance / (1 - w)): conservative whatever evidence the two have in common. The
@@ -146,7 +146,7 @@ class Estimator:
             options.append(self.localizer.tempered(w).update_with_sighting(sighting, moved, mate.mean, discounted))
         return min(options, key=lambda option: option.entropy())
 
-    def _track(self, readings: Readings, moved: Motion | None) -> Estimator:
+    def _track(self, readings: Readings, moved: TickMotion | None) -> Estimator:
         """Move the objects by their motion model, then update with what was seen through the robot's own pose."""
         estimator = self._drift(moved.dt if moved is not None else 0.0)
         objects, seen = dict(estimator.objects), {}

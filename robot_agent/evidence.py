@@ -17,7 +17,7 @@ LEAST_FLOAT = 5e-324
 
 
 @dataclass(frozen=True)
-class Evidence:
+class LazyLikelihood:
     """A likelihood that is computed where it is asked for, to which `floor` times its largest value is added everywhere."""
 
     of: Callable[[Window], Array]  # in the cells of a window, as an array of its shape
@@ -32,7 +32,7 @@ def gaussian_evidence(
     mean: Sequence[float],
     covariance: Array,
     floor: float = 0.0,
-) -> Evidence:
+) -> LazyLikelihood:
     """The likelihood exp(-d^T C^-1 d / 2) at the displacements d of the cells from `mean` (unit); C is the `covariance`, (2, 2)."""
     d = []  # from the mean to the nearest cell
     for axis in (0, 1):
@@ -42,7 +42,7 @@ def gaussian_evidence(
     (xx, xy), (_, yy) = covariance.tolist()
     if xx * yy <= xy * xy:  # no covariance to numbers of this size: nothing is known of where it matters
         everywhere = whole(grid.shape)
-        return Evidence(likelihood, everywhere, everywhere, floor)
+        return LazyLikelihood(likelihood, everywhere, everywhere, floor)
     squared = yy * d[0] ** 2 - 2 * xy * d[0] * d[1] + xx * d[1] ** 2
     least = max(0.0, squared / (xx * yy - xy * xy))  # d^T C^-1 d
 
@@ -52,4 +52,4 @@ def gaussian_evidence(
         return around(grid, mean, (math.sqrt(most * xx), math.sqrt(most * yy)))
 
     lost = max(floor * 2.0**-54, LEAST_FLOAT)
-    return Evidence(likelihood, likelier(lost), likelier(max(floor, LEAST_MET)), floor)
+    return LazyLikelihood(likelihood, likelier(lost), likelier(max(floor, LEAST_MET)), floor)

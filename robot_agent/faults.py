@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Sequence
 from typing import Any
 
-from blackboard.faults import AnyFault, Collude, Freeze, Lie, Lose, Overconfident, Skew
+from blackboard.faults import AnyFault, Collude, Freeze, LieFault, Lose, Overconfident, Skew
 from blackboard.process.team_clock import Pace
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
@@ -78,7 +78,7 @@ def is_lost(seed: int, report: Report, share: float) -> bool:
 
 def changed(report: Report, fault: AnyFault) -> Report:
     """What a robot under a fault reports instead."""
-    if isinstance(fault, Lie | Collude):
+    if isinstance(fault, LieFault | Collude):
         return displaced(report, fault.offset)
     if isinstance(fault, Overconfident):
         return overconfident(report, fault.factor)

@@ -12,21 +12,21 @@ from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Sighting
-from robot_agent.sensing import Motion
+from robot_agent.sensing import TickMotion
 
 
 @runtime_checkable
 class Localizer(Protocol):
     """A robot's belief about its own pose. Positions are in the grid's unit, angles in radians."""
 
-    def predict(self, motion: Motion, compass: float | None) -> Localizer:
+    def predict(self, motion: TickMotion, compass: float | None) -> Localizer:
         """Move by one tick's motion; `compass` is the heading after it, where the robot has a compass."""
 
     def update_with_fix(self, fix: Fix) -> Localizer:
         """Bayes with an absolute position (and heading)."""
 
     def update_with_sighting(
-        self, sighting: Sighting, motion: Motion | None, place: Array, covariance: Array
+        self, sighting: Sighting, motion: TickMotion | None, place: Array, covariance: Array
     ) -> Localizer:
         """Bayes with a sighting of something at `place`, shape (2,), known up to `covariance`, shape (2, 2), unit ** 2.
 
@@ -48,7 +48,7 @@ class Localizer(Protocol):
         `reported` is the marginal that was reported to the team. Where both contradict each other, the position becomes `agreed`.
         """
 
-    def project(self, sighting: Sighting, motion: Motion | None) -> Belief:
+    def project(self, sighting: Sighting, motion: TickMotion | None) -> Belief:
         """The belief about the seen subject's position, given the sighting and the robot's own uncertain pose."""
 
 
@@ -56,5 +56,5 @@ class Localizer(Protocol):
 class TakesParts(Localizer, Protocol):
     """A localizer that also takes ranges and bearings alone; of another one they are left out."""
 
-    def update_with_part(self, seen: Seen, motion: Motion | None, place: Array) -> TakesParts:
+    def update_with_part(self, seen: Seen, motion: TickMotion | None, place: Array) -> TakesParts:
         """Bayes with a range or a bearing alone of something that stands at `place`, shape (2,)."""

@@ -17,7 +17,7 @@ from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.pose_grid import PoseGrid
 from robot_agent.raster import log_ratio, sampled, shifted, with_outlier
-from robot_agent.sensing import Motion, bearing_variance, motion_since, part_variance, range_variance
+from robot_agent.sensing import TickMotion, bearing_variance, motion_since, part_variance, range_variance
 
 PROJECTED = 1e-3  # share of the mass: a heading bin with less is left out of a projection
 COMPASS_SIGMA = 0.03  # radians
@@ -43,7 +43,7 @@ class PoseLocalizer:
         middle = float(np.angle(masses @ np.exp(1j * headings)))
         return middle, float(masses @ wrap(headings - middle) ** 2)
 
-    def predict(self, motion: Motion, compass: float | None) -> PoseLocalizer:
+    def predict(self, motion: TickMotion, compass: float | None) -> PoseLocalizer:
         moved = replace(
             self,
             poses=self.poses.turn(motion.turn).drive(motion.distance, motion.turn),
@@ -67,7 +67,7 @@ class PoseLocalizer:
         return self._update_with_likelihood(likelihood)
 
     def update_with_sighting(
-        self, sighting: Sighting, motion: Motion | None, place: Array, covariance: Array
+        self, sighting: Sighting, motion: TickMotion | None, place: Array, covariance: Array
     ) -> PoseLocalizer:
         """p(range, bearing | pose): Gaussian in both, the place's covariance taken along and across the line of sight."""
         vision, poses, cell = self.settings.vision, self.poses, self.poses.grid.cell
@@ -81,7 +81,7 @@ class PoseLocalizer:
         likelihood = np.exp(-0.5 * squared) / np.sqrt(radial * angular)
         return self._weighed(likelihood)
 
-    def update_with_part(self, seen: Seen, motion: Motion | None, place: Array) -> PoseLocalizer:
+    def update_with_part(self, seen: Seen, motion: TickMotion | None, place: Array) -> PoseLocalizer:
         blur, variance = self.poses.grid.cell**2 / 12, part_variance(seen, self.settings)
         distance, off, _ = self._seen_from(seen, motion, place, seen.values[0])
         if seen.kind == "range":
@@ -123,7 +123,7 @@ class PoseLocalizer:
             out[i] = poses.p[i] * np.exp(sampled(logs, poses.offsets[i, 0] / cell, poses.offsets[i, 1] / cell))
         return replace(self, poses=poses.normalised(out))
 
-    def project(self, sighting: Sighting, motion: Motion | None) -> Belief:
+    def project(self, sighting: Sighting, motion: TickMotion | None) -> Belief:
         """Each slice moved along the line of sight and blurred by range and bearing noise, exactly, in the Fourier domain."""
         vision, poses, cell = self.settings.vision, self.poses, self.poses.grid.cell
         driven, turned = motion_since(sighting, motion)
@@ -148,7 +148,7 @@ class PoseLocalizer:
     # --- inside -------------------------------------------------------------------------------------------------------
 
     def _seen_from(
-        self, sighting: Sighting | Seen, motion: Motion | None, place: Array, bearing: float
+        self, sighting: Sighting | Seen, motion: TickMotion | None, place: Array, bearing: float
     ) -> tuple[Array, Array, tuple[Array, Array]]:
         """Of a place from each held pose when it was seen: the distance, by how much the bearing is off, the line of sight."""
         poses = self.poses

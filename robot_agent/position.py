@@ -20,7 +20,7 @@ from blackboard.opinion.weights import entropy
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
-from robot_agent.evidence import LEAST_MET, Evidence, gaussian_evidence
+from robot_agent.evidence import LEAST_MET, LazyLikelihood, gaussian_evidence
 from robot_agent.raster import (
     common_floor,
     convolved,
@@ -34,7 +34,7 @@ from robot_agent.raster import (
 from robot_agent.sensing import (
     NODES,
     SEEN_TO,
-    Motion,
+    TickMotion,
     displacement,
     displacement_covariance,
     motion_since,
@@ -87,7 +87,7 @@ class PositionLocalizer:
         """The heading (radians); its variance is not estimated, and taken for that of any heading."""
         return math.remainder(self.heading, math.tau), math.pi**2 / 3
 
-    def predict(self, motion: Motion, compass: float | None) -> PositionLocalizer:
+    def predict(self, motion: TickMotion, compass: float | None) -> PositionLocalizer:
         heading = self.heading + motion.turn if compass is None else compass
         c, s = math.cos(heading), math.sin(heading)
         x, y = self.offset[0] + motion.distance * c, self.offset[1] + motion.distance * s
@@ -119,7 +119,7 @@ class PositionLocalizer:
         return turned._update(gaussian_evidence(likelihood, self.grid, mean, np.eye(2) * variance))
 
     def update_with_sighting(
-        self, sighting: Sighting, motion: Motion | None, place: Array, covariance: Array
+        self, sighting: Sighting, motion: TickMotion | None, place: Array, covariance: Array
     ) -> PositionLocalizer:
         vision, seen = self.settings.vision, displacement(sighting, motion, self.heading)
         misread = math.exp(-vision.misread)
@@ -141,9 +141,9 @@ class PositionLocalizer:
         # nothing is seen from further away, at no node of the place's uncertainty
         reach = SEEN_TO + float(NODES[0].max()) * math.sqrt(np.trace(covariance))
         near = around(self.grid, self._on_grid(*place), (reach, reach))
-        return self._update(Evidence(seen_from, near, near, misread))
+        return self._update(LazyLikelihood(seen_from, near, near, misread))
 
-    def update_with_part(self, seen: Seen, motion: Motion | None, place: Array) -> PositionLocalizer:
+    def update_with_part(self, seen: Seen, motion: TickMotion | None, place: Array) -> PositionLocalizer:
         driven, turned = motion_since(seen, motion)
         c, s = math.cos(self.heading), math.sin(self.heading)
         variance, blur = part_variance(seen, self.settings), self.grid.cell**2 / 12
@@ -158,7 +158,7 @@ class PositionLocalizer:
             return np.asarray(np.exp(-0.5 * off**2 / (variance + blur / distance**2)))
 
         everywhere = whole(self.grid.shape)  # a ring, or a ray, has no box that is smaller by much
-        return self._update(Evidence(likelihood, everywhere, everywhere, math.exp(-self.settings.vision.misread)))
+        return self._update(LazyLikelihood(likelihood, everywhere, everywhere, math.exp(-self.settings.vision.misread)))
 
     def tempered(self, power: float) -> PositionLocalizer:
         # a power raises what is beside the window most, and by it a robot that was carried away finds itself again
@@ -190,9 +190,9 @@ class PositionLocalizer:
 
         everywhere = whole(self.grid.shape)
         likelier = everywhere if self.window == everywhere else bounds(agreed.p > floor).grown(1, self.grid.shape)
-        return self._update(Evidence(ratio, everywhere, likelier))
+        return self._update(LazyLikelihood(ratio, everywhere, likelier))
 
-    def project(self, sighting: Sighting, motion: Motion | None) -> Belief:
+    def project(self, sighting: Sighting, motion: TickMotion | None) -> Belief:
         """The belief convolved with the likelihood of each displacement from robot to subject (exact, by FFT)."""
         cell, vision = self.grid.cell, self.settings.vision
         sees = SEEN_TO if vision.kind == "position" else math.inf
@@ -258,7 +258,7 @@ class PositionLocalizer:
         spread = displacement_covariance(sighting, self.heading, self.settings.vision)
         return spread + np.eye(2) * self.grid.cell**2 / 12
 
-    def _update(self, evidence: Evidence) -> PositionLocalizer:
+    def _update(self, evidence: LazyLikelihood) -> PositionLocalizer:
         """Bayes' rule; a likelihood that is nowhere where `p` has mass replaces `p`."""
         window, peak = self.window, evidence.peak
         near = evidence.support.meet(window)

@@ -10,8 +10,8 @@ import numpy as np
 from blackboard.errors import Refused
 from blackboard.wire.gaussians import unpack_state
 from blackboard.wire.messages import Consensus, Report
-from robot_agent.budget import Budget, Choice
-from robot_agent.worth import Standing
+from robot_agent.budget import Budget, Sending
+from robot_agent.worth import TeamKnowledge
 
 FASTEST = 1e6  # unit per second that is said at most
 SPAN = 5  # ticks over which a steady speed is averaged
@@ -37,7 +37,7 @@ class Sender:
 
     def __init__(self, budget: Budget, robot: str) -> None:
         self._budget, self._own = budget, f"robot/{robot}"
-        self._standing: dict[str, Standing] = {}  # what was agreed last, by subject
+        self._standing: dict[str, TeamKnowledge] = {}  # what was agreed last, by subject
         self._boards: set[str] = set()  # that were there in the newest tick
 
     def choose(
@@ -47,7 +47,7 @@ class Sender:
         speed: float | None,
         agreed: Mapping[str, Consensus],
         boards: Collection[str],
-    ) -> Choice:
+    ) -> Sending:
         """What is sent of the reports of a tick at a team time (s), after what was `agreed` since the last, to `boards`."""
         self._standing |= {subject: self._standing_of(consensus) for subject, consensus in agreed.items()}
         if set(boards) - self._boards:
@@ -58,9 +58,9 @@ class Sender:
         self._standing = {subject: standing for subject, standing in self._standing.items() if subject in wanted}
         return choice
 
-    def _standing_of(self, agreed: Consensus) -> Standing:
+    def _standing_of(self, agreed: Consensus) -> TeamKnowledge:
         state = None
         if agreed.subject == self._own and agreed.state is not None:
             with suppress(Refused):
                 state = unpack_state(agreed.state)
-        return Standing(agreed.entropy, agreed.rule == "joint", state)
+        return TeamKnowledge(agreed.entropy, agreed.rule == "joint", state)

@@ -34,7 +34,7 @@ NODES = _nodes, _weights / _weights.sum()
 
 
 @dataclass(frozen=True)
-class Motion:
+class TickMotion:
     """One tick's motion by the robot's model: forward distance (unit), turn (radians), and the variances of its noise."""
 
     distance: float
@@ -116,14 +116,14 @@ def unseen(before: Readings | None, readings: Readings) -> Unseen:
     return Unseen(speed * gap, min(math.pi, max(rate, TURNING if speed else 0.0) * gap))
 
 
-def motion(odometry: Odometry, model: OdometrySection, unseen: Unseen = Unseen()) -> Motion:
+def motion(odometry: Odometry, model: OdometrySection, unseen: Unseen = Unseen()) -> TickMotion:
     """The odometry corrected by the model's scales, with noise variances that grow with time, slower while standing.
 
     What was `unseen` before it is added to them.
     """
     moving = abs(odometry.distance) > 1e-9 or abs(odometry.turn) > 1e-9
     share = odometry.dt * (1.0 if moving else model.standing**2)
-    return Motion(
+    return TickMotion(
         odometry.distance * model.distance_scale,
         odometry.turn * model.turn_scale,
         odometry.dt,
@@ -202,7 +202,7 @@ def part_variance(seen: Seen, settings: RobotSection) -> float:
     return seen.covariance[0] if seen.covariance else bearing_variance(settings.vision)
 
 
-def displacement(sighting: Sighting, motion: Motion | None, heading: float) -> tuple[float, float]:
+def displacement(sighting: Sighting, motion: TickMotion | None, heading: float) -> tuple[float, float]:
     """The measured displacement from where the robot is now, with its `heading` (radians), to the subject, in world axes (unit)."""
     driven, turned = motion_since(sighting, motion)
     angle = heading - turned + sighting.bearing
@@ -220,7 +220,7 @@ def displacement_covariance(sighting: Sighting, heading: float, vision: VisionSe
     return np.asarray(turn @ spread @ turn.T)
 
 
-def motion_since(sighting: Sighting | Seen, motion: Motion | None) -> tuple[float, float]:
+def motion_since(sighting: Sighting | Seen, motion: TickMotion | None) -> tuple[float, float]:
     """Distance driven (unit) and angle turned (radians) since the sighting was taken, at the constant speed of `motion`."""
     if motion is None or not sighting.age:
         return 0.0, 0.0

@@ -24,7 +24,7 @@ MOST = 256  # subjects that are remembered; the one not spoken of for longest is
 
 
 @dataclass(frozen=True)
-class Told:
+class Reckoned:
     """What is reckoned to be known of a subject's place relative to a robot, after a sighting at a team time (s)."""
 
     time: float
@@ -36,8 +36,10 @@ class Told:
 class Sightings:
     """Mutable; `news` once per tick, and then `said` with the evidence that was sent."""
 
-    told: dict[str, Told] = field(default_factory=dict)  # by subject; the one that was sent last stands last
-    _after: dict[str, Told] = field(default_factory=dict)  # what will be known if the sightings of this tick are sent
+    told: dict[str, Reckoned] = field(default_factory=dict)  # by subject; the one that was sent last stands last
+    _after: dict[str, Reckoned] = field(
+        default_factory=dict
+    )  # what will be known if the sightings of this tick are sent
 
     def news(
         self, evidence: PackedEvidence, time: float, mine: Moments | None, entropies: Mapping[str, float], grid: Grid
@@ -56,7 +58,7 @@ class Sightings:
             news[relative.subject] = 0.5 * sum(math.log1p(gain) for gain in gains)
             if is_class(relative.subject):
                 continue
-            self._after[relative.subject] = Told(
+            self._after[relative.subject] = Reckoned(
                 time, max(along / (1 + gains[0]), min(along, lasting)), across / (1 + gains[1])
             )
         return news

@@ -24,7 +24,7 @@ EARLY = 1e-6  # of a slot: a tick that ends as it begins must not miss it by rou
 
 
 @dataclass(frozen=True)
-class Sighted:
+class HeldSighting:
     """A sighting that waits: when it was taken (team time, s), and how far the robot had turned by then (rad, by the odometry)."""
 
     time: float
@@ -44,7 +44,7 @@ class Slots:
     pace: float  # messages a second of team time
     _last: int | None = None
     _epoch: int = -1
-    _waiting: list[Sighted] = field(default_factory=list)  # the newest first
+    _waiting: list[HeldSighting] = field(default_factory=list)  # the newest first
 
     def due(self, time: float) -> bool:
         """Whether a slot has begun, by a team time (s), in which nothing was said."""
@@ -74,23 +74,23 @@ class Slots:
     def _slot(self, time: float) -> int:
         return math.floor(time * self.pace + EARLY)
 
-    def _gathered(self, time: float, evidence: PackedEvidence) -> list[Sighted]:
+    def _gathered(self, time: float, evidence: PackedEvidence) -> list[HeldSighting]:
         """What waits, and what this tick saw. In an epoch that is over it was seen from a place that is no longer believed."""
         before = self._waiting if evidence.epoch == self._epoch else []
         seen: list[PackedRelative | Seen] = [*evidence.relatives, *evidence.seen]
-        new = [Sighted(time - sighting.age, evidence.travelled.turn, sighting) for sighting in seen]
+        new = [HeldSighting(time - sighting.age, evidence.travelled.turn, sighting) for sighting in seen]
         return [*new, *before][:MOST]
 
 
-def _alike(waiting: Sequence[Sighted]) -> list[list[Sighted]]:
+def _alike(waiting: Sequence[HeldSighting]) -> list[list[HeldSighting]]:
     """The sightings that are averaged, the newest first.
 
     Several of one moment are different things, and so may those of a class be (`robot/?`): the newest stay as they are.
     """
-    by_kind: dict[tuple[str, str, str], list[Sighted]] = {}
+    by_kind: dict[tuple[str, str, str], list[HeldSighting]] = {}
     for sighted in waiting:
         by_kind.setdefault(sighted.what, []).append(sighted)
-    groups = list[list[Sighted]]()
+    groups = list[list[HeldSighting]]()
     for several in by_kind.values():
         is_class = several[0].seen.subject.endswith("?")
         if len({sighted.time for sighted in several}) == len(several) and not is_class:
@@ -100,7 +100,7 @@ def _alike(waiting: Sequence[Sighted]) -> list[list[Sighted]]:
     return groups
 
 
-def _mean(several: Sequence[Sighted], time: float, evidence: PackedEvidence, alone: bool) -> PackedRelative | Seen:
+def _mean(several: Sequence[HeldSighting], time: float, evidence: PackedEvidence, alone: bool) -> PackedRelative | Seen:
     """The mean of sightings of one subject: what would be seen at their mean time, where both ends move evenly.
 
     Each is turned into the robot's frame of that time. Their fresh errors are independent, and what lasts is in all of them.

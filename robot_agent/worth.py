@@ -38,7 +38,7 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Standing:
+class TeamKnowledge:
     """What the team agreed on about a subject: the entropy in nats, and whether it is a marginal of the boards' joint."""
 
     entropy: float
@@ -59,7 +59,7 @@ class Offers:
         return subject.startswith("robot/") and subject != f"robot/{self.robot}"
 
     def of_belief(
-        self, report: Report, best: Belief, stale: Belief, known: Standing | None, share: float
+        self, report: Report, best: Belief, stale: Belief, known: TeamKnowledge | None, share: float
     ) -> list[Option]:
         """The report as it is, then coarser."""
         informed, first = report.informed, unpack(report.belief, self.grid)
@@ -87,7 +87,7 @@ class Offers:
         return options
 
     def _of_mate(
-        self, report: Report, first: Belief, stale: Belief, known: Standing | None, factor: float
+        self, report: Report, first: Belief, stale: Belief, known: TeamKnowledge | None, factor: float
     ) -> list[Option]:
         """What a robot sees of a mate in a tick replaces what it saw before, and is no more right for being another noise.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from blackboard.config.world import DetectorSection, VisionSection
+from blackboard.config.world import DetectorSection, WorldVisionSection
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Readings, Sighting, Truth
 from blackboard.wire.types import MAX_OPINIONS
@@ -26,7 +26,7 @@ class Detected(Changed):
     """
 
     settings: DetectorSection
-    vision: VisionSection
+    vision: WorldVisionSection
     streams: Streams
     _noises: dict[str, np.random.Generator] = field(default_factory=dict)
 

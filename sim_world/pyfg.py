@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from blackboard.config.pyfg import FactorGraph, Track
+from blackboard.config.pyfg import FactorGraph, RecordedRobot
 from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.wire.evidence import Seen
@@ -79,7 +79,7 @@ class GraphReplay:
             seen=[] if first else self._seen(track, now),
         )
 
-    def _told(self, robot: str, track: Track) -> Fix | None:
+    def _told(self, robot: str, track: RecordedRobot) -> Fix | None:
         """The start that a robot gets, with an error."""
         pose = interpolated(track.truth, self.start)
         if pose is None:
@@ -89,7 +89,7 @@ class GraphReplay:
         x, y, heading = (np.array(pose) + off).tolist()
         return Fix(position=(x, y), sigma=sigma, heading=heading, heading_sigma=turned)
 
-    def _seen(self, track: Track, now: float) -> list[Seen]:
+    def _seen(self, track: RecordedRobot, now: float) -> list[Seen]:
         """What was measured in the tick before `now`."""
         sightings = []
         for time, kind, subject, values, covariance in track.seen:
@@ -102,7 +102,7 @@ class GraphReplay:
         return sightings[-MAX_OPINIONS:]
 
 
-def _moved(track: Track, since: float, until: float) -> Odometry:
+def _moved(track: RecordedRobot, since: float, until: float) -> Odometry:
     """The step of a tick by dead reckoning: along the chord, in the direction of half the turn."""
     times = track.odometry[:, 0]
     (x0, y0, h0), (x1, y1, h1) = (

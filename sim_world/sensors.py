@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from blackboard.config.world import OdometrySection, VisionSection
+from blackboard.config.world import WorldOdometrySection, WorldVisionSection
 from blackboard.wire.messages import Fix, Odometry, Sighting
 
 # The distances of (VI-.1), in cells: the printed sigma is 0 at the best view, and nothing is seen outside NEAR..FAR.
@@ -34,7 +34,7 @@ def wrap(angle: float) -> float:
 
 
 def see(
-    vision: VisionSection,
+    vision: WorldVisionSection,
     pose: tuple[float, float, float],
     subject: str,
     place: tuple[float, float],
@@ -57,7 +57,7 @@ def see(
 class Odometer:
     """One robot's odometry and compass, and the fix that it gets each time the way since the last one exceeds `reset_after`."""
 
-    def __init__(self, physics: OdometrySection, noise: np.random.Generator) -> None:
+    def __init__(self, physics: WorldOdometrySection, noise: np.random.Generator) -> None:
         self.physics = physics
         self.noise = noise
         self.travelled = 0.0  # since the last fix

@@ -11,7 +11,7 @@ from blackboard.faults import faults_of, is_of_sensors
 from sim_world.detector import Detected
 from sim_world.faults import Faulted
 from sim_world.mrclam.files import read_recording
-from sim_world.mrclam.replay import Replay
+from sim_world.mrclam.replay import MrclamSource
 from sim_world.pyfg import GraphReplay
 from sim_world.sensor_source import SensorSource
 from sim_world.world import Streams, World
@@ -39,14 +39,14 @@ def open_sensor_source(scenario: Scenario, streams: Streams | None = None) -> Se
 def replayed_from(scenario: Scenario) -> float | None:
     """When the replay of a scenario begins, Unix seconds; None where the world is simulated. UserError: as of `open_sensor_source`."""
     source = _sound_source(scenario, None)
-    return source.start if isinstance(source, Replay | GraphReplay) else None
+    return source.start if isinstance(source, MrclamSource | GraphReplay) else None
 
 
 def _sound_source(scenario: Scenario, streams: Streams | None) -> SensorSource:
     settings = scenario.section("world", WorldSection)
     robots, time = scenario.team.robots, scenario.time
     if settings.kind == "mrclam":
-        return Replay(settings, read_recording(settings.dir), robots, time.tick, time.seconds)
+        return MrclamSource(settings, read_recording(settings.dir), robots, time.tick, time.seconds)
     streams = streams or seeded_streams(settings.seed)
     if settings.kind == "pyfg":
         return GraphReplay(settings, read_graph(settings.dir), robots, time.tick, time.seconds, streams)

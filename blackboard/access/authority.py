@@ -8,7 +8,7 @@ from __future__ import annotations
 import ipaddress
 from dataclasses import dataclass
 
-from blackboard.access.members import Member
+from blackboard.access.members import CertificateHolder
 from blackboard.errors import UserError, extra
 from blackboard.process.clock import utc
 
@@ -46,7 +46,9 @@ def new_authority(team: str, now: float) -> Pair:
     return Pair(certificate.public_bytes(serialization.Encoding.PEM), _pem(key))
 
 
-def issue(authority: Pair, member: Member, hosts: tuple[str, ...], now: float, days: float) -> tuple[Pair, float]:
+def issue(
+    authority: Pair, member: CertificateHolder, hosts: tuple[str, ...], now: float, days: float
+) -> tuple[Pair, float]:
     """A certificate for a member, and the Unix time when it ends, never after the authority's own end.
 
     A router's is for servers alone, under the names `hosts` (DNS names and addresses); everybody else's is for clients alone.

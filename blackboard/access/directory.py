@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from blackboard.access.identity import CA, CERTIFICATE, KEY, MEMBER, ZENOH
-from blackboard.access.members import NAMED, Member, MemberKind, Team, members_of
+from blackboard.access.members import NAMED, CertificateHolder, CertifiedTeam, MemberKind, members_of
 from blackboard.access.rules import access_control
 from blackboard.config import TeamSection
 from blackboard.errors import UserError
@@ -25,7 +25,9 @@ LOCAL = ("127.0.0.1", "::1", "localhost")  # the router's certificate is always 
 PORT = 7447
 
 
-def init(root: Path, section: TeamSection, names: tuple[str, ...], now: float, days: float, *, force: bool) -> Team:
+def init(
+    root: Path, section: TeamSection, names: tuple[str, ...], now: float, days: float, *, force: bool
+) -> CertifiedTeam:
     """Make an authority and a certificate for everybody in a team.
 
     UserError: an authority is there already (`force` replaces it, and with it every certificate), or a name is no host name.
@@ -41,7 +43,7 @@ def init(root: Path, section: TeamSection, names: tuple[str, ...], now: float, d
             "or --force for a new one, with which no certificate of the old one works"
         )
     hosts = tuple(dict.fromkeys((*LOCAL, *names)))
-    team = Team(section.name, tuple(section.sub_teams), hosts, members_of(section))
+    team = CertifiedTeam(section.name, tuple(section.sub_teams), hosts, members_of(section))
     _make_folder(root)
     _make_folder(folder)
     with _locked(root):
@@ -53,7 +55,7 @@ def init(root: Path, section: TeamSection, names: tuple[str, ...], now: float, d
 
 def add(
     root: Path, kind: MemberKind, name: str, sub_teams: tuple[str, ...], now: float, days: float
-) -> tuple[Team, Member]:
+) -> tuple[CertifiedTeam, CertificateHolder]:
     """Make a certificate for one more member, and the router's access control anew.
 
     UserError: it has one already, or a sub-team is not in the team.
@@ -66,7 +68,7 @@ def add(
 
 def renew(
     root: Path, names: tuple[str, ...], hosts: tuple[str, ...], now: float, days: float
-) -> tuple[Team, list[Member]]:
+) -> tuple[CertifiedTeam, list[CertificateHolder]]:
     """Make new certificates for the named members, or for all: the team, and who has a new one.
 
     With new `hosts` the router's is among them. UserError: nobody is called so.
@@ -85,7 +87,7 @@ def renew(
         return _issue(root, team, chosen, now, days), chosen
 
 
-def revoke(root: Path, name: str) -> tuple[Team, Member]:
+def revoke(root: Path, name: str) -> tuple[CertifiedTeam, CertificateHolder]:
     """Revoke a member's certificate: the router's access control no longer has its subject, and its folder is removed.
 
     UserError: there is no such member, or it is the router: its members would still trust its certificate.
@@ -107,16 +109,16 @@ def revoke(root: Path, name: str) -> tuple[Team, Member]:
         return team, member
 
 
-def load(root: Path) -> Team:
+def load(root: Path) -> CertifiedTeam:
     """The team that a directory is of. UserError: the authority is not there or cannot be read."""
     path = root / AUTHORITY / TEAM
     try:
         said = json.loads(path.read_bytes())
-        return Team(
+        return CertifiedTeam(
             said["team"],
             tuple(said["sub_teams"]),
             tuple(said["hosts"]),
-            tuple(Member.from_dict(member) for member in said["members"]),
+            tuple(CertificateHolder.from_dict(member) for member in said["members"]),
             tuple(said["revoked"]),
         )
     except FileNotFoundError:
@@ -127,7 +129,9 @@ def load(root: Path) -> Team:
         raise UserError(f"{path}: cannot be read ({error})") from None
 
 
-def _issue(root: Path, team: Team, members: Iterable[Member], now: float, days: float) -> Team:
+def _issue(
+    root: Path, team: CertifiedTeam, members: Iterable[CertificateHolder], now: float, days: float
+) -> CertifiedTeam:
     from blackboard.access.authority import Pair, issue
 
     folder = root / AUTHORITY
@@ -150,7 +154,7 @@ def _issue(root: Path, team: Team, members: Iterable[Member], now: float, days: 
     return team
 
 
-def _save(root: Path, team: Team) -> None:
+def _save(root: Path, team: CertifiedTeam) -> None:
     """Write who is in the team, and the router's configuration, which says the same."""
     said = {
         "team": team.name,
@@ -163,7 +167,7 @@ def _save(root: Path, team: Team) -> None:
     _write(root / "router" / ZENOH, _json(router_config(team, root / "router")))
 
 
-def router_config(team: Team, folder: Path) -> dict[str, Any]:
+def router_config(team: CertifiedTeam, folder: Path) -> dict[str, Any]:
     """The Zenoh configuration of a team's routers: mutual TLS, and access control by the certificates' common names."""
     tls = _tls(folder, "listen")
     return {
@@ -175,7 +179,7 @@ def router_config(team: Team, folder: Path) -> dict[str, Any]:
     }
 
 
-def member_config(team: Team, folder: Path) -> dict[str, Any]:
+def member_config(team: CertifiedTeam, folder: Path) -> dict[str, Any]:
     """The Zenoh configuration of a member, a client that checks the router's certificate and the name that it connects to."""
     tls = _tls(folder, "connect") | {"verify_name_on_connect": True}
     host = next((host for host in team.hosts if host not in LOCAL), LOCAL[0])

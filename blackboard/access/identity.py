@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from blackboard.access.members import KINDS, Member
+from blackboard.access.members import KINDS, CertificateHolder
 from blackboard.access.rules import grant
 from blackboard.errors import UserError
 from blackboard.process.clock import utc
@@ -24,7 +24,7 @@ SOON = 14 * 86400.0  # seconds before the end in which a process warns
 class Identity:
     """A member's folder: the authority's certificate, its own, its private key, and its Zenoh configuration."""
 
-    member: Member
+    member: CertificateHolder
     folder: Path
 
     @property
@@ -117,7 +117,7 @@ def find(directory: str, who: str) -> Identity:
             f"--keys {directory}: there is no certificate for a {kind}; leave --keys out, for a router without keys"
         )
     try:
-        member = Member.from_dict(json.loads((folder / MEMBER).read_bytes()))
+        member = CertificateHolder.from_dict(json.loads((folder / MEMBER).read_bytes()))
         mode = (folder / KEY).stat().st_mode
         for file in (CA, CERTIFICATE, KEY):
             (folder / file).open("rb").close()

@@ -30,7 +30,7 @@ LONGEST = 64  # characters of a certificate's common name (X.520)
 
 
 @dataclass(frozen=True)
-class Member:
+class CertificateHolder:
     """The holder of one certificate.
 
     `generation` goes up when a certificate is revoked, so that a name can be used again and its old certificate cannot.
@@ -87,29 +87,31 @@ class Member:
         }
 
     @staticmethod
-    def from_dict(said: dict[str, Any]) -> Member:
+    def from_dict(said: dict[str, Any]) -> CertificateHolder:
         """The member of a table that `to_dict` made. KeyError, TypeError, ValueError: it is not one."""
         if said["kind"] not in KINDS:
             raise ValueError(f"no kind {said['kind']!r}")
         sub_teams, generation = tuple(map(str, said["sub_teams"])), int(said["generation"])
-        return Member(said["team"], said["kind"], said["name"], sub_teams, generation, float(said["not_after"]))
+        return CertificateHolder(
+            said["team"], said["kind"], said["name"], sub_teams, generation, float(said["not_after"])
+        )
 
 
 @dataclass(frozen=True)
-class Team:
+class CertifiedTeam:
     """A team as its authority keeps it: who is in it, who was revoked, and the hosts that the router goes by."""
 
     name: str
     sub_teams: tuple[str, ...]
     hosts: tuple[str, ...] = ()
-    members: tuple[Member, ...] = ()
+    members: tuple[CertificateHolder, ...] = ()
     revoked: tuple[str, ...] = field(default=())  # common names, never issued again
 
-    def find(self, kind: MemberKind, name: str) -> Member | None:
+    def find(self, kind: MemberKind, name: str) -> CertificateHolder | None:
         """The member of this kind and name, or None."""
         return next((m for m in self.members if (m.kind, m.name) == (kind, name)), None)
 
-    def named(self, name: str) -> Member:
+    def named(self, name: str) -> CertificateHolder:
         """The one member of a name, or of "kind/name". UserError: no member, or several, have this name."""
         matching = [m for m in self.members if name in (m.name, f"{m.kind}/{m.name}")]
         if len(matching) != 1:
@@ -119,12 +121,12 @@ class Team:
             )
         return matching[0]
 
-    def with_member(self, member: Member) -> Team:
+    def with_member(self, member: CertificateHolder) -> CertifiedTeam:
         """The team with this member, instead of the one of the same kind and name."""
         others = tuple(m for m in self.members if (m.kind, m.name) != (member.kind, member.name))
         return replace(self, members=(*others, member))
 
-    def new_member(self, kind: MemberKind, name: str, sub_teams: tuple[str, ...]) -> Member:
+    def new_member(self, kind: MemberKind, name: str, sub_teams: tuple[str, ...]) -> CertificateHolder:
         """A member to be added, of the next generation where this name was revoked. UserError: it is there, or a sub-team is not."""
         if self.find(kind, name):
             raise UserError(f"{kind} {name} has a certificate already; `blackboard keys renew {name}` makes a new one")
@@ -132,20 +134,20 @@ class Team:
             if sub_team not in self.sub_teams:
                 raise UserError(f"--sub-team {sub_team}: team {self.name} has {', '.join(self.sub_teams)}")
         before = [int(cn.rsplit("/", 1)[1]) for cn in self.revoked if cn.rsplit("/", 1)[0] == f"{kind}/{name}"]
-        return Member(self.name, kind, name, sub_teams, 1 + max(before, default=0))
+        return CertificateHolder(self.name, kind, name, sub_teams, 1 + max(before, default=0))
 
-    def without(self, member: Member) -> Team:
+    def without(self, member: CertificateHolder) -> CertifiedTeam:
         """The team after a member's certificate is revoked."""
         members = tuple(m for m in self.members if m != member)
         return replace(self, members=members, revoked=(*self.revoked, member.common_name))
 
 
-def members_of(team: TeamSection) -> tuple[Member, ...]:
+def members_of(team: TeamSection) -> tuple[CertificateHolder, ...]:
     """Everybody whom a scenario's team needs: its robots, for each sub-team its boards, at least one that leads and one that
     stands by, and one of every other kind.
     """
     boards_of = team.model_copy(update={"boards": max(2, team.boards)}).boards_of
-    single = (Member(team.name, kind, kind) for kind in KINDS if kind not in NAMED)
-    boards = (Member(team.name, "board", name, (s,)) for s in team.sub_teams for name in boards_of(s))
-    robots = (Member(team.name, "robot", robot, tuple(team.of(robot))) for robot in team.robots)
+    single = (CertificateHolder(team.name, kind, kind) for kind in KINDS if kind not in NAMED)
+    boards = (CertificateHolder(team.name, "board", name, (s,)) for s in team.sub_teams for name in boards_of(s))
+    robots = (CertificateHolder(team.name, "robot", robot, tuple(team.of(robot))) for robot in team.robots)
     return (*single, *boards, *robots)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from blackboard.access.members import ROLES, Member
+from blackboard.access.members import ROLES, CertificateHolder
 from blackboard.wire import keys
 from blackboard.wire.keys import Topic
 
@@ -34,7 +34,7 @@ class Grant:
     watches: tuple[str, ...] = ()
 
 
-def grant(member: Member) -> Grant:
+def grant(member: CertificateHolder) -> Grant:
     """What a member may do. A kind without a role in the topic table (router, health) may do nothing of a team's."""
     if member.kind == "bridge":
         return replace(grant(replace(member, kind="robot")), reads=(ALL,), watches=(ALL,))
@@ -56,7 +56,7 @@ def grant(member: Member) -> Grant:
     )
 
 
-def _own(topic: Topic, member: Member, subject: str) -> list[str]:
+def _own(topic: Topic, member: CertificateHolder, subject: str) -> list[str]:
     """The keys of a topic that a member writes: its name is where the table has the owner, its sub-teams where they are named."""
     name = "*" if member.kind == "world" else member.name  # a world writes the readings of every robot
     owners = dict.fromkeys(("robot", "source", "board", "process", "recorder"), name)
@@ -66,7 +66,7 @@ def _own(topic: Topic, member: Member, subject: str) -> list[str]:
     return [topic.key(**parts, sub_team=sub_team) for sub_team in member.sub_teams or ("*",)]
 
 
-def _read(topic: Topic, member: Member) -> list[str]:
+def _read(topic: Topic, member: CertificateHolder) -> list[str]:
     """The keys of a topic that a member reads: a robot's readings and refusals are its own, and it reads of its own sub-teams alone.
 
     A board reads the reports and memories of its own sub-team, and what boards and robots of the others say to all.
@@ -77,7 +77,7 @@ def _read(topic: Topic, member: Member) -> list[str]:
     return [topic.key(**parts, sub_team=s) for s in (member.sub_teams if mine else ("*",))]
 
 
-def _read_back(topic: Topic, member: Member) -> list[str]:
+def _read_back(topic: Topic, member: CertificateHolder) -> list[str]:
     """What a robot or board wrote itself, in whichever sub-team, so that its health check can ask for it."""
     if member.kind not in ("robot", "board") or topic.owner == "sub_team":
         return []
@@ -89,7 +89,7 @@ def _distinct(expressions: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(expressions))
 
 
-def link_grant(link: Member, members: Iterable[Member]) -> Grant:
+def link_grant(link: CertificateHolder, members: Iterable[CertificateHolder]) -> Grant:
     """What a link may pass on to the router that it connects to: what boards, robots and bridges of its sub-teams may write.
 
     It reads everything, because everything is wanted at some site.
@@ -106,7 +106,7 @@ def link_grant(link: Member, members: Iterable[Member]) -> Grant:
     )
 
 
-def access_control(members: Iterable[Member]) -> dict[str, Any]:
+def access_control(members: Iterable[CertificateHolder]) -> dict[str, Any]:
     """The section `access_control` of a router's Zenoh configuration: one subject for each member, and deny for everything else.
 
     Where there are links it is that of the routers of all sites. A router with a link knows the other by the name of the
@@ -138,7 +138,7 @@ def access_control(members: Iterable[Member]) -> dict[str, Any]:
     }
 
 
-def _rules(member: Member) -> list[dict[str, Any]]:
+def _rules(member: CertificateHolder) -> list[dict[str, Any]]:
     may, who = grant(member), member.who
     door = DOORS if member.kind == "viewer" else member.door
     rows = [
@@ -154,7 +154,7 @@ def _rules(member: Member) -> list[dict[str, Any]]:
     return [_rule(f"{who} {what}", flow, messages, topics) for what, flow, messages, topics in rows if topics]
 
 
-def _rules_between(other: Member, may: Grant) -> list[dict[str, Any]]:
+def _rules_between(other: CertificateHolder, may: Grant) -> list[dict[str, Any]]:
     """Those of another site's router; doors stay at their own site, so that no process hears the wrong router."""
     who = other.who
     rows = [

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from blackboard.board import learning
 from blackboard.board.clusters import Clusters
-from blackboard.board.dissent import Dissent
+from blackboard.board.dissent import DissentJudge
 from blackboard.board.entries import Entries, Entry
 from blackboard.board.fusion import Fusion, fuse_opinions
 from blackboard.board.guests import WAITS, Guests
@@ -45,11 +45,11 @@ from blackboard.wire.types import MAX_OPINIONS, capped
 Survive = Callable[[str], AbstractContextManager[object]]
 
 
-class Sources(NamedTuple):
+class LevelRecord(NamedTuple):
     """How far the sources of one level are believed: what was learned of them, and who disagrees with the others."""
 
     learner: Learner
-    dissent: Dissent
+    dissent: DissentJudge
 
 
 class Board:
@@ -79,7 +79,7 @@ class Board:
         self._entries: Entries[str] = Entries(grid.size)  # of robots: their newest reports
         self._consensuses = Entries(grid.size, (sub_team, board))  # of boards, by sub-team and name
         #: how far each source is believed: of robots, and of sub-teams
-        self._sources = {level: Sources(Learner(), Dissent(level)) for level in ("consensus", "agreed")}
+        self._sources = {level: LevelRecord(Learner(), DissentJudge(level)) for level in ("consensus", "agreed")}
         counters = Counter() if counters is None else counters
         is_apart = settings.fusion == "opinions"
         self.joint = None if is_apart else JointDesk(grid, settings, counters, self.ageing)
@@ -240,7 +240,7 @@ class Board:
         """Go on from what another board remembered, or this one in an earlier life. Refused: "fields"."""
         axes = self.grid.ndim
         sources = {level: remembered(getattr(memory, level), level, memory.time, axes) for level in self._sources}
-        self._sources = {level: Sources(*of) for level, of in sources.items()}
+        self._sources = {level: LevelRecord(*of) for level, of in sources.items()}
 
     # --- shared ---------------------------------------------------------------------------------------------------------
 
@@ -330,7 +330,7 @@ class Board:
         )
 
 
-def _told(level: str, one: learning.Learned) -> Learned:
+def _told(level: str, one: learning.LearnedSource) -> Learned:
     return Learned(level=level, **vars(one))  # type: ignore[arg-type]
 
 

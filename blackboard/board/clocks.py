@@ -10,7 +10,7 @@ import logging
 from typing import TypeVar
 
 from blackboard.errors import Refused
-from blackboard.process.offsets import Echoes, Offsets
+from blackboard.process.offsets import ClockOffsets, StampEchoes
 from blackboard.process.printable import quoted
 from blackboard.process.team_clock import Pace, TeamClock
 from blackboard.wire.evidence import Forward
@@ -29,7 +29,7 @@ class Clocks:
     def __init__(self, name: str, limit: float, clock: TeamClock) -> None:
         """`name` is this board's own, `limit` how many seconds are corrected."""
         self.name, self.limit, self.clock = name, limit, clock
-        self.offsets, self.echoes = Offsets(), Echoes()
+        self.offsets, self.echoes = ClockOffsets(), StampEchoes()
         self._logged: set[str] = set()
 
     @property

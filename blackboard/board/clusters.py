@@ -40,7 +40,7 @@ Entries = dict[str, dict[str, Entry]]  # by subject and robot
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class UnnamedOpinion:
     """What a robot saw and cannot name: `subject` is the class; `mark` its number in its tick."""
 
     observer: str
@@ -57,7 +57,7 @@ class Frame:
     tick: int
     time: float
     own: Belief
-    sightings: tuple[Sighting, ...]
+    sightings: tuple[UnnamedOpinion, ...]
 
 
 @dataclass
@@ -90,7 +90,7 @@ class Clusters:
         if not waits and len(self._waiting) >= MAX_SOURCES:
             return
         seen = tuple(
-            Sighting(robot, unnamed.kind, unnamed.mark, unnamed.confidence, unpack(unnamed.belief, self.grid))
+            UnnamedOpinion(robot, unnamed.kind, unnamed.mark, unnamed.confidence, unpack(unnamed.belief, self.grid))
             for unnamed in report.unnamed
         )
         self._waiting[robot] = Frame(report.tick, report.time, unpack(report.belief, self.grid), seen)
@@ -133,7 +133,7 @@ class Clusters:
 
     def _judge(self, frame: Frame, places: dict[str, Belief], entries: Entries) -> None:
         """Take a frame: what is of a track becomes a member of it, what is of another subject is put into `found`."""
-        robot, strange = frame.sightings[0].observer, list[Sighting]()
+        robot, strange = frame.sightings[0].observer, list[UnnamedOpinion]()
         odds, shown = self._odds(frame, places, {f"robot/{robot}"}), dict[str, float]()
         for sighting, its in zip(frame.sightings, odds, strict=True):
             best: str = max(sorted(its), key=lambda one: its[one], default="")
@@ -183,7 +183,7 @@ class Clusters:
 
     # --- tracks ---------------------------------------------------------------------------------------------------------
 
-    def _join(self, block: str, frame: Frame, sighting: Sighting) -> None:
+    def _join(self, block: str, frame: Frame, sighting: UnnamedOpinion) -> None:
         self._members.setdefault(block, {})[sighting.observer] = _entry(frame, sighting)
         self._places[block] = frame.time, sighting.belief
 
@@ -269,7 +269,7 @@ class Clusters:
         self._members[name], self._places[name] = members, place
 
 
-def _entry(frame: Frame, sighting: Sighting) -> Entry:
+def _entry(frame: Frame, sighting: UnnamedOpinion) -> Entry:
     return Entry(
         frame.tick, frame.time, (Opinion(sighting.observer, sighting.belief, {sighting.observer: frame.time}),)
     )

@@ -63,7 +63,7 @@ class Standing:
 
 
 @dataclass
-class Dissent:
+class DissentJudge:
     """Mutable; the standing of the sources of one level of a board."""
 
     level: str  # "consensus" or "agreed"

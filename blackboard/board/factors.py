@@ -26,7 +26,7 @@ ECHO_COUNT = 10.0  # effective samples that this takes
 
 
 @dataclass(frozen=True)
-class Sample:
+class Comparison:
     """One comparison of a pair: its squared distance a, and what is needed to read it.
 
     `a` is rounded to 4 bytes and the others to 2, as on the wire, so that boards hand samples on to the bit.
@@ -39,7 +39,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Pairing:
-    """What the window of a pair says: m, the mean of `Sample.alike`, the mean of `Sample.turned` (NaN: unknown), the samples."""
+    """What the window of a pair says: m, the mean of `Comparison.alike`, that of `Comparison.turned` (NaN: unknown), the samples."""
 
     m: float
     alike: float
@@ -48,7 +48,7 @@ class Pairing:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class SourceEstimate:
     """Of `names`: variance factors (S,), correlations `raw` (S, S), NaN where unknown, their mean over the pairs that agree."""
 
     names: list[str]
@@ -64,7 +64,7 @@ class Estimate:
 # --- one comparison ----------------------------------------------------------------------------------------------------
 
 
-def compared(difference: Array, covariance: Array, spreads: tuple[float, float], before: Array | None) -> Sample:
+def compared(difference: Array, covariance: Array, spreads: tuple[float, float], before: Array | None) -> Comparison:
     """A sample of two sources: the difference of their means, the sum of their covariances, and their `spread` (s_i^2, s_j^2)."""
     inverse = np.linalg.inv(covariance)
     n = len(difference)
@@ -75,13 +75,15 @@ def compared(difference: Array, covariance: Array, spreads: tuple[float, float],
     if before is not None:
         lengths = squared * float(before @ inverse @ before)
         turned = float(difference @ inverse @ before) / math.sqrt(lengths) if lengths > 1e-12 else math.nan
-    return Sample(float(np.float32(a)), float(np.float16(2.0 * math.sqrt(s * t) / (s + t))), float(np.float16(turned)))
+    return Comparison(
+        float(np.float32(a)), float(np.float16(2.0 * math.sqrt(s * t) / (s + t))), float(np.float16(turned))
+    )
 
 
 # --- from samples to variance factors and correlations -------------------------------------------------------------------
 
 
-def pairing(window: deque[Sample]) -> Pairing:
+def pairing(window: deque[Comparison]) -> Pairing:
     turns = [sample.turned for sample in window if not math.isnan(sample.turned)]
     return Pairing(
         m=statistics.median(sample.a for sample in window) / math.log(2),
@@ -91,7 +93,7 @@ def pairing(window: deque[Sample]) -> Pairing:
     )
 
 
-def estimate(names: list[str], pairings: dict[Pair, Pairing]) -> Estimate:
+def estimate(names: list[str], pairings: dict[Pair, Pairing]) -> SourceEstimate:
     size = len(names)
     index = {name: i for i, name in enumerate(names)}
     m, alike, count = np.ones((size, size)), np.ones((size, size)), np.zeros((size, size))
@@ -113,13 +115,13 @@ def estimate(names: list[str], pairings: dict[Pair, Pairing]) -> Estimate:
     echoes = (count >= ECHO_COUNT) & (m / claimed * (1 + 2 * noise) <= 1 - ECHO)
     upper = np.triu(known & trusted & trusted[:, np.newaxis], 1)
     if not upper.any():
-        return Estimate(names, count, variance, raw, echoes, 0.0, 0.0, 0.0)
+        return SourceEstimate(names, count, variance, raw, echoes, 0.0, 0.0, 0.0)
     mean = float(raw[upper].mean())
     error = ((1 - np.clip(raw, 0, 1)) * noise)[upper] ** 2
     spread = max(0.0, float(np.mean((raw[upper] - mean) ** 2 - error)))
     # The mean over the pairs of N sources is worth N - 1 of them: two pairs that share a source have a correlation of 1/4.
     mean_count = float(np.median(count[upper])) * (int(trusted.sum()) - 1)
-    return Estimate(names, count, variance, raw, echoes, mean, mean_count, spread)
+    return SourceEstimate(names, count, variance, raw, echoes, mean, mean_count, spread)
 
 
 def _new_share(turned: Array) -> float:
@@ -174,7 +176,7 @@ def _median_of(values: Array, chosen: Array) -> Array:
 # --- from estimates to weights --------------------------------------------------------------------------------------------
 
 
-def correlations_of(estimated: Estimate, known: list[int]) -> Array:
+def correlations_of(estimated: SourceEstimate, known: list[int]) -> Array:
     """The correlations of some sources, -1 for one without samples, shape (N, N).
 
     That of a pair is drawn to the mean of all pairs, the more so the fewer its samples, and the mean to that of the default.

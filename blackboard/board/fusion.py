@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from blackboard.board.dissent import Dissent, distance
-from blackboard.board.learning import Advice, Learned, Learner
+from blackboard.board.dissent import DissentJudge, distance
+from blackboard.board.learning import Advice, LearnedSource, Learner
 from blackboard.config import BoardSection
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief, uniform
@@ -67,7 +67,7 @@ class Fusion:
     conflict: bool
     rule: Rule
     outcome: Outcome
-    learned: list[Learned]  # of the independent sources, where the rule learns
+    learned: list[LearnedSource]  # of the independent sources, where the rule learns
 
 
 def fuse_opinions(
@@ -77,7 +77,7 @@ def fuse_opinions(
     subject: str,
     learner: Learner | None = None,
     now: float = 0.0,
-    dissent: Dissent | None = None,
+    dissent: DissentJudge | None = None,
     counts: Callable[[str], bool] = lambda source: True,
     powers: Powers | None = None,
 ) -> Fusion:
@@ -152,7 +152,7 @@ class _Weighed:
     stack: Array  # the beliefs of the independent opinions, to their powers: (N, *grid shape)
     powers: Powers
     factors: Array  # (N,) that the rule's weights are to be multiplied by
-    learned: list[Learned]
+    learned: list[LearnedSource]
 
 
 def _to_powers(rule: Rule, independent: Sequence[Opinion], overlapping: Sequence[Opinion], powers: Powers) -> _Weighed:

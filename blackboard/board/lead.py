@@ -66,7 +66,7 @@ class Publication:
 
 
 @dataclass(frozen=True)
-class Claim:
+class PartClaim:
     """What another board's newest status says of its part."""
 
     follows: bool
@@ -92,7 +92,7 @@ class Lead:
         self.since = since
         self._highest = -1  # term of a leader that was heard
         self._floor = -math.inf  # team time of what a leader published last
-        self._others: dict[str, Claim] = {}
+        self._others: dict[str, PartClaim] = {}
         self._unknown: dict[str, float] = {}  # boards that were not heard yet, and until when they are waited for
         self._kept: deque[tuple[float, Publication]] = deque()  # and when it was settled
         self._asks = True
@@ -113,7 +113,7 @@ class Lead:
         before = self._others.get(status.process)
         since, done = math.inf if status.since is None else status.since, (status.tick, status.phase)
         progress = now if before is None or before.done != done else before.progress
-        self._others[status.process] = Claim(status.follows, status.term, since, done, progress)
+        self._others[status.process] = PartClaim(status.follows, status.term, since, done, progress)
         self._unknown.pop(status.process, None)
         if not status.follows:
             self._highest = max(self._highest, status.term)

@@ -24,9 +24,9 @@ import numpy as np
 
 from blackboard.board.factors import (
     PRIOR_COUNT,
-    Estimate,
+    Comparison,
     Pairing,
-    Sample,
+    SourceEstimate,
     compared,
     correlations_of,
     estimate,
@@ -52,7 +52,7 @@ class Advice:
 
 
 @dataclass(frozen=True)
-class Learned:
+class LearnedSource:
     """What was learned of a source: `variance` 1 and `echo` None where nothing speaks against it."""
 
     source: str
@@ -68,19 +68,19 @@ class Learner:
 
     def __init__(self) -> None:
         # what it remembers, all of it (`blackboard.board.memory`)
-        self.samples: dict[Pair, deque[Sample]] = {}
+        self.samples: dict[Pair, deque[Comparison]] = {}
         self.heard: dict[str, float] = {}  # source -> team time of its newest sample
         self.last: dict[str, tuple[float, dict[str, Array]]] = {}  # subject -> time and means of its newest sample
         self.since: dict[str, float] = {}
         # what follows from it
         self._pairings: dict[Pair, Pairing] = {}  # of the same windows
-        self._estimate: Estimate | None = None  # of the samples as they are; None: to be made
+        self._estimate: SourceEstimate | None = None  # of the samples as they are; None: to be made
         # The same estimate as consensus and status show it; None: to be made.
-        self._learned: list[Learned] | None = None
+        self._learned: list[LearnedSource] | None = None
 
     def remember(
         self,
-        samples: dict[Pair, deque[Sample]],
+        samples: dict[Pair, deque[Comparison]],
         heard: dict[str, float],
         last: dict[str, tuple[float, dict[str, Array]]],
         since: dict[str, float],
@@ -142,13 +142,13 @@ class Learner:
         powers = np.clip(np.round(weights * n ** (1.0 - independence) / variance, 12), LEAST_POWER, 1.0)
         return Advice(independence, powers, weights)
 
-    def learned(self, sources: Sequence[str] | None = None) -> list[Learned]:
+    def learned(self, sources: Sequence[str] | None = None) -> list[LearnedSource]:
         """What was learned of these sources, or of all, sorted; those without a sample are left out."""
         if self._learned is None:
             self._learned = self._told()
         return [one for one in self._learned if sources is None or one.source in sources]
 
-    def _told(self) -> list[Learned]:
+    def _told(self) -> list[LearnedSource]:
         estimated = self._found()
         if not estimated.names:
             return []
@@ -161,7 +161,7 @@ class Learner:
                 nearest = int(np.argmax(correlations[i]))
                 echo = estimated.names[nearest] if estimated.echoes[i, nearest] else None
                 told.append(
-                    Learned(
+                    LearnedSource(
                         source=name,
                         samples=float(count.max()),
                         variance=float(estimated.variance[i]),
@@ -195,7 +195,7 @@ class Learner:
             else:
                 self.since.pop(name, None)
 
-    def _found(self) -> Estimate:
+    def _found(self) -> SourceEstimate:
         if self._estimate is None:
             self._estimate = estimate(sorted(self.heard), self._pairings)
         return self._estimate

@@ -11,8 +11,8 @@ from itertools import combinations
 
 import numpy as np
 
-from blackboard.board.dissent import Dissent, Standing
-from blackboard.board.factors import Sample
+from blackboard.board.dissent import DissentJudge, Standing
+from blackboard.board.factors import Comparison
 from blackboard.board.learning import Learner
 from blackboard.errors import Refused
 from blackboard.opinion.believed import MAX_SOURCES, MAX_SUBJECTS, PAIR_WINDOW, Verdicts
@@ -27,7 +27,7 @@ FLOAT = np.dtype("<f8")
 # --- out -----------------------------------------------------------------------------------------------------------------
 
 
-def packed_memory(learner: Learner, dissent: Dissent) -> PackedMemory:
+def packed_memory(learner: Learner, dissent: DissentJudge) -> PackedMemory:
     """All that the two remember, or of the judgements of more subjects than a message holds the newest."""
     judged = sorted(dissent.judged_at.items(), key=lambda judged_at: (-judged_at[1], judged_at[0]))[:MAX_SUBJECTS]
     return PackedMemory(
@@ -65,7 +65,7 @@ def _packed_learner(learner: Learner) -> PackedLearner:
     )
 
 
-def _packed_standing(dissent: Dissent, source: str) -> PackedStanding:
+def _packed_standing(dissent: DissentJudge, source: str) -> PackedStanding:
     standing = dissent.standings.get(source, Standing())
     pending = [-sigmas if contradicts else sigmas for contradicts, sigmas in dissent.pending.get(source, [])]
     return PackedStanding(
@@ -82,7 +82,7 @@ def _packed_standing(dissent: Dissent, source: str) -> PackedStanding:
 # --- in ------------------------------------------------------------------------------------------------------------------
 
 
-def remembered(packed: PackedMemory, level: str, until: float, axes: int) -> tuple[Learner, Dissent]:
+def remembered(packed: PackedMemory, level: str, until: float, axes: int) -> tuple[Learner, DissentJudge]:
     """A learner and a dissent that go on from a memory, on a grid of so many axes.
 
     Refused: "fields" where a number is out of its bounds, or a time later than `until`, in seconds of team time.
@@ -131,7 +131,7 @@ def _learner(packed: PackedLearner, until: float, axes: int) -> Learner:
     return learner
 
 
-def _samples(packed: PackedLearner, pairs: int) -> list[deque[Sample]]:
+def _samples(packed: PackedLearner, pairs: int) -> list[deque[Comparison]]:
     counts = list(packed.counts)
     _check(
         len(counts) == pairs and all(count <= PAIR_WINDOW for count in counts),
@@ -144,16 +144,16 @@ def _samples(packed: PackedLearner, pairs: int) -> list[deque[Sample]]:
     _check(bool(((alike >= 0) & (alike <= 1)).all()), "a likeness is not between 0 and 1")
     _check(bool((np.isnan(turned) | (np.abs(turned) <= 1)).all()), "no cosine")
     rest = iter(zip(a.tolist(), alike.tolist(), turned.tolist(), strict=True))
-    return [deque((Sample(*next(rest)) for _ in range(count)), maxlen=PAIR_WINDOW) for count in counts]
+    return [deque((Comparison(*next(rest)) for _ in range(count)), maxlen=PAIR_WINDOW) for count in counts]
 
 
-def _dissent(packed: PackedMemory, level: str, until: float) -> Dissent:
+def _dissent(packed: PackedMemory, level: str, until: float) -> DissentJudge:
     standings = {standing.source: standing for standing in packed.standings}
     _check(len(standings) == len(packed.standings), "a source has two standings")
     times = [time for standing in packed.standings for time in (standing.heard, standing.since) if time is not None]
     _check_times([*times, *packed.judged.values(), *([] if packed.second is None else [packed.second])], until)
     _check(all(standing.share <= 1 for standing in packed.standings), "a share above 1")
-    dissent = Dissent(level)
+    dissent = DissentJudge(level)
     dissent.camps = {subject: [frozenset(camp) for camp in camps] for subject, camps in packed.camps.items()}
     dissent.judged_at = dict(packed.judged)
     dissent.second = dissent.second if packed.second is None else packed.second

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from blackboard.bridges.stream import Stream
+from blackboard.bridges.stream import TeamStream
 from blackboard.config import Scenario
 from blackboard.errors import UserError, extra
 from blackboard.net.attached import AttachedLink, TwoRouters
@@ -26,7 +26,7 @@ from blackboard.view.source import TeamSource, open_tape
 from blackboard.wire.names import NAME
 
 if TYPE_CHECKING:
-    from blackboard.bridges.ros.service import Sources
+    from blackboard.bridges.ros.service import RosTopics
     from blackboard.client.member import Member
 
 Topics = Annotated[list[str] | None, Parameter(negative="", show_default=False)]
@@ -58,7 +58,7 @@ def rerun(
     looked, shown = source.open(flags, "rerun", door.PATIENCE, door.Stop()), 0
     sink = open_viewer(looked.team, save, viewer)
     with looked:
-        stream = Stream(looked.feed, looked.team)
+        stream = TeamStream(looked.feed, looked.team)
 
         def show() -> None:
             nonlocal shown
@@ -85,12 +85,12 @@ class TopicFlags:
     sees: Topics = None
     "ROBOT:SUBJECT=TOPIC, as r1:object/ball=/r1/ball: a PoseWithCovarianceStamped of what the robot sees, in its own frame."
 
-    def sources(self) -> Sources:
+    def sources(self) -> RosTopics:
         """What the flags name, each robot and each topic in one way. UserError: what cannot be, or not together."""
-        from blackboard.bridges.ros.service import Sources
+        from blackboard.bridges.ros.service import RosTopics
 
         fixes, poses = _topics("--fix", self.fix), _topics("--pose", self.pose)
-        sources = Sources(_topics("--odometry", self.odometry), fixes, poses, _sightings("--sees", self.sees))
+        sources = RosTopics(_topics("--odometry", self.odometry), fixes, poses, _sightings("--sees", self.sees))
         if both := sources.poses.keys() & sources.driven:
             raise UserError(
                 f"--pose {min(both)}: --odometry, --fix and --sees are for a robot with a `robot-agent`, which reports by itself; "
@@ -172,7 +172,7 @@ def _space(namespace: str) -> str:
     return space
 
 
-def _certificate(flags: door.ZenohFlags, sources: Sources) -> str:
+def _certificate(flags: door.ZenohFlags, sources: RosTopics) -> str:
     """As whom the bridge connects. UserError: with keys it speaks for several robots."""
     robots = sorted({*sources.poses, *sources.driven})
     if flags.keys is not None and len(robots) > 1:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from blackboard.bridges.stream import Stream, agreed, corner, masses
+from blackboard.bridges.stream import TeamStream, agreed, corner, masses
 from blackboard.errors import UserError, extra, writing
 from blackboard.state.moments import Moment, Point
 from blackboard.state.team import Event, TeamFold
@@ -39,7 +39,7 @@ def export(taped: Taped, out: Path) -> int:
         writer = foxglove.open_mcap(out, context=context)
     with writer:
         sink = _File(foxglove, context)
-        stream = Stream(taped.feed, taped.team)
+        stream = TeamStream(taped.feed, taped.team)
         taped.read_on(lambda: _ignore(stream.new(sink)))
     return sink.messages
 

@@ -26,7 +26,7 @@ class Sink(Protocol):
     def note(self, event: Event) -> None: ...
 
 
-class Stream:
+class TeamStream:
     """Follows a team of a source; `new` is called after each look."""
 
     def __init__(self, source: Source, team: str) -> None:

@@ -28,7 +28,7 @@ class Factors:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class NormalEquations:
     """Normal equations of K ticks of n unknowns each, and of s shared ones: matrix and right side."""
 
     diagonal: Array  # (K, n, n)
@@ -39,11 +39,11 @@ class Chain:
     shared_right: Array  # (s,)
 
     @staticmethod
-    def of(ticks: int, robots: int, each: int) -> Chain:
+    def of(ticks: int, robots: int, each: int) -> NormalEquations:
         """Empty equations of robots with a pose and `each` shared numbers."""
         n, s = 3 * robots, each * robots
         blocks = np.zeros((ticks, n, n))
-        return Chain(
+        return NormalEquations(
             blocks, blocks.copy(), np.zeros((ticks, n, s)), np.zeros((s, s)), np.zeros((ticks, n)), np.zeros(s)
         )
 

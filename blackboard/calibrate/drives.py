@@ -18,7 +18,7 @@ MOST_TICKS = 20_000  # that are taken of a recording
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class SightingRows:
     """What was seen at a range and a bearing, one row each, in time order."""
 
     tick: Array  # (M,)
@@ -29,9 +29,9 @@ class Sightings:
     bearing: Array  # (M,): radians
     share: Array  # (M,): how long before the end of the tick it was seen, as a share of the tick, 0 to 1
 
-    def where(self, chosen: Array) -> Sightings:
+    def where(self, chosen: Array) -> SightingRows:
         """Some of them."""
-        return Sightings(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
+        return SightingRows(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Drives:
     times: Array  # (K,): of the ends of the ticks
     told: Array  # (K, N, 2): distance and turn in the tick, by the odometry
     measured: Array  # (K, N): whether the odometry measured all of the tick
-    sightings: Sightings
+    sightings: SightingRows
     fixes: Absolute
     headings: Absolute
 
@@ -134,7 +134,7 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
     columns = np.array(seen, dtype=float).reshape(-1, 7)
     columns = columns[np.argsort(columns[:, 0], kind="stable")]
     whole = [columns[:, c].astype(int) for c in range(4)]
-    sightings = Sightings(*whole, *(columns[:, c] for c in range(4, 7)))
+    sightings = SightingRows(*whole, *(columns[:, c] for c in range(4, 7)))
     spots = np.array(list(places.values()), dtype=float).reshape(-1, 2)
     return Drives(
         robots, tuple(places), spots, times, told, measured, sightings, _absolute(fixes, 2), _absolute(headings, 1)
@@ -158,7 +158,7 @@ def _rows(
     places: dict[str, tuple[float, float]],
     newest: dict[tuple[int, str], float],
 ) -> Iterator[tuple[float, ...]]:
-    """The sightings of a robot's tick k, of landmarks and mates, as rows of `Sightings`.
+    """The sightings of a robot's tick k, of landmarks and mates, as rows of `SightingRows`.
 
     Each landmark is added to `places`, and the time of the newest sighting of each subject to `newest`, by observer and subject.
     """

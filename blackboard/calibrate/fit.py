@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blackboard.calibrate.chain import Chain, Factors, Solved
+from blackboard.calibrate.chain import Factors, NormalEquations, Solved
 from blackboard.calibrate.drives import Drives
 from blackboard.calibrate.model import EACH, EXPECTED, WIDE, Model, Noise
 from blackboard.calibrate.start import first_poses
@@ -114,8 +114,8 @@ class _Here:
         weighed = replace(sighted, weight=sighted.weight * believed[:, None])
         return _Here(model, poses, shared, noise, prior, odometry, weighed, believed, absolute, float(density))
 
-    def chain(self) -> Chain:
-        chain = Chain.of(self.poses.shape[0], self.poses.shape[1], EACH)
+    def chain(self) -> NormalEquations:
+        chain = NormalEquations.of(self.poses.shape[0], self.poses.shape[1], EACH)
         for factors in (self.odometry, self.sighted, *self.absolute):
             chain.add(factors)
         each = range(3 * self.poses.shape[1])

@@ -63,7 +63,7 @@ class Number:
 
 
 @dataclass(frozen=True, eq=False)
-class Sensors:
+class FoundSensors:
     """What was found of one robot."""
 
     numbers: Mapping[str, Number]  # of `NUMBERS`, and the noise
@@ -74,10 +74,10 @@ class Sensors:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class FoundTeam:
     """What was found of a team."""
 
-    robots: Mapping[str, Sensors]
+    robots: Mapping[str, FoundSensors]
     landmarks: list[Misplaced]
     fit: Fit  # of the first half
     nats: Mapping[str, float]  # of a reading of the second half: by what was found, and by other models
@@ -88,7 +88,7 @@ def calibrated(
     track: float,
     others: Mapping[str, Noise],
     show: Callable[[int, int], None] | None = None,
-) -> Calibration:
+) -> FoundTeam:
     """Fit the first half, and score the second by what was found and by `others`, which know no lasting errors.
 
     `track` is from wheel to wheel (unit). UserError: too little was measured.
@@ -106,7 +106,7 @@ def calibrated(
     nats = {"found": scored(rest, track, fit.noise, Prior(fit.shared, np.linalg.inv(spread)), moved) / count}
     nats |= {name: scored(rest, track, noise, wide, moved) / count for name, noise in others.items()}
     robots = {name: _sensors(fit, n, spread) for n, name in enumerate(drives.robots)}
-    return Calibration(robots, named, fit, nats)
+    return FoundTeam(robots, named, fit, nats)
 
 
 def _placed(drives: Drives, track: float, moved: Callable[[], None]) -> tuple[Fit, list[tuple[int, Misplaced]]]:
@@ -166,7 +166,7 @@ def _check(*halves: Drives) -> None:
 # --- one robot ----------------------------------------------------------------------------------------------------------
 
 
-def _sensors(fit: Fit, n: int, spread: Array) -> Sensors:
+def _sensors(fit: Fit, n: int, spread: Array) -> FoundSensors:
     own = slice(EACH * n, EACH * (n + 1))
     covariance, shared, noise = spread[own, own], fit.shared[n], fit.noise
     numbers = {}
@@ -189,7 +189,7 @@ def _sensors(fit: Fit, n: int, spread: Array) -> Sensors:
         ("bearing", noise.bearing[n]),
     ):
         numbers[f"noise, {name}"] = Number(float(value), float(value) * share) if trusted else Number(None)
-    return Sensors(
+    return FoundSensors(
         numbers,
         _ranges(fit, seen),
         _lasting(fit, n),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.calibrate.chain import Factors
-from blackboard.calibrate.drives import Drives, Sightings
+from blackboard.calibrate.drives import Drives, SightingRows
 from blackboard.opinion.grid import Array
 
 WAY, CURVED_WAY, TURN, DRIVEN_TURN, DRIFT, LAG, RANGE, RANGE_BIAS, BEARING = range(9)
@@ -180,7 +180,7 @@ class Model:
         spots += [(sightings.tick, mate, (1 - back) * by_its), (sightings.tick - 1, mate, back * by_its)]
         return Factors(residual, weight, spots, [(sightings.robot, by_shared)])
 
-    def at(self, poses: Array, sightings: Sightings, robot: Array) -> Array:
+    def at(self, poses: Array, sightings: SightingRows, robot: Array) -> Array:
         """Poses of robots at the times of sightings, shape (M, 3), on the straight line between two ticks."""
         after, before = poses[sightings.tick, robot], poses[sightings.tick - 1, robot]
         went = after - before

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from blackboard.calibrate.found import LONG, NUMBERS, Calibration, Number, Sensors
+from blackboard.calibrate.found import LONG, NUMBERS, FoundSensors, FoundTeam, Number
 from blackboard.calibrate.landmarks import Misplaced
 from blackboard.process.columns import columns
 
@@ -25,7 +25,7 @@ NOISE = {
 }
 
 
-def report(calibration: Calibration, world: Mapping[str, Any]) -> dict[str, Any]:
+def report(calibration: FoundTeam, world: Mapping[str, Any]) -> dict[str, Any]:
     """All that was found, as JSON: each number with half of its 95 % interval, null where the drive does not determine it.
 
     `world` is what the scenario's [world] has to say for the tables of its robots to hold.
@@ -41,7 +41,7 @@ def report(calibration: Calibration, world: Mapping[str, Any]) -> dict[str, Any]
     }
 
 
-def _robot(sensors: Sensors) -> dict[str, Any]:
+def _robot(sensors: FoundSensors) -> dict[str, Any]:
     numbers = {
         name: None if number.value is None else {"value": round(number.value, 5), "within": round(number.within, 5)}
         for name, number in sensors.numbers.items()
@@ -59,7 +59,7 @@ def _robot(sensors: Sensors) -> dict[str, Any]:
     return {"numbers": numbers, **rest}
 
 
-def _tables(sensors: Sensors) -> dict[str, dict[str, Any]]:
+def _tables(sensors: FoundSensors) -> dict[str, dict[str, Any]]:
     """The tables of a robot's section in a scenario; what was not found is left out."""
     odometry = {
         "distance_scale": sensors.numbers["way, straight"],

@@ -14,7 +14,7 @@ Who = Literal["nobody", "robots", "robot", "board", "sub-team", "router", "sites
 
 
 @dataclass(frozen=True)
-class Case:
+class TroubleCase:
     """A row: who is troubled (`members`), how, and for how many seconds. One of `trouble`, `cut`, `signal` and `lose` at most."""
 
     name: str
@@ -31,26 +31,26 @@ class Case:
 CASES = {
     case.name: case
     for case in (
-        Case("calm", "nothing", seconds=10),
-        Case("loss-5", "5 % of segments lost, robots", "robots", 10, Trouble(loss=0.05)),
-        Case("loss-20", "20 % of segments lost, robots", "robots", 10, Trouble(loss=0.2)),
-        Case("delay-100", "100 +- 20 ms each way, robots", "robots", 10, Trouble(0.1, 0.02)),
-        Case("delay-500", "500 +- 100 ms each way, robots", "robots", 10, Trouble(0.5, 0.1)),
-        Case("reports-20", "20 % of reports lost, robots", "robots", 10, lose=0.2),
-        Case("cut-robot", "3 s cut, a robot", "robot", 3, cut=True),
-        Case("cut-sub-team", "3 s cut, a sub-team with its board", "sub-team", 3, cut=True),
-        Case("sites", "6 s partition of two sites", "sites", 6, cut=True),
-        Case("freeze-robot", "frozen 5 s, a robot", "robot", 5, signal=signal.SIGSTOP),
-        Case("freeze-board", "frozen 5 s, a board", "board", 5, signal=signal.SIGSTOP),
-        Case("freeze-router", "frozen 5 s, the router", "router", 5, signal=signal.SIGSTOP),
-        Case("kill-robot", "killed and started again, a robot", "robot", signal=signal.SIGKILL),
-        Case("kill-board", "killed and started again, a board", "board", signal=signal.SIGKILL),
-        Case("kill-router", "killed and started again, the router", "router", signal=signal.SIGKILL),
+        TroubleCase("calm", "nothing", seconds=10),
+        TroubleCase("loss-5", "5 % of segments lost, robots", "robots", 10, Trouble(loss=0.05)),
+        TroubleCase("loss-20", "20 % of segments lost, robots", "robots", 10, Trouble(loss=0.2)),
+        TroubleCase("delay-100", "100 +- 20 ms each way, robots", "robots", 10, Trouble(0.1, 0.02)),
+        TroubleCase("delay-500", "500 +- 100 ms each way, robots", "robots", 10, Trouble(0.5, 0.1)),
+        TroubleCase("reports-20", "20 % of reports lost, robots", "robots", 10, lose=0.2),
+        TroubleCase("cut-robot", "3 s cut, a robot", "robot", 3, cut=True),
+        TroubleCase("cut-sub-team", "3 s cut, a sub-team with its board", "sub-team", 3, cut=True),
+        TroubleCase("sites", "6 s partition of two sites", "sites", 6, cut=True),
+        TroubleCase("freeze-robot", "frozen 5 s, a robot", "robot", 5, signal=signal.SIGSTOP),
+        TroubleCase("freeze-board", "frozen 5 s, a board", "board", 5, signal=signal.SIGSTOP),
+        TroubleCase("freeze-router", "frozen 5 s, the router", "router", 5, signal=signal.SIGSTOP),
+        TroubleCase("kill-robot", "killed and started again, a robot", "robot", signal=signal.SIGKILL),
+        TroubleCase("kill-board", "killed and started again, a board", "board", signal=signal.SIGKILL),
+        TroubleCase("kill-router", "killed and started again, the router", "router", signal=signal.SIGKILL),
     )
 }
 
 
-def chosen(only: str | None) -> list[Case]:
+def chosen(only: str | None) -> list[TroubleCase]:
     """The cases of a list of names with commas, or all. UserError: there is none of a name."""
     names = list(CASES) if only is None else [name.strip() for name in only.split(",")]
     for name in names:

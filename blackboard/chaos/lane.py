@@ -7,7 +7,7 @@ import contextlib
 
 import numpy as np
 
-from blackboard.chaos.trouble import Line, Trouble
+from blackboard.chaos.trouble import OneDirection, Trouble
 
 PIECE = 1 << 16  # bytes that are read at once
 WAITING = 256  # pieces of one direction that are on their way; more are not read, as with a full window of TCP
@@ -84,7 +84,7 @@ class Lane:
     async def _pass(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """One direction: read all the time, write each piece when it arrives."""
         waiting: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(WAITING)
-        now, line = asyncio.get_running_loop().time, Line(self._rng)
+        now, line = asyncio.get_running_loop().time, OneDirection(self._rng)
 
         async def read() -> None:
             while piece := await reader.read(PIECE):

@@ -19,7 +19,7 @@ from blackboard.chaos.gauges import Gauge
 from blackboard.chaos.table import LINGER
 from blackboard.chaos.team import StormTeam, storm_team
 from blackboard.chaos.trouble import Trouble
-from blackboard.chaos.verdict import AGAIN, Line, Sent, verdict
+from blackboard.chaos.verdict import AGAIN, Finding, Sent, verdict
 from blackboard.config import Scenario
 
 WARM_UP = 8.0  # seconds of team time until the first event
@@ -32,7 +32,7 @@ What = Literal["kill", "restart", "freeze", "cut"]
 
 
 @dataclass(frozen=True)
-class Event:
+class Strike:
     """Something that happens to a process."""
 
     what: What  # a restart is a SIGTERM, after which the process ends in order
@@ -40,16 +40,16 @@ class Event:
     seconds: float = 0.0  # of a freeze or a cut
 
 
-def draw(scenario: Scenario, rng: np.random.Generator) -> Event:
+def draw(scenario: Scenario, rng: np.random.Generator) -> Strike:
     """The next event: a robot three times out of five, else a board, or one time in ten the router."""
     robots = list(scenario.team.robots)
     boards = [board for sub_team in scenario.team.sub_teams for board in scenario.team.boards_of(sub_team)]
     among = rng.random()
     if among < 0.1:
-        return Event("kill", "router")
+        return Strike("kill", "router")
     who = str(rng.choice(robots if among < 0.7 else boards))
     what: What = ("kill", "restart", "freeze", "cut")[int(rng.integers(4 if who in robots else 3))]
-    return Event(what, who, round(float(rng.uniform(1, 5)), 1) if what in ("freeze", "cut") else 0.0)
+    return Strike(what, who, round(float(rng.uniform(1, 5)), 1) if what in ("freeze", "cut") else 0.0)
 
 
 @dataclass
@@ -99,7 +99,7 @@ class _Soak:
             await asyncio.wait([self.team.world], timeout=pause)
             await self._happen(draw(self.scenario, self.rng))
 
-    async def _happen(self, event: Event) -> None:
+    async def _happen(self, event: Strike) -> None:
         self.events += 1
         self.tell(
             f"{self.team.sight.time:7.1f} s: {event.what} {event.who}" + f" for {event.seconds} s" * (event.seconds > 0)
@@ -124,7 +124,7 @@ class _Soak:
 
 async def soak(
     scenario: Scenario, seconds: float, seed: int, rng: np.random.Generator, tell: Callable[[str], object]
-) -> tuple[list[Line], dict[str, Any]]:
+) -> tuple[list[Finding], dict[str, Any]]:
     """Run a scenario for so long: the lines of the verdict, and the world's scorecard; `tell` is called with each event."""
     chosen = scenario.changed("time", mode="realtime", seconds=float(seconds))
     chosen = chosen.changed("world", seed=seed, linger=LINGER)

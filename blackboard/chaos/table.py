@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from blackboard.chaos.cases import Case, members
+from blackboard.chaos.cases import TroubleCase, members
 from blackboard.chaos.sight import recovery, settled
 from blackboard.chaos.team import SITES, StormTeam, storm_team
 from blackboard.chaos.trouble import Trouble
@@ -27,7 +27,7 @@ REST = 9.0  # seconds of team time after it until the run ends
 LINGER = 3.0  # seconds that the world takes answers, so that a slow network is judged by what it did, not by having been slow
 
 
-async def run_case(scenario: Scenario, case: Case, seed: int, rng: np.random.Generator) -> dict[str, Any]:
+async def run_case(scenario: Scenario, case: TroubleCase, seed: int, rng: np.random.Generator) -> dict[str, Any]:
     """Run a scenario in real time with one trouble: its row; `seed` is the world's, `rng` draws losses and jitter.
 
     RunFailed: the team did not come up, or the world gave no scorecard.
@@ -61,7 +61,7 @@ async def run_case(scenario: Scenario, case: Case, seed: int, rng: np.random.Gen
     }
 
 
-def prepared(scenario: Scenario, case: Case, seed: int) -> Scenario:
+def prepared(scenario: Scenario, case: TroubleCase, seed: int) -> Scenario:
     """The scenario in real time, as long as the case needs, with lost reports where the case has them."""
     seconds = math.ceil(WARM_UP + case.seconds + REST)
     chosen = scenario.changed("time", mode="realtime", seconds=float(seconds))
@@ -73,7 +73,7 @@ def prepared(scenario: Scenario, case: Case, seed: int) -> Scenario:
     return chosen
 
 
-async def _trouble(team: StormTeam, case: Case, who: Sequence[str]) -> None:
+async def _trouble(team: StormTeam, case: TroubleCase, who: Sequence[str]) -> None:
     """Begin the trouble, wait, and end it."""
     lanes = [team.lanes[name] for name in who if name in team.lanes]
     for lane in lanes:

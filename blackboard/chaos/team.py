@@ -23,7 +23,7 @@ from blackboard.errors import RunFailed
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.run.launch import ProcessTable, free_port, process_table
-from blackboard.run.supervisor import Process, Supervisor
+from blackboard.run.supervisor import ProcessRow, Supervisor
 from blackboard.wire import keys
 
 READY = 60.0  # seconds for all to show their tokens, and for the first belief
@@ -118,7 +118,7 @@ async def storm_team(
             last = list(scenario.team.sub_teams)[-1]
             far = frozenset((*scenario.team.sub_teams[last], *scenario.team.boards_of(last)))
             there = (sys.executable, "-m", "blackboard", "router", "-l", endpoints[1], "-e", await lane(SITES))
-            routers.append(Process("router-2", there))
+            routers.append(ProcessRow("router-2", there))
             world = _moved(world, endpoints[0], endpoints[0], "--connect", endpoints[1], "--mode", "peer", *_both())
         members = []
         for member in processes.members:
@@ -134,7 +134,7 @@ async def storm_team(
         yield await _begin(stack, team, processes, world)
 
 
-async def _begin(stack: AsyncExitStack, team: StormTeam, processes: ProcessTable, world: Process) -> StormTeam:
+async def _begin(stack: AsyncExitStack, team: StormTeam, processes: ProcessTable, world: ProcessRow) -> StormTeam:
     """Wait until everybody is there, then start the world."""
     watching = asyncio.create_task(team.watch())
     stack.callback(watching.cancel)
@@ -171,7 +171,7 @@ def _listen(link: Link, team: str) -> None:
     link.subscribe(f"cop/{team}/**")
 
 
-def _moved(process: Process, before: str, *after: str) -> Process:
+def _moved(process: ProcessRow, before: str, *after: str) -> ProcessRow:
     """A process with other arguments in the place of its endpoint."""
     at = list(process.arguments).index(before)
     arguments = (*process.arguments[:at], *after, *process.arguments[at + 1 :])

@@ -24,7 +24,7 @@ class Trouble:
     loss: float = 0.0  # 0 to 1
 
 
-class Line:
+class OneDirection:
     """One direction of a connection; the order is kept, as TCP does."""
 
     def __init__(self, rng: np.random.Generator) -> None:

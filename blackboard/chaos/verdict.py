@@ -24,7 +24,7 @@ HEARD = 0.9  # share of the soak in which the observer must have looked
 
 
 @dataclass(frozen=True)
-class Line:
+class Finding:
     """One thing that must be true, and what was found."""
 
     holds: bool
@@ -72,7 +72,7 @@ def longest(looks: Sequence[Look]) -> tuple[float, str]:
 
 def verdict(
     gauges: Sequence[Gauge], looks: Sequence[Look], sent: Mapping[str, Sequence[Sent]], seconds: float
-) -> list[Line]:
+) -> list[Finding]:
     """The lines of a soak of so many seconds.
 
     `sent` has for each quiet time of a process, between two troubles of its own, its statuses in order.
@@ -80,42 +80,44 @@ def verdict(
     judged = lives(gauges)
     lines = [_memory(judged, name) for name in sorted({_kind(name) for name, _ in judged})]
     if not judged:
-        lines.append(Line(False, f"some process lives for {LIFE:g} s", "none did: make the soak longer"))
+        lines.append(Finding(False, f"some process lives for {LIFE:g} s", "none did: make the soak longer"))
     lines += [_flat(judged, "threads"), _flat(judged, "descriptors"), _again(looks, seconds), *_counted(sent)]
     return lines
 
 
-def _memory(judged: Mapping[tuple[str, int], Sequence[Gauge]], kind: str) -> Line:
+def _memory(judged: Mapping[tuple[str, int], Sequence[Gauge]], kind: str) -> Finding:
     mine = [gauges for (name, _), gauges in judged.items() if _kind(name) == kind]
     (more, minutes), worst = max((growth(gauges), gauges[0].name) for gauges in mine)
     most = max(gauge.memory for gauges in mine for gauge in gauges)
     leak = GROWTH / max(growth(gauges)[1] for gauges in mine)  # of the longest life
     text = f"{worst} {more:+.1f} MB in {minutes:.1f} minutes, at most {most:.0f} MB; a leak of {leak:.1f} MB a minute would show"
-    return Line(more <= GROWTH, f"memory flat, {kind}: at most {GROWTH:g} MB more in the second half of a life", text)
+    return Finding(
+        more <= GROWTH, f"memory flat, {kind}: at most {GROWTH:g} MB more in the second half of a life", text
+    )
 
 
-def _flat(judged: Mapping[tuple[str, int], Sequence[Gauge]], what: str) -> Line:
+def _flat(judged: Mapping[tuple[str, int], Sequence[Gauge]], what: str) -> Finding:
     grown: dict[str, float] = {}
     for (name, _), mine in judged.items():
         half = len(mine) // 2
         first, second = (median(getattr(g, what) for g in part) for part in (mine[:half], mine[half:]))
         grown[name] = max(grown.get(name, -99.0), second - first)
     worst = max(grown, key=lambda name: grown[name], default="-")
-    return Line(
+    return Finding(
         bool(grown) and grown[worst] <= MORE,
         f"{what} flat: at most {MORE} more in the second half of a life",
         f"{worst} {grown.get(worst, 0):+.0f}",
     )
 
 
-def _again(looks: Sequence[Look], seconds: float) -> Line:
+def _again(looks: Sequence[Look], seconds: float) -> Finding:
     worst, whose = longest(looks)
     seen = (looks[-1].at - looks[0].at) / seconds if looks else 0.0
     text = f"longest {worst:.1f} s, {whose}" if seen >= HEARD else f"looked on for {seen:.0%} of the time only"
-    return Line(worst <= AGAIN and seen >= HEARD, f"every surviving subject settled again within {AGAIN:g} s", text)
+    return Finding(worst <= AGAIN and seen >= HEARD, f"every surviving subject settled again within {AGAIN:g} s", text)
 
 
-def _counted(sent: Mapping[str, Sequence[Sent]]) -> list[Line]:
+def _counted(sent: Mapping[str, Sequence[Sent]]) -> list[Finding]:
     """Between the first and the last status of each quiet time: what it sent, the observer had; and no inbox overflowed."""
     said = seen = dropped = 0
     lost: dict[str, int] = {}
@@ -126,12 +128,12 @@ def _counted(sent: Mapping[str, Sequence[Sent]]) -> list[Line]:
         lost[quiet] = (last.sent - first.sent) - (last.seen - first.seen)
     worst = max(lost, key=lambda quiet: abs(lost[quiet]), default="-")
     return [
-        Line(
+        Finding(
             bool(lost) and abs(lost[worst]) <= BEHIND,
             f"counters add up: between troubles all that was sent came, but for {BEHIND}",
             f"{said} sent, {seen} received; most apart {worst} by {lost.get(worst, 0)}",
         ),
-        Line(dropped == 0, "no inbox overflowed", f"{dropped} dropped"),
+        Finding(dropped == 0, "no inbox overflowed", f"{dropped} dropped"),
     ]
 
 
@@ -141,6 +143,6 @@ def _kind(name: str) -> str:
     return {"router": "router", "board": "boards", "world": "world"}.get(first, "robots")
 
 
-def text(lines: Sequence[Line]) -> str:
+def text(lines: Sequence[Finding]) -> str:
     """The lines as a table."""
     return "\n".join(columns([("yes" if line.holds else "NO", line.what, line.found) for line in lines]))

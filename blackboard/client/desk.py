@@ -83,7 +83,7 @@ class Desk(Around):
         return super().wake_at(now) if self._calls.empty() else now
 
 
-class Stream:
+class AgreedStream:
     """The newest of each subject that nobody has taken yet, in the order of arrival."""
 
     def __init__(self, subject: str | None = None) -> None:

@@ -14,7 +14,7 @@ from typing import Protocol, Self
 from blackboard.client.agreed import Agreed, TeamNews
 from blackboard.client.arguments import check_kinds, shown
 from blackboard.client.ask import ask
-from blackboard.client.desk import Desk, Stream
+from blackboard.client.desk import AgreedStream, Desk
 from blackboard.client.why import Why
 from blackboard.config import Scenario, load
 from blackboard.errors import Refused, UserError
@@ -96,7 +96,7 @@ class Membership:
         self._joint = known is None or known.board.fusion == "joint"
         self._clock = UnixClock()
         self._callbacks: list[Callable[[Agreed], object]] = []
-        self._streams: list[Stream] = []
+        self._streams: list[AgreedStream] = []
         self._newest: dict[str, Agreed] = {}
         self._arrived = threading.Condition()
         self._refusals: deque[Refusal] = deque(maxlen=MAX_REFUSALS)
@@ -259,8 +259,8 @@ class Membership:
 
     # --- inside -----------------------------------------------------------------------------------------------------------
 
-    def _listen(self, subject: str | None) -> Stream:
-        stream = Stream(subject)
+    def _listen(self, subject: str | None) -> AgreedStream:
+        stream = AgreedStream(subject)
         self._streams.append(stream)
         if self._desk.done:
             stream.close()

@@ -23,7 +23,7 @@ from blackboard.wire.names import SIGHTED
 from blackboard.wire.types import LEAST
 
 if TYPE_CHECKING:
-    from robot_agent.driven import Driven, Gathered, Independence, Pose
+    from robot_agent.driven import Driven, Independence, Pose, SinceStep
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ class Robot(Membership):
         """As `Team`."""
         super().__init__(*arguments, **named)
         self._lock = threading.Lock()
-        self._told: Gathered | None = None  # since the last step
+        self._told: SinceStep | None = None  # since the last step
         self._own: bool | None = None  # whether it has a filter of its own; None: not known yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
         self._warned: set[str] = set()  # of which arguments
@@ -293,7 +293,7 @@ class Robot(Membership):
 
     def _tell(self, *, own: bool | None = False, **told: Any) -> None:
         """`own`: of a robot with a filter of its own, or without one; None: of both."""
-        from robot_agent.driven import Gathered
+        from robot_agent.driven import SinceStep
 
         if own is not None and self._own not in (own, None):
             raise ValueError(
@@ -301,4 +301,4 @@ class Robot(Membership):
             )
         self._own = self._own if own is None else own
         with self._lock:
-            self._told = (self._told or Gathered()).plus(Gathered(**told))
+            self._told = (self._told or SinceStep()).plus(SinceStep(**told))

@@ -33,7 +33,7 @@ MARGIN = 2.0  # of the grid around all that is in the file, in its unit (m)
 CELLS = 120  # of the grid along its longer edge
 
 
-class Seen(NamedTuple):
+class Measured(NamedTuple):
     """What was measured at a time (Unix seconds) of a pose, or of a point."""
 
     time: float
@@ -44,14 +44,14 @@ class Seen(NamedTuple):
 
 
 @dataclass(eq=False)
-class Track:
+class RecordedRobot:
     """What was recorded of one robot."""
 
     truth: Array = field(default_factory=lambda: np.zeros((0, 4)))  # time, x, y, heading
     odometry: Array = field(default_factory=lambda: np.zeros((0, 4)))  # time, x, y, heading of its dead reckoning
     #: Of the odometry: along, across, turn, per square root of a second.
     sigmas: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    seen: list[Seen] = field(default_factory=list)  # in time order
+    seen: list[Measured] = field(default_factory=list)  # in time order
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class FactorGraph:
     """A file, read."""
 
     path: Path
-    tracks: dict[str, Track]  # by robot
+    tracks: dict[str, RecordedRobot]  # by robot
     points: dict[str, tuple[float, float]]
     left_out: Counter[str]  # elements that are not replayed, by their first word
 
@@ -145,7 +145,7 @@ class _Reader:
 
     def graph(self, path: Path) -> FactorGraph:
         steps: defaultdict[str, list[tuple[float, float, list[float]]]] = defaultdict(list)
-        seen: defaultdict[str, list[Seen]] = defaultdict(list)
+        seen: defaultdict[str, list[Measured]] = defaultdict(list)
         for kind, time, one, other, numbers in self.edges:
             robot, mate = _robot(one), _robot(other)
             if one not in self.poses or (other not in self.poses and other not in self.points):
@@ -156,14 +156,14 @@ class _Reader:
             subject = f"landmark/{other}" if other in self.points else f"robot/{mate}"
             split = {"EDGE_RANGE": ("range", 1), "EDGE_SE2": ("pose", 3), "EDGE_SE2_XY": ("position", 2)}
             name, size = split[kind]
-            seen[robot].append(Seen(time, name, subject, tuple(numbers[:size]), tuple(numbers[size:])))
+            seen[robot].append(Measured(time, name, subject, tuple(numbers[:size]), tuple(numbers[size:])))
         tracks = {}
         for robot in sorted({_robot(name) for name in self.poses}):
             truth = np.array(sorted(pose for name, pose in self.poses.items() if _robot(name) == robot))
             if not steps[robot]:
                 raise UserError(f"{path}: no odometry (EDGE_SE2) of robot {robot}; a replay needs some")
             odometry, sigmas = _dead_reckoned(sorted(steps[robot], key=lambda step: step[:2]))
-            tracks[robot] = Track(truth, odometry, sigmas, sorted(seen[robot]))
+            tracks[robot] = RecordedRobot(truth, odometry, sigmas, sorted(seen[robot]))
         if not tracks:
             raise UserError(f"{path}: no pose (VERTEX_SE2); give a file in PyFG format, of robots in the plane")
         return FactorGraph(path, tracks, self.points, self.left_out)

@@ -23,7 +23,7 @@ Sigma = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 GAINS = {"paper": 1.0, "camera": 0.05}
 
 
-class VisionSection(Section):
+class WorldVisionSection(Section):
     """The physics of the cameras: (VI-.1) times a gain, seen ahead only."""
 
     preset: Literal["paper", "camera"] = "camera"
@@ -40,7 +40,7 @@ class VisionSection(Section):
         return GAINS[self.preset] if self.gain is None else self.gain
 
 
-class OdometrySection(Section):
+class WorldOdometrySection(Section):
     """The physics of odometry and compass, and of the position fixes that bound the odometry's error."""
 
     along: Sigma = 0.3
@@ -132,9 +132,9 @@ class WorldSection(Section):
         default_factory=lambda: {"ball": ObjectSection(drift=0.2), "can": ObjectSection()}
     )
     "What the team looks for, by name (simulated)."
-    vision: VisionSection = Field(default_factory=VisionSection)
+    vision: WorldVisionSection = Field(default_factory=WorldVisionSection)
     "The physics of the cameras (simulated)."
-    odometry: OdometrySection = Field(default_factory=OdometrySection)
+    odometry: WorldOdometrySection = Field(default_factory=WorldOdometrySection)
     "The physics of odometry, compass and fixes (simulated)."
     people: PeopleSection = Field(default_factory=PeopleSection)
     "Who walks about and is in no team (simulated)."

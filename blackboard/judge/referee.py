@@ -28,7 +28,7 @@ from blackboard.judge.instant import Instant
 from blackboard.judge.motions import Motions
 from blackboard.judge.samples import AREA_OF, GROUPS, LEVELS, Keep, Sample, sample_of
 from blackboard.judge.tally import Tally
-from blackboard.judge.unnamed import Unnamed
+from blackboard.judge.unnamed import UnnamedJudge
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import Score, region_area
@@ -89,7 +89,7 @@ class Referee:
         self._calibrations: dict[tuple[str, str], Calibration] = {}  # subject and level
         self._motions = Motions()
         self._lost = Forecasts()
-        self._unnamed = Unnamed(grid, check.track, unnamed)
+        self._unnamed = UnnamedJudge(grid, check.track, unnamed)
         self._landmark_at: dict[str, float] = {}  # robot -> team time of the newest tick in which it saw a landmark
 
     @property

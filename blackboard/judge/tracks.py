@@ -22,14 +22,14 @@ Place = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Track:
+class TrackAt:
     """One track at one time."""
 
     place: Place  # in the grid's unit
     existence: float | None = None  # the probability that the track is of a real thing; None where the board gives none
 
 
-class Tracks:
+class TrackJudge:
     """Takes the tracks and the things of one kind tick by tick; `summary` is one entry of the scorecard's block "tracks"."""
 
     def __init__(self, cut: float) -> None:
@@ -42,7 +42,7 @@ class Tracks:
         self._unmet: dict[str, bool] = {}  # of each track that lives: whether it was never near a thing
         self._existence = Forecasts()
 
-    def judge_instant(self, things: Mapping[str, Place], tracks: Mapping[str, Track]) -> None:
+    def judge_instant(self, things: Mapping[str, Place], tracks: Mapping[str, TrackAt]) -> None:
         """Take one tick: where each thing is, and what the team says."""
         named, known = sorted(things), sorted(tracks)
         matched = gospa(_rows([things[t] for t in named]), _rows([tracks[t].place for t in known]), self._cut)
@@ -65,7 +65,7 @@ class Tracks:
         for name in known:
             self._unmet[name] = self._unmet.get(name, True) and name not in met
 
-    def _follow(self, things: Mapping[str, Place], tracks: Mapping[str, Track]) -> None:
+    def _follow(self, things: Mapping[str, Place], tracks: Mapping[str, TrackAt]) -> None:
         """Pair what lasts, then the rest; a thing that has another track than last time has switched."""
         kept = {
             thing: track

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from blackboard.errors import Refused
 from blackboard.judge.forecasts import Forecasts
 from blackboard.judge.instant import Instant
-from blackboard.judge.tracks import Track, Tracks
+from blackboard.judge.tracks import TrackAt, TrackJudge
 from blackboard.opinion.classes import kind_of
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
@@ -17,13 +17,13 @@ from blackboard.wire.messages import Consensus, UnnamedSighting
 T = TypeVar("T")
 
 
-class Unnamed:
+class UnnamedJudge:
     """Takes each judged instant once; its `tracks` and `identities` are the blocks of the scorecard of these names."""
 
     def __init__(self, grid: Grid, cut: float, kinds: Iterable[str]) -> None:
         """`kinds` are those that sightings do not name; a track farther than `cut` (unit) from a thing is not of it."""
         self._grid = grid
-        self._tracks = {kind: Tracks(cut) for kind in kinds}
+        self._tracks = {kind: TrackJudge(cut) for kind in kinds}
         self._seen = self._taken = self._wrong = (
             0  # sightings without a name; taken for a known subject; and for a wrong one
         )
@@ -65,12 +65,12 @@ class Unnamed:
             self._taken += one.taken
             self._wrong += one.taken and not right
 
-    def _track(self, told: Consensus) -> Track | None:
+    def _track(self, told: Consensus) -> TrackAt | None:
         try:
             x, y = unpack(told.belief, self._grid).mean()
         except Refused:
             return None
-        return Track((float(x), float(y)), told.existence)
+        return TrackAt((float(x), float(y)), told.existence)
 
     def identities(self) -> dict[str, Any]:
         """How many sightings had no name, were taken for a known subject, and for a wrong one; and the odds that were reported.
@@ -82,7 +82,7 @@ class Unnamed:
         return {"n": self._seen, "taken": self._taken, "wrong": self._wrong, "odds": self._odds.summary()}
 
     def tracks(self) -> dict[str, dict[str, Any]]:
-        """Kind -> what `Tracks.summary` says, as far as there was a thing or a track of it."""
+        """Kind -> what `TrackJudge.summary` says, as far as there was a thing or a track of it."""
         return {kind: summary for kind, judge in sorted(self._tracks.items()) if (summary := judge.summary())}
 
 

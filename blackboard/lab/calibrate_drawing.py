@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from blackboard.calibrate.fit import Fit
-from blackboard.calibrate.found import Calibration
+from blackboard.calibrate.found import FoundTeam
 from blackboard.lab.drawing import BLACK, BLUE, ORANGE, STYLE, VERMILION, save_all
 
 
-def draw(calibration: Calibration, unit: str, folder: Path) -> list[Path]:
+def draw(calibration: FoundTeam, unit: str, folder: Path) -> list[Path]:
     """Draw the residuals of each robot, and where all drove, into a folder as SVG and PNG: the files."""
     with mpl.rc_context(STYLE):
         figures = {
@@ -54,7 +54,7 @@ def residuals(fit: Fit, robot: int, unit: str) -> Figure:
     return figure
 
 
-def ways(calibration: Calibration, unit: str) -> Figure:
+def ways(calibration: FoundTeam, unit: str) -> Figure:
     """Where the robots drove, by their readings, and the landmarks; those that are seen elsewhere, with an arrow to there."""
     figure = Figure(figsize=(6, 7), layout="constrained")
     axis = figure.subplots()

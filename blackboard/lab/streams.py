@@ -113,14 +113,14 @@ UNSEEN: dict[str, Stream] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class StreamInstant:
     """One fusion of a stream: the case, and the belief of an oracle that knows every source's errors; None without one."""
 
     case: Case
     oracle: Belief | None
 
 
-def generate(stream: Stream, fusions: int, rng: np.random.Generator) -> Iterator[Instant]:
+def generate(stream: Stream, fusions: int, rng: np.random.Generator) -> Iterator[StreamInstant]:
     """The instants of a stream, a second apart; the truth is drawn anew each time, the sources' sigmas too."""
     angle = rng.uniform(0, 2 * math.pi)
     away = np.array([math.cos(angle), math.sin(angle)])
@@ -148,13 +148,13 @@ def generate(stream: Stream, fusions: int, rng: np.random.Generator) -> Iterator
             ps,
             (*truth.tolist(),),
         )
-        yield Instant(case, _oracle(sources, ps, means, sigmas))
+        yield StreamInstant(case, _oracle(sources, ps, means, sigmas))
 
 
-def trial_stream(name: str, fusions: int, rng: np.random.Generator) -> Iterator[Instant]:
+def trial_stream(name: str, fusions: int, rng: np.random.Generator) -> Iterator[StreamInstant]:
     """One of the five trials, again and again; without an oracle."""
     for number in range(fusions):
-        yield Instant(replace(TRIALS[name](rng), time=number * SPACING), None)
+        yield StreamInstant(replace(TRIALS[name](rng), time=number * SPACING), None)
 
 
 def _opinion(sources: Sources, source: int, mean: Array, sigma: float, truth: Array) -> Array:
@@ -200,7 +200,7 @@ LEARNED, ORACLE = "learned", "oracle"
 NAMES = (*STREAMS, *OTHERS, *UNSEEN, *(f"trial {name}" for name in TRIALS))
 
 
-def instants(name: str, fusions: int, rng: np.random.Generator) -> Iterator[Instant]:
+def instants(name: str, fusions: int, rng: np.random.Generator) -> Iterator[StreamInstant]:
     """The instants of one of NAMES."""
     if name.startswith("trial "):
         return trial_stream(name.removeprefix("trial "), fusions, rng)

@@ -33,7 +33,7 @@ class Slot:
 
 
 @dataclass(slots=True)
-class Source:
+class SourceQueue:
     """What waits of one source, by key: the key that was not written for longest first."""
 
     keys: dict[str, deque[Slot]] = field(default_factory=dict)
@@ -65,7 +65,7 @@ class Inbox:
         self.tokens: frozenset[str] = frozenset()  # that are held
         self._known: deque[Slot] = deque()
         self._strange: deque[Slot] = deque()
-        self._sources: dict[str, Source] = {}
+        self._sources: dict[str, SourceQueue] = {}
         self._identities: Counter[str] = Counter()  # as whom somebody may write, by how many tokens
         self._changes: dict[str, int] = {}  # token -> its changes that wait
         self._count = self._bytes = 0
@@ -164,7 +164,7 @@ class Inbox:
             if self._is_full():
                 self.dropped += 1
                 return
-        slot, source = Slot(envelope, name), self._sources.setdefault(name, Source())
+        slot, source = Slot(envelope, name), self._sources.setdefault(name, SourceQueue())
         (self._strange if name == STRANGERS else self._known).append(slot)
         self._file(slot, source, envelope)
         while source.count > self.quota or source.size > self.quota_bytes:
@@ -198,9 +198,9 @@ class Inbox:
                 slot.envelope = None
                 moved = Slot(envelope, name)
                 self._known.append(moved)
-                self._file(moved, self._sources.setdefault(name, Source()), envelope)
+                self._file(moved, self._sources.setdefault(name, SourceQueue()), envelope)
 
-    def _file(self, slot: Slot, source: Source, envelope: Envelope) -> None:
+    def _file(self, slot: Slot, source: SourceQueue, envelope: Envelope) -> None:
         waiting = source.keys.pop(envelope.key, None) or deque()
         waiting.append(slot)
         source.keys[envelope.key] = waiting
@@ -219,7 +219,7 @@ class Inbox:
         if not source.count:
             del self._sources[slot.source]
 
-    def _drop(self, source: Source, key: str) -> None:
+    def _drop(self, source: SourceQueue, key: str) -> None:
         flooded = len(source.keys.get(key, ())) > 1
         slot = source.keys[key if flooded else next(iter(source.keys))][0]
         assert slot.envelope is not None, "what waits by its key has not been taken"

@@ -32,7 +32,7 @@ Route = Callable[[Service | None, Service, Envelope], Sequence[float]]
 
 
 @dataclass(eq=False)
-class Process:
+class Hosted:
     """A service that runs: its link, how far its clock is ahead (s), and what waits for it while it is frozen."""
 
     service: Service
@@ -66,8 +66,8 @@ class Scheduler:
     def __init__(self, now: float = BEGIN, shuffle: np.random.Generator | None = None) -> None:
         self.bus, self.now, self.shuffle = Bus(), now, shuffle
         self.route: Route = lambda sender, receiver, envelope: AT_ONCE
-        self._processes: dict[Service, Process] = {}
-        self._by_link: dict[BusLink, Process] = {}
+        self._processes: dict[Service, Hosted] = {}
+        self._by_link: dict[BusLink, Hosted] = {}
         self._travelling: list[tuple[float, int, BusLink, Envelope]] = []  # a heap, by the time of arrival
         self._numbers = count()
 
@@ -78,7 +78,7 @@ class Scheduler:
 
     def join(self, service: Service, ahead: float = 0.0) -> None:
         """Connect a service as `blackboard.process.loop.run` does; its clock is `ahead` by so many seconds."""
-        process = Process(service, self.bus.connect(), ahead)
+        process = Hosted(service, self.bus.connect(), ahead)
         self._processes[service] = self._by_link[process.link] = process
         connect(service, process.link)
 
@@ -178,7 +178,7 @@ class Scheduler:
             else:
                 self._hand_over(receiver, sent.envelope)
 
-    def _hand_over(self, process: Process, envelope: Envelope) -> None:
+    def _hand_over(self, process: Hosted, envelope: Envelope) -> None:
         if process.frozen:
             process.held.append(envelope)
         else:

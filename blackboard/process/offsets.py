@@ -24,7 +24,7 @@ TOLERANCE = 0.2  # seconds: a clock that is off by less, or by less than the rou
 MAX_SOURCES = 256
 
 
-class Offsets:
+class ClockOffsets:
     """The offsets of sources by name. All times are in seconds; `now` is this process's Unix time."""
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class Offsets:
             self._ahead[source] = ahead
 
 
-class Echoes:
+class StampEchoes:
     """The newest stamp of each peer and when it arrived, to be echoed in the own status."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from blackboard.errors import Refused
 from blackboard.process.listener import ClockNews, Listener
-from blackboard.process.offsets import Echoes
+from blackboard.process.offsets import StampEchoes
 from blackboard.process.reactions import REACTIONS, Cue, Place
 from blackboard.process.refusals import in_words
 from blackboard.process.service import Around
@@ -70,7 +70,7 @@ class Peer(Around):
         self.intake, self.roster, self.clock = self.listener.intake, self.listener.roster, self.listener.clock
         self._owner_hears, self._settings, self._listens, self._brief = hear, dict(settings), listens, brief
         self._rare, self._rare_due = rare, -math.inf  # Unix seconds
-        self._echoes = Echoes()  # of the boards' stamps, where each process goes by its own clock
+        self._echoes = StampEchoes()  # of the boards' stamps, where each process goes by its own clock
         self._ahead: dict[str, float] = {}  # sub-team -> seconds that this robot's clock is ahead of its board's
         self._logged: set[tuple[str, str]] = set()  # boards and reasons of refusals
         self.begin("")

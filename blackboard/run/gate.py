@@ -26,7 +26,7 @@ PIECE = 1 << 18  # bytes, more than one event can have
 LOOK = 0.25  # seconds between two looks at what was denied
 
 
-class Stop(Protocol):
+class StopFlag(Protocol):
     """What is needed of `blackboard.run.door.Stop`."""
 
     def __call__(self) -> bool: ...
@@ -34,7 +34,7 @@ class Stop(Protocol):
     def wait(self, seconds: float) -> bool: ...
 
 
-def keep_door(config: LinkConfig, stop: Stop, ready: Callable[[], object]) -> None:
+def keep_door(config: LinkConfig, stop: StopFlag, ready: Callable[[], object]) -> None:
     """Run a router with mutual TLS and access control until it is stopped; `ready` is called once it serves.
 
     UserError: the directory of keys has no certificate for a router.

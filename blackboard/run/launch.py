@@ -21,7 +21,7 @@ from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.run.recording import recording
-from blackboard.run.supervisor import Process, Supervisor, print_line
+from blackboard.run.supervisor import ProcessRow, Supervisor, print_line
 from blackboard.state.fold import Fold
 from blackboard.state.team import WORLD, TeamFold
 from blackboard.wire import keys
@@ -53,11 +53,11 @@ class TapeIncomplete(RunFailed):
 class ProcessTable:
     """The processes of a scenario in the order in which they start."""
 
-    routers: tuple[Process, ...]  # none where a network is given
-    members: tuple[Process, ...]  # boards and robots
-    world: Process
-    viewers: tuple[Process, ...] = ()  # the live page, if it is asked for
-    recorder: Process | None = None  # where the run is recorded
+    routers: tuple[ProcessRow, ...]  # none where a network is given
+    members: tuple[ProcessRow, ...]  # boards and robots
+    world: ProcessRow
+    viewers: tuple[ProcessRow, ...] = ()  # the live page, if it is asked for
+    recorder: ProcessRow | None = None  # where the run is recorded
 
     @property
     def tokens(self) -> frozenset[str]:
@@ -81,10 +81,10 @@ def process_table(
     process of its own, which opens it in the browser where that is asked for.
     """
     python, team = (sys.executable, "-m"), scenario.team
-    routers: tuple[Process, ...] = ()
+    routers: tuple[ProcessRow, ...] = ()
     if own_endpoint is not None:
         arguments = _flags(replace(config, mode=None, listen=(own_endpoint, *config.listen)))
-        routers = (Process("router", (*python, "blackboard", "router", *arguments)),)
+        routers = (ProcessRow("router", (*python, "blackboard", "router", *arguments)),)
         config = replace(config, connect=(own_endpoint,), listen=())
     common = ("--scenario", file, *_flags(config))
     members = []
@@ -92,19 +92,19 @@ def process_table(
         for board in team.boards_of(sub_team):
             arguments = ("serve", "--team", team.name, "--sub-team", sub_team, "--id", board)
             token = keys.BOARD.key(team=team.name, sub_team=sub_team, board=board)
-            members.append(Process(board, (*python, "blackboard", *arguments, *common), frozenset({token})))
+            members.append(ProcessRow(board, (*python, "blackboard", *arguments, *common), frozenset({token})))
     for robot in team.robots:
         sub_teams = [sub_team for sub_team, robots in team.sub_teams.items() if robot in robots]
         arguments = ("--team", team.name, "--id", robot, *(part for s in sub_teams for part in ("--sub-team", s)))
         tokens = frozenset(keys.MEMBER.key(team=team.name, sub_team=s, robot=robot) for s in sub_teams)
-        members.append(Process(robot, (*python, "robot_agent", *arguments, *common), tokens))
+        members.append(ProcessRow(robot, (*python, "robot_agent", *arguments, *common), tokens))
     samples = () if series is None else ("--table", str(series))
-    world = Process("world", (*python, "sim_world", file, "--json", *samples, *_flags(config)))
+    world = ProcessRow("world", (*python, "sim_world", file, "--json", *samples, *_flags(config)))
     recorder = None
     if record is not None:
-        recorder = Process("recorder", (*python, "blackboard", "record", str(record), "--team", team.name, *common))
+        recorder = ProcessRow("recorder", (*python, "blackboard", "record", str(record), "--team", team.name, *common))
     shown = ("--port", "0", *(("--open",) if open_page else ()))
-    page = Process("view", (*python, "blackboard", "view", "--team", team.name, *shown, *_flags(config)))
+    page = ProcessRow("view", (*python, "blackboard", "view", "--team", team.name, *shown, *_flags(config)))
     return ProcessTable(routers, tuple(members), world, (page,) if view else (), recorder)
 
 

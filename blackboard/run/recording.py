@@ -10,11 +10,11 @@ from pathlib import Path
 
 from blackboard.errors import RunFailed
 from blackboard.run.door import ERROR, FAILED
-from blackboard.run.supervisor import STOP_SECONDS, Process, Supervisor
+from blackboard.run.supervisor import STOP_SECONDS, ProcessRow, Supervisor
 
 
 @dataclass
-class Recording:
+class TapeResult:
     """What became of the tape of a run, once the context of `recording` is left."""
 
     trouble: str = ""
@@ -23,14 +23,14 @@ class Recording:
 
 @asynccontextmanager
 async def recording(
-    supervisor: Supervisor, recorder: Process | None, tape: Path | None, ready_seconds: float
-) -> AsyncIterator[Recording]:
+    supervisor: Supervisor, recorder: ProcessRow | None, tape: Path | None, ready_seconds: float
+) -> AsyncIterator[TapeResult]:
     """Record while this context lasts: it is entered once the recorder listens, which the first bytes of the tape show.
 
     RunFailed, UserError: the recorder ended before that, or does not listen after `ready_seconds`. The team does not depend on
     one that ends later, or that could not write everything: then the Recording has the trouble.
     """
-    recorded = Recording()
+    recorded = TapeResult()
     if recorder is None or tape is None:
         yield recorded
         return

@@ -25,7 +25,7 @@ CHUNK = 1 << 16  # bytes; a longer line is broken
 
 
 @dataclass(frozen=True)
-class Process:
+class ProcessRow:
     """A row of a process table: the command, and the liveliness tokens that it holds once it is ready."""
 
     name: str
@@ -73,11 +73,11 @@ class Supervisor:
         finally:
             self.release()
 
-    def keep_running(self, process: Process) -> None:
+    def keep_running(self, process: ProcessRow) -> None:
         """Start a process, and start it again whenever it dies, after a pause that grows while it dies soon (`BACK_OFF`)."""
         self._restarting.append(self._group.create_task(self._restart_forever(process)))
 
-    async def run(self, process: Process) -> tuple[int, str]:
+    async def run(self, process: ProcessRow) -> tuple[int, str]:
         """Run a process once: its exit status (negative: the signal that killed it) and its standard output."""
         output: list[str] = []
         status = await self._run_once(process, output.append)
@@ -104,7 +104,7 @@ class Supervisor:
         else:
             self._held.append((name, line))
 
-    async def _restart_forever(self, process: Process) -> None:
+    async def _restart_forever(self, process: ProcessRow) -> None:
         now, deaths = asyncio.get_running_loop().time, 0
         while True:
             began = now()
@@ -115,7 +115,7 @@ class Supervisor:
             self._show_or_hold(process.name, f"ended with status {status}; starting it again in {pause:g} s")
             await asyncio.sleep(pause)
 
-    async def _run_once(self, process: Process, take: Callable[[str], None]) -> int:
+    async def _run_once(self, process: ProcessRow, take: Callable[[str], None]) -> int:
         """Run a process to its end and return its exit status; stop it if this is cancelled.
 
         `take` is called with each line of its standard output. UserError: it ended with the status of one.
@@ -144,7 +144,7 @@ class Supervisor:
             raise UserError(last or f"{process.name} ended with status {USER_ERROR} and printed nothing")
         return status
 
-    async def _start(self, process: Process) -> asyncio.subprocess.Process:
+    async def _start(self, process: ProcessRow) -> asyncio.subprocess.Process:
         """Start a process. Where this is cancelled the process is stopped in order; asyncio would kill one that it is starting."""
         starting = asyncio.create_task(
             asyncio.create_subprocess_exec(

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from blackboard.config import Scenario, load
 from blackboard.errors import Refused, UserError
-from blackboard.tape.file import About, look_through
+from blackboard.tape.file import TapeAbout, look_through
 from blackboard.tape.journal import Life, digest, lives
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
@@ -27,7 +27,7 @@ class Tape:
 
     scenario: Scenario
     envelopes: list[tuple[float, Envelope]]  # Unix time of arrival at the recorder, in order of arrival
-    about: About
+    about: TapeAbout
 
     @cached_property
     def lives(self) -> list[Life]:
@@ -51,7 +51,7 @@ def load_tape(path: str | Path, scenario: str | None = None) -> Tape:
 
     UserError: the file is no tape or broken, or its scenario is neither on it nor given.
     """
-    about = About()
+    about = TapeAbout()
     path = Path(path)
     envelopes = list(look_through(path, about))
     if scenario is None and about.scenario is None:

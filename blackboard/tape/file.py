@@ -45,7 +45,7 @@ MAX_KEYS = 4096  # channels on a tape; messages on further keys are counted and 
 
 
 @dataclass
-class About:
+class TapeAbout:
     """What a tape says about itself, and what a look through it finds."""
 
     metadata: dict[str, str] = field(default_factory=dict)
@@ -159,10 +159,10 @@ def read(path: str | Path) -> Iterator[tuple[float, Envelope]]:
 
     UserError: no tape, or one that is broken; what is whole before that place came first.
     """
-    return look_through(Path(path), About())
+    return look_through(Path(path), TapeAbout())
 
 
-def look_through(path: Path, about: About, broken: list[int] | None = None) -> Iterator[tuple[float, Envelope]]:
+def look_through(path: Path, about: TapeAbout, broken: list[int] | None = None) -> Iterator[tuple[float, Envelope]]:
     """As `read`; `about` is filled while the tape goes by, its metadata before the first envelope.
 
     With `broken` nothing is raised for what is broken: the bytes of each such place are appended to it, and the rest is read.
@@ -200,7 +200,7 @@ def copy(
 
     UserError: as in `read`, or the new tape cannot be made; then there is none.
     """
-    about = About()
+    about = TapeAbout()
     envelopes = look_through(path, about, broken)
     first = next(envelopes, None)  # the metadata come before it
     everything = envelopes if first is None else chain([first], envelopes)

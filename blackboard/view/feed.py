@@ -17,7 +17,7 @@ TAPE_BYTES = 512 << 20  # of the packed moments of a tape
 CHUNK = 20  # envelopes of a tape in one look: less than a tick of a small team
 
 
-class Connection(Protocol):
+class FeedLink(Protocol):
     """What is needed of `blackboard.net.link.Link`."""
 
     def subscribe(self, key_expr: str) -> None: ...
@@ -50,7 +50,7 @@ class Feed:
 
     done: bool | None = None
 
-    def __init__(self, link: Connection, now: Callable[[], float], team: str = "*") -> None:
+    def __init__(self, link: FeedLink, now: Callable[[], float], team: str = "*") -> None:
         self.fold = Fold()
         self.skipped = 0
         self._link, self._clock = link, now

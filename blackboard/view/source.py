@@ -141,7 +141,7 @@ def when(at: str) -> When:
 
 def open_tape(file: Path, team: str | None) -> Taped:
     """A tape to look at. UserError: it is none, or empty."""
-    from blackboard.tape.file import About, look_through  # extra `record`
+    from blackboard.tape.file import TapeAbout, look_through  # extra `record`
 
-    about = About()
+    about = TapeAbout()
     return Taped(file, look_through(file, about), lambda: about.metadata, team)

@@ -31,9 +31,9 @@ from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.messages import Informed, PackedBelief, Readings, Report, Solo
 from blackboard.wire.types import capped
 from robot_agent.agent import SNAPSHOTS, Agent, Feedback, TeamBelief
-from robot_agent.budget import Choice
+from robot_agent.budget import Sending
 from robot_agent.config import RobotSection
-from robot_agent.gaussian.filter import FirstHand, Told
+from robot_agent.gaussian.filter import FilterResult, FirstHand
 from robot_agent.gaussian.hand_over import pose_of
 from robot_agent.gaussian.own import Given
 from robot_agent.gaussian.sensors import Sensors, sensors_of
@@ -125,7 +125,7 @@ class JointAgent:
         """What it has found out of its sensors, by name."""
         return self.filter.found()
 
-    def on_sent(self, choice: Choice) -> None:
+    def on_sent(self, choice: Sending) -> None:
         """What of the newest reports was sent: evidence that was not is gathered into that of the next tick."""
         own = [report.evidence for report in choice.reports if report.subject == self.subject]
         if not any(evidence is not None and evidence.increment is not None for evidence in own):
@@ -151,7 +151,7 @@ class JointAgent:
             self.filter.enter(pose)
         return reports, solo
 
-    def _report(self, readings: Readings, told: Told) -> tuple[list[Report], Solo]:
+    def _report(self, readings: Readings, told: FilterResult) -> tuple[list[Report], Solo]:
         first = {
             subject: pack(belief, self.settings.coding)
             for subject, belief in sorted(self._firsthand(readings, told).items())
@@ -173,7 +173,7 @@ class JointAgent:
         solo = {subject: belief for subject, belief in first.items() if subject not in mates}
         return reports, Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=solo)
 
-    def _firsthand(self, readings: Readings, told: Told) -> dict[str, Belief]:
+    def _firsthand(self, readings: Readings, told: FilterResult) -> dict[str, Belief]:
         """The beliefs about this robot, the objects that it knows, and the mates that it sees in this tick."""
         evidence = told.evidence(self.subject, readings.tick, readings.time, self.filter.sensors.wheels.nuisance)
         self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [evidence])

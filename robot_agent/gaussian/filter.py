@@ -57,7 +57,7 @@ STRAYED = 0.7  # radians: a robot without a compass that may have turned more, u
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class FilterResult:
     """The result of a tick: the fields of `blackboard.opinion.gaussian.evidence.Evidence` without the robot and the tick."""
 
     epoch: int
@@ -116,7 +116,7 @@ class FirstHand:
         """The whole block, shape (12,) and (12, 12)."""
         return self.joint.moments(self.robot) if self.known else None
 
-    def step(self, readings: Readings, at: Moments | None = None) -> Told:
+    def step(self, readings: Readings, at: Moments | None = None) -> FilterResult:
         """Take the readings of a tick. `at` is what the team believed a tick ago, the robot's whole block: no evidence.
 
         The filter linearises there, and judges by it how large the error along the way is.
@@ -171,7 +171,7 @@ class FirstHand:
         )
         if self._gave_up(readings, team, apart):
             increment = unsent = None
-        return Told(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
+        return FilterResult(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
 
     def _gave_up(self, readings: Readings, team: Array | None, apart: float) -> bool:
         """Whether the belief was given up: as absurd; or for the team's, or a new one, where landmarks contradict it."""

@@ -21,7 +21,7 @@ from blackboard.opinion.gaussian.joint import Block, Joint, Moments, squared_dis
 from blackboard.opinion.gaussian.vehicle import HEADING, POSE, Motion, Nuisance, drive, entering, wrap
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings
-from robot_agent.gaussian.filter import FirstHand, Told
+from robot_agent.gaussian.filter import FilterResult, FirstHand
 
 WINDOW = 60  # gains that are remembered
 FEWEST = 20  # gains before anything is said of them
@@ -91,7 +91,7 @@ class Given(FirstHand):
         """Take a posterior for the next step; None: it has none now, as while there are several hypotheses."""
         self.posterior = posterior
 
-    def step(self, readings: Readings, at: Moments | None = None) -> Told:
+    def step(self, readings: Readings, at: Moments | None = None) -> FilterResult:
         if self.epoch < 0:
             self.restart(readings.time)
         given, self.posterior = self.posterior, None
@@ -121,7 +121,7 @@ class Given(FirstHand):
         )
         further += tuple(self.sensors.unnamed(self.robot, readings, self._turned, motion.dt))
         told = tuple(relatives[name] for name in sorted(relatives)) + further
-        return Told(self.epoch, self.travelled, self.belief, increment, told, motion, unsent)
+        return FilterResult(self.epoch, self.travelled, self.belief, increment, told, motion, unsent)
 
     def enter(self, pose: Moments) -> None:
         """A pose from a grid is of no use: the own filter knows better."""

@@ -19,7 +19,7 @@ Place = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class RobotFiles:
     """What was recorded of one robot, each table sorted by its first column, the time."""
 
     odometry: Array  # (n, 3): time, forward velocity m/s, angular velocity rad/s, as commanded
@@ -62,7 +62,7 @@ class Recording:
     """All files of a folder. Sightings of unknown barcodes and of the robot itself are dropped, and counted."""
 
     folder: Path
-    tracks: dict[int, Track]  # by the robot's number
+    tracks: dict[int, RobotFiles]  # by the robot's number
     landmarks: dict[int, Place]  # by subject number: surveyed position, m
     dropped: int  # sightings
 
@@ -124,5 +124,5 @@ def read_recording(folder: str | Path | None) -> Recording:
         measured[:, 1] = [subjects.get(int(barcode), -1) for barcode in measured[:, 1]]
         known = np.isin(measured[:, 1], [*(n for n in numbers if n != number), *landmarks])
         dropped += int(np.count_nonzero(~known))
-        tracks[number] = Track(odometry, measured[known], truth)
+        tracks[number] = RobotFiles(odometry, measured[known], truth)
     return Recording(path, tracks, landmarks, dropped)

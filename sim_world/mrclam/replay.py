@@ -17,13 +17,13 @@ from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting, Truth
 from blackboard.wire.types import MAX_OPINIONS
-from sim_world.mrclam.files import Recording, Track
+from sim_world.mrclam.files import Recording, RobotFiles
 
 START_SIGMA, START_HEADING_SIGMA = 0.05, 0.03  # metres, radians: how well the start pose is known
 JUDGED_EVERY = 1.0  # seconds from one judged tick to the next
 
 
-class Replay:
+class MrclamSource:
     """A recording as a `sim_world.sources.SensorSource`."""
 
     def __init__(
@@ -112,7 +112,7 @@ class Replay:
             sightings=self._sightings(number, track, before, now) if truth.tick else [],
         )
 
-    def _sightings(self, number: int, track: Track, before: float, now: float) -> list[Sighting]:
+    def _sightings(self, number: int, track: RobotFiles, before: float, now: float) -> list[Sighting]:
         """What was stamped in (before, now] and the protocol allows, in time order."""
         sightings = []
         for stamp, seen, distance, bearing in track.sightings_in(before, now):

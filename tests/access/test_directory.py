@@ -15,14 +15,14 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from blackboard.access import directory
 from blackboard.access.authority import DAY, Pair, issue, new_authority
 from blackboard.access.identity import find
-from blackboard.access.members import Member
+from blackboard.access.members import CertificateHolder
 from blackboard.config import TeamSection
 from blackboard.errors import UserError
 from blackboard.net.settings import LinkConfig
 from tests.access.doors import TEAM, make_keys
 
 NOW = 1_800_000_000.0
-R1 = Member("t", "robot", "r1", ("a",))
+R1 = CertificateHolder("t", "robot", "r1", ("a",))
 
 
 def certificate(path: Path) -> x509.Certificate:
@@ -87,7 +87,9 @@ def test_a_certificate_says_who_for_what_and_until_when() -> None:
     purposes = robot.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
     assert list(purposes) == [ExtendedKeyUsageOID.CLIENT_AUTH]
     assert robot.extensions.get_extension_for_class(x509.BasicConstraints).value.ca is False
-    router, _ = issue(authority, Member("t", "router", "router"), ("127.0.0.1", "::1", "base.local"), NOW, 30.0)
+    router, _ = issue(
+        authority, CertificateHolder("t", "router", "router"), ("127.0.0.1", "::1", "base.local"), NOW, 30.0
+    )
     server = x509.load_pem_x509_certificate(router.certificate)
     assert list(server.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value) == [
         ExtendedKeyUsageOID.SERVER_AUTH

@@ -7,7 +7,7 @@ import json
 import pytest
 import zenoh
 
-from blackboard.access.members import Member, Team, members_of
+from blackboard.access.members import CertificateHolder, CertifiedTeam, members_of
 from blackboard.access.rules import access_control, grant
 from blackboard.board.service import BoardService
 from blackboard.config import BoardSection, Scenario
@@ -18,7 +18,7 @@ from robot_agent.config import RobotSection
 from robot_agent.service import AgentService
 from tests.access.doors import TEAM
 
-MEMBERS = {member.who: member for member in (*members_of(TEAM), Member("t", "bridge", "r1", ("a",)))}
+MEMBERS = {member.who: member for member in (*members_of(TEAM), CertificateHolder("t", "bridge", "r1", ("a",)))}
 PARTS = {
     "team": ("t", "u"),
     "sub_team": ("a", "b"),
@@ -44,7 +44,7 @@ def all_keys(topic: Topic) -> list[tuple[str, dict[str, str]]]:
     return [(topic.key(**parts), parts) for parts in found]
 
 
-def should_write(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
+def should_write(member: CertificateHolder, topic: Topic, parts: dict[str, str]) -> bool:
     """The oracle: of its own team and sub-teams, under its own name."""
     if parts["team"] != "t":
         return False
@@ -62,7 +62,7 @@ def should_write(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
     return topic.name == "disk" and member.kind in ("viewer", "recorder") and parts["recorder"] == member.name
 
 
-def should_read(member: Member, topic: Topic, parts: dict[str, str]) -> bool:
+def should_read(member: CertificateHolder, topic: Topic, parts: dict[str, str]) -> bool:
     """The oracle: what it needs; who looks on reads all of every team on the router, which is one."""
     own_sub_team = parts.get("sub_team") in (None, *member.sub_teams)
     if member.kind in ("viewer", "recorder", "bridge") or parts["team"] != "t" or member.kind in ("router", "health"):
@@ -168,7 +168,7 @@ def test_zenoh_takes_the_access_control_and_whoever_it_does_not_name_is_denied()
 
 
 def test_a_name_that_was_revoked_comes_back_as_another_generation() -> None:
-    team = Team("t", ("a", "b"), (), members_of(TEAM))
+    team = CertifiedTeam("t", ("a", "b"), (), members_of(TEAM))
     first = team.named("r3")
     team = team.without(first)
     again = team.new_member("robot", "r3", ("b",))
@@ -190,4 +190,4 @@ def test_a_name_that_was_revoked_comes_back_as_another_generation() -> None:
 )
 def test_a_mistake_about_a_name_is_told(call: object, says: str) -> None:
     with pytest.raises(UserError, match=says):
-        call(Team("t", ("a", "b"), (), members_of(TEAM)))  # type: ignore[operator]
+        call(CertifiedTeam("t", ("a", "b"), (), members_of(TEAM)))  # type: ignore[operator]

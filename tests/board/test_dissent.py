@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from blackboard.board.dissent import Dissent
+from blackboard.board.dissent import DissentJudge
 from blackboard.board.fusion import Fusion, fuse_opinions
 from blackboard.config import BoardSection
 from blackboard.opinion.belief import Belief, gaussian
@@ -33,12 +33,14 @@ def said(places: Mapping[str, tuple[float, float]], sigma: float = 1.5, seed: in
     ]
 
 
-def fused(dissent: Dissent | None, opinions: list[Opinion], time: float, settings: BoardSection = SETTINGS) -> Fusion:
+def fused(
+    dissent: DissentJudge | None, opinions: list[Opinion], time: float, settings: BoardSection = SETTINGS
+) -> Fusion:
     return fuse_opinions(opinions, GRID, settings, SUBJECT, None, time, dissent)
 
 
 def lived(
-    dissent: Dissent, places: Mapping[str, tuple[float, float]], seconds: int, start: int = 0, sigma: float = 1.5
+    dissent: DissentJudge, places: Mapping[str, tuple[float, float]], seconds: int, start: int = 0, sigma: float = 1.5
 ) -> float:
     """Seconds of fusions, one each; the team time after them."""
     for second in range(start, start + seconds):
@@ -52,7 +54,7 @@ LIAR = {**HONEST, "r5": (30.0, 20.0)}
 
 
 def test_as_long_as_nobody_disagrees_nothing_is_changed_to_the_bit() -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     for second in range(60):
         opinions = said(HONEST, seed=second)
         one, other = fused(dissent, opinions, float(second)), fused(None, opinions, float(second))
@@ -63,7 +65,7 @@ def test_as_long_as_nobody_disagrees_nothing_is_changed_to_the_bit() -> None:
 
 
 def test_one_liar_of_five_is_named_after_some_seconds_and_the_others_are_not() -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     lived(dissent, LIAR, FIRM)
     assert dissent.told() == []
     lived(dissent, LIAR, 20, FIRM)
@@ -75,7 +77,7 @@ def test_one_liar_of_five_is_named_after_some_seconds_and_the_others_are_not() -
 
 
 def test_who_is_named_counts_for_less() -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     now = lived(dissent, LIAR, 20)
     two = said({"r1": TRUTH, "r5": (24.0, 20.0)}, sigma=1.5, seed=99)
     one, other = fused(dissent, two, now), fused(None, two, now)
@@ -85,7 +87,7 @@ def test_who_is_named_counts_for_less() -> None:
 
 
 def test_who_agrees_again_returns_slowly() -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     lived(dissent, LIAR, 30)
     weights = []
     for second in range(30, 80):
@@ -99,7 +101,7 @@ def test_who_agrees_again_returns_slowly() -> None:
 
 
 def test_it_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     with caplog.at_level(logging.WARNING):
         lived(dissent, LIAR, 40)
     assert len(caplog.records) == 1
@@ -107,14 +109,14 @@ def test_it_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
 
 
 def test_two_that_collude_against_three_are_named() -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     lived(dissent, {"r1": TRUTH, "r2": TRUTH, "r3": TRUTH, "r4": (30.0, 20.0), "r5": (30.0, 20.0)}, 20)
     assert [it.source for it in dissent.told()] == ["r4", "r5"]
 
 
 @pytest.mark.parametrize("size", [2, 3])
 def test_of_two_camps_nobody_is_named_and_both_are_told_with_their_weights(size: int) -> None:
-    dissent, names = Dissent("consensus"), [f"r{k}" for k in range(2 * size)]
+    dissent, names = DissentJudge("consensus"), [f"r{k}" for k in range(2 * size)]
     places = {name: TRUTH if k < size else (30.0, 20.0) for k, name in enumerate(names)}
     lived(dissent, places, 20, sigma=0.7)
     assert dissent.told() == []
@@ -127,13 +129,13 @@ def test_of_two_camps_nobody_is_named_and_both_are_told_with_their_weights(size:
 
 
 def test_two_that_contradict_each_other_accuse_nobody() -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     lived(dissent, {"r1": TRUTH, "r2": (30.0, 20.0)}, 20)
     assert dissent.told() == []
 
 
 def test_an_over_confident_source_is_named_too() -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     for second in range(30):
         rng = np.random.default_rng(second)
         place = (20 + rng.normal(0, 6.0), 20 + rng.normal(0, 6.0))
@@ -143,21 +145,21 @@ def test_an_over_confident_source_is_named_too() -> None:
 
 
 def test_with_the_paper_s_feedback_everything_is_as_printed() -> None:
-    dissent, printed = Dissent("consensus"), SETTINGS.model_copy(update={"feedback": "paper"})
+    dissent, printed = DissentJudge("consensus"), SETTINGS.model_copy(update={"feedback": "paper"})
     for second in range(20):
         fused(dissent, said(LIAR, seed=second), float(second), printed)
     assert dissent.told() == []
 
 
 def test_opinions_that_are_no_bells_are_not_judged() -> None:
-    dissent, flat = Dissent("consensus"), Belief(GRID, np.full(GRID.shape, 1 / GRID.size))
+    dissent, flat = DissentJudge("consensus"), Belief(GRID, np.full(GRID.shape, 1 / GRID.size))
     for second in range(20):
         fused(dissent, [*said(HONEST, seed=second), Opinion("r5", flat, {"r5": 0.0})], float(second))
     assert dissent.told() == []
 
 
 def test_memory_is_bounded() -> None:
-    dissent = Dissent("consensus")
+    dissent = DissentJudge("consensus")
     for second in range(40):
         names = {f"r{second}-{k}": TRUTH for k in range(4)}
         fuse_opinions(said(names), GRID, SETTINGS, f"object/o{second}", None, float(second), dissent)
@@ -173,7 +175,7 @@ def moments(x: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def judge(
-    dissent: Dissent, seconds: int, told: Mapping[str, float], trust: Trust, taken: bool = True, start: int = 0
+    dissent: DissentJudge, seconds: int, told: Mapping[str, float], trust: Trust, taken: bool = True, start: int = 0
 ) -> None:
     believed = {name: moments(0.0) for name in told}
     hear = partial(
@@ -184,7 +186,7 @@ def judge(
 
 
 def test_in_a_joint_who_says_that_it_is_elsewhere_is_named_with_the_share_that_was_taken() -> None:
-    dissent = Dissent("agreed", joint=True)
+    dissent = DissentJudge("agreed", joint=True)
     judge(dissent, 20, {"r1": 0.3, "r2": 0.1, "r3": 9.0}, Trust(), taken=False)
     (told,) = dissent.told()
     assert (told.level, told.source, told.since) == ("agreed", "r3", FIRM)
@@ -193,13 +195,13 @@ def test_in_a_joint_who_says_that_it_is_elsewhere_is_named_with_the_share_that_w
 
 
 def test_in_a_joint_where_half_the_robots_are_elsewhere_nobody_is_named() -> None:
-    dissent = Dissent("agreed", joint=True)
+    dissent = DissentJudge("agreed", joint=True)
     judge(dissent, 20, {"r1": 0.3, "r2": 9.0}, Trust())
     assert dissent.told() == []
 
 
 def test_who_is_left_out_of_a_joint_is_named_at_once_and_until_it_is_taken_back() -> None:
-    dissent, trust = Dissent("agreed", joint=True), Trust()
+    dissent, trust = DissentJudge("agreed", joint=True), Trust()
     names = ("robot/r1", "robot/r2", "robot/r3")
 
     def see(agrees: bool, times: int) -> None:
@@ -218,7 +220,7 @@ def test_who_is_left_out_of_a_joint_is_named_at_once_and_until_it_is_taken_back(
 
 
 def test_opposed_camps_of_a_joint_are_told_about_their_members() -> None:
-    dissent, trust = Dissent("agreed", joint=True), Trust()
+    dissent, trust = DissentJudge("agreed", joint=True), Trust()
     camps = ({"robot/r1", "robot/r2"}, {"robot/r3", "robot/r4"})
     for _ in range(10):
         for one in sorted(set.union(*camps)):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blackboard.board.dissent import Dissent, Standing
+from blackboard.board.dissent import DissentJudge, Standing
 from blackboard.board.factors import RIDGE, weights_of
 from blackboard.board.fusion import as_advised, fuse_opinions
 from blackboard.board.learning import Learner
@@ -267,7 +267,7 @@ def test_a_fusion_is_done_again_by_what_is_published_of_it(by: str) -> None:
     if by == "learned":
         learner, settings = taught(liar=12.0), LEARN
     else:
-        dissent = Dissent("consensus", standings={"s0": Standing(Verdicts(0.7, 9), since=0.0)})
+        dissent = DissentJudge("consensus", standings={"s0": Standing(Verdicts(0.7, 9), since=0.0)})
     found = fuse_opinions([*opinions, informed], GRID, settings, "object/ball", learner, 99.0, dissent)
     powers = {(share.opinion.source, share.how): share.power for share in found.shares}
     assert powers["s0", "independent"] < 0.7
@@ -321,7 +321,7 @@ def test_a_single_opinion_is_fused_as_by_the_rule_with_the_independence_that_is_
     known: bool, mine: bool
 ) -> None:
     only = opinion("s1" if known else "stranger", (12.5, 9.0), 3.0)
-    fused = fuse_opinions([only], GRID, LEARN, "robot/r1", taught(), 41.0, Dissent("consensus"), lambda _: mine)
+    fused = fuse_opinions([only], GRID, LEARN, "robot/r1", taught(), 41.0, DissentJudge("consensus"), lambda _: mine)
     cautious = BoardSection.model_validate({"independence": 0.2})
     plain = fuse_opinions([only], GRID, cautious, "robot/r1", counts=lambda _: mine)
     for told, belief in ((fused.belief, plain.belief), (fused.firsthand, plain.firsthand)):

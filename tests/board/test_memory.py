@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard.board.dissent import Dissent
+from blackboard.board.dissent import DissentJudge
 from blackboard.board.learning import Learner
 from blackboard.board.memory import SAMPLE, packed_memory, remembered
 from blackboard.errors import Refused
@@ -33,7 +33,7 @@ def pool(opinions: Any) -> Belief:
     return Belief(GRID, fuse_belief(Coalition(), np.stack([it.belief.p for it in opinions]), GRID))
 
 
-def hear(learner: Learner, dissent: Dissent, time: float, opinions: list[Opinion]) -> None:
+def hear(learner: Learner, dissent: DissentJudge, time: float, opinions: list[Opinion]) -> None:
     for k, subject in enumerate(("object/ball", "robot/r1")):
         learner.compare_opinions(subject, time, opinions[k:])
         dissent.judge_opinions(subject, time, opinions[k:], pool)
@@ -49,8 +49,8 @@ def sent(packed: PackedMemory) -> PackedMemory:
 @pytest.mark.parametrize("handed_on", [37, *(pytest.param(n, marks=pytest.mark.long) for n in (0, 3, 150))])
 def test_who_goes_on_from_a_memory_does_the_same_to_the_bit(handed_on: int) -> None:
     """With a liar, errors that last, and four ticks a second: in the middle of a second, too."""
-    learner, dissent = Learner(), Dissent("consensus")
-    heirs: tuple[Learner, Dissent] | None = None
+    learner, dissent = Learner(), DissentJudge("consensus")
+    heirs: tuple[Learner, DissentJudge] | None = None
     for tick, opinions in enumerate(stream(5, 240, liar=12.0, memory=0.8)):
         hear(learner, dissent, 0.25 * tick, opinions)
         if heirs is not None:
@@ -78,7 +78,7 @@ def test_a_memory_is_small_and_that_of_the_most_sources_fits_a_message() -> None
                     sub_team="a",
                     tick=1,
                     time=1e6,
-                    consensus=packed_memory(learner, Dissent("x")),
+                    consensus=packed_memory(learner, DissentJudge("x")),
                     agreed=EMPTY,
                 )
             )

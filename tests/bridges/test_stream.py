@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from blackboard.bridges.stream import Stream, agreed, corner, masses
+from blackboard.bridges.stream import TeamStream, agreed, corner, masses
 from blackboard.state.moments import Moment
 from blackboard.state.team import Event, TeamFold
 from blackboard.tape.file import read
@@ -27,8 +27,8 @@ class Seen:
 @pytest.fixture(scope="module")
 def seen() -> Seen:
     feed, found = TapeFeed(read(GOLDEN)), Seen()
-    stream = Stream(feed, "demo")
-    assert Stream(feed, "another").new(found) == 0
+    stream = TeamStream(feed, "demo")
+    assert TeamStream(feed, "another").new(found) == 0
     while not feed.done:
         feed.hear_envelopes(feed.receive())
         stream.new(found)

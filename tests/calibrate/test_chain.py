@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blackboard.calibrate.chain import Chain, Factors
+from blackboard.calibrate.chain import Factors, NormalEquations
 from blackboard.calibrate.drives import drives_of
 from blackboard.calibrate.model import EACH, EXPECTED, LAG, Model, Noise
 from tests.calibrate.teams import Robot, team
@@ -48,7 +48,7 @@ def rows(it: Factors) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_a_chain_is_least_squares() -> None:
     rng = np.random.default_rng(1)
-    some, chain = factors(rng), Chain.of(TICKS, ROBOTS, SHARED)
+    some, chain = factors(rng), NormalEquations.of(TICKS, ROBOTS, SHARED)
     for it in some:
         chain.add(it)
     each = range(3 * ROBOTS)

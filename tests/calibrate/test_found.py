@@ -10,7 +10,7 @@ import pytest
 
 from blackboard.calibrate import report
 from blackboard.calibrate.drives import drives_of
-from blackboard.calibrate.found import Calibration, calibrated
+from blackboard.calibrate.found import FoundTeam, calibrated
 from blackboard.calibrate.model import Noise
 from blackboard.errors import UserError
 from tests.calibrate.teams import PLACES, Robot, team
@@ -21,7 +21,7 @@ USUAL = Noise.alike(2, (0.03, 0.004, 0.03), 0.1, 0.04, 0.08, 0.02)
 
 
 @cache
-def found() -> Calibration:
+def found() -> FoundTeam:
     return calibrated(drives_of(team([ODD, NOISY], 180.0, 1)), 0.26, {"usual": USUAL})
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blackboard.chaos.trouble import LONGEST, RETRANSMISSION, Line, Trouble
+from blackboard.chaos.trouble import LONGEST, RETRANSMISSION, OneDirection, Trouble
 
 
 def late(trouble: Trouble, n: int = 2000, size: int = 100, apart: float = 10.0) -> list[float]:
     """How late each of `n` pieces comes that are sent so many seconds apart."""
-    line = Line(np.random.default_rng(1))
+    line = OneDirection(np.random.default_rng(1))
     return [line.arrives(apart * i, size, trouble) - apart * i for i in range(n)]
 
 
@@ -35,7 +35,7 @@ def test_a_lost_segment_costs_the_time_until_it_is_sent_again(segments: int, sha
 
 
 def test_what_is_behind_a_lost_segment_waits_for_it() -> None:
-    line, trouble = Line(np.random.default_rng(3)), Trouble(loss=0.3, jitter=0.05, delay=0.05)
+    line, trouble = OneDirection(np.random.default_rng(3)), Trouble(loss=0.3, jitter=0.05, delay=0.05)
     arrivals = [line.arrives(0.01 * i, 100, trouble) for i in range(500)]
     assert arrivals == sorted(arrivals)
 

@@ -19,7 +19,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.wire.messages import Fix, Odometry, Sighting
 from examples.field.central import Central
 from examples.field.world import HEIGHT, WIDTH, Said, Truth, World
-from robot_agent.driven import Driven, Gathered, driven
+from robot_agent.driven import Driven, SinceStep, driven
 
 CHI = {0.5: 1.386, 0.95: 5.991}
 SETTLED = 5.0  # seconds after which errors count
@@ -71,7 +71,7 @@ def scenario(truth: Truth, told: bool, **board: object) -> Scenario:
     )
 
 
-def gathered(it: Said, truth: Truth, sigmas: bool) -> Gathered:
+def gathered(it: Said, truth: Truth, sigmas: bool) -> SinceStep:
     """What a robot is told; with `sigmas` how exact its odometry is, too."""
     own = {}
     if sigmas:
@@ -84,7 +84,7 @@ def gathered(it: Said, truth: Truth, sigmas: bool) -> Gathered:
         fix = Fix(position=it.start[:2], sigma=truth.start, heading=it.start[2], heading_sigma=truth.start_heading)
     elif it.gps is not None:
         fix = Fix(position=it.gps, sigma=truth.gps)
-    return Gathered(
+    return SinceStep(
         None if it.start is not None else Odometry(distance=it.distance, turn=it.turn, dt=it.dt, **own),
         None,
         fix,
@@ -101,12 +101,12 @@ def gathered(it: Said, truth: Truth, sigmas: bool) -> Gathered:
     )
 
 
-def posterior(it: Said, truth: Truth, sigmas: bool, own: Central, robot: str) -> Gathered:
+def posterior(it: Said, truth: Truth, sigmas: bool, own: Central, robot: str) -> SinceStep:
     """The same of a robot with a filter of its own, which took what the sensors said but the sightings."""
     told = gathered(it, truth, sigmas)
     mean, covariance = own.of(f"robot/{robot}")
     still = Odometry(distance=0.0, turn=0.0, dt=it.dt)
-    return Gathered(told.odometry or still, None, None, told.sightings, posterior=Moments(mean, covariance))
+    return SinceStep(told.odometry or still, None, None, told.sightings, posterior=Moments(mean, covariance))
 
 
 class Field(Scheduler):
@@ -163,7 +163,7 @@ class Field(Scheduler):
                 self.run_to(max(self.now, at + self.phases.get(robot, 0.0)))
                 told = gathered(it, self.claimed, self.sigmas)
                 if robot in self.unplaced and it.start is not None:
-                    told = Gathered()
+                    told = SinceStep()
                 if self.own:
                     if self.fed_back and (before := self.robots[robot].pose()) is not None:
                         alone[robot].take(before.mean, before.covariance)

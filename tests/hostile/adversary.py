@@ -53,11 +53,11 @@ def draw_change(rng: np.random.Generator) -> Change:
         changes.Tells(str(rng.choice(list(NUMBERS))), whom, offset(), size(-4, 0.5)),  # type: ignore[arg-type]
         changes.Unnames(),
         changes.Knows(whom, offset(), size(-1, 1)),  # type: ignore[arg-type]
-        changes.Echoes(size(-1, 1)),
+        changes.EchoesTeam(size(-1, 1)),
         changes.Invents(int(rng.integers(1, 64)), bool(rng.random() < 0.5), bool(rng.random() < 0.5)),
-        changes.Drives(float(rng.normal(1, 2)), float(rng.normal(1, 2)), sigma),
+        changes.WrongWheels(float(rng.normal(1, 2)), float(rng.normal(1, 2)), sigma),
         changes.Epochs(),
-        changes.Clock(float(rng.normal(0, 3)), float(rng.normal(0, 0.3))),
+        changes.WrongClock(float(rng.normal(0, 3)), float(rng.normal(0, 0.3))),
         changes.Replays(size(-1, 1.5)),
     )
     return drawn[int(rng.integers(len(drawn)))]

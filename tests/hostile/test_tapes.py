@@ -12,7 +12,7 @@ from mcap.writer import IndexType, Writer
 from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.tape.content import Tape
-from blackboard.tape.file import ABOUT, FORMAT, PROFILE, About, copy, look_through, read
+from blackboard.tape.file import ABOUT, FORMAT, PROFILE, TapeAbout, copy, look_through, read
 from blackboard.tape.whatif import WAKES, what_if
 from blackboard.wire.envelope import Envelope
 from tests.commands import Ran
@@ -103,7 +103,7 @@ def test_a_few_bytes_that_unpack_to_much_memory_are_not_read(tmp_path: Path) -> 
     with pytest.raises(UserError, match="holds more than a tape of this size"):
         list(read(tape))
     broken: list[int] = []
-    kept = sum(len(envelope.payload) for _, envelope in look_through(tape, About(), broken))
+    kept = sum(len(envelope.payload) for _, envelope in look_through(tape, TapeAbout(), broken))
     assert kept < (1 << 26) + (1 << 25)
 
 
@@ -121,7 +121,7 @@ def apart(tape: Tape, seconds: float) -> list[tuple[float, Envelope]]:
 
 def wakes(envelopes: list[tuple[float, Envelope]], scenario: Scenario) -> int:
     """How often the boards of a tape are woken in a replay without r3."""
-    return what_if(Tape(scenario, envelopes, About()), scenario, ["r3"]).counters["woken"]
+    return what_if(Tape(scenario, envelopes, TapeAbout()), scenario, ["r3"]).counters["woken"]
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1.0, 1e6])
@@ -144,4 +144,4 @@ def test_a_real_tape_wakes_its_boards_less_than_once_for_each_message(honest: Ta
 
 def test_what_is_looked_through_is_bounded_by_its_bytes(tmp_path: Path, honest: Tape) -> None:
     whole = tape_of(tmp_path / "x.mcap", puts(honest), json.dumps(SMALL.tables))
-    assert len(list(look_through(whole, About()))) == len(puts(honest))
+    assert len(list(look_through(whole, TapeAbout()))) == len(puts(honest))

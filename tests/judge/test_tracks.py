@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
-from blackboard.judge.tracks import Place, Track, Tracks
+from blackboard.judge.tracks import Place, TrackAt, TrackJudge
 
 CUT = 3.0
 
@@ -15,9 +15,9 @@ CUT = 3.0
 def judged(
     *ticks: tuple[Mapping[str, Place], Mapping[str, Place]], existence: float | None = None
 ) -> dict[str, object]:
-    found = Tracks(CUT)
+    found = TrackJudge(CUT)
     for things, tracks in ticks:
-        found.judge_instant(things, {name: Track(place, existence) for name, place in tracks.items()})
+        found.judge_instant(things, {name: TrackAt(place, existence) for name, place in tracks.items()})
     return found.summary()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from blackboard.config import load
-from blackboard.faults import Lie, faults_of
+from blackboard.faults import LieFault, faults_of
 from blackboard.judge.forecasts import Forecasts
 from blackboard.lab.lost import LEADS, jobs, judge, report, text
 
@@ -19,7 +19,7 @@ def test_each_lead_is_run_on_each_seed_and_its_lengths_fit_the_grid() -> None:
         assert [fault.names for fault in faults_of(scenario)] == [("r1",)] * len(LEADS[lead])
     small = team.changed("grid", cell=0.1)
     (lie,) = (fault for lead, scenario in jobs([small], 1) if lead == "it lies" for fault in faults_of(scenario))
-    assert isinstance(lie, Lie)
+    assert isinstance(lie, LieFault)
     assert lie.offset == pytest.approx((0.6, 0.4))
 
 

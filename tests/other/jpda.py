@@ -27,7 +27,7 @@ from stonesoup.types.track import Track
 from stonesoup.types.update import GaussianStateUpdate
 from stonesoup.updater.kalman import KalmanUpdater
 
-from blackboard.config.world import VisionSection
+from blackboard.config.world import WorldVisionSection
 from blackboard.opinion.classes import is_class
 from blackboard.wire.messages import Readings, Truth
 from sim_world.sensors import FAR, NEAR, vision_sigma, wrap
@@ -42,7 +42,7 @@ WIDEST = 8.0  # unit^2, of the variances of a place together: a wider track is o
 class Central:
     """Mutable; `hear` once per tick. Everything that a real team has to find out is given to it: poses, noise, detection, clutter."""
 
-    vision: VisionSection
+    vision: WorldVisionSection
     detects: float
     clutter: float  # sightings of nothing in a frame
     speed: float  # unit / s

@@ -9,8 +9,8 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.config.world import WorldSection
-from blackboard.judge.tracks import Track, Tracks
-from blackboard.lab.team import Team, played
+from blackboard.judge.tracks import TrackAt, TrackJudge
+from blackboard.lab.team import LabTeam, played
 from tests.files import ROOT
 
 pytest.importorskip("stonesoup", reason="no Stone Soup: pip install '.[jpda]'")
@@ -33,18 +33,18 @@ def centralised(scenario: Scenario) -> dict[str, Any]:
     """What the scorecard would say of the tracks of a centralised JPDA."""
     world = scenario.section("world", WorldSection)
     tracker = Central(world.vision, 1.0 - world.detector.missed, world.detector.clutter, world.people.speed)
-    judge = Tracks(world.check.track)
+    judge = TrackJudge(world.check.track)
     for tick in played(scenario):
         tracker.hear(tick.truth, tick.readings)
         if tick.judged:
             things = {it: place for it, place in tick.truth.positions.items() if it.startswith("person/")}
-            judge.judge_instant(things, {it: Track(place) for it, place in tracker.places().items()})
+            judge.judge_instant(things, {it: TrackAt(place) for it, place in tracker.places().items()})
     return judge.summary()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_team_follows_people_about_as_well_as_one_computer_that_knows_where_all_robots_are(seed: int) -> None:
-    found, central = Team(people(seed)).run()["tracks"]["person"], centralised(people(seed))
+    found, central = LabTeam(people(seed)).run()["tracks"]["person"], centralised(people(seed))
     assert found["gospa"] <= 1.1 * central["gospa"]
     assert found["switches"] <= central["switches"]
     assert found["false"] <= central["false"]

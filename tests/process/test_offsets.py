@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard.process.offsets import LONGEST, MAX_SOURCES, TOLERANCE, WINDOW, Echoes, Offsets
+from blackboard.process.offsets import LONGEST, MAX_SOURCES, TOLERANCE, WINDOW, ClockOffsets, StampEchoes
 
 seconds = st.floats(0.0, 0.4)
 
 
 def trip(
-    it: Offsets, ahead: float, *, there: float = 0.0, held: float = 0.0, back: float = 0.0, now: float = 100.0
+    it: ClockOffsets, ahead: float, *, there: float = 0.0, held: float = 0.0, back: float = 0.0, now: float = 100.0
 ) -> float:
     """A stamp goes to r1, is held and comes back, from `now` on; when it is back."""
     end = now + there + held + back
@@ -22,7 +22,7 @@ def trip(
 
 @given(st.floats(-20, 20), seconds, st.floats(0, 5), seconds)
 def test_a_round_trip_finds_a_clock_to_within_half_of_it(ahead: float, there: float, held: float, back: float) -> None:
-    it = Offsets()
+    it = ClockOffsets()
     trip(it, ahead, there=there, held=held, back=back)
     error = max(TOLERANCE, there + back)
     assert abs(it.ahead("r1") - ahead) <= error * 1.5 + 1e-6
@@ -31,7 +31,7 @@ def test_a_round_trip_finds_a_clock_to_within_half_of_it(ahead: float, there: fl
 
 
 def test_the_shortest_of_the_last_round_trips_counts() -> None:
-    it = Offsets()
+    it = ClockOffsets()
     trip(it, 3.0, back=1.5)
     assert it.ahead("r1") == pytest.approx(3.0 - 0.75)
     trip(it, 3.0)
@@ -42,7 +42,7 @@ def test_the_shortest_of_the_last_round_trips_counts() -> None:
 
 
 def test_a_clock_that_is_set_right_is_left_alone_again() -> None:
-    it = Offsets()
+    it = ClockOffsets()
     trip(it, -3.0)
     assert it.found() == {"r1": -3.0}
     for _ in range(WINDOW):
@@ -53,13 +53,13 @@ def test_a_clock_that_is_set_right_is_left_alone_again() -> None:
 @pytest.mark.parametrize(("stamp", "held"), [(100.0 - LONGEST - 0.1, 0.0), (100.5, 0.0), (99.0, 1.5)])
 def test_what_is_no_round_trip_tells_nothing(stamp: float, held: float) -> None:
     """As a status that somebody repeats long after it was sent."""
-    it = Offsets()
+    it = ClockOffsets()
     it.round_trip("r1", 103.0, stamp, held, 100.0)
     assert it.ahead("r1") == 0.0
 
 
 def test_without_a_round_trip_only_a_stamp_of_the_future_is_certain() -> None:
-    it = Offsets()
+    it = ClockOffsets()
     it.stamped("r1", 95.0, 100.0)
     assert it.ahead("r1") == 0.0, "slow, or behind"
     it.stamped("r1", 103.0, 100.0)
@@ -71,7 +71,7 @@ def test_without_a_round_trip_only_a_stamp_of_the_future_is_certain() -> None:
 
 def test_small_changes_move_no_stamp() -> None:
     """Else a report could be stamped earlier than the one before it."""
-    it = Offsets()
+    it = ClockOffsets()
     trip(it, 3.0)
     for number in range(2 * WINDOW):
         trip(it, 3.0 + 0.01 * (number % 3), now=101.0 + number)
@@ -79,7 +79,7 @@ def test_small_changes_move_no_stamp() -> None:
 
 
 def test_what_another_board_found_counts_until_there_is_a_round_trip() -> None:
-    it = Offsets()
+    it = ClockOffsets()
     it.hear_offsets({"r1": -3.0})
     assert it.ahead("r1") == -3.0
     trip(it, -4.0)
@@ -88,7 +88,7 @@ def test_what_another_board_found_counts_until_there_is_a_round_trip() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    it, echoes = Offsets(), Echoes()
+    it, echoes = ClockOffsets(), StampEchoes()
     for number in range(2 * MAX_SOURCES):
         it.stamped(f"r{number}", 103.0, 100.0)
         it.round_trip(f"q{number}", 103.0, 100.0, 0.0, 100.0)
@@ -99,7 +99,7 @@ def test_memory_is_bounded() -> None:
 
 
 def test_the_newest_stamp_of_each_peer_is_held_since_it_came_first() -> None:
-    it = Echoes()
+    it = StampEchoes()
     it.hear_stamp("b", 7.0, 100.0)
     it.hear_stamp("b", 7.0, 100.5)
     it.hear_stamp("a", 8.0, 100.5)

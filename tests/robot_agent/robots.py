@@ -12,7 +12,7 @@ from blackboard.wire.messages import Fix, Odometry, Readings, Report, Sighting
 from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection
 from robot_agent.position import PositionLocalizer
-from robot_agent.sensing import Motion
+from robot_agent.sensing import TickMotion
 from tests.wire.envelopes import consensus
 
 GRID = Grid((30, 30))
@@ -28,7 +28,7 @@ CAMERA: Mapping[str, object] = {
     "range_share": 0.1,
     "bearing": 0.2,
 }
-STILL = Motion(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+STILL = TickMotion(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def position_localizer(

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from blackboard.board.service import board_of
 from blackboard.judge.traffic import Traffic
-from blackboard.lab.team import Team
+from blackboard.lab.team import LabTeam
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint
@@ -31,7 +31,7 @@ from robot_agent.budget import STATE_EVERY, Bucket, Budget
 from robot_agent.coarse import coarser
 from robot_agent.config import RobotSection, SendSection
 from robot_agent.gaussian.agent import JointAgent
-from robot_agent.worth import Standing
+from robot_agent.worth import TeamKnowledge
 from tests.heard import Heard
 from tests.present import present
 from tests.robot_agent.robots import GRID as AGENT_GRID
@@ -131,7 +131,7 @@ def test_what_moved_comes_before_what_did_not_and_before_what_the_team_knows_bet
         it.choose(first, float(tick), 0.0, {})
     it.bucket.level, it.price = -50.0, 1e-7  # 350 bytes, after the second that comes: room for one
     news = [about("robot/r2", moved, 10.0), about("object/ball", still, 10.0), about("object/can", moved, 10.0)]
-    team = {"robot/r2": Standing(0.1, joint=False)}  # the team knows where it is far better
+    team = {"robot/r2": TeamKnowledge(0.1, joint=False)}  # the team knows where it is far better
     assert [report.subject for report in it.choose(news, 10.0, 0.0, team).reports] == ["object/can"]
 
 
@@ -154,7 +154,7 @@ def test_what_is_seen_of_a_mate_is_no_news_for_its_noise_and_more_with_age_and_w
         seen = gaussian(GRID, tuple(10 + rng.normal(size=2)), 1.0)
         said = [Report(source="r1", subject="robot/r2", tick=0, time=time, belief=pack(seen))]
         stale = {"robot/r2": it.aged("robot/r2", time, 1.0)}
-        return it.options(said, stale, time, {"robot/r2": Standing(entropy, joint=False)})["robot/r2"][0].worth
+        return it.options(said, stale, time, {"robot/r2": TeamKnowledge(entropy, joint=False)})["robot/r2"][0].worth
 
     first = Report(source="r1", subject="robot/r2", tick=0, time=0.0, belief=pack(gaussian(GRID, (10, 10), 1.0)))
     it.choose([first], 0.0, 1.0, {})
@@ -204,7 +204,7 @@ class Run(NamedTuple):
 def run(fusion: str, budget: float | None = None, again: int = 0) -> Run:
     """A run without limits, or with a budget; `again` is another one that has to be the same."""
     scenario = LONGER.changed("board", fusion=fusion)
-    team = Team(scenario if budget is None else scenario.changed("robot", send={"budget": budget}))
+    team = LabTeam(scenario if budget is None else scenario.changed("robot", send={"budget": budget}))
     heard = Heard(team.bus)
     card = team.run()
     assert team.world.why == ""
@@ -272,7 +272,7 @@ def said_of_itself(
 ) -> PackedEvidence | None:
     """The evidence that a robot sends in a tick, where its boards have it in their joint or not."""
     reports, _ = agent.tick(readings(tick, fix=(10, 10)), {})
-    known = {"robot/r1": Standing(3.0, joint=joint)}
+    known = {"robot/r1": TeamKnowledge(3.0, joint=joint)}
     stamped = [report.model_copy(update={"time": time}) for report in reports]
     said = it.choose(stamped, time, 1.0, known)
     return next((report.evidence for report in said.reports if report.subject == "robot/r1"), None)
@@ -306,7 +306,7 @@ def test_a_whole_state_is_repeated_rarely_until_a_board_needs_one() -> None:
 def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
     scenario = LONGER.changed("board", fusion="joint").changed("robot", send={"budget": 700.0})
     scenario = scenario.changed("time", seconds=12.0)
-    team = Team(scenario)
+    team = LabTeam(scenario)
     known = list[tuple[float, bool]]()
 
     def spy(envelope: Envelope) -> None:
@@ -334,7 +334,7 @@ def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
 
 
 def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() -> None:
-    team = Team(LONGER.changed("robot", send={"budget": 700.0}))
+    team = LabTeam(LONGER.changed("robot", send={"budget": 700.0}))
     heard, fold, tallied = Heard(team.bus), Fold(), Traffic()
     team.bus.spies.append(lambda envelope: fold.hear_envelope(envelope, team.now))
     team.run()
@@ -355,7 +355,7 @@ def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() ->
 @pytest.mark.parametrize("entropy", [-1e12, 1e12])
 def test_an_entropy_that_no_belief_has_stops_nothing(entropy: float) -> None:
     it = budget(50.0)
-    team = {subject: Standing(entropy, joint=False) for subject in SUBJECTS}
+    team = {subject: TeamKnowledge(entropy, joint=False) for subject in SUBJECTS}
     belief = pack(gaussian(GRID, (5, 5), 1.0))
     for tick in range(5):
         said = [Report(source="r1", subject=s, tick=tick, time=float(tick), belief=belief) for s in SUBJECTS]

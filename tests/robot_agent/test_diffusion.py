@@ -14,7 +14,7 @@ from blackboard.wire.messages import Fix
 from robot_agent.config import RobotSection
 from robot_agent.position import PositionLocalizer
 from robot_agent.raster import diffused, resampled, shifted
-from robot_agent.sensing import Motion
+from robot_agent.sensing import TickMotion
 
 GRID = Grid((40, 40))
 SHARP = gaussian(GRID, (20.0, 20.0), 1.2)
@@ -75,7 +75,7 @@ def test_a_robot_that_drives_and_is_told_its_place_now_and_then_is_as_sure_as_a_
     mean, covariance = np.array([12.0, 12.0]), np.eye(2) * 1.5**2
     heading = math.pi / 4
     for step in range(1, 61):
-        it = it.predict(Motion(0.2, 0.0, 0.2, 0.05, 0.0005, 0.0), heading)
+        it = it.predict(TickMotion(0.2, 0.0, 0.2, 0.05, 0.0005, 0.0), heading)
         mean = mean + 0.2 * np.array([math.cos(heading), math.sin(heading)])
         covariance = covariance + turned(0.05, 0.0005, heading)
         if step % 25 == 0:

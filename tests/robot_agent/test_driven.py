@@ -12,13 +12,13 @@ from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
-from robot_agent.driven import Driven, Gathered, driven, sensors_in
+from robot_agent.driven import Driven, SinceStep, driven, sensors_in
 from tests.present import present
 from tests.robot_agent.services import NOW, clock, kinds, said, world
 
 GRID = Grid((20, 20), 0.5, unit="m")
-START = Gathered(fix=Fix(position=(5.0, 5.0), sigma=0.1, heading=0.0, heading_sigma=0.05))
-AHEAD = Gathered(Odometry(distance=0.1, turn=0.0, dt=0.1))
+START = SinceStep(fix=Fix(position=(5.0, 5.0), sigma=0.1, heading=0.0, heading_sigma=0.05))
+AHEAD = SinceStep(Odometry(distance=0.1, turn=0.0, dt=0.1))
 
 
 def robot(joint: bool = True, heard: list[Cue | Message] | None = None, scenario: Scenario | None = None) -> Driven:
@@ -30,7 +30,7 @@ def test_nobody_knows_where_it_is_before_it_was_told() -> None:
     it = robot()
     pose, _ = it.step(None, NOW)
     assert pose is None
-    pose, _ = it.step(Gathered(compass=(0.5, 0.05)), NOW + 0.1)
+    pose, _ = it.step(SinceStep(compass=(0.5, 0.05)), NOW + 0.1)
     assert pose is None  # a heading alone is no place
 
 
@@ -67,10 +67,10 @@ def test_ticks_grow_where_the_program_is_started_again() -> None:
 
 
 def test_what_several_calls_told_adds_up() -> None:
-    one = Gathered(Odometry(distance=0.1, turn=0.2, dt=0.1, distance_sigma=0.03, turn_sigma=0.0))
-    two = Gathered(Odometry(distance=0.2, turn=-0.1, dt=0.1, distance_sigma=0.04), compass=(1.0, None))
+    one = SinceStep(Odometry(distance=0.1, turn=0.2, dt=0.1, distance_sigma=0.03, turn_sigma=0.0))
+    two = SinceStep(Odometry(distance=0.2, turn=-0.1, dt=0.1, distance_sigma=0.04), compass=(1.0, None))
     both = one.plus(two).plus(
-        Gathered(compass=(2.0, 0.1), sightings=(Sighting(subject="object/x", range=1, bearing=0),))
+        SinceStep(compass=(2.0, 0.1), sightings=(Sighting(subject="object/x", range=1, bearing=0),))
     )
     assert both.odometry is not None
     assert both.odometry.distance == pytest.approx(0.3)
@@ -79,7 +79,7 @@ def test_what_several_calls_told_adds_up() -> None:
     assert both.odometry.turn_sigma is None  # of one piece nobody said it
     assert both.compass == (2.0, 0.1)
     assert len(both.sightings) == 1
-    many = Gathered()
+    many = SinceStep()
     for _ in range(300):
         many = many.plus(both)
     assert len(many.sightings) == 256
@@ -87,7 +87,7 @@ def test_what_several_calls_told_adds_up() -> None:
 
 def test_a_fix_without_a_heading_leaves_the_heading_of_the_one_before() -> None:
     """A start and GPS in one step: without the heading the robot looked for its pose on the grid."""
-    gps = Gathered(fix=Fix(position=(5.0, 4.1), sigma=0.3))
+    gps = SinceStep(fix=Fix(position=(5.0, 4.1), sigma=0.3))
     assert START.fix is not None
     both = START.plus(gps)
     assert both.fix == gps.fix
@@ -102,7 +102,7 @@ def test_sigmas_of_the_odometry_count_instead_of_the_model_s() -> None:
         it = robot()
         it.step(START, NOW)
         for number in range(1, 21):
-            told = Gathered(Odometry(distance=0.1, turn=0.0, dt=0.1, **sigmas))
+            told = SinceStep(Odometry(distance=0.1, turn=0.0, dt=0.1, **sigmas))
             pose, _ = it.step(told, NOW + 0.1 * number)
         return float(present(pose).covariance[2, 2])
 
@@ -156,7 +156,7 @@ def test_wheels_that_are_off_are_found_out() -> None:
     for number in range(1, 41):
         x += 0.1  # 5 % more than it is told
         fix = Fix(position=(x, 5.0), sigma=0.02)
-        told = Gathered(
+        told = SinceStep(
             Odometry(distance=0.1 / 1.05, turn=0.0, dt=0.1, distance_sigma=0.001, turn_sigma=0.001), fix=fix
         )
         pose, _ = it.step(told, NOW + 0.1 * number)

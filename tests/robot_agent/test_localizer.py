@@ -15,11 +15,11 @@ from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator
 from robot_agent.localizer import Localizer, TakesParts
-from robot_agent.sensing import Motion
+from robot_agent.sensing import TickMotion
 
 GRID = Grid((40, 36), 0.1, (-2.0, -1.8), "m")
-STEP = Motion(0.13, 0.4, 0.5, 0.002, 0.001, 0.01)
-MOVED = Motion(0.3, 0.5, 1.0, 0.0, 0.0, 0.0)  # in the second before a sighting
+STEP = TickMotion(0.13, 0.4, 0.5, 0.002, 0.001, 0.01)
+MOVED = TickMotion(0.3, 0.5, 1.0, 0.0, 0.0, 0.0)  # in the second before a sighting
 EXACT = np.zeros((2, 2))
 
 
@@ -63,7 +63,7 @@ def test_a_robot_drives_where_it_looks_after_its_turn(settings: RobotSection) ->
     x, y, heading = -0.8, -0.6, 0.3
     for _ in range(5):
         compass = None if settings.localizer == "pose" else heading + 0.4 / 2  # the direction of the chord
-        it = it.predict(Motion(0.2, 0.4, 0.5, 0.0, 0.0, 0.0), compass)
+        it = it.predict(TickMotion(0.2, 0.4, 0.5, 0.0, 0.0, 0.0), compass)
         for _ in range(100):
             heading += 0.004
             x, y = x + 0.002 * math.cos(heading), y + 0.002 * math.sin(heading)
@@ -74,7 +74,7 @@ def test_a_robot_drives_where_it_looks_after_its_turn(settings: RobotSection) ->
 def test_noise_along_the_way_spreads_along_the_heading(settings: RobotSection) -> None:
     before = at(settings, 0.0, 0.0, math.pi / 2, 0.15)
     after = before.predict(
-        Motion(0.0, 0.0, 1.0, 0.04, 0.01, 0.0), math.pi / 2 if settings.localizer != "pose" else None
+        TickMotion(0.0, 0.0, 1.0, 0.04, 0.01, 0.0), math.pi / 2 if settings.localizer != "pose" else None
     )
     spread = after.marginal().covariance() - before.marginal().covariance()
     assert spread == pytest.approx(np.array([[0.01, 0.0], [0.0, 0.04]]), abs=0.002)
@@ -84,8 +84,8 @@ def test_noise_along_the_way_spreads_along_the_heading(settings: RobotSection) -
 def test_noise_below_a_third_of_a_cell_waits_and_is_never_lost(settings: RobotSection) -> None:
     little, much = at(settings, 0.0, 0.0, 0.7), at(settings, 0.0, 0.0, 0.7)
     for _ in range(40):
-        little = little.predict(Motion(0.0, 0.0, 1.0, 0.0011, 0.0004, 0.0), None)
-    much = much.predict(Motion(0.0, 0.0, 40.0, 0.044, 0.016, 0.0), None)
+        little = little.predict(TickMotion(0.0, 0.0, 1.0, 0.0011, 0.0004, 0.0), None)
+    much = much.predict(TickMotion(0.0, 0.0, 40.0, 0.044, 0.016, 0.0), None)
     assert little.marginal().covariance() == pytest.approx(much.marginal().covariance(), abs=0.0025)
 
 
@@ -220,7 +220,7 @@ def test_folding_what_the_robot_ruled_out_starts_again_there(settings: RobotSect
     after = it.fold(agreed, it.marginal())
     assert after.marginal().p == pytest.approx(agreed.p, abs=1e-6)
     assert entropy(after.marginal().p) == pytest.approx(entropy(agreed.p), rel=1e-3)
-    moved = after.predict(Motion(0.2, 0.0, 1.0, 0.0, 0.0, 0.0), None)
+    moved = after.predict(TickMotion(0.2, 0.0, 1.0, 0.0, 0.0, 0.0), None)
     direction = math.atan2(*(moved.marginal().mean() - agreed.mean())[::-1])
     assert direction == pytest.approx(0.3 + STEP.turn, abs=0.1)  # the heading is kept
 

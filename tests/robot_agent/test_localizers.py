@@ -17,7 +17,7 @@ from robot_agent.estimator import Estimator
 from robot_agent.localizers import known_localizers, localizer, localizer_factory
 from robot_agent.pose import PoseLocalizer
 from robot_agent.position import PositionLocalizer
-from robot_agent.sensing import Motion
+from robot_agent.sensing import TickMotion
 
 GRID = Grid((40, 36), 0.1, (-2.0, -1.8), "m")
 
@@ -66,7 +66,7 @@ def test_what_lacks_a_method_is_a_mistake() -> None:
         settings: RobotSection
         grid: Grid
 
-        def predict(self, motion: Motion, compass: float | None) -> Half:
+        def predict(self, motion: TickMotion, compass: float | None) -> Half:
             return self
 
     with pytest.raises(UserError, match=r"robot\.localizer: 'half' makes a Half, which has not all methods of .*; add"):

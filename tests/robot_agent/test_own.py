@@ -12,7 +12,7 @@ from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.vehicle import POSE, correct, drive
 from blackboard.wire.messages import Odometry, Readings
 from robot_agent.config import OdometrySection
-from robot_agent.gaussian.filter import Told
+from robot_agent.gaussian.filter import FilterResult
 from robot_agent.gaussian.own import FEWEST, Given, Independence, of_particles
 from robot_agent.gaussian.sensors import Sensors, wheels_of
 from tests.present import present
@@ -40,7 +40,7 @@ class Own:
         self.mean = self.mean + gain @ (z - self.mean)
         self.covariance = (np.eye(3) - gain) @ self.covariance
 
-    def tell(self, distance: float = 0.1, **sigmas: float) -> Told:
+    def tell(self, distance: float = 0.1, **sigmas: float) -> FilterResult:
         self.tick += 1
         self.given.give(Moments(self.mean.copy(), self.covariance.copy()))
         told = Odometry(distance=distance, turn=0.0, dt=0.1, **sigmas)

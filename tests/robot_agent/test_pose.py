@@ -16,7 +16,7 @@ from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer
 from robot_agent.pose import PoseLocalizer
 from robot_agent.position import PositionLocalizer
-from robot_agent.sensing import Motion
+from robot_agent.sensing import TickMotion
 
 GRID = Grid((30, 26), 0.5, (-6.0, 2.0), "m")
 N = 16
@@ -39,8 +39,8 @@ def pose(*masses: float, sigma: float = 1.1, **more: object) -> PoseLocalizer:
 
 def drive(
     distance: float = 0.0, turn: float = 0.0, along: float = 0.0, across: float = 0.0, heading: float = 0.0
-) -> Motion:
-    return Motion(distance, turn, 1.0, along, across, heading)
+) -> TickMotion:
+    return TickMotion(distance, turn, 1.0, along, across, heading)
 
 
 def headings(it: Localizer) -> tuple[Array, Array]:

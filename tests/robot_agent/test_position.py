@@ -12,7 +12,7 @@ from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.localizer import Localizer
-from robot_agent.sensing import Motion, position_likelihood
+from robot_agent.sensing import TickMotion, position_likelihood
 from tests.robot_agent.robots import CAMERA, FINE, position_localizer
 
 GRID = FINE
@@ -45,7 +45,7 @@ def test_a_projection_sums_over_all_own_places_on_any_grid(kind: str) -> None:
     vision = {**CAMERA, "kind": kind, "outlier": 0.1}
     it = position_localizer(gaussian(GRID, (0.2, 5.0), 0.7), heading=0.4, vision=vision, offset=(0.15, -0.1))
     sighting = Sighting(subject="object/ball", range=4.0, bearing=0.3, age=0.5)
-    moved = Motion(0.8, 0.2, 1.0, 0.0, 0.0, 0.0)
+    moved = TickMotion(0.8, 0.2, 1.0, 0.0, 0.0, 0.0)
     angle = 0.4 - 0.1 + 0.3  # half of the turn came after the sighting, and half of the way
     seen = np.array([4.0 * math.cos(angle) - 0.4 * math.cos(0.4), 4.0 * math.sin(angle) - 0.4 * math.sin(0.4)])
     expected = np.zeros(GRID.shape)
@@ -98,17 +98,17 @@ def test_a_pending_variance_is_blurred_in_once_it_exceeds_a_third_of_a_cell() ->
     it = position_localizer(gaussian(GRID, (3.0, 6.0), 0.6))
     third = (0.5 / 3) ** 2
     for axis, heading in ((0, 0.0), (1, math.pi / 2)):
-        waits = it.predict(Motion(0.0, 0.0, 1.0, 0.99 * third, 0.0, 0.0), heading)
+        waits = it.predict(TickMotion(0.0, 0.0, 1.0, 0.99 * third, 0.0, 0.0), heading)
         assert np.array_equal(waits.p, it.p)
         assert waits.pending_covariance[axis] == pytest.approx(0.99 * third)
-        done = it.predict(Motion(0.0, 0.0, 1.0, 1.01 * third, 0.0, 0.0), heading)
+        done = it.predict(TickMotion(0.0, 0.0, 1.0, 1.01 * third, 0.0, 0.0), heading)
         assert done.pending_covariance == (0.0, 0.0, 0.0)
         assert done.marginal().covariance()[axis, axis] > it.marginal().covariance()[axis, axis] + 0.8 * third
 
 
 def test_without_a_compass_the_heading_is_reckoned_and_the_way_goes_along_it() -> None:
     it = position_localizer(gaussian(GRID, (1.0, 5.0), 0.6), heading=0.3)
-    after = it.predict(Motion(2.3, 0.4, 1.0, 0.0, 0.0, 0.0), None)
+    after = it.predict(TickMotion(2.3, 0.4, 1.0, 0.0, 0.0, 0.0), None)
     assert after.heading == pytest.approx(0.7)
     way = 2.3 * np.array([math.cos(0.7), math.sin(0.7)])
     assert after.marginal().mean() == pytest.approx(it.marginal().mean() + way, abs=0.01)
@@ -134,7 +134,7 @@ def test_motion_moves_the_mean_and_does_not_blur() -> None:
     it: Localizer = position_localizer(gaussian(GRID, (0.0, 6.0), 0.5))
     before = it.marginal().covariance()
     for _ in range(20):
-        it = it.predict(Motion(0.185, 0.0, 1.0, 0.0, 0.0, 0.0), 0.0)
+        it = it.predict(TickMotion(0.185, 0.0, 1.0, 0.0, 0.0, 0.0), 0.0)
     after = it.marginal()
     assert after.mean()[0] == pytest.approx(20 * 0.185, abs=0.01)
     assert after.covariance()[0, 0] - before[0, 0] <= 0.26 * 0.5**2  # of the one resampling into the team's grid
@@ -167,11 +167,11 @@ def test_a_marginal_holds_the_pending_noise() -> None:
 )
 def test_what_would_leave_the_grid_stays_in_the_last_row(heading: float, axis: int, end: int) -> None:
     it = position_localizer(uniform(GRID))
-    after = it.predict(Motion(3 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p
+    after = it.predict(TickMotion(3 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p
     rows = after.sum(axis=1 - axis)
     n = GRID.shape[axis]
     assert rows[end] == pytest.approx(4 / n)
     assert rows[:3] == pytest.approx([0.0] * 3 if end else [4 / n, 1 / n, 1 / n])
     assert rows[-3:] == pytest.approx([1 / n, 1 / n, 4 / n] if end else [0.0] * 3)
-    far = it.predict(Motion(100 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p.sum(axis=1 - axis)
+    far = it.predict(TickMotion(100 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p.sum(axis=1 - axis)
     assert far[end] == pytest.approx(1.0)

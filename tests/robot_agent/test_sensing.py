@@ -13,7 +13,7 @@ from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.wire.messages import Odometry, Sighting
 from robot_agent.config import OdometrySection, VisionSection
 from robot_agent.sensing import (
-    Motion,
+    TickMotion,
     bearing_variance,
     motion,
     motion_since,
@@ -129,7 +129,7 @@ def test_range_noise_grows_with_the_range_and_consecutive_frames_share_it() -> N
 
 
 def test_the_motion_since_a_sighting_is_its_share_of_the_tick() -> None:
-    moved = Motion(0.8, 0.2, 0.5, 0.0, 0.0, 0.0)
+    moved = TickMotion(0.8, 0.2, 0.5, 0.0, 0.0, 0.0)
     old = Sighting(subject="object/ball", range=1.0, bearing=0.0, age=0.125)
     assert motion_since(old, moved) == pytest.approx((0.2, 0.05))
     assert motion_since(old, None) == (0.0, 0.0)

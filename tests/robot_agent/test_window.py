@@ -17,7 +17,7 @@ from robot_agent.config import RobotSection
 from robot_agent.evidence import gaussian_evidence
 from robot_agent.position import FAINT, SMALL, PositionLocalizer
 from robot_agent.raster import LEAST_SHARE, diffused, reach_of, resampled
-from robot_agent.sensing import Motion, place_likelihood
+from robot_agent.sensing import TickMotion, place_likelihood
 from robot_agent.window import Window, around, bounds, embedded, whole
 
 GRID = Grid((90, 80), 1.0, (-5.0, 3.0))
@@ -130,7 +130,7 @@ class Slow:
     #: Bound of the L1 distance of a belief in a window: each evidence may raise its share.
     left_out: float = FAINT * GRID.size
 
-    def predict(self, motion: Motion, heading: float) -> None:
+    def predict(self, motion: TickMotion, heading: float) -> None:
         c, s = math.cos(heading), math.sin(heading)
         way = self.offset + motion.distance * np.array([c, s])
         steps = np.array([round(v) for v in way])
@@ -236,7 +236,7 @@ def test_in_its_window_a_belief_is_that_on_all_cells(vision, begins, at, other, 
     it = replace(PositionLocalizer.unknown(robot, GRID), p=p)
     slow, folded = Slow(vision, p, np.zeros(2), np.zeros((2, 2))), 0.0
     for step in course:
-        heading, moved = step["heading"], Motion(step["distance"], 0.0, 1.0, step["along"], step["across"], 0.0)
+        heading, moved = step["heading"], TickMotion(step["distance"], 0.0, 1.0, step["along"], step["across"], 0.0)
         it = it.predict(moved, heading)
         slow.predict(moved, heading)
         true = np.clip(true + moved.distance * np.array([math.cos(heading), math.sin(heading)]), LOW, HIGH)
@@ -263,7 +263,7 @@ def test_in_its_window_a_belief_is_that_on_all_cells(vision, begins, at, other, 
 
 # --- what the window is for, and what it must not cost ---------------------------------------------------------------------
 
-STEP = Motion(1.0, 0.0, 1.0, 0.3, 0.1, 0.0)
+STEP = TickMotion(1.0, 0.0, 1.0, 0.3, 0.1, 0.0)
 
 
 def sighting_of(true: Array, place: Array, heading: float) -> Sighting:
@@ -338,7 +338,7 @@ def test_a_belief_to_a_power_lets_a_robot_that_was_carried_away_be_found() -> No
     settings_ = RobotSection.model_validate({"localizer": "position"})
     known = PositionLocalizer.unknown(settings_, GRID).update_with_fix(Fix(position=(20.0, 30.0), sigma=1.0))
     for _ in range(3):
-        known = known.predict(Motion(0.0, 0.0, 1.0, 0.01, 0.01, 0.0), 0.0)
+        known = known.predict(TickMotion(0.0, 0.0, 1.0, 0.01, 0.01, 0.0), 0.0)
     assert known.p.size < GRID.size
     wide = known.tempered(0.2)
     assert wide.p.shape == GRID.shape

@@ -21,7 +21,7 @@ from blackboard.net.settings import LinkConfig
 from blackboard.run import launch
 from blackboard.run.door import INTERRUPTED
 from blackboard.run.launch import ProcessTable, process_table, run_scenario
-from blackboard.run.supervisor import Process
+from blackboard.run.supervisor import ProcessRow
 from tests.processes import children, program, silent_server
 
 TEAM = {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r2"]}}
@@ -33,13 +33,13 @@ APPS: dict[str, App] = {
 }
 
 
-def arguments(process: Process) -> list[str]:
+def arguments(process: ProcessRow) -> list[str]:
     """What follows `python -m`."""
     assert list(process.arguments[:2]) == [sys.executable, "-m"]
     return list(process.arguments[2:])
 
 
-def everybody(rows: ProcessTable) -> list[Process]:
+def everybody(rows: ProcessTable) -> list[ProcessRow]:
     return [*rows.routers, *rows.members, *rows.viewers, rows.world]
 
 
@@ -155,8 +155,8 @@ def run(monkeypatch: pytest.MonkeyPatch, endpoint: str) -> Run:
             open_page: bool,
         ) -> ProcessTable:
             assert own_endpoint is None
-            row = Process("r1", (sys.executable, "-c", member, endpoint, file), frozenset({"cop/t/a/member/r1"}))
-            return ProcessTable((), (row,), Process("world", (sys.executable, "-c", world, endpoint, file)))
+            row = ProcessRow("r1", (sys.executable, "-c", member, endpoint, file), frozenset({"cop/t/a/member/r1"}))
+            return ProcessTable((), (row,), ProcessRow("world", (sys.executable, "-c", world, endpoint, file)))
 
         monkeypatch.setattr(launch, "process_table", rows)
         return run_scenario(SCENARIO, config=LinkConfig(connect=(endpoint,)), **more)  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ from blackboard.errors import RunFailed
 from blackboard.net.settings import LinkConfig
 from blackboard.run.launch import process_table
 from blackboard.run.recording import recording
-from blackboard.run.supervisor import Process, Supervisor
+from blackboard.run.supervisor import ProcessRow, Supervisor
 
 #: A recorder that ends in order when it is told to; one that ends when the file `go` is there.
 LISTENS = """
@@ -38,7 +38,7 @@ def run(tape: Path | None, code: str, ready_seconds: float = 30.0) -> str:
     """Record with a stand-in while a team runs that is done at once: what is missing on the tape."""
 
     async def team() -> str:
-        row = None if tape is None else Process("recorder", (sys.executable, "-c", code, str(tape)))
+        row = None if tape is None else ProcessRow("recorder", (sys.executable, "-c", code, str(tape)))
         async with (
             Supervisor(lambda name, line: QUIET.append(line)) as supervisor,
             recording(supervisor, row, tape, ready_seconds) as recorded,
@@ -75,7 +75,7 @@ def test_the_team_goes_on_without_one_that_ends(tmp_path: Path) -> None:
     tape = tmp_path / "x"
 
     async def team() -> str:
-        row = Process("recorder", (sys.executable, "-c", GIVES_UP, str(tape)))
+        row = ProcessRow("recorder", (sys.executable, "-c", GIVES_UP, str(tape)))
         async with (
             Supervisor(lambda name, line: QUIET.append(line)) as supervisor,
             recording(supervisor, row, tape, 30.0) as recorded,

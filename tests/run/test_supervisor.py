@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from blackboard.errors import UserError
-from blackboard.run.supervisor import CHUNK, Process, Supervisor
+from blackboard.run.supervisor import CHUNK, ProcessRow, Supervisor
 from tests.processes import LONG, children, is_running, program, wait_until
 
 pytestmark = pytest.mark.system
@@ -35,8 +35,8 @@ asyncio.run(main())
 """
 
 
-def python(name: str, code: str, *arguments: str) -> Process:
-    return Process(name, (sys.executable, "-S", "-c", code, *arguments))
+def python(name: str, code: str, *arguments: str) -> ProcessRow:
+    return ProcessRow(name, (sys.executable, "-S", "-c", code, *arguments))
 
 
 class Diary:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from blackboard.config import Scenario
-from blackboard.config.world import DetectorSection, VisionSection, check_world
+from blackboard.config.world import DetectorSection, WorldVisionSection, check_world
 from blackboard.errors import UserError
 from blackboard.opinion.classes import could_be, is_class
 from blackboard.wire.codec import decode, encode
@@ -62,7 +62,7 @@ class Still:
 
 def told(source: Still, ticks: int = 1, **settings: object) -> list[Tick]:
     detector = DetectorSection.model_validate(settings)
-    it = Detected(source, detector, VisionSection(), lambda name: np.random.default_rng([1, *name.encode()]))
+    it = Detected(source, detector, WorldVisionSection(), lambda name: np.random.default_rng([1, *name.encode()]))
     return [it.advance("run", tick) for tick in range(ticks)]
 
 

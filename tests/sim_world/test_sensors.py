@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard.config.world import GAINS, OdometrySection, VisionSection
+from blackboard.config.world import GAINS, WorldOdometrySection, WorldVisionSection
 from sim_world.sensors import Odometer, see, vision_sigma, wrap
 
-PAPER = VisionSection(preset="paper")
+PAPER = WorldVisionSection(preset="paper")
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_a_camera_has_the_same_shape_and_a_smaller_sigma(distance: float) -> Non
 
 
 def test_a_sighting_needs_to_be_ahead() -> None:
-    vision = VisionSection(half_angle=1.0)
+    vision = WorldVisionSection(half_angle=1.0)
     noise = np.random.default_rng(1)
     pose = (20.0, 20.0, math.pi)  # looks along -x
     assert see(vision, pose, "object/ball", (13.0, 20.0), noise) is not None
@@ -62,8 +62,10 @@ def test_what_is_not_seen_costs_no_chance() -> None:
     assert noise.normal() == twin.normal()
 
 
-@pytest.mark.parametrize(("vision", "distance"), [(PAPER, 8.0), (VisionSection(), 4.0), (VisionSection(), 7.5)])
-def test_a_seen_position_is_off_by_sigma_in_each_coordinate(vision: VisionSection, distance: float) -> None:
+@pytest.mark.parametrize(
+    ("vision", "distance"), [(PAPER, 8.0), (WorldVisionSection(), 4.0), (WorldVisionSection(), 7.5)]
+)
+def test_a_seen_position_is_off_by_sigma_in_each_coordinate(vision: WorldVisionSection, distance: float) -> None:
     noise = np.random.default_rng(2)
     x, y, heading = 3.0, -2.0, 2.5
     bearing = 0.4
@@ -80,7 +82,7 @@ def test_a_seen_position_is_off_by_sigma_in_each_coordinate(vision: VisionSectio
 
 
 def test_odometry_errs_along_the_way_with_its_square_root() -> None:
-    physics = OdometrySection(along=0.3, turn=0.02)
+    physics = WorldOdometrySection(along=0.3, turn=0.02)
     wheels = Odometer(physics, np.random.default_rng(3))
     for distance, turn in ((0.2, 0.1), (3.2, -1.6)):
         steps = [wheels.step(distance, turn, 0.2) for _ in range(4000)]
@@ -91,12 +93,12 @@ def test_odometry_errs_along_the_way_with_its_square_root() -> None:
 
 
 def test_a_robot_that_stands_measures_nothing() -> None:
-    step = Odometer(OdometrySection(), np.random.default_rng(3)).step(0.0, 0.0, 0.2)
+    step = Odometer(WorldOdometrySection(), np.random.default_rng(3)).step(0.0, 0.0, 0.2)
     assert (step.distance, step.turn) == (0.0, 0.0)
 
 
 def test_the_odometry_is_reset_each_time_the_way_exceeds_5_cells() -> None:
-    wheels = Odometer(OdometrySection(reset_after=5.0), np.random.default_rng(4))
+    wheels = Odometer(WorldOdometrySection(reset_after=5.0), np.random.default_rng(4))
     resets = []
     for k in range(1, 25):
         wheels.step(1.0, 0.0, 1.0)
@@ -106,7 +108,7 @@ def test_the_odometry_is_reset_each_time_the_way_exceeds_5_cells() -> None:
 
 
 def test_a_fix_is_off_by_what_it_says() -> None:
-    wheels = Odometer(OdometrySection(fix=0.7), np.random.default_rng(5))
+    wheels = Odometer(WorldOdometrySection(fix=0.7), np.random.default_rng(5))
     fixes = [wheels.fix((10.0, 20.0)) for _ in range(4000)]
     assert {fix.sigma for fix in fixes} == {0.7}
     errors = np.array([fix.position for fix in fixes]) - (10.0, 20.0)

@@ -9,7 +9,7 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.errors import UserError
-from sim_world.mrclam.replay import Replay
+from sim_world.mrclam.replay import MrclamSource
 from sim_world.sources import open_sensor_source, seeded_streams
 from sim_world.world import World
 from tests.sim_world.datasets import write
@@ -39,7 +39,7 @@ def test_a_recording_needs_no_chance(tmp_path: Path) -> None:
         raise AssertionError(name)
 
     it = open_sensor_source(SCENARIO.changed("world", kind="mrclam", dir=str(tmp_path), start=1001.0), streams)
-    assert isinstance(it, Replay)
+    assert isinstance(it, MrclamSource)
     assert (it.robots, it.start, it.dt) == (("r1", "r2"), 1001.0, 0.5)
     it.advance("x", 0)
     with pytest.raises(UserError, match=r"time\.seconds: 40 s reach beyond the recording"):

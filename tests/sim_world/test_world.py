@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blackboard.config.world import ObjectSection, OdometrySection, VisionSection, WorldSection
+from blackboard.config.world import ObjectSection, WorldOdometrySection, WorldSection, WorldVisionSection
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Readings, Truth
@@ -88,7 +88,7 @@ def test_nobody_leaves_and_robots_keep_their_speed(seed: int, speed: float) -> N
 
 
 def test_odometry_and_compass_tell_the_motion() -> None:
-    exact = OdometrySection(along=0, turn=0, compass=0)
+    exact = WorldOdometrySection(along=0, turn=0, compass=0)
     x = y = None
     for truth, (readings,) in play(world(WorldSection(odometry=exact, objects={}), ("r1",)), 300):
         assert readings.compass is not None
@@ -101,7 +101,7 @@ def test_odometry_and_compass_tell_the_motion() -> None:
 
 
 def test_turns_add_up_to_the_compass() -> None:
-    exact = OdometrySection(along=0, turn=0, compass=0)
+    exact = WorldOdometrySection(along=0, turn=0, compass=0)
     said = [readings[0] for _, readings in play(world(WorldSection(odometry=exact, turn_rate=1.0)), 200)]
     for before, after in itertools.pairwise(said):
         assert after.odometry is not None
@@ -133,7 +133,7 @@ def test_first_everybody_is_told_where_it_starts_and_the_lost_are_not() -> None:
 def test_robots_see_each_other_and_the_objects() -> None:
     subjects = {
         sighting.subject
-        for _, said in play(world(WorldSection(vision=VisionSection(half_angle=3.14))), 600)
+        for _, said in play(world(WorldSection(vision=WorldVisionSection(half_angle=3.14))), 600)
         for readings in said
         for sighting in readings.sightings
     }
@@ -209,7 +209,7 @@ def test_a_step_over_a_wall_isreflected(x: float, turned_back: float) -> None:
 
 
 def test_a_fix_comes_each_time_the_way_exceeds_the_limit() -> None:
-    it = world(WorldSection(odometry=OdometrySection(reset_after=2.0), objects={}), ("r1",))  # 0.2 cells a tick
+    it = world(WorldSection(odometry=WorldOdometrySection(reset_after=2.0), objects={}), ("r1",))  # 0.2 cells a tick
     fixes = [tick for tick in range(45) if it.advance("run", tick)[1][0].fix is not None]
     assert fixes[0] == 0
     assert all(gap in (10, 11) for gap in np.diff(fixes))  # 2.0 is not exceeded after 10 steps, but for rounding

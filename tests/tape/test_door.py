@@ -22,7 +22,7 @@ from blackboard.errors import UserError
 from blackboard.judge.samples import GROUPS, read_series
 from blackboard.tape.__main__ import Changes
 from blackboard.tape.content import Tape
-from blackboard.tape.file import About, read
+from blackboard.tape.file import TapeAbout, read
 from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
@@ -95,7 +95,7 @@ def test_a_mistake_is_one_line(arguments: list[str], says: str) -> None:
 
 
 def test_settings_of_boards_and_of_nobody_else() -> None:
-    tape = Tape(SMALL, [], About())
+    tape = Tape(SMALL, [], TapeAbout())
     board = Changes(set=["board.gate=8", "board.feedback=off", "board.max_age = 3"]).apply(tape).board
     assert (board.feedback, board.max_age, board.in_force()["gate"]) == ("off", 3.0, 8)
     for wrong, says in {

@@ -12,14 +12,14 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from blackboard.errors import UserError
-from blackboard.tape.file import MAX_KEYS, About, TapeWriter, copy, create, look_through, read
+from blackboard.tape.file import MAX_KEYS, TapeAbout, TapeWriter, copy, create, look_through, read
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.raw import MAX_BYTES
 from tests.tape.written import ENVELOPES, saved, written
 
 
 def test_what_was_written_is_read_in_its_order(tmp_path: Path) -> None:
-    about = About()
+    about = TapeAbout()
     assert list(look_through(saved(tmp_path / "x.mcap", written()), about)) == ENVELOPES
     assert (about.metadata["team"], about.scenario) == ("t", {"name": "x"})
 
@@ -55,7 +55,7 @@ def test_a_tape_that_breaks_off_is_one_line_and_recovered_to_its_last_flush(tmp_
 def test_what_was_flushed_survives_a_kill(tmp_path: Path) -> None:
     broken: list[int] = []
     path = saved(tmp_path / "x.mcap", written(flush_each=True, close=False))
-    assert list(look_through(path, About(), broken)) == ENVELOPES
+    assert list(look_through(path, TapeAbout(), broken)) == ENVELOPES
 
 
 def test_a_broken_chunk_is_stepped_over(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_a_broken_chunk_is_stepped_over(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="broken"):
         list(read(path))
     broken: list[int] = []
-    found = list(look_through(path, About(), broken))
+    found = list(look_through(path, TapeAbout(), broken))
     assert len(broken) == 1
     assert found
     assert all(each in ENVELOPES for each in found)
@@ -102,7 +102,7 @@ def test_any_bytes_are_read_or_one_line(tmp_path_factory: pytest.TempPathFactory
     )
     for broken in (None, list[int]()):
         try:
-            list(look_through(path, About(), broken))
+            list(look_through(path, TapeAbout(), broken))
         except UserError as error:
             assert "\n" not in str(error)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from blackboard.errors import UserError
 from blackboard.state.fold import Fold
 from blackboard.tape.backlog import MOST
-from blackboard.tape.file import About, TapeWriter, copy, look_through
+from blackboard.tape.file import TapeAbout, TapeWriter, copy, look_through
 from blackboard.tape.recorder import Recorder
 from blackboard.view.summary import summary, text
 from blackboard.wire import keys
@@ -43,7 +43,7 @@ class Disk(io.BytesIO):
 
 
 def found_on(path: Path) -> list[tuple[float, Envelope]]:
-    return list(look_through(path, About(), broken=[]))
+    return list(look_through(path, TapeAbout(), broken=[]))
 
 
 @given(rooms=st.lists(st.integers(0, 20_000), min_size=1, max_size=12), flush_every=st.integers(1, 60))
@@ -76,7 +76,7 @@ def test_a_disk_that_was_full_for_a_while_costs_nothing_where_the_rest_fits_into
     writer.flush()
     assert (writer.trouble, writer.missing) == ("", 0)
     writer.close()
-    assert list(look_through(saved(tmp_path / "x.mcap", disk.getvalue()), About())) == SENT
+    assert list(look_through(saved(tmp_path / "x.mcap", disk.getvalue()), TapeAbout())) == SENT
 
 
 def test_what_waits_for_room_is_bounded_and_what_came_too_late_is_counted(
@@ -94,7 +94,7 @@ def test_what_waits_for_room_is_bounded_and_what_came_too_late_is_counted(
     writer.flush()
     writer.write(*SENT[-1])
     writer.close()
-    found = list(look_through(saved(tmp_path / "x.mcap", disk.getvalue()), About()))
+    found = list(look_through(saved(tmp_path / "x.mcap", disk.getvalue()), TapeAbout()))
     assert 0 < len(found) < 100
     assert found[:-1] == SENT[: len(found) - 1]
     assert found[-1] == SENT[-1]

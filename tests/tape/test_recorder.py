@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from blackboard.tape.file import About, TapeWriter, look_through
+from blackboard.tape.file import TapeAbout, TapeWriter, look_through
 from blackboard.tape.recorder import FLUSH, Recorder
 from blackboard.wire.envelope import Envelope, Kind
 
@@ -27,6 +27,6 @@ def test_it_keeps_everything_and_flushes_once_a_second(tmp_path: Path) -> None:
     assert recorder.wake_at(10.6) == 10.5 + FLUSH
     recorder.receive(Envelope("cop/t/x", b"lost with a kill -9"), 10.6)
     path.write_bytes(file.getvalue())  # as a kill -9 leaves it
-    about, broken = About(), list[int]()
+    about, broken = TapeAbout(), list[int]()
     assert [envelope for _, envelope in look_through(path, about, broken)] == told
     assert (about.link["received"], about.link["dropped"]) == (5, 2)

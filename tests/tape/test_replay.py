@@ -13,7 +13,7 @@ from blackboard.config import Scenario
 from blackboard.judge.card import scorecard
 from blackboard.opinion.belief import gaussian
 from blackboard.tape.content import Tape, summary
-from blackboard.tape.file import About
+from blackboard.tape.file import TapeAbout
 from blackboard.tape.journal import Journaled
 from blackboard.tape.judge import course, judge, match, recorded
 from blackboard.tape.replay import Output, replay
@@ -101,7 +101,7 @@ def test_a_board_without_a_world_comes_out_the_same() -> None:
             report = Report(source=robot, subject="object/ball", tick=k, time=now, belief=belief)
             send(now, Envelope(f"cop/t/a/report/{robot}/object/ball", encode(report)))
         envelopes.extend((now, each) for each in service.wake(now + 0.05))
-    tape = Tape(SMALL, envelopes, About())
+    tape = Tape(SMALL, envelopes, TapeAbout())
     assert tape.runs == []
     story, again = course(tape, ""), replay(tape)
     assert story.mode == "free"

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from blackboard.board.dissent import Dissent, distance
+from blackboard.board.dissent import DissentJudge, distance
 from blackboard.board.joint.evidence import learned, names, reason, shrank, unpack
 from blackboard.board.unnamed import counters, may_be
 from blackboard.config import BoardSection
@@ -34,7 +34,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.lost import Lost
 from blackboard.opinion.gaussian.naming import Naming, Unnamed
-from blackboard.opinion.gaussian.rings import Place
+from blackboard.opinion.gaussian.rings import RingPlace
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING
@@ -76,7 +76,7 @@ class JointDesk:
         self.grid, self.settings = grid, settings
         self._ageing = ageing or Ageing(settings.drift, grid)
         self.team = self._begun()
-        self.dissent = Dissent("agreed", joint=True)
+        self.dissent = DissentJudge("agreed", joint=True)
         # Counted here, and kept where the joint begins anew: `joint_restarts`, `joint_dropped`.
         self.counters = counters
         self._waiting: dict[str, deque[Evidence]] = {}
@@ -421,7 +421,7 @@ class JointDesk:
         gate = {"gate": quantile(GATE, 2)}
         return gate if subject.startswith("robot/") else {**gate, "drift": self.team.drift_of(subject)}
 
-    def _in_doubt(self, subject: str, places: tuple[Place, ...], make: Make) -> Consensus:
+    def _in_doubt(self, subject: str, places: tuple[RingPlace, ...], make: Make) -> Consensus:
         """What is agreed about an object of which only ranges or bearings are known, which leave a few places."""
         drawn = sum(place.weight * draw(self.grid, place.moments).p for place in places)
         belief = Belief(self.grid, np.asarray(drawn))

@@ -27,7 +27,7 @@ UNIT = 0.05  # by which the length of a quaternion may miss 1
 
 
 @dataclass(frozen=True)
-class Place:
+class PlanarPose:
     """A pose in the plane: x, y, yaw, and their covariance, shape (3, 3), in metres and radians."""
 
     stamp: float  # seconds
@@ -153,12 +153,12 @@ def diagnostics(processes: Iterable[dict[str, Any]], prefix: str, stamp: float) 
     return _make(DIAGNOSTICS, header=_header(stamp, ""), status=statuses)
 
 
-def odometry(payload: bytes) -> Place:
+def odometry(payload: bytes) -> PlanarPose:
     """The pose of an Odometry in its own frame. Refused: it is no such message, or has numbers that no robot has."""
     return _place(payload, ODOMETRY)
 
 
-def place(payload: bytes) -> Place:
+def place(payload: bytes) -> PlanarPose:
     """A PoseWithCovarianceStamped. Refused: as there, or its matrix is no covariance, or all zeros."""
     pose = _place(payload, POSE)
     least, most = (float(value) for value in np.linalg.eigvalsh(pose.covariance[:2, :2]))
@@ -169,7 +169,7 @@ def place(payload: bytes) -> Place:
     return pose
 
 
-def _place(payload: bytes, type_name: str) -> Place:
+def _place(payload: bytes, type_name: str) -> PlanarPose:
     message = _decode(payload, type_name)
     at, turn = message.pose.pose.position, message.pose.pose.orientation
     full = np.asarray(message.pose.covariance, dtype=float).reshape(6, 6)
@@ -181,7 +181,7 @@ def _place(payload: bytes, type_name: str) -> Place:
         raise Refused("fields", f"{type_name}: the orientation is no unit quaternion")
     yaw = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
     stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-    return Place(stamp, message.header.frame_id, at.x, at.y, yaw, (covariance + covariance.T) / 2)
+    return PlanarPose(stamp, message.header.frame_id, at.x, at.y, yaw, (covariance + covariance.T) / 2)
 
 
 def _decode(payload: bytes, type_name: str) -> Any:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from blackboard.bridges.ros.convert import Place
+from blackboard.bridges.ros.convert import PlanarPose
 from blackboard.errors import Refused
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings
@@ -26,13 +26,13 @@ class Driver:
         self.robot = robot
         self._run = ""
         self._tick = 0
-        self._last: Place | None = None
+        self._last: PlanarPose | None = None
         self._distance = self._turn = self._time = 0.0  # since the last Readings
-        self._fix: Place | None = None
+        self._fix: PlanarPose | None = None
         self._seen: dict[str, tuple[float, Seen]] = {}  # by subject, with the Unix time at which it came
         self._sent_at = -math.inf
 
-    def move(self, place: Place) -> None:
+    def move(self, place: PlanarPose) -> None:
         """Take a pose of the odometry, in any frame that stays. Refused "past": not newer than the last one."""
         last, self._last = self._last, place
         if last is None or abs(dt := place.stamp - last.stamp) > GAP:
@@ -48,11 +48,11 @@ class Driver:
         self._turn += turn
         self._time += dt
 
-    def fix(self, place: Place) -> None:
+    def fix(self, place: PlanarPose) -> None:
         """Take an absolute pose, in the team's frame."""
         self._fix = place
 
-    def see(self, subject: str, place: Place, now: float) -> None:
+    def see(self, subject: str, place: PlanarPose, now: float) -> None:
         """Take where something is in the robot's own frame, of a robot also its heading; of each subject the newest counts.
 
         Refused "fields": its covariance is none that a sensor has.
@@ -112,7 +112,7 @@ class Driver:
         return Fix(position=(place.x, place.y), sigma=sigma, heading=place.yaw, heading_sigma=max(heading, 1e-6))
 
     @staticmethod
-    def _variance(place: Place) -> float:
+    def _variance(place: PlanarPose) -> float:
         """The larger variance of the position: the wire's fix is round."""
         xx, yy, xy = place.covariance[0, 0], place.covariance[1, 1], place.covariance[0, 1]
         return float((xx + yy) / 2 + math.hypot((xx - yy) / 2, xy))

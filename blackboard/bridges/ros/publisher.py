@@ -25,7 +25,7 @@ MOVING = 3  # numbers of a robot's velocity
 HEADING = 2  # of the numbers of a state (docs/bytes.md, "Evidence for a joint")
 
 
-class Publisher:
+class RosPublisher:
     """Publishes on `node`; the topics of beliefs begin with `namespace`. Times `now` are Unix seconds."""
 
     def __init__(self, node: Node, namespace: str) -> None:

@@ -15,7 +15,7 @@ from functools import partial
 from blackboard.bridges.ros import convert
 from blackboard.bridges.ros.driver import Driver
 from blackboard.bridges.ros.names import ODOMETRY, POSE, Node
-from blackboard.bridges.ros.publisher import Publisher
+from blackboard.bridges.ros.publisher import RosPublisher
 from blackboard.client.member import Member
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
@@ -35,7 +35,7 @@ Take = Callable[[bytes, float], list[Envelope]]
 
 
 @dataclass(frozen=True)
-class Sources:
+class RosTopics:
     """What is taken in: robot -> topic; of sightings robot and subject -> topic."""
 
     odometry: Mapping[str, str] = field(default_factory=dict)
@@ -52,11 +52,13 @@ class Sources:
 class RosBridge:
     """One team and one node. `members` are the robots that it speaks for, by name: those of `sources.poses`."""
 
-    def __init__(self, team: str, node: Node, sources: Sources, members: Mapping[str, Member], namespace: str) -> None:
+    def __init__(
+        self, team: str, node: Node, sources: RosTopics, members: Mapping[str, Member], namespace: str
+    ) -> None:
         """`namespace`: what the topics of beliefs begin with."""
         self.node = node
         self.refused: Counter[str] = Counter()  # of what came from ROS, by reason
-        self._name, self._fold, self._publisher = team, Fold(most_bytes=0), Publisher(node, namespace)
+        self._name, self._fold, self._publisher = team, Fold(most_bytes=0), RosPublisher(node, namespace)
         self._members = members
         self._drivers = {robot: Driver(robot) for robot in sources.driven}
         self._takes: dict[str, tuple[str, Take]] = {}  # key -> topic, and what is done with a message
@@ -164,7 +166,7 @@ class RosBridge:
             raise Refused("mass", str(error)) from None
         return member.report(f"robot/{robot}", belief, now)
 
-    def _framed(self, place: convert.Place) -> convert.Place:
+    def _framed(self, place: convert.PlanarPose) -> convert.PlanarPose:
         """Refused "frame": in another frame than the team's, where both name one."""
         grid = self._team.grid
         if grid is not None and grid.frame and place.frame and place.frame != grid.frame:

@@ -242,7 +242,7 @@ class Knows(Change):
 
 
 @dataclass(frozen=True)
-class Echoes(Change):
+class EchoesTeam(Change):
     """Says as its own what the team agreed a tick ago, with sigmas smaller by a factor."""
 
     factor: float = 1.0
@@ -323,7 +323,7 @@ class Absurd(Change):
 
 
 @dataclass(frozen=True)
-class Drives(Change):
+class WrongWheels(Change):
     """Its odometry tells so many times the way and the turn; the lasting errors of its wheels are `sigma` (None: as honest)."""
 
     distance: float = 1.0
@@ -348,7 +348,7 @@ class Epochs(Change):
 
 
 @dataclass(frozen=True)
-class Clock(Change):
+class WrongClock(Change):
     """Its stamps are ahead by so many seconds, and by `rate` more in each."""
 
     seconds: float = 0.0

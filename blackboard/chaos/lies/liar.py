@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from blackboard.chaos.lies.catalogue import Lie
-from blackboard.chaos.lies.changes import Clock, Reports, Scene
+from blackboard.chaos.lies.changes import Reports, Scene, WrongClock
 from blackboard.process.service import Around, Service
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
@@ -77,7 +77,7 @@ class Liar(Around):
         listed = [*status.subjects, *sorted(reports.keys() - set(status.subjects))]
         ahead = 0.0
         if self.begin <= status.time < self.end and self.lie.is_told(status.time - self.begin):
-            clocks = [change for change in self.lie.changes if isinstance(change, Clock)]
+            clocks = [change for change in self.lie.changes if isinstance(change, WrongClock)]
             ahead = sum(clock.seconds + clock.rate * (status.time - self.begin) for clock in clocks)
         changed = status.model_copy(update={"subjects": listed, "time": status.time + ahead})
         return envelope if changed == status else Envelope(envelope.key, encode(changed))

@@ -59,7 +59,7 @@ class Verdict:
 
 
 @dataclass
-class Tally:
+class UnusedCounts:
     """Counters of what was not used, by reason."""
 
     repeated: int = 0  # reports of a tick that is settled already

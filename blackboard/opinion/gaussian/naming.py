@@ -41,7 +41,7 @@ class Unnamed:
         return self.odds is not None and sum(self.odds.values()) <= 1.0 - CLEAR
 
 
-class Sighted(Protocol):
+class ClassSighting(Protocol):
     """A sighting of which the class is told: by whom, of which, and how sure the detector is that something is there."""
 
     @property
@@ -94,7 +94,7 @@ class Naming:
         return self.weigh(frame, densities, shown)
 
     def weigh(
-        self, frame: Sequence[Sighted], densities: Mapping[tuple[int, str], float], shown: Mapping[str, float]
+        self, frame: Sequence[ClassSighting], densities: Mapping[tuple[int, str], float], shown: Mapping[str, float]
     ) -> list[dict[str, float]]:
         """The odds of each sighting of a frame, which are different things.
 
@@ -119,7 +119,7 @@ class Naming:
             keep(self._strangers, key, self._strangers.get(key, Rate()).plus(seen_so))
         return odds
 
-    def _rate(self, seen: Sighted) -> float:
+    def _rate(self, seen: ClassSighting) -> float:
         return self._strangers.get((seen.observer, seen.subject), Rate()).rate
 
     def _density(self, innovation: Innovation, area: float) -> float:

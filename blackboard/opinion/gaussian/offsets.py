@@ -28,36 +28,36 @@ ROUNDED = 1e-6  # share of the information that may be due to rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
+class OffsetScore:
     """The gradient of the log likelihood by an offset, shape (2,), and its covariance if there is no offset, shape (2, 2)."""
 
     gradient: Array
     covariance: Array
     share: float = 1.0  # of its newest sighting that is left
 
-    def plus(self, other: Score, sign: float = 1.0) -> Score:
+    def plus(self, other: OffsetScore, sign: float = 1.0) -> OffsetScore:
         """Both together; or, with the sign -1, without the other."""
-        return Score(self.gradient + sign * other.gradient, self.covariance + sign * other.covariance)
+        return OffsetScore(self.gradient + sign * other.gradient, self.covariance + sign * other.covariance)
 
-    def faded(self, keep: float) -> Score:
+    def faded(self, keep: float) -> OffsetScore:
         """With so much of it left."""
-        return Score(self.gradient * keep, self.covariance * keep**2, self.share * keep)
+        return OffsetScore(self.gradient * keep, self.covariance * keep**2, self.share * keep)
 
     def is_far(self) -> bool:
         """Whether it is beyond 99.9 % of those without an offset."""
         return squared_distance(self.gradient, self.covariance) > quantile(GATE, 2)
 
 
-NONE = Score(np.zeros(2), np.zeros((2, 2)))
+NONE = OffsetScore(np.zeros(2), np.zeros((2, 2)))
 
 
 @dataclass
 class Offsets:
     """Mutable; `pass_time` once per tick, `hear` once per observer."""
 
-    _all: dict[str, Score] = field(default_factory=dict)  # observer -> of all that it sees
+    _all: dict[str, OffsetScore] = field(default_factory=dict)  # observer -> of all that it sees
     # observer and subject -> what rests on that one alone
-    _pairs: dict[tuple[str, str], Score] = field(default_factory=dict)
+    _pairs: dict[tuple[str, str], OffsetScore] = field(default_factory=dict)
     _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
 
     def copy(self) -> Offsets:
@@ -98,7 +98,7 @@ class Offsets:
         """Whether what it sees has an offset beyond 99.9 % of honest ones, whichever one of its subjects is left out."""
         whole = self._all[observer]
         # a bearing says nothing along its line of sight, and rounding is no evidence
-        whole = whole.plus(Score(np.zeros(2), ROUNDED * np.trace(whole.covariance) * np.eye(2)))
+        whole = whole.plus(OffsetScore(np.zeros(2), ROUNDED * np.trace(whole.covariance) * np.eye(2)))
         scores = [score for (one, _), score in self._pairs.items() if one == observer]
         return len(scores) > 1 and all(whole.plus(score, -1.0).is_far() for score in scores)
 
@@ -120,6 +120,6 @@ class Offsets:
         self._held.pop(robot, None)
 
 
-def _score(both: Array) -> Score:
+def _score(both: Array) -> OffsetScore:
     """From the covariance, and the gradient beside it: shape (2, 3)."""
-    return Score(both[:, 2], both[:, :2])
+    return OffsetScore(both[:, 2], both[:, :2])

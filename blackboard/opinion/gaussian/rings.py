@@ -47,7 +47,7 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class RingPlace:
     """Where it may be, with the share of what is believed."""
 
     moments: Moments
@@ -80,7 +80,7 @@ class Ring:
         """The time of the newest sighting."""
         return self._lines[-1].time
 
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[RingPlace, ...]:
         """Where it may be, the likeliest first; empty while it is somewhere along a ring or a ray, or numbers are absurd."""
         if len(self._lines) < FEWEST:
             return ()
@@ -90,7 +90,7 @@ class Ring:
         except (ArithmeticError, np.linalg.LinAlgError):
             return ()
 
-    def _places(self) -> tuple[Place, ...]:
+    def _places(self) -> tuple[RingPlace, ...]:
         costs, ends, information = self._solved(self._starts())
         kept: list[int] = []
         for k in np.argsort(costs, kind="stable").tolist():
@@ -109,7 +109,7 @@ class Ring:
             nearest = min(float(np.hypot(*(ends[k] - line.place))) for line in self._lines)
             if math.sqrt(float(np.linalg.eigvalsh(covariance)[-1])) > COMPACT * nearest:
                 return ()
-            places.append(Place(Moments(ends[k], covariance), share))
+            places.append(RingPlace(Moments(ends[k], covariance), share))
         return tuple(sorted(places, key=lambda place: -place.weight))
 
     def _starts(self) -> Array:

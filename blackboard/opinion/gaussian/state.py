@@ -13,7 +13,7 @@ from blackboard.errors import Degenerate
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Contacts
-from blackboard.opinion.gaussian.evidence import Tally, Verdict
+from blackboard.opinion.gaussian.evidence import UnusedCounts, Verdict
 from blackboard.opinion.gaussian.freshness import Freshness
 from blackboard.opinion.gaussian.influence import Influence
 from blackboard.opinion.gaussian.innovations import Innovations, Source
@@ -80,7 +80,7 @@ class TeamState:
 
     objects: Objects = field(default_factory=Objects)
     joint: Joint = field(default_factory=Joint)
-    tally: Tally = field(default_factory=Tally)
+    tally: UnusedCounts = field(default_factory=UnusedCounts)
     trust: Trust = field(default_factory=Trust)
     contacts: Contacts = field(default_factory=Contacts)
     innovations: Innovations = field(default_factory=Innovations)

@@ -22,7 +22,7 @@ from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_the_mean
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.rings import Place
+from blackboard.opinion.gaussian.rings import RingPlace
 from blackboard.opinion.gaussian.sightings import batches, close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.tracking import end_tick
@@ -205,7 +205,7 @@ class TeamJoint(TeamState):
         names = [b for b in self.joint.blocks if isinstance(b, str) and self.knows(b) and b not in self.left_out]
         return sorted(b for b in names if b not in self.tracks or self.tracks.is_told(b))
 
-    def doubtful(self) -> dict[str, tuple[Place, ...]]:
+    def doubtful(self) -> dict[str, tuple[RingPlace, ...]]:
         """Of the objects that are not in the joint, those that are in one of a few places, as two rings leave them."""
         by_subject = {subject: ring.places() for subject, ring in sorted(self.rings.items())}
         return {subject: places for subject, places in by_subject.items() if places}

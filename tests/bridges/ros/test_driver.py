@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
-from blackboard.bridges.ros.convert import ANY_HEADING, Place
+from blackboard.bridges.ros.convert import ANY_HEADING, PlanarPose
 from blackboard.bridges.ros.driver import FASTEST, GAP, PERIOD, Driver
 from blackboard.errors import Refused
 from blackboard.wire.messages import Readings
 
 
-def at(stamp: float, x: float, y: float, yaw: float = 0.0, covariance: np.ndarray | None = None) -> Place:
-    return Place(stamp, "odom", x, y, yaw, np.eye(3) if covariance is None else covariance)
+def at(stamp: float, x: float, y: float, yaw: float = 0.0, covariance: np.ndarray | None = None) -> PlanarPose:
+    return PlanarPose(stamp, "odom", x, y, yaw, np.eye(3) if covariance is None else covariance)
 
 
 def test_the_first_pose_is_where_it_begins_and_no_motion() -> None:
@@ -101,7 +101,7 @@ def test_what_comes_twice_or_late_is_refused_and_moves_nobody() -> None:
 
 
 @pytest.mark.parametrize("again", [at(5.1 + GAP + 1, 9.0, 0.0), at(5.0 - GAP - 1, 9.0, 0.0)])
-def test_after_a_gap_or_where_its_stamps_begin_anew_no_motion_is_made_up(again: Place) -> None:
+def test_after_a_gap_or_where_its_stamps_begin_anew_no_motion_is_made_up(again: PlanarPose) -> None:
     driver = Driver("r1")
     driver.move(at(5.0, 0.0, 0.0))
     driver.move(at(5.1, 1.0, 0.0))

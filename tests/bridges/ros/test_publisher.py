@@ -11,7 +11,7 @@ import pytest
 typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
 from blackboard.bridges.ros.names import HASHES, MAP, ODOMETRY, POINTS, POSE, TRANSFORMS, Node, key
 from blackboard.bridges.ros.publisher import MAX_SUBJECTS
-from blackboard.bridges.ros.service import RosBridge, Sources
+from blackboard.bridges.ros.service import RosBridge, RosTopics
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
@@ -31,7 +31,7 @@ START = 1.8e9  # Unix seconds
 
 
 def bridge(team: str = "t") -> RosBridge:
-    return RosBridge(team, Node("n", "ab", 0, lambda: START), Sources(), {}, team)
+    return RosBridge(team, Node("n", "ab", 0, lambda: START), RosTopics(), {}, team)
 
 
 def of(out: list[Envelope], topic: str, type_name: str) -> list[Any]:

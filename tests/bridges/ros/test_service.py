@@ -13,7 +13,7 @@ typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install
 from blackboard.board.service import BoardService
 from blackboard.bridges.ros import convert
 from blackboard.bridges.ros.names import DIAGNOSTICS, ODOMETRY, POSE, Node, key
-from blackboard.bridges.ros.service import RosBridge, Sources
+from blackboard.bridges.ros.service import RosBridge, RosTopics
 from blackboard.client.member import Member
 from blackboard.config import BoardSection
 from blackboard.net.bus import Bus
@@ -30,7 +30,7 @@ GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")
 START = 1.8e9  # Unix seconds
 
 
-def bridge(sources: Sources) -> RosBridge:
+def bridge(sources: RosTopics) -> RosBridge:
     members = {
         robot: Member(team="t", sub_teams=("a",), robot=robot, grid=GRID, settings=BoardSection())
         for robot in sources.poses
@@ -77,7 +77,7 @@ def team(*services: Service) -> tuple[Callable[[float], list[Envelope]], Bus]:
 
 
 def test_a_pose_is_reported_as_the_robots_own_belief_and_comes_back_as_agreed() -> None:
-    one = bridge(Sources(poses={"r7": "/amcl_pose"}))
+    one = bridge(RosTopics(poses={"r7": "/amcl_pose"}))
     board = BoardService(team="t", sub_team="a", board="desk", grid=GRID, settings=BoardSection())
     run, bus = team(board, one)
     assert one.tokens[0] == one.node.token
@@ -103,7 +103,7 @@ def test_a_pose_is_reported_as_the_robots_own_belief_and_comes_back_as_agreed() 
 
 
 def test_odometry_and_fixes_become_the_readings_of_a_robot() -> None:
-    one = bridge(Sources(odometry={"r1": "r1/odom"}, fixes={"r1": "/initialpose"}))
+    one = bridge(RosTopics(odometry={"r1": "r1/odom"}, fixes={"r1": "/initialpose"}))
     run, bus = team(one)
     bus.send(Envelope(key(0, "initialpose", POSE), pose(5, 6)))
     for n in range(21):
@@ -121,7 +121,7 @@ def test_odometry_and_fixes_become_the_readings_of_a_robot() -> None:
 
 
 def test_what_a_robot_sees_goes_with_its_readings_of_a_robot_with_the_heading() -> None:
-    one = bridge(Sources(sees={("r1", "object/ball"): "r1/ball", ("r1", "robot/r2"): "r1/mate"}))
+    one = bridge(RosTopics(sees={("r1", "object/ball"): "r1/ball", ("r1", "robot/r2"): "r1/mate"}))
     run, bus = team(one)
     run(0.1)
     bus.send(Envelope(key(0, "r1/ball", POSE), pose(5, 6, 0.5, frame="r1/base_link")))
@@ -160,7 +160,7 @@ def test_what_a_robot_sees_goes_with_its_readings_of_a_robot_with_the_heading() 
 def test_what_cannot_be_used_is_counted_named_once_and_told(
     topic: str, type_name: str, payload: bytes, reason: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    one = bridge(Sources({"r1": "r1/odom"}, {"r1": "/initialpose"}, {"r7": "amcl_pose"}))
+    one = bridge(RosTopics({"r1": "r1/odom"}, {"r1": "/initialpose"}, {"r7": "amcl_pose"}))
     board = BoardService(team="t", sub_team="a", board="desk", grid=GRID, settings=BoardSection())
     run, bus = team(board, one)
     run(2.0)  # the board tells the team's grid and its frame
@@ -176,7 +176,7 @@ def test_what_cannot_be_used_is_counted_named_once_and_told(
 
 
 def test_while_a_world_gives_the_readings_those_from_ros_are_left_out(caplog: pytest.LogCaptureFixture) -> None:
-    one = bridge(Sources(odometry={"r1": "r1/odom"}))
+    one = bridge(RosTopics(odometry={"r1": "r1/odom"}))
     told = [Envelope(key(0, "r1/odom", ODOMETRY), moved(100 + n / 2, n / 2)) for n in range(5)]
     assert not one.receive(told[0], START)
     assert len(one.receive(told[1], START + 1)) == 1
@@ -191,13 +191,13 @@ def test_while_a_world_gives_the_readings_those_from_ros_are_left_out(caplog: py
 
 
 def test_a_delete_on_its_topics_is_ignored() -> None:
-    one = bridge(Sources({"r1": "r1/odom"}))
+    one = bridge(RosTopics({"r1": "r1/odom"}))
     assert one.receive(Envelope(key(0, "r1/odom", ODOMETRY), kind=Kind.DELETE), START) == []
     assert not one.refused
 
 
 def test_a_robot_that_it_speaks_for_answers_a_world_that_waits() -> None:
-    one = bridge(Sources(poses={"r7": "amcl_pose"}))
+    one = bridge(RosTopics(poses={"r7": "amcl_pose"}))
     one.receive(Envelope("cop/t/world/alive", kind=Kind.ALIVE), START)
     clocks = [Clock(run="w", tick=tick, time=tick / 5, mode="lockstep") for tick in (3, 4)]
     one.receive(Envelope("cop/t/world/clock", encode(clocks[0])), START)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.errors import UserError
-from sim_world.mrclam.files import LONGEST_GAP, Track, read_recording
+from sim_world.mrclam.files import LONGEST_GAP, RobotFiles, read_recording
 from tests.files import DATASET7, needs_dataset7
 from tests.sim_world.datasets import T0, write
 
@@ -95,8 +95,8 @@ def test_a_robot_that_was_not_recorded_is_a_mistake(folder: Path) -> None:
             read_recording(folder).number(robot)
 
 
-def track(odometry: list[list[float]], truth: list[list[float]] | None = None) -> Track:
-    return Track(np.array(odometry), np.zeros((0, 4)), np.array(truth or [[0.0, 0, 0, 0]]))
+def track(odometry: list[list[float]], truth: list[list[float]] | None = None) -> RobotFiles:
+    return RobotFiles(np.array(odometry), np.zeros((0, 4)), np.array(truth or [[0.0, 0, 0, 0]]))
 
 
 @given(
@@ -150,7 +150,7 @@ def test_dataset_7_is_what_its_page_says() -> None:
 
 def test_a_pose_between_two_rows_is_interpolated_the_short_way_round() -> None:
     truth = np.array([[10.0, 1.0, -2.0, 3.0], [10.4, 2.0, -4.0, -3.0]])
-    it = Track(np.zeros((1, 3)), np.zeros((0, 4)), truth)
+    it = RobotFiles(np.zeros((1, 3)), np.zeros((0, 4)), truth)
     found = it.pose(10.1)
     assert found is not None
     turn = 2 * math.pi - 6.0
@@ -162,7 +162,7 @@ def test_a_pose_between_two_rows_is_interpolated_the_short_way_round() -> None:
 
 @pytest.mark.parametrize(("gap", "known"), [(LONGEST_GAP, True), (1.01 * LONGEST_GAP, False)])
 def test_a_longer_gap_is_not_bridged(gap: float, known: bool) -> None:
-    it = Track(np.zeros((1, 3)), np.zeros((0, 4)), np.array([[0.0, 1.0, 1.0, 0.0], [gap, 2.0, 2.0, 0.0]]))
+    it = RobotFiles(np.zeros((1, 3)), np.zeros((0, 4)), np.array([[0.0, 1.0, 1.0, 0.0], [gap, 2.0, 2.0, 0.0]]))
     assert (it.pose(0.1) is not None) == known
 
 

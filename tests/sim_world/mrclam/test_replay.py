@@ -13,7 +13,7 @@ from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.wire.messages import Readings
 from sim_world.mrclam.files import Recording, read_recording
-from sim_world.mrclam.replay import Replay
+from sim_world.mrclam.replay import MrclamSource
 from tests.files import DATASET7, needs_dataset7
 from tests.sim_world.datasets import T0, write
 
@@ -26,12 +26,12 @@ def tiny(tmp_path: Path) -> Recording:
     return read_recording(tmp_path)
 
 
-def replay(recording: Recording, *robots: str, dt: float = 0.5, seconds: float = 10.0, **world: object) -> Replay:
+def replay(recording: Recording, *robots: str, dt: float = 0.5, seconds: float = 10.0, **world: object) -> MrclamSource:
     settings = WorldSection.model_validate({"kind": "mrclam", **world})
-    return Replay(settings, recording, robots or ("r1", "r2"), dt, seconds)
+    return MrclamSource(settings, recording, robots or ("r1", "r2"), dt, seconds)
 
 
-def said(it: Replay, robot: str, ticks: int) -> list[Readings]:
+def said(it: MrclamSource, robot: str, ticks: int) -> list[Readings]:
     return [{r.robot: r for r in it.advance("run", tick)[1]}[robot] for tick in range(ticks)]
 
 
