@@ -71,7 +71,7 @@ class NoiseFactor:
 
 
 @dataclass
-class Factors:
+class NoiseFactors:
     """Mutable: the factors of kinds of noise that make one error together, by the likelihood of each combination.
 
     The prior of their logarithms is normal, one sigma of which is a factor of 2. A given model is its median; a guess is what the
@@ -141,7 +141,7 @@ class Span:
     given: tuple[bool, bool] = (True, True)
     along: NoiseFactor = field(init=False)
     heading: NoiseFactor = field(init=False)
-    _factors: Factors = field(init=False)
+    _factors: NoiseFactors = field(init=False)
     _led: Joint | None = None  # the robot's block since the span began, by odometry alone
     _bare: Joint | None = None  # the same without the error along the way
     _still: Joint | None = None  # the same without the error of the heading
@@ -150,7 +150,7 @@ class Span:
 
     def __post_init__(self) -> None:
         self.along, self.heading = (NoiseFactor(1.0 if given else LEAST, given) for given in self.given)
-        self._factors = Factors((self.along, self.heading))
+        self._factors = NoiseFactors((self.along, self.heading))
 
     def give_up(self) -> None:
         """Judge nothing of this span."""
@@ -246,12 +246,12 @@ class CameraNoise:
 
     range: NoiseFactor = field(default_factory=NoiseFactor)
     bearing: NoiseFactor = field(default_factory=NoiseFactor)
-    _factors: tuple[Factors, Factors] = field(init=False)
+    _factors: tuple[NoiseFactors, NoiseFactors] = field(init=False)
     #: Group -> team time (s) of its last sighting that was judged.
     _judged: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._factors = Factors((self.range,)), Factors((self.bearing,))
+        self._factors = NoiseFactors((self.range,)), NoiseFactors((self.bearing,))
 
     def scaled(self, relative: Relative) -> Relative:
         """A sighting whose noise is that of the model, with that which was found."""

@@ -21,7 +21,7 @@ from blackboard.opinion.gaussian.vehicle import (
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
-from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, Factors, NoiseFactor, WheelNoise
+from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, NoiseFactor, NoiseFactors, WheelNoise
 from robot_agent.gaussian.sensors import Sensors, Wheels, sensors_of
 
 SPAN = max(SPANS)
@@ -121,7 +121,7 @@ def test_a_heading_that_errs_more_says_so_of_the_way_where_both_were_told_or_nei
     given: tuple[bool, bool], least: float, most: float
 ) -> None:
     rng, along, heading = np.random.default_rng(3), NoiseFactor(LEAST, given[0]), NoiseFactor(LEAST, given[1])
-    factors, unseen = Factors((along, heading)), np.array([[[0.0]], [[1.0]]])
+    factors, unseen = NoiseFactors((along, heading)), np.array([[[0.0]], [[1.0]]])
     for _ in range(40):
         factors.weigh(3.0 * rng.normal(size=1), np.zeros((1, 1)), unseen)
     assert 2.0 < math.sqrt(heading.variance) < 4.0

@@ -23,12 +23,12 @@ STUBBORN = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN);" + END
 #: A launcher of two processes: one as usual, one that ignores SIGTERM.
 LAUNCHER = f"""
 import asyncio, sys
-from blackboard.run.supervisor import Process, Supervisor
+from blackboard.run.supervisor import ProcessRow, Supervisor
 async def main():
     async with Supervisor(stop_seconds=0.2) as supervisor:
         for name, text in (("usual", {ENDLESS!r}), ("stubborn", {STUBBORN!r})):
             code = "from blackboard.run.door import follow_parent; follow_parent();" + text
-            supervisor.keep_running(Process(name, (sys.executable, "-c", code)))
+            supervisor.keep_running(ProcessRow(name, (sys.executable, "-c", code)))
         supervisor.release()
         await asyncio.Event().wait()
 asyncio.run(main())
