@@ -31,7 +31,7 @@ from programs import program
 from blackboard.board.service import BoardService
 from blackboard.client.share import Share
 from blackboard.config import BoardSection, Scenario, load
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.net.link import Link
 from blackboard.net.scheduler import BEGIN, Scheduler
 from blackboard.net.settings import LinkConfig
@@ -102,7 +102,7 @@ def record(robots: int, fusion: str, seconds: float, seen: str = "ball") -> Reco
     tables = demo.tables | {"world": demo.tables["world"] | {"objects": objects}}
     scenario = Scenario(tables).changed("time", tick=1.0, seconds=seconds + 2.0, mode="realtime")
     said, world = Said(), Said()
-    team = LabTeam(scenario, around=lambda _, robot: Recorded(robot, said))
+    team = Team(scenario, around=lambda _, robot: Recorded(robot, said))
     team.bus.spies.append(lambda it: world.append((team.now, it)) if keys.CLOCK.match(it.key) else None)
     team.run()
     return Recording(scenario, said, world, team.robots[names[0]].listens)

@@ -17,7 +17,7 @@ import numpy as np
 import ratios  # noqa: F401  # so that this runs on its own
 
 from blackboard.config import Scenario, load
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.opinion.scores import log_score
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
@@ -54,7 +54,7 @@ class Watch:
 
 
 def watched(scenario: Scenario) -> Watch:
-    team, watch = LabTeam(scenario), Watch(scenario)
+    team, watch = Team(scenario), Watch(scenario)
     team.bus.spies.append(watch)
     team.run()
     return watch

@@ -19,7 +19,7 @@ from ratios import Row, show
 
 from blackboard.board.service import BoardService
 from blackboard.config import Scenario, load
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
@@ -49,7 +49,7 @@ class Tick:
 
 
 def tick(scenario: Scenario) -> Tick:
-    team, sent, seen = LabTeam(scenario), [0], [0]
+    team, sent, seen = Team(scenario), [0], [0]
 
     def count(envelope: Envelope) -> None:
         sent[0] += 1

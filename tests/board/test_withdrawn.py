@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from blackboard.config import Scenario
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.wire import keys
 from tests.board.reports import at, board, said_by
 from tests.heard import Heard
@@ -35,7 +35,7 @@ def test_a_sighting_of_another_sub_teams_robot_is_agreed_on_only_while_it_is_in_
             "world": {"seed": 3},
         }
     )
-    team = LabTeam(scenario)
+    team = Team(scenario)
     heard = Heard(team.bus)
     team.run()
     settled = [it for it in heard.of(keys.STATUS, process="board-b") if it.phase == "consensus"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus
@@ -13,7 +13,7 @@ Key = tuple[str, str, str, int]  # sub-team, level, subject, tick
 class Stream:
     """Every consensus of a run as consumers get it, in the order of sending."""
 
-    def __init__(self, team: LabTeam) -> None:
+    def __init__(self, team: Team) -> None:
         self.sent: list[Consensus] = []
         team.bus.spies.append(self._record)
 

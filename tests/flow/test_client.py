@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from blackboard.client.member import Member
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.opinion.belief import gaussian
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
@@ -24,7 +24,7 @@ class Still(Member):
 
 
 def test_a_client_in_lockstep_is_waited_for_and_keeps_nobody_waiting() -> None:
-    team = LabTeam(SCENARIO.changed("team", guests="vote"))
+    team = Team(SCENARIO.changed("team", guests="vote"))
     client = Still(team="t", sub_teams=("a",), robot="c1", grid=SCENARIO.grid, settings=SCENARIO.board)
     team.join(client)
     heard = Heard(team.bus)

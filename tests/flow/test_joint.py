@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blackboard.board.service import board_of
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
@@ -26,7 +26,7 @@ JOINT = SCENARIO.changed("board", fusion="joint").changed("time", seconds=3.0)
 class Agreed:
     """The agreed consensuses of a run: sub-team -> (tick, subject) -> consensus."""
 
-    def __init__(self, team: LabTeam) -> None:
+    def __init__(self, team: Team) -> None:
         self._heard = Heard(team.bus)
 
     @cached_property
@@ -35,7 +35,7 @@ class Agreed:
         return {s: {(it.tick, it.subject): it for it in self._heard.of(keys.AGREED, sub_team=s)} for s in "ab"}
 
 
-def played(team: LabTeam) -> tuple[str, Agreed]:
+def played(team: Team) -> tuple[str, Agreed]:
     agreed = Agreed(team)
     team.run()
     assert team.world.why == ""
@@ -44,7 +44,7 @@ def played(team: LabTeam) -> tuple[str, Agreed]:
 
 @pytest.fixture(scope="module")
 def calm() -> tuple[str, Agreed]:
-    return played(LabTeam(JOINT))
+    return played(Team(JOINT))
 
 
 def test_every_board_holds_the_same_joint_to_the_bit(calm: tuple[str, Agreed]) -> None:
@@ -67,11 +67,11 @@ def test_the_joint_says_whose_evidence_it_took(calm: tuple[str, Agreed]) -> None
 
 
 def test_the_order_of_arrival_changes_no_bit(calm: tuple[str, Agreed]) -> None:
-    assert played(LabTeam(JOINT, np.random.default_rng(3)))[0] == calm[0]
+    assert played(Team(JOINT, np.random.default_rng(3)))[0] == calm[0]
 
 
 def test_what_is_said_twice_counts_once(calm: tuple[str, Agreed]) -> None:
-    team = LabTeam(JOINT)
+    team = Team(JOINT)
     echoes: set[bytes] = set()
 
     def echo(envelope: Envelope) -> None:
@@ -86,7 +86,7 @@ def test_what_is_said_twice_counts_once(calm: tuple[str, Agreed]) -> None:
 
 
 def test_lost_messages_stop_nobody() -> None:
-    team, count = LabTeam(JOINT), 0
+    team, count = Team(JOINT), 0
 
     def lose(envelope: Envelope) -> bool:
         nonlocal count
@@ -104,7 +104,7 @@ def plain(name: str) -> AgentService:
 
 
 def test_a_robot_that_sends_beliefs_only_is_pooled_beside_the_joint() -> None:
-    team = LabTeam(JOINT)
+    team = Team(JOINT)
     team.leave(team.robots["r2"])
     team.join(plain("r2"))
     _, agreed = played(team)
@@ -117,7 +117,7 @@ def test_a_robot_that_sends_beliefs_only_is_pooled_beside_the_joint() -> None:
 
 def test_a_board_that_pools_opinions_only_is_not_waited_for() -> None:
     """As a board of the version before, which forwards nothing."""
-    team = LabTeam(JOINT)
+    team = Team(JOINT)
     team.leave(team.boards["b"])
     team.join(board_of(SCENARIO, "b"))
     _, agreed = played(team)
@@ -127,7 +127,7 @@ def test_a_board_that_pools_opinions_only_is_not_waited_for() -> None:
 
 
 def test_evidence_from_another_time_is_refused() -> None:
-    team = LabTeam(JOINT)
+    team = Team(JOINT)
     team.run_until(lambda: team.world.tick == 2)
     for time in (1e12, -1e12):
         forward = Forward(board="board-b", sub_team="b", tick=2, time=time)
@@ -137,7 +137,7 @@ def test_evidence_from_another_time_is_refused() -> None:
 
 
 def test_a_robot_that_dies_is_believed_less_and_less_and_then_no_more() -> None:
-    team = LabTeam(JOINT.changed("board", max_age=1.7))
+    team = Team(JOINT.changed("board", max_age=1.7))
     agreed = Agreed(team)
     team.run_until(lambda: team.world.tick == 2)
     team.leave(team.robots["r2"])
@@ -151,7 +151,7 @@ def test_a_robot_that_dies_is_believed_less_and_less_and_then_no_more() -> None:
 
 def test_no_evidence_ends_a_board() -> None:
     """A member whose numbers are absurd: the joint may begin anew, and the boards go on."""
-    team = LabTeam(JOINT)
+    team = Team(JOINT)
 
     def spoil(envelope: Envelope) -> None:
         if envelope.key == "cop/t/a/forward/board-a" and envelope.payload not in spoilt:
@@ -184,7 +184,7 @@ def test_no_evidence_ends_a_board() -> None:
 
 def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
     """What a robot says after it began anew is not taken for the continuation of what it said before."""
-    team = LabTeam(JOINT.changed("time", seconds=5.5))
+    team = Team(JOINT.changed("time", seconds=5.5))
     agreed = Agreed(team)
     heard = Heard(team.bus)
 

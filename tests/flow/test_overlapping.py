@@ -7,7 +7,7 @@ import math
 import pytest
 
 from blackboard.config import Scenario
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.wire import keys
 from blackboard.wire.messages import Consensus
 from tests.heard import Heard
@@ -30,7 +30,7 @@ def scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
 
 def agreed(sub_teams: dict[str, list[str]], **board: object) -> dict[str, dict[tuple[int, str], Consensus]]:
     """Sub-team -> tick and subject -> what was agreed, in a run to the end."""
-    team = LabTeam(scenario(sub_teams, **board))
+    team = Team(scenario(sub_teams, **board))
     heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""

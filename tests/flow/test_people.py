@@ -10,7 +10,7 @@ import pytest
 
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import Consensus
@@ -36,7 +36,7 @@ Told = dict[str, dict[tuple[int, str], Consensus]]  # sub-team -> (tick, track) 
 
 @cache
 def played(shuffle: int | None) -> tuple[Told, dict[str, Any]]:
-    team = LabTeam(PEOPLE, None if shuffle is None else np.random.default_rng(shuffle))
+    team = Team(PEOPLE, None if shuffle is None else np.random.default_rng(shuffle))
     heard = Heard(team.bus)
     card = team.run()
     agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}
@@ -70,7 +70,7 @@ def test_the_order_in_which_messages_come_changes_no_track() -> None:
 
 
 def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -> None:
-    team = LabTeam(PEOPLE.changed("time", seconds=20.0))
+    team = Team(PEOPLE.changed("time", seconds=20.0))
     heard = Heard(team.bus)
     team.run_until(lambda: team.world.tick == 18)
     team.leave(team.boards["a"])
@@ -94,7 +94,7 @@ def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -
 
 @pytest.mark.parametrize("fusion", ["joint", "opinions"])
 def test_boards_that_were_all_started_again_give_no_name_that_was_given_before(fusion: str) -> None:
-    team = LabTeam(PEOPLE.changed("time", seconds=20.0).changed("board", fusion=fusion))
+    team = Team(PEOPLE.changed("time", seconds=20.0).changed("board", fusion=fusion))
     heard = Heard(team.bus)
     team.run_until(lambda: team.world.tick == 18)
     for board in list(team.boards.values()):
@@ -127,7 +127,7 @@ OPINIONS = Scenario(
 
 @cache
 def pooled(shuffle: int | None) -> tuple[Told, dict[str, Any]]:
-    team = LabTeam(OPINIONS, None if shuffle is None else np.random.default_rng(shuffle))
+    team = Team(OPINIONS, None if shuffle is None else np.random.default_rng(shuffle))
     heard = Heard(team.bus)
     card = team.run()
     agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}

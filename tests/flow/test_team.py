@@ -9,7 +9,7 @@ import pytest
 
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.raw import MAX_BYTES
@@ -17,12 +17,12 @@ from tests.heard import Heard
 from tests.scenarios import SCENARIO
 
 
-def team_of(scenario: Scenario = SCENARIO, shuffle: int | None = None) -> LabTeam:
+def team_of(scenario: Scenario = SCENARIO, shuffle: int | None = None) -> Team:
     """The team of a scenario, its envelopes shuffled by a seed."""
-    return LabTeam(scenario, None if shuffle is None else np.random.default_rng(shuffle))
+    return Team(scenario, None if shuffle is None else np.random.default_rng(shuffle))
 
 
-def run(team: LabTeam) -> str:
+def run(team: Team) -> str:
     """Run to the end, which must be the regular one; the hash over all consensuses."""
     team.run()
     assert team.world.why == ""

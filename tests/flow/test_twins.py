@@ -10,7 +10,7 @@ import pytest
 
 from blackboard.board.lead import BoardRole
 from blackboard.board.service import board_of
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus
 from tests.flow.streams import Key, Stream
@@ -20,12 +20,12 @@ LONGER = SCENARIO.changed("time", seconds=4.0)  # ticks 0 to 8
 FUSIONS = ("opinions", "joint")
 
 
-def pair(fusion: str, mode: str = "lockstep", boards: int = 2) -> LabTeam:
+def pair(fusion: str, mode: str = "lockstep", boards: int = 2) -> Team:
     scenario = LONGER.changed("team", boards=boards).changed("board", fusion=fusion).changed("time", mode=mode)
-    return LabTeam(scenario)
+    return Team(scenario)
 
 
-def is_clean(team: LabTeam) -> None:
+def is_clean(team: Team) -> None:
     """Nobody was late, and nobody refused anything."""
     assert team.world.why == ""
     services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]

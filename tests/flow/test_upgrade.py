@@ -14,7 +14,7 @@ from typing import Any
 import msgpack
 import pytest
 
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.net.bus import intersects
 from blackboard.tape.content import Tape, load_tape
 from blackboard.tape.whatif import what_if
@@ -104,7 +104,7 @@ def more(value: Any) -> Any:
 def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
     found = []
     for change in (False, True):
-        team, told = LabTeam(scenario), list[Envelope]()
+        team, told = Team(scenario), list[Envelope]()
         team.bus.spies.append(told.append)
         deliver = team.bus.deliver
 
@@ -125,7 +125,7 @@ def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
 def test_members_may_change_their_coding_one_after_another(scenario: Any) -> None:
     found = []
     for board, robot in (("log8", "log8"), ("log8", "log16"), ("log16", "log8")):
-        team, told = LabTeam(scenario.changed("board", coding=board).changed("robot", coding=robot)), list[Envelope]()
+        team, told = Team(scenario.changed("board", coding=board).changed("robot", coding=robot)), list[Envelope]()
         team.bus.spies.append(told.append)
         team.run()
         services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]

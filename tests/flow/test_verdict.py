@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from blackboard.config import Scenario
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from robot_agent.team import robot_of
 
 SCENARIO = Scenario(
@@ -17,7 +17,7 @@ SCENARIO = Scenario(
 
 
 def test_a_board_that_dies_and_stays_away_is_a_fail_that_names_its_robots() -> None:
-    team = LabTeam(SCENARIO)
+    team = Team(SCENARIO)
     team.run_until(lambda: team.world.tick >= 7)
     team.leave(team.boards["b"])
     card = team.run()
@@ -28,9 +28,9 @@ def test_a_board_that_dies_and_stays_away_is_a_fail_that_names_its_robots() -> N
 
 
 def test_robots_that_all_lose_themselves_are_a_fail() -> None:
-    calm = LabTeam(SCENARIO).run()
+    calm = Team(SCENARIO).run()
     assert calm["verdict"] == "PASS", calm["reasons"]
-    team = LabTeam(SCENARIO)
+    team = Team(SCENARIO)
     team.run_until(lambda: team.world.tick >= 7)
     for name, service in team.robots.items():
         team.leave(service)

@@ -9,7 +9,7 @@ import pytest
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.net.scheduler import BEGIN
 from blackboard.wire.envelope import Envelope
 from tests.scenarios import SCENARIO
@@ -17,7 +17,7 @@ from tests.sim_world.datasets import write
 
 
 def test_a_run_gives_the_scorecard_with_what_everybody_sent_and_received() -> None:
-    team = LabTeam(SCENARIO)
+    team = Team(SCENARIO)
     seen: list[Envelope] = []
     team.bus.spies.append(seen.append)
     card = team.run()
@@ -30,21 +30,21 @@ def test_a_run_gives_the_scorecard_with_what_everybody_sent_and_received() -> No
 
 
 def test_time_moves_only_while_nothing_is_left_to_deliver() -> None:
-    team = LabTeam(SCENARIO)
+    team = Team(SCENARIO)
     assert team.now == BEGIN
     team.run_until(lambda: team.world.done)
     assert team.now - BEGIN < 1.0  # in lockstep nobody waits: everybody answers at once
 
 
 def test_what_never_comes_about_is_given_up_after_its_seconds() -> None:
-    team = LabTeam(SCENARIO)
+    team = Team(SCENARIO)
     with pytest.raises(RunFailed, match="has not ended"):
         team.run_until(lambda: False, seconds=20.0)
     assert team.now < BEGIN + 21.0
 
 
 def test_who_leaves_hears_nothing_more_and_may_come_back() -> None:
-    team = LabTeam(SCENARIO)
+    team = Team(SCENARIO)
     left = team.boards["b"]
     team.run_until(lambda: team.world.tick == 2)
     team.leave(left)
@@ -69,10 +69,10 @@ def test_a_recorded_team_runs_too(tmp_path: Path) -> None:
             "grid": grid,
         }
     )
-    card = LabTeam(scenario).run()
+    card = Team(scenario).run()
     assert (card["unit"], card["ticks"]) == ("m", 3)
 
 
 def test_a_mistake_in_a_scenario_is_a_user_error() -> None:
     with pytest.raises(UserError, match="robot.localizer"):
-        LabTeam(Scenario({"robot": {"localizer": "gps"}}))
+        Team(Scenario({"robot": {"localizer": "gps"}}))

@@ -10,7 +10,7 @@ import pytest
 from blackboard.config import Scenario
 from blackboard.config.world import WorldSection
 from blackboard.judge.tracks import TrackAt, TrackJudge
-from blackboard.lab.team import LabTeam, played
+from blackboard.lab.team import Team, played
 from tests.files import ROOT
 
 pytest.importorskip("stonesoup", reason="no Stone Soup: pip install '.[jpda]'")
@@ -44,7 +44,7 @@ def centralised(scenario: Scenario) -> dict[str, Any]:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_team_follows_people_about_as_well_as_one_computer_that_knows_where_all_robots_are(seed: int) -> None:
-    found, central = LabTeam(people(seed)).run()["tracks"]["person"], centralised(people(seed))
+    found, central = Team(people(seed)).run()["tracks"]["person"], centralised(people(seed))
     assert found["gospa"] <= 1.1 * central["gospa"]
     assert found["switches"] <= central["switches"]
     assert found["false"] <= central["false"]

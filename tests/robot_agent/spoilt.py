@@ -19,7 +19,7 @@ import numpy as np
 
 from blackboard.config import Scenario, load
 from blackboard.judge.samples import Sample
-from blackboard.lab.team import LabTeam, played
+from blackboard.lab.team import Team, played
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.scores import held
@@ -181,7 +181,7 @@ def demos(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Judged, f
             if name == "wrong":
                 chosen = _wrong(chosen, np.random.default_rng(seed))
             samples: list[Sample] = []
-            LabTeam(chosen, record=samples.append).run()
+            Team(chosen, record=samples.append).run()
             for it in samples:
                 if it.level == "agreed" and it.time >= seconds / 6 and it.sub_team == chosen.team.of(it.robot)[0]:
                     group = "robots" if it.subject == f"robot/{it.robot}" else "objects"

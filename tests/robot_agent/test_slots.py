@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.errors import UserError
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.opinion.gaussian.relation import measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire import keys
@@ -113,7 +113,7 @@ def test_a_sighting_is_told_once() -> None:
 
 
 def test_a_team_says_no_more_than_its_rate_in_datagrams_and_knows_where_all_are() -> None:
-    team = LabTeam(RATED)
+    team = Team(RATED)
     sizes, agreed = list[int](), set[tuple[str, str]]()
 
     def spy(envelope: Envelope) -> None:
@@ -132,7 +132,7 @@ def test_a_team_says_no_more_than_its_rate_in_datagrams_and_knows_where_all_are(
 
 
 def test_where_boards_pool_opinions_all_subjects_have_their_turn() -> None:
-    team, subjects = LabTeam(RATED.changed("board", fusion="opinions").changed("time", seconds=8.0)), list[str]()
+    team, subjects = Team(RATED.changed("board", fusion="opinions").changed("time", seconds=8.0)), list[str]()
     team.bus.spies.append(
         lambda it: subjects.extend(
             parts["subject"] for parts in [keys.REPORT.match(it.key)] if parts and parts["source"] == "r1"

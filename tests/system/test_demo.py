@@ -11,7 +11,7 @@ import pytest
 
 from blackboard.config import load
 from blackboard.errors import UserError
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.run.door import INTERRUPTED
 from blackboard.run.flags import TeamFlags
 from tests.commands import blackboard, call
@@ -32,7 +32,7 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Pat
     assert first["messages"]["refused"] == {}
     assert {run.returncode for run in runs} <= {0, 1}
     assert (runs[0].returncode == 0) == (first["verdict"] == "PASS")
-    in_one_process = LabTeam(
+    in_one_process = Team(
         TeamFlags(robots=2).apply(load("demo")).changed("world", seed=7).changed("time", seconds=2.0)
     ).run()
     assert in_one_process["hash"] == first["hash"]

@@ -15,7 +15,7 @@ import pytest
 
 from blackboard.config import load
 from blackboard.errors import UserError
-from blackboard.lab.team import LabTeam
+from blackboard.lab.team import Team
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
@@ -70,7 +70,7 @@ def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None]) -> dict[st
 @cache
 def undisturbed() -> str:
     """The hash of the same run in one process, without a network."""
-    found: str = LabTeam(DEMO).run()["hash"]
+    found: str = Team(DEMO).run()["hash"]
     return found
 
 
