@@ -36,7 +36,9 @@ class Reckoned:
 class Sightings:
     """Mutable; `news` once per tick, and then `said` with the evidence that was sent."""
 
-    told: dict[str, Reckoned] = field(default_factory=dict)  # by subject; the one that was sent last stands last
+    told: dict[str, Reckoned] = field(
+        default_factory=dict
+    )  # subject -> what was sent of it; the newest is last in order
     _after: dict[str, Reckoned] = field(
         default_factory=dict
     )  # what will be known if the sightings of this tick are sent

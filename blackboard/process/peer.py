@@ -27,7 +27,7 @@ from blackboard.wire.types import Message
 log = logging.getLogger(__name__)
 
 MAX_LOGGED = 256  # boards and reasons of refusals that are remembered as logged
-MAX_BEGINNINGS = 64  # of the names of tracks
+MAX_BEGINNINGS = 64  # of the names of tracks whose last number is remembered, as `person/`
 WHOLE = 10.0  # seconds of team time between two statuses with counters and settings on a poor link
 
 

@@ -52,7 +52,8 @@ def pack_evidence(
     ]
     sound = [sighting for sighting, its in zip(relatives, errors, strict=True) if max(its) <= LARGEST]
     told = [sighting for sighting in sound if sighting.kind == "range-bearing"]
-    if not all(sighting.profile for sighting in told):  # one profile is of all sightings of a message
+    # A message holds one profile, for all its sightings or for none.
+    if not all(sighting.profile for sighting in told):
         told = [sighting.without_profile() for sighting in told]
     states = STATES if any(nuisance.sigmas[6:]) else FORMER
     return PackedEvidence(

@@ -53,9 +53,8 @@ class Nodes:
             at = pose(said.start, np.diag(np.square([truth.start, truth.start, truth.start_heading])))
             self._say("fix", POSE, header=header("map"), pose=at)
         elif said.gps is not None:
-            at = pose(
-                (*said.gps, 0.0), np.diag([truth.gps**2, truth.gps**2, math.pi**2])
-            )  # a heading that nobody knows
+            unknown = math.pi**2  # GPS knows no heading
+            at = pose((*said.gps, 0.0), np.diag([truth.gps**2, truth.gps**2, unknown]))
             self._say("fix", POSE, header=header("map"), pose=at)
         for seen in said.seen:
             ahead = np.array([math.cos(seen.bearing), math.sin(seen.bearing)])

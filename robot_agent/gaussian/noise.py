@@ -88,7 +88,7 @@ class NoiseFactors:
         combined = np.stack(np.meshgrid(*[LOGS] * number, indexing="ij"), axis=-1)
         apart = combined - [0.0 if kind.given else -np.log(2) for kind in self.kinds]
         alike = TOGETHER if len({kind.given for kind in self.kinds}) == 1 else 0.0
-        # how far below its bound one kind is says nothing of the other
+        # A factor below its bound is used as the bound, so it has the bound's likelihood and says no more of the other kind.
         least = [kind.least if alike else 0.0 for kind in self.kinds]
         correlation = alike + (1 - alike) * np.eye(number)
         self._prior = -0.5 * np.sum(apart @ np.linalg.inv(correlation) * apart, axis=-1)

@@ -46,10 +46,10 @@ def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str,
             sure[robot] = own
             said[robot] = {robot: Claim(own.mean[AXES], own.covariance[AXES, AXES], np.zeros((2, 2)))}
             seen += [r for r in evidence.relatives if r.observer == robot and r.subject != robot and r.places]
-    speakers = Counter(
-        subject for subject, _ in {*((it, it) for it in sure), *((it.subject, it.observer) for it in seen)}
-    )
-    seen = [it for it in seen if speakers[it.subject] > 1]  # nobody contradicts what one alone says
+    pairs = {(robot, robot) for robot in sure} | {(sighting.subject, sighting.observer) for sighting in seen}
+    speakers = Counter(subject for subject, _ in pairs)
+    # A contradiction takes two: where only one robot sees something, there is nothing to compare.
+    seen = [sighting for sighting in seen if speakers[sighting.subject] > 1]
     with team.blaming(""):
         claims = claimed(Joint.of(sure), seen, motions)
     for relative, claim in zip(seen, claims, strict=True):

@@ -20,31 +20,12 @@ from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
 OF_PAIR, OF_OBSERVER = 9, 20  # differences that count, the newest ones: of a pair, and of all that an observer sees
-CAUTIOUS = (
-    2.0  # times by which a claim may exceed the noise that there is: it is honest to guess too much of a new sensor
-)
+#: Times by which a claim may exceed the noise that there is: it is honest to guess too much of a new sensor.
+CAUTIOUS = 2.0
 RAREST = 0.01  # the least p that a difference counts with: three and more say it, not one
 DECLARED = 0.1  # the share of the fresh variance from which on a declared lasting error accounts for small differences
-HELD = 5.0  # seconds for which it is held against a pair, or an observer
+HELD = 5.0  # seconds for which an observer is doubted, after its differences were too small
 KEPT = 60.0  # seconds without a sighting after which a pair is forgotten
-
-
-@dataclass(frozen=True)
-class Record:
-    """Of a pair, or an observer: -2 ln p of its newest differences, and for how many seconds more they are held against it."""
-
-    newest: tuple[float, ...] = ()
-    held: float = 0.0
-
-    def plus(self, small: float, most: int) -> Record:
-        """With one more difference; the newest count, as many as `most`."""
-        newest = (*self.newest, small)[-most:]
-        too_small = sum(newest) > wilson_hilferty(GATE, 2 * len(newest))
-        return Record(newest, HELD if too_small else self.held)
-
-    def after(self, dt: float) -> Record:
-        """`dt` seconds later."""
-        return replace(self, held=max(0.0, self.held - dt)) if self.held else self
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +34,7 @@ class Trail:
 
     residual: Array
     noise: Array
-    record: Record = field(default_factory=Record)
+    newest: tuple[float, ...] = ()  # -2 ln p of its newest differences
     age: float = 0.0
 
 
@@ -62,23 +43,22 @@ class Freshness:
     """Mutable; `pass_time` once per tick, `hear` once per sighting, before any of the tick's is taken."""
 
     _trails: dict[tuple[str, str, str], Trail] = field(default_factory=dict)  # observer, subject and kind of sighting
-    _observers: dict[str, Record] = field(default_factory=dict)
+    #: Observer -> -2 ln p of the newest differences of all its pairs.
+    _observers: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
 
     def copy(self) -> Freshness:
         """The same, which may be changed without changing this one."""
-        return Freshness(dict(self._trails), dict(self._observers))
+        return Freshness(dict(self._trails), dict(self._observers), dict(self._held))
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
         self._trails = {
-            of: replace(trail, record=trail.record.after(dt), age=trail.age + dt)
-            for of, trail in self._trails.items()
-            if trail.age + dt <= KEPT
+            of: replace(trail, age=trail.age + dt) for of, trail in self._trails.items() if trail.age + dt <= KEPT
         }
         heard = {observer for observer, _, _ in self._trails}
-        self._observers = {
-            observer: trail.after(dt) for observer, trail in self._observers.items() if observer in heard
-        }
+        self._observers = {observer: newest for observer, newest in self._observers.items() if observer in heard}
+        self._held = {observer: held - dt for observer, held in self._held.items() if held > dt}
 
     def hear(self, sighting: Relative, factor: Factor) -> None:
         """Take a sighting against what the joint expects. One that declares lasting errors counts so already."""
@@ -89,18 +69,22 @@ class Freshness:
             turned = factor.jacobians[sighting.subject][AXES, AXES].T
             residual, noise = turned @ residual, turned @ noise @ turned.T
         observer, of = sighting.observer, (sighting.observer, sighting.subject, sighting.kind)
-        before, record = self._trails.get(of), Record()
+        before, newest = self._trails.get(of), tuple[float, ...]()
         if before is not None:
             squared = CAUTIOUS**2 * squared_distance(residual - before.residual, noise + before.noise)
             tail = -math.expm1(-squared / 2) if sighting.places else math.erf(math.sqrt(squared / 2))
             small = -2 * math.log(max(RAREST, tail))
-            record = before.record.plus(small, OF_PAIR)
-            self._observers[observer] = self._observers.get(observer, Record()).plus(small, OF_OBSERVER)
-        self._trails[of] = Trail(residual, noise, record)
+            newest = (*before.newest, small)[-OF_PAIR:]
+            of_all = self._observers[observer] = (*self._observers.get(observer, ()), small)[-OF_OBSERVER:]
+            if _are_too_small(newest) or _are_too_small(of_all):
+                self._held[observer] = HELD
+        self._trails[of] = Trail(residual, noise, newest)
 
     def doubts(self, robot: str) -> bool:
         """Whether a pair of it, or all that it sees, lately differed less than 99.9 % of what has fresh noise."""
-        of_all = self._observers.get(robot, Record())
-        return of_all.held > 0 or any(
-            trail.record.held > 0 for (one, _, _), trail in self._trails.items() if one == robot
-        )
+        return robot in self._held
+
+
+def _are_too_small(newest: tuple[float, ...]) -> bool:
+    """Whether differences with these -2 ln p are smaller together than 99.9 % of such sums (Fisher's method)."""
+    return sum(newest) > wilson_hilferty(GATE, 2 * len(newest))

@@ -161,9 +161,11 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     wider = _judged(team, relative, factor, expected.innovation(factor))
     if wider is None:
         return
-    if not robot and team.freshness.doubts(observer):  # nobody else may see the object, so it counts for a little
+    # If nobody else sees the object, a doubted sighting is all there is: it counts with a larger variance.
+    if not robot and team.freshness.doubts(observer):
         wider = wider.widened(MOST_NOISE)
-    now = None if wider.priors else expected  # of the joint as it is once new blocks have begun
+    # A factor that begins new blocks changes the joint, so what was expected before it no longer holds.
+    now = None if wider.priors else expected
     only = team.bounded(observer, wider, team.moved_by_sighting(relative), now)
     correct(team.joint, wider, only, now)
     team.note_errors(relative)

@@ -158,7 +158,9 @@ class Tracks:
         default_factory=dict
     )  # the same: of the tracks begun, those that got a name
     _numbers: dict[str, int] = field(default_factory=dict)  # class -> the last number that was given
-    _before: dict[str, int] = field(default_factory=dict)  # how names begin -> the last number, before this was there
+    _before: dict[str, int] = field(
+        default_factory=dict
+    )  # how names begin -> the last number that was given before this board started
     _over: tuple[str, ...] = ()  # the names of those that are over, the newest last
     _begun: int = 0
 
