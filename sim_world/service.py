@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from blackboard.config import Scenario
 from blackboard.config.world import WorldSection
 from blackboard.faults import faulty_robots
-from blackboard.judge.card import RunResult
+from blackboard.judge.card import COUNTED, RunResult
 from blackboard.judge.instant import PHASES, Instant, who_saw_landmarks
 from blackboard.judge.referee import Referee
 from blackboard.judge.samples import Keep
@@ -156,7 +156,7 @@ class WorldService:
             ticks=max(0, self.tick),
             tick_seconds=self.time.tick,
             wall_seconds=self._now - self._began if self._began else 0.0,
-            messages={name: counts[name] for name in ("sent", "received", "dropped")},
+            messages={name: counts[name] for name in COUNTED},
             refused=self.traffic.refused(self.refused + Counter(judgement.refused)),
             bytes=counts["bytes"],
             counters=dict(self.counters),

@@ -17,6 +17,9 @@ from blackboard.process.columns import columns
 WIDE = 0.5  # of an interval: whose share may be anything between 0.2 and 0.7 is not judged yet
 
 
+COUNTED = ("sent", "received", "dropped", "late")
+
+
 @dataclass(frozen=True)
 class RunResult:
     """All that a scorecard needs of a run, live or recorded, that ended or was stopped."""
@@ -31,7 +34,7 @@ class RunResult:
     ticks: int
     tick_seconds: float  # of team time
     wall_seconds: float
-    messages: Mapping[str, int]  # of the whole team: sent, received, dropped
+    messages: Mapping[str, int]  # of the whole team: `COUNTED`
     refused: Mapping[str, int]  # of the whole team: reason -> messages and beliefs
     bytes: int  # of the whole team
     counters: Mapping[str, int]  # of the world alone
@@ -80,6 +83,7 @@ COLUMNS = (
     *((f"in {level} %", "share", f"{level / 100:g}") for level in SHARES),
 )
 SAME_PROCESSOR = "the same scenario and seed give the same hash on the same kind of processor only"
+NOT_AGAIN = "not all of the team was waited for, so the same scenario and seed may give another hash"
 
 
 def text(card: dict[str, Any]) -> str:
@@ -106,8 +110,8 @@ def text(card: dict[str, Any]) -> str:
         "",
         f"{card['ticks']} ticks, {card['simulated_s']:g} s of team time in {card['wall_s']:.1f} s",
         f"rule {card['rule']}, fusion {card['fusion']}, seed {card['seed']}, consensuses {card['hash']}",
-        f"({SAME_PROCESSOR})",
-        f"{messages['received']} messages received, {messages['dropped']} dropped, {refused} refused",
+        f"({NOT_AGAIN if messages['late'] else SAME_PROCESSOR})",
+        f"{messages['received']} messages received, {messages['dropped']} dropped, {messages['late']} late, {refused} refused",
         card["verdict"] + _too_short(card),
         *(f"  {reason}" for reason in card["reasons"]),
         *(f"  likely cause: {cause}" for cause in card["causes"]),

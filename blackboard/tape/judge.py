@@ -14,7 +14,7 @@ from blackboard.config import Scenario
 from blackboard.config.world import WorldSection
 from blackboard.errors import Refused
 from blackboard.faults import faulty_robots
-from blackboard.judge.card import RunResult
+from blackboard.judge.card import COUNTED, RunResult
 from blackboard.judge.instant import Instant, who_saw_landmarks
 from blackboard.judge.referee import Referee
 from blackboard.judge.samples import Keep
@@ -130,7 +130,7 @@ def judge(
         ticks=story.ticks,
         tick_seconds=scenario.time.tick,
         wall_seconds=wall,
-        messages={name: output.counters[name] for name in ("sent", "received", "dropped")},
+        messages={name: output.counters[name] for name in COUNTED},
         refused=output.refused + Counter(judgement.refused),
         bytes=output.counters["bytes"],
         counters={},

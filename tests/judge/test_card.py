@@ -22,7 +22,7 @@ def test_it_is_the_agreed_json() -> None:
         "ticks": 7,
         "simulated_s": 0.7,
         "wall_s": 1.235,
-        "messages": {"sent": 10, "received": 9, "dropped": 1, "refused": {"shape": 1, "version": 2}},
+        "messages": {"sent": 10, "received": 9, "dropped": 1, "late": 0, "refused": {"shape": 1, "version": 2}},
         "bytes": 1000,
         "scores": SCORES,
         "unit": "m",
@@ -98,8 +98,16 @@ def test_the_text_has_units_and_directions_and_a_row_for_each_level_that_was_jud
         "7 ticks, 0.7 s of team time in 1.2 s",
         "rule coalition, fusion joint, seed 7, consensuses abc",
         "(the same scenario and seed give the same hash on the same kind of processor only)",
-        "9 messages received, 1 dropped, 3 refused",
+        "9 messages received, 1 dropped, 0 late, 3 refused",
         "PASS",
         "  robots: fine",
         "  likely cause: r3 is off",
     ]
+
+
+def test_a_run_that_did_not_wait_for_all_does_not_claim_to_be_repeatable() -> None:
+    late = replace(RESULT, messages={**RESULT.messages, "late": 9})
+    lines = text(scorecard(late)).splitlines()
+    assert "9 messages received, 1 dropped, 9 late, 3 refused" in lines
+    assert "(not all of the team was waited for, so the same scenario and seed may give another hash)" in lines
+    assert not any("give the same hash" in line for line in lines)
