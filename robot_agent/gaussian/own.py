@@ -150,7 +150,7 @@ class Given(FirstHand):
         if self.known and given is not None:
             still = replace(motion, along=0.0, across=0.0, heading=0.0)
             is_told = told.distance_sigma is not None and told.turn_sigma is not None
-            self._idle = not _is_sharper(given, self._moved(motion if is_told else still, bent=False))
+            self._idle = not _is_sharper(given, self._moved(motion if is_told else still))
             if self._idle:
                 along, across, heading = (max(0.0, float(variance)) for variance in self._lost(still, given))
                 motion = replace(motion, along=along, across=across, heading=heading)
@@ -159,21 +159,21 @@ class Given(FirstHand):
         self.travelled = self.travelled.plus(motion)
         for joint in (self.joint if self.known else None, self._unsent):
             if joint is not None:
-                drive(joint, self.robot, motion, self.sensors.wheels.nuisance)
+                drive(joint, self.robot, motion, self.sensors.wheels.nuisance, bent=False)
         return motion
 
-    def _moved(self, motion: Motion, *, bent: bool) -> Moments:
+    def _moved(self, motion: Motion) -> Moments:
         ahead = self.joint.copy()
-        drive(ahead, self.robot, motion, self.sensors.wheels.nuisance, bent=bent)
+        drive(ahead, self.robot, motion, self.sensors.wheels.nuisance, bent=False)
         moments = ahead.moments(self.robot)
         return Moments(moments.mean[POSE], moments.covariance[POSE, POSE])
 
     def _lost(self, motion: Motion, given: Moments) -> Array:
         """By how much a posterior's variances exceed those of its prediction: along and across the way, and of the heading.
 
-        The boards predict with what a badly known heading adds, so that is left out of what the posterior lost.
+        What a badly known heading adds in a filter that is not linear counts as noise of the way.
         """
-        prediction = self._moved(motion, bent=True)
+        prediction = self._moved(motion)
         way = float(prediction.mean[HEADING]) - motion.turn / 2
         c, s = np.cos(way), np.sin(way)
         frame = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
