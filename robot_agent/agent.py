@@ -18,7 +18,7 @@ from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy_of
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.gaussians import unpack_state
 from blackboard.wire.messages import (
@@ -150,7 +150,7 @@ class Agent:
         """
         localizer = self.informed.localizer
         place = localizer.marginal()
-        if entropy(place.p) >= self.settings.objects.forget * math.log(self.grid.size):
+        if entropy_of(place.p) >= self.settings.objects.forget * math.log(self.grid.size):
             return None
         heading, variance = heading_of(localizer)
         covariance = np.zeros((3, 3))
@@ -231,7 +231,7 @@ class Agent:
             subject: pack(belief, self.settings.coding)
             for subject, belief in self.informed.beliefs().items()
             if subject == self.subject
-            or (subject in first and entropy(belief.p) < entropy(first[subject].p) - LEAST_GAIN)
+            or (subject in first and entropy_of(belief.p) < entropy_of(first[subject].p) - LEAST_GAIN)
         }
 
     def _unnamed(self, strange: Sequence[tuple[int, Sighting]]) -> list[UnnamedBelief]:
@@ -239,7 +239,7 @@ class Agent:
         most, beliefs = self.settings.objects.forget * math.log(self.grid.size), list[UnnamedBelief]()
         for mark, sighting in strange[:MAX_UNNAMED]:
             belief = self.firsthand.place(sighting)
-            if entropy(belief.p) < most:
+            if entropy_of(belief.p) < most:
                 where = pack(belief, self.settings.coding)
                 beliefs.append(
                     UnnamedBelief(kind=sighting.subject, belief=where, mark=mark, confidence=sighting.confidence)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy_of
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import Report
 from blackboard.wire.opinions import reported
@@ -329,4 +329,4 @@ def _short(report: Report) -> Report:
 
 def _share(belief: Belief, known: TeamKnowledge | None) -> float:
     """How much of what the team knows about a subject a belief may be: the area of the one over that of the other."""
-    return 1.0 if known is None else min(1.0, math.exp(known.entropy - entropy(belief.p)))
+    return 1.0 if known is None else min(1.0, math.exp(known.entropy - entropy_of(belief.p)))

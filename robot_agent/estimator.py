@@ -18,7 +18,7 @@ from blackboard.opinion.belief import Belief, blur
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import chernoff
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy_of
 from blackboard.wire.messages import Readings, Sighting
 from blackboard.wire.types import capped
 from robot_agent.config import RobotSection
@@ -168,7 +168,7 @@ class Estimator:
             return replace(self, pending_variance=variance)
         most = self.settings.objects.forget * math.log(self.grid.size)
         blurred = {s: Belief(self.grid, blur(b.p, math.sqrt(variance) / cell)) for s, b in self.objects.items()}
-        return replace(self, objects={s: b for s, b in blurred.items() if entropy(b.p) < most}, pending_variance=0.0)
+        return replace(self, objects={s: b for s, b in blurred.items() if entropy_of(b.p) < most}, pending_variance=0.0)
 
 
 def newest(sightings: list[Sighting]) -> list[Sighting]:

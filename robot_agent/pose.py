@@ -11,7 +11,7 @@ import numpy as np
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy_of
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
@@ -100,7 +100,7 @@ class PoseLocalizer:
         active = self.poses.slices()
         bx, by = self.poses.box(active)
         held = self.poses.p[active, bx, by]
-        return entropy(held / held.sum())
+        return entropy_of(held / held.sum())
 
     def marginal(self) -> Belief:
         poses, cell = self.poses, self.poses.grid.cell

@@ -16,7 +16,7 @@ import numpy as np
 from blackboard.opinion.belief import Belief, shift_along, uniform
 from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy_of
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
@@ -166,7 +166,7 @@ class PositionLocalizer:
         return replace(self, p=p / p.sum(), corner=(0, 0))
 
     def entropy(self) -> float:
-        return entropy(self.p)
+        return entropy_of(self.p)
 
     def marginal(self) -> Belief:
         spread = self._spread() if any(self.pending_covariance) else self

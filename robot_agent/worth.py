@@ -13,7 +13,7 @@ from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array, Grid
-from blackboard.opinion.weights import entropy
+from blackboard.opinion.weights import entropy_of
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import PackedEvidence
 from blackboard.wire.gaussians import unpack_increment, unpack_state
@@ -95,9 +95,10 @@ class Offers:
         made of it comes from the team, and is left out.
         """
         area = float(self.grid.size) if known is None else math.exp(known.entropy)
-        more = max(0.0, math.exp(-entropy(first.p)) - math.exp(-entropy(stale.p)))
+        sharpness = math.exp(-entropy_of(first.p))
+        more = max(0.0, sharpness - math.exp(-entropy_of(stale.p)))
         worth = math.log1p(area * more)
-        share = min(1.0, area * math.exp(-entropy(first.p)))
+        share = min(1.0, area * sharpness)
         options = [Option(report, self.size(report), worth * factor, first)]
         plain = report.model_copy(update={"ancestors": {}, "informed": None})
         for precision in (FINER, COARSER, COARSEST):

@@ -70,16 +70,16 @@ class Members:
 
     def teams(self) -> dict[str, list[str]]:
         """Who takes part: the sub-teams that have a board, with those of their robots that get readings and answer."""
-        known, robots = set(self.sensors.robots), self.roster.robots
         return {
-            sub_team: [r for r in robots.get(sub_team, []) if r in known and f"robot/{r}" not in self.given_up]
+            sub_team: [robot for robot in self.roster.robots.get(sub_team, []) if self._is_alive(robot, sub_team)]
             for sub_team in sorted(self.roster.boards)
             if self._boards(sub_team)
         }
 
     def enough(self) -> bool:
         """Whether the router is there, and some board with some robot."""
-        return not self.roster.away and any(self.teams().values())
+        robots = ((robot, s) for s in self.roster.boards if self._boards(s) for robot in self.roster.robots.get(s, []))
+        return not self.roster.away and any(self._is_alive(*robot) for robot in robots)
 
     def absent(self) -> list[str]:
         """Those of the scenario that are not there."""
@@ -91,14 +91,15 @@ class Members:
 
     def missing(self, instant: Instant) -> Iterator[str]:
         """Who takes part in a tick, is alive, and has not sent everything; no newcomers. A robot of two sub-teams comes twice."""
-        alive = self.teams()
-        teams = {sub_team: robots for sub_team, robots in instant.teams.items() if sub_team in alive}
-        for sub_team, robots in teams.items():
-            for robot in robots:
-                if robot in alive[sub_team] and robot not in instant.solos and robot not in self._newcomers:
+        boards = {sub_team: boards for sub_team in instant.teams if (boards := self._boards(sub_team))}
+        for sub_team in boards:
+            for robot in instant.teams[sub_team]:
+                if robot in instant.solos or robot in self._newcomers:  # most are, so this is asked first
+                    continue
+                if self._is_alive(robot, sub_team):
                     yield f"robot/{robot}"
-        for sub_team in teams:
-            for board in self._boards(sub_team):
+        for sub_team, its in boards.items():
+            for board in its:
                 if not (instant.settled(sub_team, board) and instant.is_led(sub_team)):
                     yield f"board/{sub_team}/{board}"
 
@@ -123,6 +124,11 @@ class Members:
             return
         self.strangers.add(robot)
         log.warning("%s cannot take part: %s", robot, why)
+
+    def _is_alive(self, robot: str, sub_team: str) -> bool:
+        """Whether a robot is in a sub-team, gets readings and answers."""
+        here = robot in self.roster.robots.get(sub_team, []) and robot in self.sensors.robots
+        return here and f"robot/{robot}" not in self.given_up
 
     def _boards(self, sub_team: str) -> list[str]:
         """The boards of a sub-team that take part."""

@@ -133,7 +133,8 @@ class Lead:
             self._enter(Fact.FROZEN)
             self.since, self._others, self._unknown = None, {}, {}
         new = self._keep_only(others, now) if others or self._others or self._unknown else []
-        self._enter(next((fact for fact in self._facts(now) if self.role in fact.value.states), None))
+        if not self.leads or self._others:  # a leader gives way to another one alone
+            self._enter(next((fact for fact in self._facts(now) if self.role in fact.value.states), None))
         asks, self._asks = self._asks or bool(new), False
         changed = self.role is not before
         return (changed and before is not BoardRole.UNKNOWN) or (bool(others) and (asks or changed))

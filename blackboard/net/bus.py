@@ -28,14 +28,14 @@ def intersects(one: str, other: str) -> bool:
 
 
 def _intersect(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
-    if not one or not other:
-        return all(chunk == "**" for chunk in one + other)
-    for a, b in ((one, other), (other, one)):
-        if a[0] == "**":
+    for at, (mine, its) in enumerate(zip(one, other)):  # noqa: B905 (one may be longer)
+        if mine == "**" or its == "**":
+            a, b = (one[at:], other[at:]) if mine == "**" else (other[at:], one[at:])
             return _intersect(a[1:], b) or (not b[0].startswith("@") and _intersect(a, b[1:]))
-    first = {one[0], other[0]}
-    same = len(first) == 1 or ("*" in first and not any(chunk.startswith("@") for chunk in first))
-    return same and _intersect(one[1:], other[1:])
+        if mine != its and ("*" not in (mine, its) or mine.startswith("@") or its.startswith("@")):
+            return False
+    common = min(len(one), len(other))
+    return all(chunk == "**" for chunk in one[common:] + other[common:])
 
 
 class Delivery(NamedTuple):

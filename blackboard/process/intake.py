@@ -154,8 +154,10 @@ class Intake:
 
     def _log(self, key: str, refusal: Refused | None) -> None:
         """Log why a message was refused, once per source and reason; None: it was not refused."""
+        if refusal is None or len(self._warned) >= MAX_WARNINGS:
+            return
         shown = quoted(key)
-        if refusal is None or (shown, refusal.reason) in self._warned or len(self._warned) >= MAX_WARNINGS:
+        if (shown, refusal.reason) in self._warned:
             return
         self._warned.add((shown, refusal.reason))
         log.warning("refused %s (%s); counted, and not logged again for this source", shown, quoted(str(refusal)))

@@ -23,6 +23,7 @@ from blackboard.wire.types import (
     Confidence,
     Finite,
     Listed,
+    ListedRows,
     Message,
     Name,
     NonNegative,
@@ -53,7 +54,8 @@ LastingBias = Annotated[tuple[NonNegative, Annotated[float, Field(gt=0, le=LARGE
 
 def _check_sizes(upper: Sequence[float], *rows: Sequence[float]) -> None:
     """ValueError: a row has not as many numbers as the matrix has rows."""
-    if any(len(upper) != len(row) * (len(row) + 1) // 2 or len(row) not in (FORMER, STATES) for row in rows):
+    sizes = {len(row) for row in rows}
+    if not sizes <= {FORMER, STATES} or {n * (n + 1) // 2 for n in sizes} != {len(upper)}:
         raise ValueError(f"a state has {FORMER} or {STATES} numbers, and its matrix is a triangle of as many rows")
 
 
@@ -255,7 +257,7 @@ class PackedEvidence(Part):
     """what was gained in this tick over the prediction; none: nothing"""
     relatives: Annotated[list[PackedRelative], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)
     """the newest sighting of each mate and object"""
-    profile: Annotated[list[Annotated[tuple[NonNegative, NonNegative], Listed]], Field(max_length=MAX_PROFILE)] = Field(
+    profile: Annotated[list[tuple[NonNegative, NonNegative]], Field(max_length=MAX_PROFILE), ListedRows] = Field(
         default_factory=list
     )
     """instead of range and bearing variances: the variance of the seen position in each coordinate (unit^2) by the

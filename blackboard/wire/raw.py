@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import msgpack
@@ -20,6 +21,7 @@ MAX_ITEMS = 1024  # the longest array or map, known or not, before any field is 
 MAX_TEXT = 4096  # bytes of the longest text
 
 WHOLE = 1 << 31  # a whole number from here on is no shorter as an integer
+_SINGLE = struct.Struct(">f")
 LARGEST_SINGLE = 3.4e38  # nearly the largest float32
 
 
@@ -36,12 +38,18 @@ def pack_map(fields: Mapping[str, Any], *, shortest: bool = False) -> bytes:
 def _shortest(value: Any) -> bytes:
     if isinstance(value, float):
         return _number(value)
-    if isinstance(value, Mapping):
-        items = (_shortest(key) + _shortest(item) for key, item in value.items())
+    if isinstance(value, dict):
+        items = [_text(key) + _shortest(item) for key, item in value.items()]
         return _head(len(value), 0x80, 0xDE) + b"".join(items)
     if isinstance(value, (list, tuple)):
         return _head(len(value), 0x90, 0xDC) + b"".join(map(_shortest, value))
     packed: bytes = msgpack.packb(value)
+    return packed
+
+
+@lru_cache(maxsize=1024)  # the names of fields come again and again
+def _text(key: str) -> bytes:
+    packed: bytes = msgpack.packb(key)
     return packed
 
 
@@ -54,7 +62,7 @@ def _number(value: float) -> bytes:
     if value.is_integer() and abs(value) < WHOLE:  # an infinity and a NaN are no integers
         packed: bytes = msgpack.packb(int(value))
         return packed
-    if abs(value) < LARGEST_SINGLE and struct.unpack(">f", single := struct.pack(">f", value))[0] == value:
+    if abs(value) < LARGEST_SINGLE and _SINGLE.unpack(single := _SINGLE.pack(value))[0] == value:
         return b"\xca" + single
     return struct.pack(">Bd", 0xCB, value)
 

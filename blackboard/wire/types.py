@@ -35,6 +35,10 @@ Names = Annotated[list[Name], Field(max_length=MAX_OPINIONS)]
 Subjects = Annotated[list[Subject], Field(max_length=MAX_OPINIONS)]
 #: A tuple may come as a list: msgpack knows no other, and `codec.decode` is strict.
 Listed = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
+#: The same of all rows of a list, in one call.
+ListedRows = BeforeValidator(
+    lambda rows: [tuple(row) if isinstance(row, list) else row for row in rows] if isinstance(rows, list) else rows
+)
 Point = Annotated[tuple[Finite, Finite], Listed]
 
 

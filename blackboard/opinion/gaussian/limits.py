@@ -149,4 +149,4 @@ def _scaled(increment: Increment, share: float) -> Increment:
 def _is_sharper(alone: Joint, robot: str, floors: Sequence[Array]) -> bool:
     """Whether a robot's place is known better, in some direction, than one of some covariances (2, 2) says."""
     place = alone.moments(robot).covariance[AXES, AXES]
-    return any(float(np.linalg.eigvalsh(place - floor)[0]) < 0 for floor in floors)
+    return bool((np.linalg.eigvalsh(place - np.array(floors))[:, 0] < 0).any())
