@@ -221,7 +221,7 @@ def test_a_robot_in_two_sub_teams_counts_its_traffic_once_and_the_world_adds_its
     for sub_team, kind in (("a", "robot"), ("b", "robot"), ("a", "board"), ("b", "board")):
         said = Status(process="x", kind=kind, tick=0, time=0, counters={"sent": 10, "bytes": 100})  # type: ignore[arg-type]
         desk.tell(put(said, team="demo", sub_team=sub_team))
-    assert desk.card["messages"] == {"sent": 35, "received": 0, "dropped": 1, "refused": {}}
+    assert desk.card["messages"] == {"sent": 35, "received": 0, "dropped": 1, "late": 0, "refused": {}}
     assert desk.card["bytes"] == 300
 
 
