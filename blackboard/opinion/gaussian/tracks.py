@@ -39,7 +39,7 @@ NAMED = 0.99  # of existence: from there on a track has a name, and fewer than o
 SELDOM, DETECTED = 0.5, 0.99
 RAREST, OFTENEST = 0.01, 0.5  # of the tracks that an observer begins, those that are of something, at least and at most
 GIVEN_UP = -3.0  # nats of all frames, from which on a track without a name is dropped
-LOST = 1 / 8  # of how far such things are seen: sigma of a place from which on it is told of no more
+LOST = 1 / 6  # of how far such things are seen: sigma of a place from which on it is told of no more
 AGAIN = 2  # clear sightings from which on a track that was lost is told of again: one may be of nothing
 FLEETING, KEPT = 2.0, 60.0  # seconds without a sighting, after which a track without a name, and one with, is dropped
 NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
@@ -48,6 +48,7 @@ ROOM = 16  # tracks that one observer alone has seen
 NOWHERE = math.inf, 0.0, 0.0  # a place that no frame shows, so that none speaks against a track there
 MAX_TRACKS = 64  # that several have seen, or one
 FAINTEST = 0.01  # of a track that is in view: below that a frame says nothing of it
+BEYOND, OF = 50, 1000  # sightings that noise alone may have put beyond the edge of a view, of the last so many
 TINY = 1e-9  # unit, and rad: more than no sigma at all
 Place = tuple[float, float, float]  # relative to an observer: distance (unit), bearing (rad), sigma of the place (unit)
 
@@ -108,19 +109,48 @@ class Track:
 
 
 @dataclass(frozen=True)
-class View:
-    """How far (unit), and how far to the side (rad), an observer has seen things of a class; and which share of those there are."""
+class Edge:
+    """How far it is to the edge of a view, by sightings as noise leaves them: one in twenty (`BEYOND` / `OF`) is beyond."""
 
-    farthest: float = 0.0
-    widest: float = 0.0
-    detected: Rate = UNKNOWN
+    beyond: tuple[float, ...] = ()  # the largest, sorted
     sightings: int = 0
 
     @property
+    def at(self) -> float:
+        """Where it is; 0 while nothing was seen."""
+        return self.beyond[0] if self.beyond else 0.0
+
+    def plus(self, value: float) -> Edge:
+        """After one more sighting, that far away."""
+        if self.sightings >= OF:
+            return Edge(self.beyond[::2], self.sightings // 2).plus(value)
+        room = 1 + self.sightings * BEYOND // OF
+        return Edge(tuple(sorted((*self.beyond, value))[-room:]), self.sightings + 1)
+
+
+@dataclass(frozen=True)
+class View:
+    """How far (unit), and how far to the side (rad), an observer sees things of a class; and which share of those there are."""
+
+    reach: Edge = field(default_factory=Edge)
+    side: Edge = field(default_factory=Edge)
+    detected: Rate = UNKNOWN
+
+    @property
+    def farthest(self) -> float:
+        """How far it reaches (unit)."""
+        return self.reach.at
+
+    @property
+    def widest(self) -> float:
+        """How far it reaches to each side (rad)."""
+        return self.side.at
+
+    @property
     def area(self) -> float:
-        """How large it is (unit^2): as far as it was seen to reach, and larger while little was seen."""
+        """How large it is (unit^2), and larger while little was seen."""
         known = max(NARROWEST, self.widest) * self.farthest**2
-        return known * (1.0 + FRAMES / self.sightings) if known else math.inf
+        return known * (1.0 + FRAMES / self.reach.sightings) if known else math.inf
 
     @property
     def detects(self) -> float:
@@ -245,10 +275,9 @@ class Tracks:
 
     def look(self, observer: str, kind: str, distance: float, bearing: float) -> None:
         """An observer sees something of a class at a distance (unit) and a bearing (rad)."""
-        field_of_view = self._view(observer, kind)
-        farthest, widest = max(field_of_view.farthest, distance), max(field_of_view.widest, abs(bearing))
-        view = replace(field_of_view, farthest=farthest, widest=widest, sightings=field_of_view.sightings + 1)
-        keep(self._views, (observer, kind), view)
+        view = self._view(observer, kind)
+        reach, side = view.reach.plus(distance), view.side.plus(abs(bearing))
+        keep(self._views, (observer, kind), replace(view, reach=reach, side=side))
 
     def judge(self, observer: str, places: Mapping[str, Place], seen: Mapping[str, float]) -> None:
         """Take a frame of an observer: where tracks are from it, and with which probabilities it shows them."""
@@ -261,7 +290,7 @@ class Tracks:
                 continue
             vote = track.votes.get(observer, Vote())
             before = track.existence
-            after = share + (1.0 - share) * _unseen(before, detects * vote.visible * holds)
+            after = share + (1.0 - share) * _unseen(before, detects * vote.visible * within)
             news = _nats(after) - _nats(before)
             evidence = min(FOR, max(AGAINST, vote.evidence + news))
             visible = share + (1.0 - share) * _unseen(vote.visible, detects * within)

@@ -138,10 +138,36 @@ def test_where_nobody_looks_nothing_is_held_against_a_track() -> None:
     tracks = looking("robot/r1")
     block = begun(tracks, "robot/r1")
     before = existing(tracks, block)
-    for place in ((20.0, 0.0, 0.5), (3.0, 2.5, 0.5), (9.9, 0.0, 0.5)):
+    for place in ((20.0, 0.0, 0.5), (3.0, 2.5, 0.5)):
         tracks.judge("robot/r1", {block: place}, {})
         tracks.judge("robot/new", {block: place}, {})
     assert existing(tracks, block) == before
+
+
+def test_a_track_at_the_edge_of_a_view_has_less_held_against_it_than_one_within() -> None:
+    after = []
+    for place in (HERE, (9.9, 0.0, 0.5), (20.0, 0.0, 0.5)):
+        tracks = looking("robot/r1")
+        block = begun(tracks, "robot/r1")
+        tracks.judge("robot/r1", {block: place}, {})
+        after.append(existing(tracks, block))
+    within, edge, beyond = after
+    assert within < edge < beyond
+
+
+def test_the_few_sightings_that_err_most_leave_a_view_as_large_as_it_is() -> None:
+    tracks = Tracks()
+    for number in range(3000):
+        distance, bearing = (17.0, 2.9) if number % 40 == 0 else (10.0 * math.sqrt(number % 97 / 96), 1.5)
+        tracks.look("robot/r1", KIND, distance, bearing)
+    assert tracks.area("robot/r1", KIND) == pytest.approx(1.5 * 10.0**2, rel=0.1)
+    block = begun(tracks, "robot/r1")
+    before = existing(tracks, block)
+    for beyond in ((13.0, 0.1, 0.5), (3.0, 2.2, 0.5)):
+        tracks.judge("robot/r1", {block: beyond}, {})
+        assert existing(tracks, block) == before
+    tracks.judge("robot/r1", {block: HERE}, {})
+    assert existing(tracks, block) < before
 
 
 @given(st.lists(st.sampled_from(["robot/r1", "robot/r2"]), max_size=5 * ROOM))
