@@ -36,9 +36,8 @@ class Reckoned:
 class Sightings:
     """Mutable; `news` once per tick, and then `said` with the evidence that was sent."""
 
-    told: dict[str, Reckoned] = field(
-        default_factory=dict
-    )  # subject -> what was sent of it; the newest is last in order
+    #: Subject -> what was sent of it; the newest is last in order.
+    told: dict[str, Reckoned] = field(default_factory=dict)
     _after: dict[str, Reckoned] = field(
         default_factory=dict
     )  # what will be known if the sightings of this tick are sent

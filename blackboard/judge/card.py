@@ -83,7 +83,7 @@ COLUMNS = (
     *((f"in {level} %", "share", f"{level / 100:g}") for level in SHARES),
 )
 SAME_PROCESSOR = "the same scenario and seed give the same hash on the same kind of processor only"
-NOT_AGAIN = "not all of the team was waited for, so the same scenario and seed may give another hash"
+NOT_AGAIN = "waits ended before all had come (late), so the same scenario and seed may give another hash"
 
 
 def text(card: dict[str, Any]) -> str:

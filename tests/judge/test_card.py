@@ -109,5 +109,5 @@ def test_a_run_that_did_not_wait_for_all_does_not_claim_to_be_repeatable() -> No
     late = replace(RESULT, messages={**RESULT.messages, "late": 9})
     lines = text(scorecard(late)).splitlines()
     assert "9 messages received, 1 dropped, 9 late, 3 refused" in lines
-    assert "(not all of the team was waited for, so the same scenario and seed may give another hash)" in lines
+    assert "(waits ended before all had come (late), so the same scenario and seed may give another hash)" in lines
     assert not any("give the same hash" in line for line in lines)

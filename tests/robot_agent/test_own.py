@@ -74,13 +74,11 @@ def test_a_filter_that_knows_its_heading_badly_and_takes_nothing_in_gains_nothin
         found.append(given.step(Readings(run="x", robot="r1", tick=number, time=0.1 * number, odometry=told)))
     assert all(it.increment is None for it in found)
     assert sum(it.motion.heading for it in found) == pytest.approx(199 * heading, rel=0.05)
-    assert sum(it.motion.along for it in found) == pytest.approx(
-        199 * along, rel=0.05
-    )  # before: 0, so boards were too sure
+    assert sum(it.motion.along for it in found) == pytest.approx(199 * along, rel=0.05)
 
 
 def test_a_filter_that_knows_its_heading_badly_tells_of_a_fix_as_much_as_it_took_in() -> None:
-    """Its gain was taken over a prediction that is wider than its own."""
+    """Over a prediction wider than the filter's own, a fix would count for more than the filter gained by it."""
     own = Own(noise=1e-4)
     own.covariance = np.diag([1.0, 1.0, 0.1])
     own.tell(0.0)

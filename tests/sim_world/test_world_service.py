@@ -103,6 +103,16 @@ def test_what_arrives_twice_or_late_changes_nothing() -> None:
     assert once.card["scores"] == often.card["scores"]
 
 
+def test_an_answer_that_came_again_is_no_wait_that_time_ended() -> None:
+    desk = Desk()
+    desk.lose = lambda envelope: len(desk.ticks) > 1
+    desk.tokens(Kind.ALIVE)
+    assert desk.ticks == [0, 1]
+    desk.tell(desk.solo("r1", 0))
+    assert desk.card["counters"]["late"] == 1
+    assert desk.card["messages"]["late"] == 0
+
+
 def test_beliefs_that_the_referee_cannot_use_are_counted_with_what_was_refused() -> None:
     desk = begun(lose=lambda envelope: "/solo/r2" in envelope.key)
     strange = pack(gaussian(Grid((5, 5)), (2, 2), 1.0))

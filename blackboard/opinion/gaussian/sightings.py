@@ -161,7 +161,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     wider = _judged(team, relative, factor, expected.innovation(factor))
     if wider is None:
         return
-    # If nobody else sees the object, a doubted sighting is all there is: it counts with a larger variance.
+    # A doubted robot may be the only one that sees the object, so its sighting is taken, with a larger variance.
     if not robot and team.freshness.doubts(observer):
         wider = wider.widened(MOST_NOISE)
     # A factor that begins new blocks changes the joint, so what was expected before it no longer holds.

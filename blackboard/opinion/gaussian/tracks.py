@@ -39,7 +39,8 @@ NAMED = 0.99  # of existence: from there on a track has a name, and fewer than o
 SELDOM, DETECTED = 0.5, 0.99
 RAREST, OFTENEST = 0.01, 0.5  # of the tracks that an observer begins, those that are of something, at least and at most
 GIVEN_UP = -3.0  # nats of all frames, from which on a track without a name is dropped
-LOST = 1 / 6  # of how far such things are seen: sigma of a place from which on it is told of no more
+#: A track is not published while the sigma of its place is larger than this share of the distance at which such things are seen.
+LOST = 1 / 6
 AGAIN = 2  # clear sightings from which on a track that was lost is told of again: one may be of nothing
 FLEETING, KEPT = 2.0, 60.0  # seconds without a sighting, after which a track without a name, and one with, is dropped
 NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
@@ -48,7 +49,8 @@ ROOM = 16  # tracks that one observer alone has seen
 NOWHERE = math.inf, 0.0, 0.0  # a place that no frame shows, so that none speaks against a track there
 MAX_TRACKS = 64  # that several have seen, or one
 FAINTEST = 0.01  # of a track that is in view: below that a frame says nothing of it
-BEYOND, OF = 50, 1000  # sightings that noise alone may have put beyond the edge of a view, of the last so many
+BEYOND = 20  # one sighting in so many lies beyond the edge of a view, because bearings and ranges are noisy
+SIGHTINGS = 1000  # that the edge of a view rests on; then all of them count half, so that a view may change
 TINY = 1e-9  # unit, and rad: more than no sigma at all
 Place = tuple[float, float, float]  # relative to an observer: distance (unit), bearing (rad), sigma of the place (unit)
 
@@ -110,9 +112,9 @@ class Track:
 
 @dataclass(frozen=True)
 class Edge:
-    """How far it is to the edge of a view, by sightings as noise leaves them: one in twenty (`BEYOND` / `OF`) is beyond."""
+    """How far (unit or rad) a view reaches: the 95 % quantile of noisy sightings, because one in `BEYOND` lies beyond the edge."""
 
-    beyond: tuple[float, ...] = ()  # the largest, sorted
+    beyond: tuple[float, ...] = ()  # the largest distances or bearings, sorted: the edge, and what lies beyond it
     sightings: int = 0
 
     @property
@@ -122,9 +124,9 @@ class Edge:
 
     def plus(self, value: float) -> Edge:
         """After one more sighting, that far away."""
-        if self.sightings >= OF:
+        if self.sightings >= SIGHTINGS:
             return Edge(self.beyond[::2], self.sightings // 2).plus(value)
-        room = 1 + self.sightings * BEYOND // OF
+        room = 1 + self.sightings // BEYOND
         return Edge(tuple(sorted((*self.beyond, value))[-room:]), self.sightings + 1)
 
 
