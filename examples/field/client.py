@@ -41,22 +41,23 @@ def main(args: argparse.Namespace, tell: Callable[[Robot, Said, World], None] = 
     world, off = World(args.seed), dict[str, list[float]]()
     with ExitStack() as stack:
         robots = {n: stack.enter_context(Robot(n, HERE / "field.toml", endpoint=args.connect)) for n in args.robots}
-        for said in each_step(world, args):
+        for at, said in each_step(world, args):
             for name, robot in robots.items():
                 tell(robot, said[name], world)
-                pose = robot.step()
+                pose = robot.step(time=at)  # when it was measured, because the loop may be late
                 if pose is not None:
                     off.setdefault(name, []).append(math.dist(pose.mean[:2], world.poses[name][:2]))
         for name, robot in robots.items():
             report(name, off[name], robot.agreed["object/ball"].belief.mean())
 
 
-def each_step(world: World, args: argparse.Namespace) -> Iterator[Mapping[str, Said]]:
-    """The steps of a world as time goes on."""
+def each_step(world: World, args: argparse.Namespace) -> Iterator[tuple[float, Mapping[str, Said]]]:
+    """The steps of a world as time goes on, each with its Unix time (s)."""
     pause, begin = threading.Event(), max(args.begin, time.time())
     for number, said in enumerate(world.steps(args.seconds)):
-        pause.wait(max(0.0, begin + number * world.truth.dt - time.time()))
-        yield said
+        at = begin + number * world.truth.dt
+        pause.wait(max(0.0, at - time.time()))
+        yield at, said
 
 
 def report(name: str, off: list[float], ball: np.ndarray) -> None:

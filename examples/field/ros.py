@@ -102,7 +102,7 @@ if __name__ == "__main__":
     world = World(args.seed)
     with zenoh.open(config) as session:
         robots = {name: Nodes(session, name, world.truth) for name in args.robots}
-        for said in each_step(world, args):
+        for _, said in each_step(world, args):
             for name, it in robots.items():
                 it.tell(said[name])
                 if (place := it.heard.get(f"robot/{name}")) is not None:

@@ -76,7 +76,7 @@ def test_a_robot_by_the_client_one_with_a_filter_and_one_of_ros_are_a_team() -> 
         services.append(running.enter_context(program("-m", "robot_agent", "--id", "r3", *member)))
         for it in services:
             it.says("ready")
-        common = ("-e", endpoint, "--seconds", "10", "--begin", str(UnixClock().now() + 10.0))
+        common = ("-e", endpoint, "--seconds", "10", "--begin", str(UnixClock().now() + 20.0))
         examples = [("client", "r1"), ("own_filter", "r2"), ("ros", "r3")]
         robots = [
             running.enter_context(program("-m", f"examples.field.{name}", *common, "--robots", it))
