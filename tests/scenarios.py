@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from pydantic import BaseModel
 
 from blackboard.config import Scenario
+from tests.files import ROOT
+from tests.processes import LONG
 
 #: Three robots in two sub-teams; ticks 0 to 4.
 SCENARIO = Scenario(
@@ -49,3 +52,17 @@ def keys_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
             yield from keys_of(inner, f"{prefix}{name}.")
         else:
             yield prefix + name
+
+
+def patient_demo(folder: Path) -> str:
+    """A file of the demo's scenario for a machine of any speed: no wait in lockstep ends before a test's deadline does.
+
+    Waits that time ends are no fault of a run, but change its hash.
+    """
+    text = (ROOT / "sim_world" / "scenarios" / "demo.toml").read_text(encoding="utf-8")
+    for table in ("[board]", "[robot]"):
+        assert f"\n{table} " in text
+        text = text.replace(f"\n{table} ", f"\n{table}\npatience = {LONG}\n", 1)
+    file = folder / "patient.toml"
+    file.write_text(text, encoding="utf-8")
+    return str(file)

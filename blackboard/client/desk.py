@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from queue import SimpleQueue
 from typing import TypeVar
 
@@ -13,6 +13,8 @@ from blackboard.process.service import Around, Service
 from blackboard.wire.envelope import Envelope
 
 T = TypeVar("T")
+
+LOOK = 0.5  # seconds between two looks whether the team was closed, while a call is waited for
 
 #: What is called in the team's thread with the Unix time, and what came of it, with the envelopes to send.
 Call = Callable[[float], tuple[T, list[Envelope]]]
@@ -49,14 +51,10 @@ class Desk(Around):
 
         self._calls.put(make)
         self.poke()
-        while True:
+        while not wait([result], timeout=LOOK).done:
             if self.stop.is_set() and not result.done():
                 raise RuntimeError("the team is closed")
-            try:
-                return result.result(timeout=0.5)
-            except TimeoutError:
-                if result.done():  # the call itself ran out of time
-                    raise
+        return result.result()
 
     # --- what the loop needs ------------------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import logging
+import math
 import os
 import sys
 import threading
@@ -24,6 +25,7 @@ log = logging.getLogger(__name__)
 PIPE = 1 << 20  # bytes of Zenoh's log that wait, as far as the system allows; Zenoh waits where it is full
 PIECE = 1 << 18  # bytes, more than one event can have
 LOOK = 0.25  # seconds between two looks at what was denied
+AWAITED = 20.0  # seconds within which Zenoh says that its access control is on, also on a machine that is slow
 
 
 class StopFlag(Protocol):
@@ -48,11 +50,13 @@ def keep_door(config: LinkConfig, stop: StopFlag, ready: Callable[[], object]) -
         for envelope in keeper.greet():
             link.send(envelope)
         ready()
-        if not listening.enabled():
-            log.warning(
-                "Zenoh does not say what its access control denies, so it is not counted: unset RUST_LOG, on Linux"
-            )
+        awaited_until = clock.now() + AWAITED
         while not stop.wait(LOOK):
+            if not listening.enabled and clock.now() >= awaited_until:
+                awaited_until = math.inf
+                log.warning(
+                    "Zenoh does not say what its access control denies, so it is not counted: unset RUST_LOG, on Linux"
+                )
             _ = link.counters  # warns once when the router's certificate has expired
             with listening.lock:
                 told = keeper.messages_due(clock.now())
@@ -85,9 +89,10 @@ class _Listening:
         start_zenoh_log()
         threading.Thread(target=self._read, args=(taken,), daemon=True, name="denials").start()
 
+    @property
     def enabled(self) -> bool:
-        """Whether Zenoh has said that its access control is on, waiting a moment for it."""
-        return self._enabled.wait(2.0)
+        """Whether Zenoh has said that its access control is on."""
+        return self._enabled.is_set()
 
     def _read(self, descriptor: int) -> None:
         while event := os.read(descriptor, PIECE):

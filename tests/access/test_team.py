@@ -15,8 +15,9 @@ from blackboard.net.settings import LinkConfig
 from blackboard.run.flags import TeamFlags
 from blackboard.run.launch import process_table
 from tests.commands import blackboard, call
+from tests.scenarios import patient_demo
 
-SHORT = ("demo", "--robots", "3", "--seconds", "2", "--json")
+SHORT = ("--robots", "3", "--seconds", "2", "--json")
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +30,10 @@ def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.system
-def test_with_keys_the_hash_of_an_undisturbed_demo_is_the_same_and_nobody_is_denied(directory: Path) -> None:
-    run = blackboard(*SHORT, "--keys", str(directory))
+def test_with_keys_the_hash_of_an_undisturbed_demo_is_the_same_and_nobody_is_denied(
+    directory: Path, tmp_path: Path
+) -> None:
+    run = blackboard("up", patient_demo(tmp_path), *SHORT, "--keys", str(directory))
     secure = json.loads(run.stdout)
     # in one process, which has the hash of the processes without keys (tests/system/test_demo.py)
     plain = Team(TeamFlags(robots=3).apply(load("demo")).changed("time", seconds=2.0)).run()
@@ -44,7 +47,8 @@ def test_with_keys_the_hash_of_an_undisturbed_demo_is_the_same_and_nobody_is_den
 def test_a_robot_without_a_certificate_ends_the_run_in_one_line(directory: Path) -> None:
     done = blackboard("demo", "--robots", "4", "--seconds", "4", "--keys", str(directory))
     assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
+    assert done.stderr.count("\n") == 1, done.stderr
+    line = done.stderr
     # r3 in a sub-team that its certificate does not name, or r4 without one: who is read first
     assert line.startswith("error: ")
     assert "robot/r3: its certificate" in line or "no certificate of robot/r4" in line

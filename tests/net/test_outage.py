@@ -16,7 +16,7 @@ SUBSCRIBER = """
 import sys
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
-with Link(LinkConfig(connect=(sys.argv[1],)), "r1") as link:
+with Link(LinkConfig(connect=(sys.argv[1],)), "r1", patience=60.0) as link:
     link.subscribe("x/**"); link.watch("t/**"); link.token("t/1")
     print("listening", file=sys.stderr, flush=True)
     {end}

@@ -17,6 +17,7 @@ from blackboard.run.flags import TeamFlags
 from tests.commands import blackboard, call
 from tests.files import DATASET7, needs_dataset7
 from tests.processes import children, is_running, program, wait_until
+from tests.scenarios import patient_demo
 
 
 def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Path) -> None:
@@ -24,7 +25,8 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Pat
     pytest.importorskip("matplotlib", reason="needs the extra `plot`")
     table, folder = tmp_path / "run.jsonl", tmp_path / "pictures"
     more = ((), ("--table", str(table), "--plot", str(folder)))
-    runs = [blackboard("demo", "--robots", "2", "--seconds", "2", "--seed", "7", "--json", *flags) for flags in more]
+    words = ("up", patient_demo(tmp_path), "--robots", "2", "--seconds", "2", "--seed", "7", "--json")
+    runs = [blackboard(*words, *flags) for flags in more]
     first, second = (json.loads(run.stdout) for run in runs)
     assert first["hash"] == second["hash"]
     assert first["ticks"] == 10

@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,6 +26,7 @@ from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Status
 from tests.files import ROOT
+from tests.scenarios import patient_demo
 from tests.wire.envelopes import put
 
 ROBOTS, SECONDS = 3, 4.0  # a router, two boards, a world and these: everybody who can be spoken to
@@ -47,11 +49,11 @@ def flood() -> list[Envelope]:
     return found
 
 
-def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None]) -> dict[str, Any]:
+def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None], folder: Path) -> dict[str, Any]:
     """The scorecard of a demo of real processes, while a stranger does something on a link of its own; stopped at the latest."""
     at = f"tcp/127.0.0.1:{free_port()}"
     length = ("--robots", str(ROBOTS), "--seconds", f"{SECONDS:g}")
-    command = [sys.executable, "-m", "blackboard", "demo", *length, "--json", "-l", at]
+    command = [sys.executable, "-m", "blackboard", "up", patient_demo(folder), *length, "--json", "-l", at]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
         try:
             with Link(LinkConfig(connect=(at,)), "stranger", patience=30.0) as link:
@@ -75,7 +77,7 @@ def undisturbed() -> str:
 
 
 @pytest.mark.long
-def test_a_stranger_s_flood_changes_not_a_bit() -> None:
+def test_a_stranger_s_flood_changes_not_a_bit(tmp_path: Path) -> None:
     sent, pause, clock = 0, threading.Event(), UnixClock()
 
     def disturb(link: Link, running: subprocess.Popen[str]) -> None:
@@ -87,7 +89,7 @@ def test_a_stranger_s_flood_changes_not_a_bit() -> None:
             sent += BURST
             pause.wait(PAUSE)
 
-    card = disturbed(disturb)
+    card = disturbed(disturb, tmp_path)
     assert sum(card["messages"]["refused"].values()) > 0
     assert card["counters"]["floods"] > 0
     assert sent > 1000
@@ -95,7 +97,7 @@ def test_a_stranger_s_flood_changes_not_a_bit() -> None:
 
 
 @pytest.mark.long
-def test_tokens_of_processes_that_say_nothing_change_not_a_bit() -> None:
+def test_tokens_of_processes_that_say_nothing_change_not_a_bit(tmp_path: Path) -> None:
     """100 robots' tokens, and those of two boards."""
     team = DEMO.team
 
@@ -107,6 +109,6 @@ def test_tokens_of_processes_that_say_nothing_change_not_a_bit() -> None:
             link.token(keys.BOARD.key(team=team.name, sub_team=first, board=name))
         running.wait(ENDS)
 
-    card = disturbed(disturb)
+    card = disturbed(disturb, tmp_path)
     assert card["counters"].get("given_up", 0) == 0
     assert card["hash"] == undisturbed()

@@ -16,10 +16,12 @@ from urllib.parse import urlsplit
 
 from websockets.sync.client import ClientConnection, connect
 
+from blackboard.process.clock import UnixClock
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 FOUND = next((path for name in NAMES if (path := shutil.which(name))), None)
 MISSING = "no Chromium on this machine (on Debian and Ubuntu the package chromium)"
-SECONDS = 30.0  # that a fact may take to hold
+SECONDS = 60.0  # that a fact may take to hold
 
 
 class Browser:
@@ -62,8 +64,13 @@ class Browser:
     def _call(self, method: str, **parameters: Any) -> Any:
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        clock = UnixClock()
+        end = clock.now() + SECONDS
         while True:
-            answer = json.loads(self._socket.recv(timeout=SECONDS))
+            try:
+                answer = json.loads(self._socket.recv(timeout=max(end - clock.now(), 0.0)))
+            except TimeoutError:
+                raise TimeoutError(f"after {SECONDS:g} s still no answer: {method} {parameters}") from None
             if answer.get("id") == self._number:
                 assert "error" not in answer, answer
                 return answer["result"]
