@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -14,12 +15,15 @@ from blackboard.wire.messages import Fix, Odometry, Readings
 PERIOD = 0.2  # seconds between two Readings at least
 GAP = 10.0  # seconds without odometry, or back in its stamps, after which it begins anew
 FASTEST = 50.0  # metres per second: no robot of a team is faster
+OLDEST = 2.0  # seconds on the way: what seems to be older has a stamp of another clock, and counts as new
+WINDOW = 50  # messages, of which the one that was fastest on its way tells the offset of the robot's clock
 
 
 class Driver:
     """Sums up odometry, which may come faster than Readings go; fixes and sightings go with the next ones.
 
-    `now` is Unix time in seconds.
+    `now` is Unix time in seconds. Readings are of the time at which their odometry was measured: a robot whose messages come late has
+    not driven unmeasured. The clock of its stamps may be any, as one of a simulation.
     """
 
     def __init__(self, robot: str) -> None:
@@ -29,19 +33,25 @@ class Driver:
         self._last: PlanarPose | None = None
         self._distance = self._turn = self._time = 0.0  # since the last Readings
         self._fix: PlanarPose | None = None
-        self._seen: dict[str, tuple[float, Seen]] = {}  # by subject, with the Unix time at which it came
-        self._sent_at = -math.inf
+        self._seen: dict[str, tuple[float, Seen]] = {}  # by subject, with the Unix time at which it was measured
+        self._behind: deque[float] = deque(maxlen=WINDOW)  # seconds that stamps were behind their arrival
+        self._moved_at: float | None = None  # Unix time to which the odometry since the last Readings goes
+        self._told_at = self._sent_at = -math.inf  # Unix time of the last Readings, and at which they went
 
-    def move(self, place: PlanarPose) -> None:
+    def move(self, place: PlanarPose, now: float) -> None:
         """Take a pose of the odometry, in any frame that stays. Refused "past": not newer than the last one."""
         last, self._last = self._last, place
         if last is None or abs(dt := place.stamp - last.stamp) > GAP:
+            self._behind.clear()
+            self._behind.append(now - place.stamp)
             return  # where it begins; a robot that did not tell how it moved is taken as one that stood
         if dt <= 0:
             self._last = last
             raise Refused("past", f"odometry of {self.robot} is not newer than the last: {place.stamp:.3f}")
         if math.hypot(place.x - last.x, place.y - last.y) > FASTEST * max(dt, 0.1):
             return  # its source began anew, at a place of its own
+        self._behind.append(now - place.stamp)
+        self._moved_at = self._measured(place, now)
         turn = math.remainder(place.yaw - last.yaw, math.tau)
         way = last.yaw + turn / 2
         self._distance += (place.x - last.x) * math.cos(way) + (place.y - last.y) * math.sin(way)
@@ -69,7 +79,7 @@ class Driver:
             )
         except ValueError:
             raise Refused("fields", f"{subject}: the covariance of x, y and yaw must be positive definite") from None
-        self._seen[subject] = now, seen
+        self._seen[subject] = self._measured(place, now), seen
 
     def readings(self, now: float) -> Readings | None:
         """What is to be sent now, or None: nothing came, or too little time has passed."""
@@ -77,25 +87,31 @@ class Driver:
             return None
         self._run = self._run or f"ros since {now:.0f}"
         moved = Odometry(distance=self._distance, turn=self._turn, dt=max(self._time, 1e-6)) if self._time > 0 else None
-        seen = [sighting.model_copy(update={"age": max(0.0, now - at)}) for at, sighting in self._seen.values()]
+        time = min(now, max(now if self._moved_at is None else self._moved_at, self._told_at))
+        seen = [sighting.model_copy(update={"age": max(0.0, time - at)}) for at, sighting in self._seen.values()]
         readings = Readings(
             run=self._run,
             robot=self.robot,
             tick=self._tick,
-            time=now,
+            time=time,
             odometry=moved,
             fix=self._fixed(),
             seen=seen,
         )
-        self._seen = {}
+        self._seen, self._moved_at = {}, None
         self._distance = self._turn = self._time = 0.0
-        self._fix, self._sent_at = None, now
+        self._fix, self._told_at, self._sent_at = None, time, now
         self._tick += 1
         return readings
 
     def due(self) -> float | None:
         """When the next Readings can go, in Unix seconds; None while nothing waits."""
         return self._sent_at + PERIOD if self._waits else None
+
+    def _measured(self, place: PlanarPose, now: float) -> float:
+        """The Unix time at which something was measured that arrives now, as far as odometry has told the offset of its clock."""
+        at = min(now, place.stamp + min(self._behind, default=math.inf))
+        return now if at < now - OLDEST else at
 
     @property
     def _waits(self) -> bool:

@@ -147,7 +147,7 @@ class RosBridge:
             return []
 
     def _hear_odometry(self, robot: str, payload: bytes, now: float) -> list[Envelope]:
-        self._drivers[robot].move(convert.odometry(payload))
+        self._drivers[robot].move(convert.odometry(payload), now)
         return self._drive(self._drivers[robot], now)
 
     def _hear_fix(self, robot: str, payload: bytes, now: float) -> list[Envelope]:

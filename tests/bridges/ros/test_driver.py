@@ -23,7 +23,7 @@ def at(stamp: float, x: float, y: float, yaw: float = 0.0, covariance: np.ndarra
 def test_the_first_pose_is_where_it_begins_and_no_motion() -> None:
     driver = Driver("r1")
     assert driver.readings(100.0) is None
-    driver.move(at(5.0, 30.0, 40.0))
+    driver.move(at(5.0, 30.0, 40.0), 100.0)
     assert driver.readings(100.0) is None
     assert driver.due() is None
 
@@ -31,14 +31,14 @@ def test_the_first_pose_is_where_it_begins_and_no_motion() -> None:
 def test_odometry_is_summed_up_and_told_once_per_period() -> None:
     driver = Driver("r1")
     for n in range(5):
-        driver.move(at(5.0 + n / 10, n * 0.3, 0.0))
+        driver.move(at(5.0 + n / 10, n * 0.3, 0.0), 99.6 + n / 10)
     assert driver.due() == -math.inf
     first = driver.readings(100.0)
     assert first is not None
     assert first.odometry is not None
     assert (first.robot, first.run, first.tick, first.time) == ("r1", "ros since 100", 0, 100.0)
     assert [first.odometry.distance, first.odometry.turn, first.odometry.dt] == pytest.approx([1.2, 0.0, 0.4])
-    driver.move(at(5.5, 1.5, 0.0))
+    driver.move(at(5.5, 1.5, 0.0), 100.1)
     assert driver.readings(100.0 + PERIOD / 2) is None
     assert driver.due() == 100.0 + PERIOD
     second = driver.readings(100.0 + PERIOD)
@@ -54,11 +54,11 @@ def test_the_way_comes_out_whichever_way_the_robot_looked_at_the_start(
 ) -> None:
     """Arcs of a forward distance and a turn, by the chord of each."""
     driver, x, y = Driver("r1"), 2.0, -1.0
-    driver.move(at(0.0, x, y, yaw))
+    driver.move(at(0.0, x, y, yaw), 0.0)
     for n, (distance, turn) in enumerate(steps):
         x, y = x + distance * math.cos(yaw + turn / 2), y + distance * math.sin(yaw + turn / 2)
         yaw = math.remainder(yaw + turn, math.tau)
-        driver.move(at((n + 1) / 10, x, y, yaw))
+        driver.move(at((n + 1) / 10, x, y, yaw), 0.0)
     told = driver.readings(0.0)
     assert told is not None
     assert told.odometry is not None
@@ -80,6 +80,7 @@ def test_a_sighting_waits_for_the_next_readings_and_says_its_age() -> None:
     driver = Driver("r1")
     driver.see("robot/r2", at(0.0, 3.0, 4.0, 0.5, np.diag([0.1, 0.2, ANY_HEADING])), 100.0)
     assert driver.due() is not None
+    driver.move(at(0.1, 1.0, 1.0), 100.1)
     told = driver.readings(100.1)
     assert told is not None
     (seen,) = told.seen
@@ -90,31 +91,31 @@ def test_a_sighting_waits_for_the_next_readings_and_says_its_age() -> None:
 
 def test_what_comes_twice_or_late_is_refused_and_moves_nobody() -> None:
     driver = Driver("r1")
-    driver.move(at(5.0, 0.0, 0.0))
-    driver.move(at(5.1, 1.0, 0.0))
+    driver.move(at(5.0, 0.0, 0.0), 0.0)
+    driver.move(at(5.1, 1.0, 0.0), 0.0)
     for stamp in (5.1, 5.0):
         with pytest.raises(Refused) as refusal:
-            driver.move(at(stamp, 0.5, 0.0))
+            driver.move(at(stamp, 0.5, 0.0), 0.0)
         assert refusal.value.reason == "past"
-    driver.move(at(5.2, 2.0, 0.0))
+    driver.move(at(5.2, 2.0, 0.0), 0.0)
     assert odometer(driver.readings(0.0)) == pytest.approx((2.0, 0.0))
 
 
 @pytest.mark.parametrize("again", [at(5.1 + GAP + 1, 9.0, 0.0), at(5.0 - GAP - 1, 9.0, 0.0)])
 def test_after_a_gap_or_where_its_stamps_begin_anew_no_motion_is_made_up(again: PlanarPose) -> None:
     driver = Driver("r1")
-    driver.move(at(5.0, 0.0, 0.0))
-    driver.move(at(5.1, 1.0, 0.0))
-    driver.move(again)
-    driver.move(at(again.stamp + 0.1, 9.5, 0.0))
+    driver.move(at(5.0, 0.0, 0.0), 0.0)
+    driver.move(at(5.1, 1.0, 0.0), 0.0)
+    driver.move(again, 0.0)
+    driver.move(at(again.stamp + 0.1, 9.5, 0.0), 0.0)
     assert odometer(driver.readings(0.0)) == pytest.approx((1.5, 0.0))
 
 
 def test_where_its_source_begins_anew_at_zero_no_motion_is_made_up() -> None:
     driver = Driver("r1")
-    driver.move(at(5.0, 400.0, 0.0))
-    driver.move(at(5.1, 0.0, 0.0))  # 400 m in 0.1 s
-    driver.move(at(5.2, 0.5, 0.0))
+    driver.move(at(5.0, 400.0, 0.0), 0.0)
+    driver.move(at(5.1, 0.0, 0.0), 0.0)  # 400 m in 0.1 s
+    driver.move(at(5.2, 0.5, 0.0), 0.0)
     assert FASTEST * 0.1 < 400
     assert odometer(driver.readings(0.0)) == pytest.approx((0.5, 0.0))
 
@@ -135,6 +136,28 @@ def test_a_fix_goes_with_the_next_readings_once_as_wide_as_its_widest_axis() -> 
     assert again is not None
     assert again.fix is not None
     assert again.fix.heading is None
+
+
+@pytest.mark.parametrize("clock", [50.0, 1.8e9], ids=["of a simulation", "unix"])
+def test_readings_are_of_the_time_at_which_they_were_measured_however_late_they_come(clock: float) -> None:
+    """Odometry 5 ms after it was measured, but for a stall; a camera that needs 150 ms; another without stamps."""
+    driver, zero = Driver("r1"), 1.8e9
+    for n in range(20):
+        driver.move(at(clock + n / 10, n * 0.1, 0.0), zero + n / 10 + 0.005)
+    assert driver.readings(zero + 1.905) is not None
+    late = zero + 2.6  # what was measured at 2.0 to 2.2 comes at once
+    driver.see("object/ball", at(clock + 2.05, 3.0, 4.0), late)
+    driver.see("object/can", at(0.0, 3.0, 4.0), late)  # a stamp that nobody set
+    for n in (20, 21, 22):
+        driver.move(at(clock + n / 10, n * 0.1, 0.0), late)
+    told = driver.readings(late)
+    assert told is not None
+    assert told.odometry is not None
+    assert told.odometry.dt == pytest.approx(0.3)
+    by_subject = {seen.subject: seen.age for seen in told.seen}
+    assert by_subject["object/can"] == 0.0
+    assert told.time == pytest.approx(zero + 2.205, abs=1e-6)
+    assert by_subject["object/ball"] == pytest.approx(0.15)
 
 
 def odometer(readings: Readings | None) -> tuple[float, float]:
