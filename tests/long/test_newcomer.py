@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 
+from blackboard.judge.card import NOT_AGAIN
 from blackboard.run.launch import free_port
 from tests.files import ROOT
 from tests.processes import Program, children, is_running, wait_until
@@ -97,24 +98,25 @@ def made(clone: Path) -> tuple[Path, str]:
     return clone, shell(clone, demo)
 
 
-def assert_told(shown: str, said: str) -> None:
-    """What a page shows is what was printed; numbers may be off by a tenth, as sums are on another processor."""
+def assert_told(shown: str, said: str, off: float = 0.1) -> None:
+    """What a page shows is what was printed; numbers may be `off`, as sums are on another processor."""
     number = r"-?\d+\.\d+"
     assert re.sub(number, "#", shown) == re.sub(number, "#", said)
     told = zip(re.findall(number, shown), re.findall(number, said), strict=True)
-    assert [(a, b) for a, b in told if abs(float(a) - float(b)) > 0.1] == []
+    assert [(a, b) for a, b in told if abs(float(a) - float(b)) > off] == []
 
 
 def test_make_demo_in_a_clone(made: tuple[Path, str]) -> None:
     """README.md's first command ends with a PASS, and with the columns and rows that the page shows."""
     _, said = made
     assert "\nPASS" in said
+    off = 0.1 if NOT_AGAIN in said else 0.005  # a slow host may end a wait, and then a run is another one
     head, *rows = block("README.md", " " * 20).text.splitlines()
     assert head.split() in [told.split() for told in said.splitlines()]
     for row in rows:
         found = re.search(rf"^{' '.join(row.split()[:2])} +\d+ .*", said, re.MULTILINE)
         assert found
-        assert_told(" ".join(row.split()), " ".join(found[0].split()[: len(row.split())]))
+        assert_told(" ".join(row.split()), " ".join(found[0].split()[: len(row.split())]), off)
 
 
 def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
