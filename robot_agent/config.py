@@ -156,7 +156,7 @@ class RobotSection(Section):
     'How it finds its place: "position", "pose", or one of a plug-in (docs/rules.md).'
     headings: Annotated[int, Field(ge=8, le=720)] = 90
     'Heading bins of the localizer "pose".'
-    patience: Positive = 2.0
+    patience: Positive = 8.0
     "[s] How long it waits, in wall time, for the agreed beliefs of the tick before."
     vision: VisionSection = Field(default_factory=VisionSection)
     "Its model of the camera."

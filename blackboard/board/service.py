@@ -31,7 +31,7 @@ from blackboard.wire.types import Message
 
 log = logging.getLogger(__name__)
 
-SILENT = 1.0  # seconds beyond its patience with both phases of a tick after which a leader that publishes nothing is given up
+SILENT = 5.0  # seconds that a leader may publish nothing of what this board has settled; another one then has all that it lacks
 
 
 def board_of(scenario: Scenario, sub_team: str, board: str | None = None) -> BoardService:
@@ -66,7 +66,7 @@ class BoardService:
         self.roster = Roster(*self.tokens)
         self.clock = TeamClock(self.roster, settings.period)
         self.rounds = Rounds(BOARD, {"patience": settings.patience, "half a period": settings.period / 2}, "settled")
-        self.lead = Lead(self.roster, sub_team, board, silent=2 * settings.patience + SILENT)
+        self.lead = Lead(self.roster, sub_team, board, silent=SILENT)
         self.clocks = Clocks(f"{sub_team}/{board}", settings.skew, self.clock)
         self.guests = Guests(members)
         self.participants = Participants(self.roster, self.clock, team, sub_team, self.guests)

@@ -161,7 +161,7 @@ class BoardSection(Section):
     "[s] How far a stamp may be ahead of team time."
     skew: Annotated[float, Field(ge=0)] = 30.0
     "[s] How far a clock may be off and is corrected, where there is no world."
-    patience: Positive = 2.0
+    patience: Positive = 8.0
     "[s] How long it waits, in wall time, for a registered robot or another board in one tick."
     period: Positive = 0.2
     "[s] Time between settlements where no world gives the clock."
