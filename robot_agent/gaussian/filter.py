@@ -126,7 +126,7 @@ class FirstHand:
         if self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None:
             self.restart(readings.time)
         self._judge_wheels(at)
-        motion, named = self._move(readings), Named(readings)
+        motion, named, told = self._move(readings), Named(readings), readings
         if self.known:
             expected = self._expected(at, motion)
             named = self.landmarks.named(readings, self.robot, expected, motion, self._seen(motion.dt))
@@ -165,7 +165,7 @@ class FirstHand:
         self._unsent = None
         seen = tuple(r for name, r in relatives.items() if name not in places)
         seen += tuple(self.sensors.relative(self.robot, sighting) for sighting in further if not sighting.landmark)
-        unnamed = self.sensors.unnamed(self.robot, readings, self._turned, motion.dt)
+        unnamed = self.sensors.unnamed(self.robot, told, self._turned, motion.dt)  # numbered among all without a name
         seen += tuple(
             self.camera.scaled(sighting) if sighting.kind == "range-bearing" else sighting for sighting in unnamed
         )

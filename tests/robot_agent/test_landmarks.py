@@ -96,6 +96,15 @@ def test_their_order_in_a_frame_changes_nothing(order: list[str], seed: int) -> 
     assert found[0].covariance == pytest.approx(found[1].covariance, abs=1e-9)
 
 
+def test_what_else_has_no_name_keeps_its_number_among_all_that_have_none() -> None:
+    robot, pose = driven(APART, False)
+    noise, names = np.random.default_rng(1), ("landmark/a", "landmark/b")
+    landmarks = [sighted(pose, name, APART[name], noise, False) for name in names]
+    mate = Sighting(subject="robot/?", range=2.0, bearing=0.5)
+    told = Readings(run="x", robot="r1", tick=STEPS + 1, time=9.0, sightings=[landmarks[0], mate, landmarks[1]])
+    assert [(seen.subject, seen.mark) for seen in robot.step(told).relatives] == [("robot/?", 1)]
+
+
 def test_without_a_map_they_tell_nothing() -> None:
     none = believed(driven(APART, False, known={})[0])
     assert np.trace(none.covariance) >= 2 * 0.1**2
