@@ -62,6 +62,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     )
 
 
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """RuntimeError: a worker of pytest-xdist was told to keep the tests of a group together, and does not."""
+    apart = (item for item in session.items if item.get_closest_marker("xdist_group") and "@" not in item.nodeid)
+    if getattr(session.config.option, "loadgroup", False) and next(apart, None):
+        raise RuntimeError("pytest-xdist does not group tests with this pytest: each worker would make each costly run")
+
+
 @pytest.fixture
 def endpoint() -> Iterator[str]:
     """Where a Zenoh router of this test listens: a free port of 127.0.0.1."""
