@@ -21,6 +21,7 @@ from robot_agent.sensing import TickMotion, bearing_variance, motion_since, part
 
 PROJECTED = 1e-3  # share of the mass: a heading bin with less is left out of a projection
 COMPASS_SIGMA = 0.03  # radians
+FARTHEST = 2  # times both sides of the grid: what is seen farther away is not on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +129,8 @@ class PoseLocalizer:
         vision, poses, cell = self.settings.vision, self.poses, self.poses.grid.cell
         driven, turned = motion_since(sighting, motion)
         reach = math.ceil(sighting.range / cell) + 16  # cells: what is moved less far does not wrap around
+        if reach > FARTHEST * sum(poses.grid.shape):
+            return with_outlier(np.zeros(poses.grid.shape), poses.grid, vision.outlier)
         nx, ny = (8 * math.ceil((n + reach) / 8) for n in poses.grid.shape)
         fx, fy = _frequencies(nx, ny)
         total = np.zeros((nx, ny // 2 + 1), dtype=complex)

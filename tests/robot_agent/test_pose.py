@@ -124,6 +124,13 @@ def test_a_projection_moves_each_slice_along_its_own_line_of_sight(offset: tuple
     assert it.project(sighting, moved).p == pytest.approx(0.9 * total + 0.1 / GRID.size, abs=1e-5)
 
 
+@pytest.mark.parametrize("distance", [5e3, 1e7, 1e12])
+def test_what_is_seen_far_beyond_the_grid_costs_no_memory_and_tells_nothing(distance: float) -> None:
+    """As millimetres on a grid of metres: the robot asked for petabytes, and did not do its tick."""
+    seen = pose(0.5, 0.5).project(Sighting(subject="object/ball", range=distance, bearing=0.0), None)
+    assert seen.p == pytest.approx(1.0 / GRID.size)
+
+
 @pytest.mark.parametrize("share", [0.99, 1.01])
 def test_pending_variances_wait_for_a_third_of_a_cell_or_a_bin(share: float) -> None:
     third, narrow = share * (0.5 / 3) ** 2, share * (BIN / 3) ** 2
