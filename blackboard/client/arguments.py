@@ -68,6 +68,10 @@ class Call:
 
     def covariance(self, name: str, value: Any, size: int) -> Array:
         matrix = np.array(self.numbers(name, value, (size, size)))
+        if np.diag(matrix).min() < LEAST**2:
+            raise self.wrong(
+                name, value, f"give variances of at least {LEAST**2:g}, in a matrix with positive eigenvalues"
+            )
         scale = np.sqrt(np.maximum(np.diag(matrix), LEAST**2))
         symmetric = np.abs(matrix - matrix.T).max() <= 1e-6 * np.abs(matrix).max()
         if not symmetric or np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0] < SMALLEST:
@@ -104,9 +108,18 @@ class Call:
         """An array of a value; a number that is none where it holds something else than numbers."""
         try:
             array = np.asarray(value)
-            return array.astype(np.float64) if array.dtype.kind in "iufO" else np.array(np.nan)
+            if array.dtype.kind in "iuf" and (array is value or not _has_truths(value)):
+                return array.astype(np.float64)
+            return np.array(np.nan) if array.dtype.kind != "O" else np.vectorize(self._float, [float])(array)
         except (TypeError, ValueError, OverflowError):
             return np.array(np.nan)
+
+
+def _has_truths(value: Any) -> bool:
+    """Whether booleans are among the items of a sequence, which an array of numbers would take for 0 and 1."""
+    if isinstance(value, list | tuple):
+        return any(map(_has_truths, value))
+    return isinstance(value, bool | np.bool_)
 
 
 #: What a member of a team is made of: of which kinds, and in words.

@@ -101,6 +101,7 @@ class Membership:
         self._arrived = threading.Condition()
         self._refusals: deque[Refusal] = deque(maxlen=MAX_REFUSALS)
         self._untold: Refusal | None = None  # the newest that a strict call has not raised
+        self._joined: Desk | None = None
         self._link: Link | None = None
         self._thread: threading.Thread | None = None
 
@@ -111,6 +112,8 @@ class Membership:
     # --- joining and leaving --------------------------------------------------------------------------------------------
 
     def __enter__(self) -> Self:
+        if self._link is not None:
+            raise RuntimeError(f"{self.robot} has joined its team already")
         config = LinkConfig(connect=self._endpoints, keys=self._keys, who=f"robot/{self.robot}")
         identity = config.identity()
         if identity is not None:
@@ -127,7 +130,7 @@ class Membership:
         except BaseException:
             link.close()
             raise
-        self._link, self._desk = link, Desk(self._service)
+        self._link, self._joined = link, Desk(self._service)
         self._desk.poke = link.poke
         self._thread = threading.Thread(target=self._run, name=f"team of {self.robot}", daemon=True)
         self._thread.start()
@@ -185,6 +188,8 @@ class Membership:
 
     def on_agreed(self, callback: Callable[[Agreed], object]) -> Callable[[Agreed], object]:
         """Call something with every belief that the team agrees on, in the team's own thread: be quick. Also a decorator."""
+        if not callable(callback):
+            raise ValueError(f"on_agreed(callback={shown(callback)}): give a function of one argument")
         self._callbacks.append(callback)
         return callback
 
@@ -242,7 +247,8 @@ class Membership:
 
         Asks the boards, which takes at most 2 seconds.
         """
-        assert self._link is not None, "the team is joined"
+        if self._desk.done or self._link is None:
+            raise RuntimeError("the team is closed")
         levels: dict[str, list[Consensus]] = {"agreed": [], "consensus": []}
         for topic in (topics.AGREED, topics.CONSENSUS):
             for sub_team in self.sub_teams:
@@ -259,10 +265,17 @@ class Membership:
 
     # --- inside -----------------------------------------------------------------------------------------------------------
 
+    @property
+    def _desk(self) -> Desk:
+        """RuntimeError: no team was joined yet."""
+        if self._joined is None:
+            raise RuntimeError(f"{self.robot} has not joined its team: `with {type(self).__name__}(...) as ...:`")
+        return self._joined
+
     def _listen(self, subject: str | None) -> AgreedStream:
-        stream = AgreedStream(subject)
+        stream, desk = AgreedStream(subject), self._desk
         self._streams.append(stream)
-        if self._desk.done:
+        if desk.done:
             stream.close()
         return stream
 

@@ -138,6 +138,10 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.belief((1, 2, 3), np.eye(3), [(1, 2), 3]), r"belief\(odometry=\[\(1, 2\), 3\]\): give 3 finite numbers"),  # type: ignore[list-item]
     (lambda r: r.odometry("x" * 10**6, 0, 1), r"odometry\(distance='xxx.*\.\.\.\): give a finite number"),  # type: ignore[arg-type]
     (lambda r: r.see("x" * 10**6, 1, 0), r"see\(subject='xxx.*\.\.\.\): give robot/NAME"),
+    (lambda r: r.see("robot/r2", position=(1, 1), covariance=np.eye(2) * 1e-13), r"see\(covariance=.*\): give variances of at least 1e-12"),
+    (lambda r: r.fix((True, 2), 1), r"fix\(position=\(True, 2\)\): give 2 finite numbers"),
+    (lambda r: r.fix(np.array([1, "2"], object), 1), r"fix\(position=array\(\[1, '2'\], dtype=object\)\): give 2 finite numbers"),
+    (lambda r: r.on_agreed(None), r"on_agreed\(callback=None\): give a function"),  # type: ignore[arg-type]
 ]  # fmt: skip
 
 
@@ -208,6 +212,24 @@ def test_a_filter_of_its_own_and_particles(endpoint: str) -> None:
             ValueError, match=r"^r1: gives either the readings of odometry, compass and fixes, or beliefs"
         ):
             robot.fix((1, 1), 0.1)
+
+
+def test_a_call_of_who_is_in_no_team_is_one_sentence(endpoint: str) -> None:
+    calls: list[Callable[[Robot], object]] = [
+        lambda r: r.step(), lambda r: r.pose, lambda r: r.time, lambda r: r.independence,
+        lambda r: r.why("object/ball"), lambda r: r.newest("object/ball"), lambda r: next(iter(r)),
+    ]  # fmt: skip
+    robot = Robot("r1", "demo", endpoint=endpoint)
+    for call in calls:
+        with pytest.raises(RuntimeError, match=r"^r1 has not joined its team: `with Robot\(\.\.\.\) as \.\.\.:`$"):
+            call(robot)
+    with robot:
+        with pytest.raises(RuntimeError, match="^r1 has joined its team already$"):
+            robot.__enter__()
+        assert robot.step() is None
+    for call in calls[:5]:
+        with pytest.raises(RuntimeError, match="^the team is closed$"):
+            call(robot)
 
 
 def test_time_does_not_go_back(endpoint: str) -> None:

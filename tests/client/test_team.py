@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,6 +94,17 @@ def test_what_is_wrong_is_refused_here_with_the_board_s_own_reason(endpoint: str
         with pytest.raises(Refused, match="^grid: "):
             team.report("object/ball", uniform(Grid((9, 9))))
         assert team.refused == []
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"),
+    [("subject", 5), ("belief", None), ("belief", np.ones((40, 32))), ("time", "now"), ("time", math.nan)]
+    + [("informed", 5), ("informed", (5, {})), ("informed", (uniform(GRID), None)), ("informed", (uniform(GRID),))],
+)
+def test_a_wrong_report_is_one_sentence_that_names_the_argument(argument: str, value: Any) -> None:
+    said = {"subject": "object/ball", "belief": uniform(GRID), argument: value}
+    with pytest.raises(ValueError, match=rf"^report\({argument}=.*\): give [^\n]*$"):
+        Team("r1", "demo").report(**said)
 
 
 def test_who_has_left_is_told_so_and_streams_end(endpoint: str) -> None:
