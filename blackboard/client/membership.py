@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import re
 import threading
 from collections import deque
@@ -134,6 +135,7 @@ class Membership:
         self._desk.poke = link.poke
         self._thread = threading.Thread(target=self._run, name=f"team of {self.robot}", daemon=True)
         self._thread.start()
+        atexit.register(self.close)  # a thread that the interpreter ends within Zenoh aborts the process
         self._desk.call(lambda now: (None, []))  # tokens are held and topics subscribed to from here on
         return self
 
@@ -154,6 +156,7 @@ class Membership:
             return
         self._desk.stop.set()
         self._link.poke()
+        atexit.unregister(self.close)
         if threading.current_thread() is not self._thread:
             self._thread.join()
             self._link.close()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import math
+import subprocess
+import sys
 import threading
 from typing import Any
 
@@ -123,6 +125,25 @@ def test_who_has_left_is_told_so_and_streams_end(endpoint: str) -> None:
             team.report("robot/r1", here(team))
         with pytest.raises(TimeoutError, match="robot/r1"):
             team.newest("robot/r1", LONG)
+
+
+ENDS = """
+import sys
+from blackboard.client import Robot
+robot = Robot("r1", endpoint=sys.argv[1]).__enter__()
+robot.fix((2.0, 3.0), 0.1, 0.0, 0.1)
+robot.step()
+robot.newest("robot/r1")
+sys.exit(3)
+"""
+
+
+def test_a_program_that_ends_in_a_team_ends_as_it_says(endpoint: str) -> None:
+    """Its interpreter ended the team's thread within Zenoh, and that aborted the process."""
+    with serving(endpoint, GRID, fusion="joint"):
+        words = [sys.executable, "-c", ENDS, endpoint]
+        ended = subprocess.run(words, check=False, capture_output=True, text=True, timeout=LONG)
+    assert (ended.returncode, ended.stderr) == (3, "")
 
 
 def test_a_mistake_is_one_line(endpoint: str) -> None:
