@@ -84,6 +84,7 @@ class AgentService(Around):
             else partial(Agent, robot, settings, grid, feedback)
         )
         self._new_budget = partial(Budget, send, grid, robot, drift, self.peer.size)
+        self._joined = -1  # the first tick of the run in which it followed a Clock
         self._pace = send.pace(robots, len(sub_teams)) if counted else None
         self._forget()
 
@@ -134,6 +135,8 @@ class AgentService(Around):
     # --- what is new --------------------------------------------------------------------------------------------------
 
     def _hear(self, heard: Cue | Message, now: float) -> list[Envelope]:
+        if heard in (Cue.BEGIN, Cue.JOIN):
+            self._joined = self.clock.tick
         if heard is Cue.BEGIN:
             ahead = self._readings.doubted
             self._forget()
@@ -186,7 +189,10 @@ class AgentService(Around):
         return out
 
     def _holds(self, fact: str) -> bool:
-        """Whether the "readings" of the next tick are there, the world's "clock" for them, and what was "agreed" before it."""
+        """Whether the "readings" of the next tick are there, the world's "clock" for them, and what was "agreed" before it.
+
+        A robot that comes in the middle of a run does not wait for what was agreed before it came.
+        """
         clock, readings = self.clock.followed, self._readings.next
         if fact == "readings":
             return readings is not None
@@ -194,6 +200,8 @@ class AgentService(Around):
             return False
         if fact == "readings and clock":
             return clock.run == readings.run and clock.tick >= readings.tick
+        if clock.tick == self._joined:
+            return True
         settled = ((sub_team, clock.settled.get(sub_team, [])) for sub_team in self.peer.sub_teams)
         return all(self._agreed.arrived(sub_team, clock.tick - 1, subjects) for sub_team, subjects in settled)
 

@@ -75,6 +75,7 @@ class Clusters:
     _places: dict[str, tuple[float, Belief]] = field(default_factory=dict)  # by track: when it was seen last, and where
     #: Of a track and what is known elsewhere: how likely they were the same, in the mean over time.
     _alike: dict[tuple[str, str], float] = field(default_factory=dict)
+    _said: dict[tuple[str, str], float] = field(default_factory=dict)  # by subject and robot: of when the newest was
     _time: float | None = None
 
     def __post_init__(self) -> None:
@@ -121,7 +122,23 @@ class Clusters:
         self._rename(dt, places, others)
         self.tally.update(counters(self.unnamed))
         told = {block: members for block, members in self._members.items() if members and self.tracks.is_told(block)}
-        return entries | told
+        return self._newest(entries | told, now - max_age)
+
+    def _newest(self, entries: Entries, since: float) -> Entries:
+        """Without what a robot said of a subject before what was settled of it before: two tracks may have had one name in turn."""
+        self._said = {pair: time for pair, time in self._said.items() if time >= since}
+        newest = {
+            subject: {
+                robot: entry
+                for robot, entry in by_robot.items()
+                if entry.time >= self._said.get((subject, robot), -math.inf)
+            }
+            for subject, by_robot in entries.items()
+        }
+        self._said |= {
+            (subject, robot): entry.time for subject, by_robot in newest.items() for robot, entry in by_robot.items()
+        }
+        return {subject: by_robot for subject, by_robot in newest.items() if by_robot}
 
     def existence(self, subject: str) -> float | None:
         """The probability that what a track is of exists; None of all that is no track of this board, and of robots."""

@@ -10,6 +10,7 @@ from blackboard.board.board import Board
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Joint
+from blackboard.opinion.gaussian.naming import Unnamed
 from blackboard.process.service import Service
 from blackboard.wire import keys
 from blackboard.wire.codec import open_envelope
@@ -91,6 +92,7 @@ class Stepped(Event):
     batch: Sequence[Evidence]
     before: Joint
     after: Joint
+    unnamed: Sequence[Unnamed]  # what it made of the sightings without a name
 
 
 @dataclass(frozen=True)

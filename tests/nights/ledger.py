@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
 from blackboard.board.board import Board
+from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint
 from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.naming import Unnamed
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct, drive
 from blackboard.wire.messages import Consensus, Used
@@ -72,6 +75,20 @@ def shadow(before: Joint, batch: Sequence[Evidence], motions: Mapping[str, Motio
     return it
 
 
+def named(evidence: Evidence, unnamed: Iterable[Unnamed]) -> Evidence:
+    """The evidence with each sighting that has no name as one of whom it was taken for, or of each whom it may be of."""
+    mine = [it for it in unnamed if it.source == evidence.robot]
+    of = {it.mark: [it.taken] if it.taken else sorted(it.odds or ()) for it in mine}
+    return replace(
+        evidence,
+        relatives=tuple(
+            replace(seen, subject=subject)
+            for seen in evidence.relatives
+            for subject in (of.get(seen.mark or 0, []) if is_class(seen.subject) else [seen.subject])
+        ),
+    )
+
+
 class EvidenceCountsOnce(Oracle):
     """No piece of evidence is taken in two steps, and no step tells a joint more of a robot's place than each piece once."""
 
@@ -107,7 +124,8 @@ class EvidenceCountsOnce(Oracle):
                 return  # a robot enters, with all that it knows
         if not self.night.is_honest:
             return  # the shadow takes everything, and no arithmetic survives some lies
-        most = shadow(event.before, [it for it in event.batch if it.robot in motions], motions)
+        batch = [named(it, event.unnamed) for it in event.batch if it.robot in motions]
+        most = shadow(event.before, batch, motions)
         both = [robot for robot in motions if robot in event.after]
         if any(_apart(event.after, most, robot) > APART for robot in both):
             return

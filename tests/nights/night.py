@@ -28,6 +28,8 @@ FIRST = 2.0  # seconds: no fault begins earlier, so that the team has met
 LAST = 8.5  # seconds: every fault has ended
 #: The lies of the catalogue for so many robots of the scenario, and those for guests.
 LIES = {liars: sorted(name for name, lie in CATALOGUE.items() if lie.liars == liars) for liars in (0, 1, 2)}
+UNNAMED: tuple[Literal["", "person", "robot"], ...] = ("", "person", "robot")
+DETECTOR = {"missed": 0.1, "clutter": 0.1}
 TOGETHER = 0.3  # of the nights all faults begin at once in such a share
 CROWD = 1100  # strangers, more than any process keeps anything of
 CALM = 4.0  # seconds in which it is watched whether the team is well again
@@ -49,6 +51,7 @@ class Team:
     feedback: Literal["paper", "guarded", "off"] = "guarded"
     budget: float | None = None  # bytes a second of each robot
     guest: bool = False  # a program that reports an object
+    unnamed: Literal["", "person", "robot"] = ""  # what detectors do not name: people walk about, or mates look alike
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -72,6 +75,10 @@ class Team:
         board["patience"] = self.patience
         if self.rule == "coalition" and not self.is_learning:
             board["independence"] = 0.5
+        unnamed = {
+            "people": {"count": 2 if self.unnamed == "person" else 0, "speed": SPEED},
+            "detector": DETECTOR | {"anonymous": [self.unnamed]},
+        }
         return Scenario(
             {
                 "name": "night",
@@ -88,13 +95,18 @@ class Team:
                     "mode": "realtime" if self.mode == "free" else self.mode,
                 },
                 "board": {**board, "period": self.tick},
-                "robot": {"odometry": ODOMETRY, **({"send": {"budget": self.budget}} if self.budget else {})},
+                "robot": {
+                    "patience": self.patience,
+                    "odometry": ODOMETRY,
+                    **({"send": {"budget": self.budget}} if self.budget else {}),
+                },
                 "world": {
                     "seed": seed,
                     "speed": SPEED,
                     "turn_rate": TURN_RATE,
                     "objects": {"ball": {"drift": 0.2}},
                     "gather": 30.0,
+                    **(unnamed if self.unnamed else {}),
                 },
             },
             "a night",
@@ -172,7 +184,8 @@ def draw_night(seed: int, number: int) -> Night:
     found = [it for it in found if it not in lying[1:]]  # one lie at most
     if draw.chance(TOGETHER):
         found = [at_once(it, found[0]) for it in found]
-    return Night(team, tuple(found), int(draw.rng.integers(1, 1 << 31)), f"{seed}/{number}")
+    world = int(draw.rng.integers(1, 1 << 31))
+    return Night(replace(team, unnamed=draw.one(UNNAMED, [0.7, 0.15, 0.15])), tuple(found), world, f"{seed}/{number}")
 
 
 def at_once(fault: Fault, first: Fault) -> Fault:

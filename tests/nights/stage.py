@@ -223,7 +223,10 @@ class Stage(Scheduler):
         machine = self.running[self.acting].machine
         if isinstance(machine, BoardService):
             run = machine.clock.run
-            self.tell(Stepped(self.at, self.acting, run, machine.board, number, dt, batch, before, joint.joint))
+            unnamed = list(joint.tally.unnamed)
+            self.tell(
+                Stepped(self.at, self.acting, run, machine.board, number, dt, batch, before, joint.joint, unnamed)
+            )
 
     # --- who runs ---------------------------------------------------------------------------------------------------------
 
@@ -307,7 +310,8 @@ class Stage(Scheduler):
             assert isinstance(liar, Liar)
             agent = liar.inner
             assert isinstance(agent, AgentService)
-            lies = any(name in fault.lies() for fault in self._active)
+            knows_the_time = self.night.team.mode == "free" or agent.clock.followed is not None
+            lies = knows_the_time and any(name in fault.lies() for fault in self._active)
             if lies != (liar.begin < math.inf):
                 liar.begin = agent.clock.time(self.now + self._ahead(name)) if lies else math.inf
 

@@ -47,6 +47,13 @@ def test_what_boards_settled_of_one_tick_was_said_once_when_the_run_ends_there()
     assert live(Night(team, found, 1130463444)) is None
 
 
+def test_of_two_tracks_that_had_one_name_in_turn_nothing_older_is_told() -> None:
+    team = Team(
+        {"a": ("r1", "r3"), "b": ("r2",)}, "lockstep", 2, 1.0, 1.0, 0.2, "opinions", learns=True, unnamed="robot"
+    )
+    assert live(Night(team, (faults.Routerless(4.3, 4.6),), 1046586613)) is None
+
+
 def test_a_seed_and_a_number_are_always_the_same_night() -> None:
     nights = [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
     assert nights == [draw_night(seed, number) for seed in (1, 2) for number in range(30)]

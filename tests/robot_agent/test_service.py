@@ -72,6 +72,17 @@ def test_in_lockstep_its_patience_ends() -> None:
     assert robot.counters["late"] == 1
 
 
+def test_a_robot_that_comes_in_the_middle_waits_for_nothing_that_was_agreed_before() -> None:
+    robot = service()
+    robot.receive(world(), NOW)
+    robot.receive(readings(5), NOW)
+    assert "Report" in kinds(robot.receive(clock(5, settled=["robot/r1", "object/ball"]), NOW))
+    assert robot.receive(readings(6), NOW) == []
+    assert robot.receive(clock(6, settled=["robot/r1"]), NOW) == []
+    assert "Report" in kinds(robot.receive(agreed(5), NOW))
+    assert robot.counters["late"] == 0
+
+
 def test_its_patience_does_not_begin_anew_when_the_world_asks_again() -> None:
     robot = service()
     for envelope in (world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"])):
