@@ -113,7 +113,8 @@ class Field(Scheduler):
     """Boards and robots of a scenario, whose robots are driven by a world.
 
     `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement. `unplaced`: these are
-    not told where they start. All claim `cautious` times the noise that their cameras have.
+    not told where they start. All claim `cautious` times the noise that their cameras have. It begins `began` seconds after a board's
+    period does.
     """
 
     def __init__(
@@ -127,8 +128,9 @@ class Field(Scheduler):
         fed_back: bool = False,
         unplaced: tuple[str, ...] = (),
         cautious: float = 1.0,
+        began: float = 0.0,
     ) -> None:
-        super().__init__(now=1_700_000_000.0)
+        super().__init__(now=1_700_000_000.0 + began)
         self.world, self.sigmas, self.own, self.fed_back, self.unplaced = world, sigmas, own, fed_back, unplaced
         self.claimed = replace(world.truth, range=cautious * world.truth.range, bearing=cautious * world.truth.bearing)
         self.phases = dict(phases or {})  # robot -> seconds that it steps late
@@ -145,6 +147,7 @@ class Field(Scheduler):
             self.robots[robot] = it
             self.join(it)
         self.work: list[float] = []
+        self.ages: list[float] = []  # of what is agreed on the ball, in seconds, whenever a robot steps
 
     def play(self, seconds: float) -> dict[str, dict[str, Score]]:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
@@ -168,6 +171,8 @@ class Field(Scheduler):
                     if self.fed_back and (before := self.robots[robot].pose()) is not None:
                         alone[robot].take(before.mean, before.covariance)
                     told = posterior(it, truth, self.sigmas, alone[robot], robot)
+                if settled and (ball := self.agreed.get("object/ball")) is not None:
+                    self.ages.append(self.now - ball.time)
                 began = time.thread_time()
                 pose, out = self.robots[robot].step(told, self.now, at)
                 self.work.append(time.thread_time() - began)
@@ -190,14 +195,17 @@ def main(
     seeds: list[int], told: bool, sigmas: bool, own: bool, fed_back: bool, seconds: float = 90.0, **board: object
 ) -> None:
     totals: dict[str, dict[str, Score]] = defaultdict(lambda: defaultdict(Score))
-    work, phases = [], {"r2": 0.03, "r3": 0.06}
+    work, ages, phases = list[float](), list[float](), {"r2": 0.03, "r3": 0.06}
     for seed in seeds:
         world = World(seed)
-        field_ = Field(world, scenario(world.truth, told, **board), sigmas, phases, own=own, fed_back=fed_back)
+        began = 0.2 * (0.618 * seed % 1.0)  # no robot knows when a board's periods begin
+        chosen = scenario(world.truth, told, **board)
+        field_ = Field(world, chosen, sigmas, phases, own=own, fed_back=fed_back, began=began)
         for who, found in field_.play(seconds).items():
             for name, score in found.items():
                 totals[who][name].take(score)
         work += field_.work
+        ages += field_.ages
         for robot, it in field_.robots.items():
             if it.independence is not None:
                 print(seed, robot, it.independence.gains, it.independence.ratio, it.independence.fed_back, flush=True)
@@ -208,6 +216,7 @@ def main(
             f"log {team.log_score:.3f} c50 {team.coverage(0.5):.3f} c95 {team.coverage():.3f} | central c95 {central.coverage():.3f}"
         )
     print(f"step: median {1000 * np.median(work):.1f} ms, 95 % {1000 * np.quantile(work, 0.95):.1f} ms")
+    print(f"ball's age: mean {np.mean(ages):.3f} s, 95 % {np.quantile(ages, 0.95):.3f} s, most {max(ages):.3f} s")
 
 
 if __name__ == "__main__":
