@@ -25,7 +25,7 @@ from blackboard.wire.messages import Status
 
 HOLD = 1.5  # seconds that the first status of another board is waited for; statuses come once a second
 FROZEN = 2.5  # seconds between two looks after which this board may have been taken for dead
-MAX_KEPT = 64  # phases of ticks that are kept while no board is known to have published them
+MAX_KEPT = 256  # phases of ticks that are kept while no board is known to have published them
 MAX_KEPT_BYTES = 8 << 20
 MAX_TERM = (1 << 53) - 1
 PHASES = ("consensus", "agreed")

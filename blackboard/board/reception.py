@@ -9,6 +9,7 @@ from blackboard.board.clocks import Clocks
 from blackboard.board.handover import Handover
 from blackboard.board.lead import BoardRole, Lead
 from blackboard.board.participants import Participants
+from blackboard.board.steps import Steps
 from blackboard.errors import Refused
 from blackboard.process.intake import Intake, TooEarly
 from blackboard.process.roll_call import RollCall
@@ -30,6 +31,7 @@ class Reception:
     def begin(self, board: Board, handover: Handover) -> None:
         """Forget what has arrived: from now on all goes to this board."""
         self.board, self.handover = board, handover
+        self.steps = Steps()
         self._reports: RollCall[str] = RollCall()  # of the sub-team's robots
         self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
         #: robots of other sub-teams, for which a board does not wait -> a speed that counts once its team time (s) is over
@@ -37,6 +39,7 @@ class Reception:
 
     def begin_tick(self, now: float) -> None:
         """A tick begins: what robots elsewhere said in earlier ones counts from now on, in whichever order it came."""
+        self.steps.begin_tick()
         begun = self.clock.time(now)
         for robot in [robot for robot, (time, _) in self._speeds.items() if time < begun]:
             self.board.ageing.learn_speed(robot, self._speeds.pop(robot)[1])
@@ -79,6 +82,7 @@ class Reception:
 
     def check(self) -> None:
         """AssertionError: a roll call is beyond its bounds."""
+        self.steps.check()
         self._reports.check()
         self._consensuses.check()
 
@@ -96,6 +100,13 @@ class Reception:
         self._reports.record(source, report.subject, report.tick)
         self.intake.record_age(source, now)
         self.board.hear_evidence(report, self.clocks.skew)
+        self._hear_step(source, now)
+
+    def _hear_step(self, robot: str, now: float) -> None:
+        """Once all is here that a robot lists, a step of it is: its list may overtake its reports."""
+        listed = self._reports.list_of(robot)
+        if listed is not None and self._reports.arrived(robot, *listed):
+            self.steps.hear(robot, listed[0], now)
 
     def _on_consensus(self, consensus: Consensus, now: float) -> None:
         board = consensus.sub_team, consensus.board
@@ -152,6 +163,7 @@ class Reception:
         if lists:
             self._reports.record_list(robot, status.tick, status.subjects)
             self.board.withdraw(robot, status.tick, {*status.subjects, *status.kept})
+            self._hear_step(robot, now)
 
     def _learn_speed(self, status: Status, at_once: bool, begun: float) -> None:
         """Take the speed of a robot's tick: at once, or where that tick is not older than the one that has begun, once it is."""

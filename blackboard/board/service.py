@@ -151,7 +151,8 @@ class BoardService:
         if self._is_wake_due:
             return now
         rounds_end = self.rounds.ends_at(self.clock.pace)
-        changes_at = min(self.clock.changes_at(), self.roster.changes_at(), self.lead.changes_at())
+        early = self.reception.steps.are_told
+        changes_at = min(self.clock.changes_at(early=early), self.roster.changes_at(), self.lead.changes_at())
         return min(self.intake.status_due, rounds_end, changes_at)
 
     def check(self) -> None:
@@ -214,7 +215,8 @@ class BoardService:
         self._hold(now)
         self.roster.forget(now)
         out: list[Envelope] = []
-        while (news := self.clock.look(now, ticks=moment == "batch")) is not News.NOTHING:
+        ticks, steps = moment == "batch", self.reception.steps
+        while (news := self.clock.look(now, ticks=ticks, early=steps.are_told)) is not News.NOTHING:
             self._follow(news, now)
         if self.clock.pace is not self._pace:
             self._pace = self.clock.pace

@@ -164,7 +164,7 @@ class BoardSection(Section):
     patience: Positive = 8.0
     "[s] How long it waits, in wall time, for a registered robot or another board in one tick."
     period: Positive = 0.2
-    "[s] Time between settlements where no world gives the clock."
+    "[s] Longest time between settlements where no world gives the clock; as robots step, up to four fall into it."
     coding: Literal["log8", "log16"] = "log8"
     "How boards write beliefs: log16 once every member and viewer of the team reads it (docs/bytes.md)."
 

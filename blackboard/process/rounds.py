@@ -32,7 +32,7 @@ Table = Mapping[tuple[Pace, str], Row]
 #: messages; "before": also before a message is taken.
 MOMENTS = {"message": ("message", "batch"), "batch": ("batch",), "before": ("before", "batch")}
 
-#: A board. "settled" is left when a tick begins: by the world's Clock, or every `period` seconds of Unix time. In real time a board
+#: A board. "settled" is left when a tick begins: by the world's Clock, or by Unix time (`TeamClock.look`). In real time a board
 #: that needs longer than a tick to settle would settle every tick that it reads of, later each time; so it settles after a batch only.
 #: A new Clock would end an exchange without publishing what is agreed; so that ends before the next message.
 BOARD: Table = {

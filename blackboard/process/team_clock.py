@@ -31,6 +31,7 @@ STOPPED = 60.0  # seconds after its last Clock until a world is given up though 
 CONFIRMED = 0.5  # seconds between the first and the second Clock that are heard of a rival
 LOST = 10  # ticks in a row that may have been lost in real time
 SLOWEST = 60.0  # seconds of team time that a tick may take
+PARTS = 4  # ticks of a period where there is no world; most of them are left out
 
 
 class Pace(Enum):
@@ -79,17 +80,17 @@ class ClockEvent(Enum):
     TOKENLESS = Transition("no token in time", (State.CLOCK,), State.FREE)
     CLOCKLESS = Transition("no Clock in time", (State.TOKEN,), State.FREE)
     SILENT = Transition("no more Clocks in time", (State.FOLLOWED,), State.FREE, News.FREE)
-    PERIOD = Transition("a period of Unix time is over", (State.FREE,), None, News.TICK)
+    PERIOD = Transition("a period of Unix time is over, or a quarter with news", (State.FREE,), None, News.TICK)
 
 
 class TeamClock:
     """Team time of one process. `look` is due at `changes_at`; `now` is Unix time in seconds."""
 
     def __init__(self, roster: Roster, period: float | None = None) -> None:
-        """`period` is the length of a tick in seconds where there is no world; None: such a process has no ticks then."""
+        """`period`: seconds from one tick to the next where there is no world, at most; None: such a process has no ticks then."""
         self.roster, self.period = roster, period
         self.followed: Clock | None = None  # the newest Clock of a world with a token; None: no world is followed
-        self.tick = -1  # the newest that began: the world's count, or Unix time in periods
+        self.tick = -1  # the newest that began: the world's count, or Unix time in quarters of a period
         self.heard_at = 0.0  # Unix seconds, when the Clock of this tick arrived first
         self._spoke_at = 0.0  # Unix seconds, when a Clock of the followed run arrived last
         #: the newest Clock that came without a world's token, and when the first one of its run came
@@ -133,10 +134,11 @@ class TeamClock:
             self._stray = self._token_due = None
         return self._enter(self._event_of(clock, now), now, clock)
 
-    def look(self, now: float, *, ticks: bool = True) -> News:
+    def look(self, now: float, *, ticks: bool = True, early: bool = False) -> News:
         """What has changed with the roster and the time; call it again until it is NOTHING.
 
         Without `ticks` no tick begins by Unix time: a process that hears more than it can settle begins one after a batch only.
+        `early`: there is reason to begin one before a period is over.
         """
         if self._stray is not None and self.roster.world:
             clock, since = self._stray
@@ -148,19 +150,19 @@ class TeamClock:
         if self._was_away and not self.roster.away:
             self._spoke_at = now
         self._was_away = self.roster.away
-        while (event := self._event_at(now, ticks)) is not None:
+        while (event := self._event_at(now, ticks, early)) is not None:
             if (news := self._enter(event, now)) is not News.NOTHING:
                 return news
         return News.NOTHING
 
-    def changes_at(self) -> float:
-        """When time alone changes something; infinity if it does not."""
+    def changes_at(self, *, early: bool = False) -> float:
+        """When time alone changes something; infinity if it does not. `early` as in `look`."""
         if self.followed is not None:
             return self._given_up_at()
         if self.pace is Pace.WAITING:
             due = (self._token_due, self._clock_due if self.roster.world else None)
             return min((at for at in due if at is not None), default=-math.inf)
-        return math.inf if self.period is None else (self.tick + 1) * self.period
+        return math.inf if self.period is None else self._next(early) * self.period / PARTS
 
     def time(self, now: float) -> float:
         """Team time in seconds."""
@@ -199,7 +201,7 @@ class TeamClock:
             return ClockEvent.RIVAL
         return ClockEvent.JUMP if clock.tick > followed.tick and clock.time >= followed.time else ClockEvent.RUN
 
-    def _event_at(self, now: float, ticks: bool) -> ClockEvent | None:
+    def _event_at(self, now: float, ticks: bool, early: bool) -> ClockEvent | None:
         """What time alone has brought about; None: nothing."""
         if self._token_due is not None and now >= self._token_due:
             return ClockEvent.TOKENLESS
@@ -207,8 +209,8 @@ class TeamClock:
             return ClockEvent.CLOCKLESS
         if self.followed is not None and now >= self._given_up_at():
             return ClockEvent.SILENT
-        is_over = ticks and self.state is State.FREE and self._unix_tick(now) not in (None, self.tick)
-        return ClockEvent.PERIOD if is_over else None
+        tick = self._unix_tick(now) if ticks and self.state is State.FREE else None
+        return None if tick is None or self.tick <= tick < self._next(early) else ClockEvent.PERIOD
 
     def _enter(self, event: ClockEvent, now: float, clock: Clock | None = None) -> News:
         """Keep what an event brings, and return its news."""
@@ -238,7 +240,11 @@ class TeamClock:
         return news
 
     def _unix_tick(self, now: float) -> int | None:
-        return None if self.period is None else int(now / self.period)
+        return None if self.period is None else int(PARTS * now / self.period)
+
+    def _next(self, early: bool) -> int:
+        """The first tick of Unix time that may begin; one before the newest may, too, because then the clock was set back."""
+        return self.tick + (1 if early else PARTS)
 
     def _rival_since(self, clock: Clock, now: float) -> float:
         """When the first Clock came from which a rival goes on: now, if it is the first itself."""

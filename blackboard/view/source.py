@@ -111,8 +111,8 @@ class Running:
             )
 
         def enough() -> bool:
-            newest = self.fold.moments.newest
-            if newest is None or (first is not None and newest.tick <= first.tick + 1 and newest.run == first.run):
+            newest, last = self.fold.moments.newest, self.fold.moments.ticks[-2:]
+            if newest is None or (first is not None and last[0] <= first.tick and newest.run == first.run):
                 return False
             return when is None or when.is_reached(newest)
 

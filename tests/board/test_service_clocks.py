@@ -31,6 +31,33 @@ def test_without_a_world_it_settles_no_oftener_than_it_is_woken() -> None:
     assert decode(Consensus, said[0].payload).used[0].age == 0.0
 
 
+def test_without_a_world_it_settles_once_all_robots_have_told_a_step() -> None:
+    """At the first step nobody is known to follow, so a tick ends in the midst of it; from the third on each ends after it."""
+    desk = Desk(world=False, period=0.8)
+    desk.register("r1", "r2")
+    desk.wait(0.03)
+    found, ticks = [], []
+    for step in range(7, 12):
+        for robot, before in (("r1", 0.3), ("r2", 0.12)):
+            desk.wait(before)
+            desk.tell(report(robot, step, time=desk.now), reported(robot, step, "object/ball"))
+            said = desk.wait(0.0)
+            found += [(step, robot)] if levels(said) == ["consensus", "agreed"] else []
+            ticks += [decode(Consensus, it.payload).tick for it in said if "/agreed/" in it.key]
+    assert found == [(7, "r1"), (8, "r1"), (8, "r2"), (9, "r2"), (10, "r2"), (11, "r2")]
+    assert ticks == sorted(set(ticks))
+
+
+def test_a_list_that_overtakes_its_reports_is_no_step_yet() -> None:
+    desk = Desk(world=False, period=1.0)
+    desk.register("r1")
+    desk.wait(0.0)
+    desk.tell(reported("r1", 7, "object/ball"))
+    assert levels(desk.wait(0.3)) == []
+    desk.tell(report("r1", 7, time=desk.now))
+    assert levels(desk.wait(0.0)) == ["consensus", "agreed"]
+
+
 def test_one_clock_of_somebody_who_leaves_freezes_no_board() -> None:
     """Without a world's token a Clock is not followed; the token is waited for, once, and then Unix time counts."""
     desk = Desk(world=False, period=0.5)

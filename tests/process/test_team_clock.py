@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from blackboard.process.roster import Roster
 from blackboard.process.team_clock import CLOCKLESS, STOPPED, WORLD_SILENT, News, Pace, TeamClock
@@ -40,15 +43,56 @@ def news(it: TeamClock, now: float) -> list[News]:
     return found
 
 
-def test_without_a_world_ticks_are_periods_of_unix_time() -> None:
+def test_without_a_world_ticks_are_quarters_of_a_period_of_unix_time() -> None:
     it = TeamClock(Roster(), period=0.5)
     assert it.pace is Pace.FREE
     assert it.changes_at() <= NOW
     assert news(it, NOW) == [News.TICK]
-    assert (it.tick, it.time(NOW), it.changes_at()) == (2 * NOW, NOW, NOW + 0.5)
+    assert (it.tick, it.time(NOW), it.changes_at()) == (8 * NOW, NOW, NOW + 0.5)
     assert news(it, NOW + 0.4) == []
     assert news(it, NOW + 2.0) == [News.TICK]
-    assert it.tick == 2 * NOW + 4
+    assert it.tick == 8 * NOW + 16
+
+
+def test_without_a_world_a_tick_begins_early_where_there_is_reason() -> None:
+    it = TeamClock(Roster(), period=0.5)
+    assert news(it, NOW) == [News.TICK]
+    assert it.changes_at(early=True) == NOW + 0.125
+    assert it.look(NOW + 0.1, early=True) is News.NOTHING
+    assert it.look(NOW + 0.2, early=True, ticks=False) is News.NOTHING
+    assert it.look(NOW + 0.2, early=True) is News.TICK
+    assert (it.tick, it.changes_at()) == (8 * NOW + 1, NOW + 0.625)
+
+
+@given(st.sampled_from((0.1, 0.2, 0.5, 1.0)), st.lists(st.tuples(st.floats(0.0, 0.7), st.booleans()), max_size=60))
+def test_each_tick_of_unix_time_begins_once_four_in_a_period_at_most(
+    period: float, waits: list[tuple[float, bool]]
+) -> None:
+    """A process that is woken at any times, also when it asked for it, with and without reason to begin a tick early."""
+    it, now, began = TeamClock(Roster(), period), NOW, list[tuple[int, float]]()
+    for wait, early in waits:
+        now = min(now + wait, max(now, it.changes_at(early=early)))
+        due = it.changes_at(early=early)
+        news = it.look(now, early=early)
+        if abs(now - due) > 1e-9:
+            assert (news is News.TICK) == (now > due)
+        if news is News.TICK:
+            began.append((it.tick, now))
+        assert it.look(now, early=early) is News.NOTHING
+    ticks = [tick for tick, _ in began]
+    assert all(one < other for one, other in pairwise(ticks))
+    for tick, at in began:
+        assert tick * period / 4 - 1e-9 <= at <= (tick + 1) * period / 4 + 1e-9
+        assert len([1 for _, other in began if at <= other < at + period - 1e-9]) <= 5  # a part at each end
+    for (_, at), (_, after) in pairwise(began):
+        assert after - at <= period + 1e-9
+
+
+def test_a_clock_that_is_set_back_begins_a_tick_at_once() -> None:
+    it = TeamClock(Roster(), period=0.5)
+    assert news(it, NOW) == [News.TICK]
+    assert news(it, NOW - 100.0) == [News.TICK]
+    assert it.tick == 8 * (NOW - 100.0)
 
 
 def test_without_a_period_there_are_no_ticks_without_a_world() -> None:

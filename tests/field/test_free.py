@@ -1,0 +1,59 @@
+"""Boards without a world, in virtual time: what is agreed is as young as the robots' steps, and each settlement has a tick of its own."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from itertools import pairwise
+
+import pytest
+
+from blackboard.board.service import board_of
+from blackboard.wire import keys
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Consensus
+from examples.field.world import Truth, World
+from tests.field.play import Field, scenario
+
+pytestmark = pytest.mark.team
+STEP = 0.1  # seconds between two steps of a robot
+ALMOST = 1e-3  # seconds: woken services let a little time pass
+
+
+class Told:
+    """What boards publish in a field."""
+
+    def __init__(self, fusion: str = "joint", period: float = 0.2, began: float = 0.07, seconds: float = 7.0) -> None:
+        chosen = scenario(Truth(), told=False, fusion=fusion, period=period)
+        phases = {"r2": 0.03, "r3": 0.06}
+        self.field = Field(World(101), chosen, sigmas=False, phases=phases, began=began)
+        self.field.join(board_of(chosen, "a", "board-b"))  # it follows
+        self.names: dict[tuple[str, str, str, int], set[bytes]] = defaultdict(set)
+        self.ticks: dict[str, list[int]] = defaultdict(list)
+        self.field.bus.spies.append(self.hear)
+        self.field.play(seconds)
+
+    def hear(self, envelope: Envelope) -> None:
+        for topic in (keys.CONSENSUS, keys.AGREED):
+            if topic.match(envelope.key) is not None:
+                it = decode(Consensus, envelope.payload)
+                self.names[it.board, it.level, it.subject, it.tick].add(envelope.payload)
+                if it.tick not in self.ticks[it.board][-1:]:
+                    self.ticks[it.board].append(it.tick)
+
+
+@pytest.mark.parametrize("fusion", ["joint", "opinions"])
+def test_what_is_agreed_is_at_most_as_old_as_a_step(fusion: str) -> None:
+    """A period is two steps; before, it was up to a period old."""
+    told = Told(fusion)
+    assert max(told.field.ages) <= STEP + ALMOST
+
+
+@pytest.mark.parametrize("period", [0.05, 0.2, 1.0])
+def test_each_settlement_has_a_tick_of_its_own(period: float) -> None:
+    told = Told(period=period, began=0.013)
+    assert all(len(payloads) == 1 for payloads in told.names.values())
+    (ticks,) = told.ticks.values()  # one board leads, the other says nothing
+    assert ticks == sorted(set(ticks))
+    between = max(later - tick for tick, later in pairwise(ticks))
+    assert between <= max(4, round(STEP / (period / 4)) + 1)
