@@ -235,7 +235,12 @@ def main() -> None:
     parser.add_argument("--after", type=float, default=SETTLED)
     parser.add_argument("--protocols", nargs="+", default=["A_all", "D_one3"])
     parser.add_argument("--spoils", nargs="+", default=list(SPOILS), choices=list(SPOILS))
-    parser.add_argument("--seeds", nargs=2, type=int, default=(1, 4), metavar=("FIRST", "END"))
+    parser.add_argument(
+        "--draws", nargs=2, type=int, default=(7, 8), metavar=("FIRST", "END"), help="of a recording's noise"
+    )
+    parser.add_argument(
+        "--seeds", nargs=2, type=int, default=(1, 4), metavar=("FIRST", "END"), help="of field and demo"
+    )
     args = parser.parse_args()
     print(f"{args.team:40} {'RMSE':>7} {'ratio':>6} {'50 %':>6} {'95 %':>6} {'nats':>8}", flush=True)
     if args.team == "recording":
@@ -243,7 +248,10 @@ def main() -> None:
             usual = math.nan
             chosen = RecordingFlags(args.mrclam, args.start, protocol).scenario()
             for name in args.spoils:
-                found = recorded(chosen.changed("time", seconds=args.seconds or 300.0), SPOILS[name], after=args.after)
+                found = Score()
+                for draw in range(*args.draws):
+                    timed = chosen.changed("time", seconds=args.seconds or 300.0)
+                    found.take(recorded(timed, SPOILS[name], draw, args.after))
                 usual = found.rmse if math.isnan(usual) else usual
                 print(shown(f"{protocol}, {name}", found, found.rmse / usual), flush=True)
         return
