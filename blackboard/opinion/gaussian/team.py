@@ -26,10 +26,8 @@ from blackboard.opinion.gaussian.rings import RingPlace
 from blackboard.opinion.gaussian.sightings import batches, close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.tracking import end_tick
-from blackboard.opinion.gaussian.vehicle import AXES, STATES, UNSTEADY, Motion, Nuisance, drive, speed
+from blackboard.opinion.gaussian.vehicle import AXES, LATELY, STATES, UNSTEADY, Motion, Nuisance, drive, speed
 from blackboard.opinion.grid import Grid
-
-LATELY = 2.0  # seconds after which what a robot did counts for 1/e in how fast it is told to go on
 
 
 @dataclass
@@ -178,7 +176,8 @@ class TeamJoint(TeamState):
             if robot not in self.joint or known is None or known.epoch != evidence.epoch:
                 continue
             with self.blaming(robot):
-                motions[robot] = evidence.travelled.since(known.travelled)
+                motion = evidence.travelled.since(known.travelled)
+                motions[robot] = motion.unheard(motion.dt - (known.motion.dt or motion.dt))
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self.forget_errors(dt)

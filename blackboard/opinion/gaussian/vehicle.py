@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import add, sub
 from typing import TypeVar
 
@@ -30,6 +30,7 @@ CURVED, SPINNING = 0.3, 0.6  # shares (`kinds`) from which on a way is a curve, 
 Angle = TypeVar("Angle", float, Array)
 # The share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after.
 UNSTEADY = 0.5
+LATELY = 2.0  # seconds after which what a robot did says little of what it does
 FLAT = 1e6  # unit ** 2: the variance of a coordinate of which nothing is known
 
 
@@ -88,6 +89,11 @@ class Motion:
     def since(self, earlier: Motion) -> Motion:
         """What was added to a sum of motions since it was `earlier`."""
         return Motion(*map(sub, self.numbers(), earlier.numbers()))
+
+    def unheard(self, seconds: float) -> Motion:
+        """The same where the sums of so many seconds never came: the end of their way may be off its chord."""
+        off = (UNSTEADY * self.distance * min(1.0, max(0.0, seconds) / LATELY)) ** 2
+        return replace(self, along=self.along + off, across=self.across + off) if off else self
 
 
 def entering(pose: Moments, nuisance: Nuisance) -> Moments:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from blackboard.opinion.gaussian.comparing import PATIENCE
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
-from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.joint import Moments, squared_distance
 from blackboard.opinion.gaussian.relation import Bias, Relative
 from blackboard.opinion.gaussian.state import FADED, MAX_ERRORS, Objects
 from blackboard.opinion.gaussian.team import TeamJoint
@@ -132,6 +132,23 @@ def test_a_lost_report_loses_no_motion() -> None:
     team = settled([[e for e in of_tick if e.robot != "robot/r2" or t in (0, 5)] for t, of_tick in enumerate(reports)])
     assert team.pose("robot/r2").mean[0] == pytest.approx(6.0, abs=1.5)
     assert team.tally.silent > 0
+
+
+@pytest.mark.parametrize("seconds", [0.3, 1.0, 3.0, 6.0])
+def test_who_drove_curves_while_nobody_heard_it_is_known_as_badly_as_its_way(seconds: float) -> None:
+    """The sums of its way and turn do not say where the curves were: its mates were pulled along with a place that was not true."""
+    robot, team, travelled = "robot/r1", TeamJoint(), Motion()
+    pose = entering(Moments(np.zeros(3), np.diag([0.01, 0.01, 0.001])), NUISANCE)
+    place, heading = np.zeros(2), 0.0
+    for tick in range(101):
+        turn = 0.09 if tick % 60 < 40 else -0.06  # left for 4 s, right for 2 s
+        step = Motion(0.1, turn, 0.1, 0.1, along=1e-4, heading=1e-5)
+        if tick:
+            place = place + 0.1 * np.array([math.cos(heading + turn / 2), math.sin(heading + turn / 2)])
+            heading, travelled = heading + turn, travelled.plus(step)
+        if tick <= 20 or tick >= 20 + 10 * seconds:
+            team.settle(tick, 0.1, [Evidence(robot, 0, tick, travelled, NUISANCE, pose, time=0.1 * tick)])
+            assert squared_distance(team.marginal(robot).mean - place, team.marginal(robot).covariance) < 5.99
 
 
 # --- comings and goings --------------------------------------------------------------------------------------------------
