@@ -17,7 +17,7 @@ from blackboard.client.arguments import check_kinds, shown
 from blackboard.client.ask import ask
 from blackboard.client.desk import AgreedStream, Desk
 from blackboard.client.why import Why
-from blackboard.config import Scenario, load
+from blackboard.config import BoardSection, Scenario, load
 from blackboard.errors import Refused, UserError
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
@@ -93,6 +93,8 @@ class Membership:
         strange = [name for name in given if known is not None and not team and name not in known.team.sub_teams]
         if strange and known is not None:
             raise UserError(f"{made}(sub_team={shown(strange[0])}): the scenario has {', '.join(known.team.sub_teams)}")
+        #: Of the team's boards, as far as they are known.
+        self._settings = BoardSection() if known is None else known.board
         #: `[board] fusion` is "joint"; without a scenario a board says it.
         self._joint = known is None or known.board.fusion == "joint"
         self._clock = UnixClock()

@@ -260,6 +260,9 @@ class Robot(Membership):
                 raise ValueError(f"step(time={time!r}): is before the last step, at {self._stepped!r}")
             if abs(stamp - now) > FARTHEST:
                 raise known.wrong("time", time, f"give team time in seconds, as `robot.time`, which is {now:.1f}")
+            if stamp > now + self._settings.future:
+                most = f"boards take at most {self._settings.future:g} s"
+                raise known.wrong("time", time, f"is {stamp - now:.1f} s ahead of team time; {most}")
             self._stepped = stamp
         self._raise_refused()
         with self._lock:

@@ -8,7 +8,6 @@ from blackboard.client.agreed import TeamNews
 from blackboard.client.arguments import Call
 from blackboard.client.member import Member
 from blackboard.client.membership import Membership
-from blackboard.config import BoardSection
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
 
@@ -22,7 +21,7 @@ class Team(Membership):
             sub_teams=self.sub_teams,
             robot=self.robot,
             grid=grid,
-            settings=BoardSection() if self._scenario is None else self._scenario.board,
+            settings=self._settings,
             news=news,
         )
         return self._member

@@ -248,6 +248,13 @@ def test_a_time_of_another_clock_is_named(endpoint: str) -> None:
                 robot.step(time=wrong)
         robot.fix((2.0, 3.0), 0.1, 0.0, 0.1)
         assert robot.step(time=robot.time) is not None
+        with pytest.raises(
+            ValueError, match=r"^step\(time=.*\): is \d.\d s ahead of team time; boards take at most 1 s$"
+        ):
+            robot.step(
+                time=robot.time + 5
+            )  # before, it seemed to have driven unmeasured, and looked for its place for good
+        assert robot.step() is not None
 
 
 def test_a_sub_team_that_the_scenario_does_not_have_is_named() -> None:
