@@ -93,6 +93,9 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
     "nights.md": (
         ("make nights", NotRun("minutes; tests/nights lives through ten, and plants a bug")),
     ),
+    "notes/lost-robots.md": (
+        ("python -m tests.robot_agent.spoilt", NotRun("minutes, and a recording")),
+    ),
     "notes/mutants.md": (("make mutants", MINUTES),),
     "paper.md": (("blackboard figures", MINUTES_OF_LAB), ("sum over q", DRAWING)),
     "real-robots.md": (
