@@ -120,9 +120,13 @@ class Program:
     def ends(self) -> int:
         """Wait until it has ended and all is read; its exit status."""
         wait_until(lambda: self.running.poll() is not None, lambda: f"it ends; it said {self.err}")
+        self.read_all()
+        return self.running.returncode
+
+    def read_all(self) -> None:
+        """Wait until all that it said is read."""
         for reader in self._readers:
             reader.join(LONG)
-        return self.running.returncode
 
 
 @contextmanager
@@ -143,12 +147,14 @@ def command(*words: str, keep: Sequence[str] = ()) -> Iterator[Program]:
     with subprocess.Popen(
         words, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as running:
+        started = Program(running)
         try:
-            yield Program(running)
+            yield started
         finally:
             for pid in (running.pid, *children(running.pid)):
                 if is_running(pid):
                     os.kill(pid, signal.SIGKILL)
+            started.read_all()
 
 
 def seconds_to_end(it: Program) -> float:
