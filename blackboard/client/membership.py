@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import atexit
+import logging
 import re
 import threading
 from collections import deque
@@ -30,6 +31,8 @@ from blackboard.wire import keys as topics
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.messages import Consensus, Refusal
 from blackboard.wire.names import NAME
+
+log = logging.getLogger(__name__)
 
 MAX_REFUSALS = 256  # that are kept
 
@@ -124,7 +127,8 @@ class Membership:
             self.sub_teams = self.sub_teams or tuple(identity.member.sub_teams)
         link = Link(config, self.robot, patience=self._patience, clock=self._clock)
         try:
-            if not (self.name and self.sub_teams and self._grid):
+            is_told = bool(self.name and self.sub_teams and self._grid)
+            if not is_told:
                 self._ask(link)
             assert self._grid is not None, "a board said it"
             self._service = self._made(self._grid, TeamNews(self._grid, self._hear_agreed, self._hear_refused))
@@ -134,10 +138,14 @@ class Membership:
             link.close()
             raise
         self._link, self._joined = link, Desk(self._service)
+        self._alone = threading.Timer(self._patience, self._warn_if_alone)
+        self._alone.daemon = True
         self._desk.poke = link.poke
         self._thread = threading.Thread(target=self._run, name=f"team of {self.robot}", daemon=True)
         self._thread.start()
         atexit.register(self.close)  # a thread that the interpreter ends within Zenoh aborts the process
+        if is_told and identity is None:  # else a board or a certificate said the names
+            self._alone.start()
         self._desk.call(lambda now: (None, []))  # tokens are held and topics subscribed to from here on
         return self
 
@@ -156,11 +164,14 @@ class Membership:
         """Leave the team: no process waits for this robot any more. A second time changes nothing."""
         if self._link is None or self._thread is None:
             return
+        self._alone.cancel()
         self._desk.stop.set()
         self._link.poke()
         atexit.unregister(self.close)
         if threading.current_thread() is not self._thread:
             self._thread.join()
+            if self._alone.is_alive():
+                self._alone.join()
             self._link.close()
             self._link = None
 
@@ -304,6 +315,15 @@ class Membership:
         untold, self._untold = self._untold, None
         if self._strict and untold is not None:
             raise Refused(untold.reason, f"{untold.board} refused {untold.subject or 'a status'}: {untold.text}")
+
+    def _warn_if_alone(self) -> None:
+        """Log it where no board of the team and sub-team that were named answers: they may be misspelt, or boards may come later."""
+        if self._link is None or self._desk.done:
+            return
+        try:
+            ask(self._link.get, self._clock.now, self.robot, self.name, self.sub_teams, 0.0)
+        except UserError as error:
+            log.warning("%s", error)
 
     def _ask(self, link: Link) -> None:
         """Learn from the boards which team, sub-team and grid are meant. UserError: none answers, or there are several."""

@@ -168,3 +168,16 @@ def several(endpoint: str) -> bool:
     except UserError as error:
         assert str(error) == "r1: there are t/a, t/b; say team=... and sub_team=..."
         return True
+
+
+def test_names_that_no_board_has_are_logged_with_those_that_boards_have(
+    endpoint: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with serving(endpoint, GRID), Team("r1", team="x", sub_team="a", grid=GRID, endpoint=endpoint, patience=2.0):
+        wait_until(lambda: "r1: no board of x/a answers; there are boards of t/a" in caplog.text, lambda: caplog.text)
+
+
+def test_who_leaves_before_a_board_came_is_told_nothing(endpoint: str, caplog: pytest.LogCaptureFixture) -> None:
+    with Team("r1", team="x", sub_team="a", grid=GRID, endpoint=endpoint, patience=60.0):
+        pass
+    assert "no board" not in caplog.text
