@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
@@ -41,6 +41,7 @@ class Beside:
 
 
 CHUNK = 25  # runs of a trial in one job
+LOOK = 0.5  # seconds between two looks whether a signal has come: one that comes just before a wait does not end it
 
 
 def run_jobs(
@@ -64,7 +65,7 @@ def run_jobs(
         try:
             with _signals_later():
                 futures = [pool.submit(function, *job) for job in jobs]
-            for done, future in enumerate(as_completed(futures), start=1):
+            for done, future in enumerate(_as_completed(futures), start=1):
                 result = future.result()
                 if keep is not None:
                     keep(result)
@@ -79,6 +80,14 @@ def run_jobs(
             raise
         finally:
             signal.signal(signal.SIGTERM, before)
+
+
+def _as_completed(futures: Sequence[Future[T]]) -> Iterator[Future[T]]:
+    """The jobs as they are done."""
+    waiting = set(futures)
+    while waiting:
+        done, waiting = wait(waiting, timeout=LOOK, return_when=FIRST_COMPLETED)
+        yield from done
 
 
 @contextmanager
