@@ -75,7 +75,9 @@ class Clusters:
     _places: dict[str, tuple[float, Belief]] = field(default_factory=dict)  # by track: when it was seen last, and where
     #: Of a track and what is known elsewhere: how likely they were the same, in the mean over time.
     _alike: dict[tuple[str, str], float] = field(default_factory=dict)
-    _said: dict[tuple[str, str], float] = field(default_factory=dict)  # by subject and robot: of when the newest was
+    _said: dict[tuple[str, str], float] = field(
+        default_factory=dict
+    )  # by subject and robot: the time (s) of the newest opinion that was settled
     _time: float | None = None
 
     def __post_init__(self) -> None:
@@ -122,10 +124,13 @@ class Clusters:
         self._rename(dt, places, others)
         self.tally.update(counters(self.unnamed))
         told = {block: members for block, members in self._members.items() if members and self.tracks.is_told(block)}
-        return self._newest(entries | told, now - max_age)
+        return self._without_older(entries | told, now - max_age)
 
-    def _newest(self, entries: Entries, since: float) -> Entries:
-        """Without what a robot said of a subject before what was settled of it before: two tracks may have had one name in turn."""
+    def _without_older(self, entries: Entries, since: float) -> Entries:
+        """Leave out an opinion that is older than one of the same robot and subject that was settled before.
+
+        Two tracks may have had the same name one after the other. Times before `since` are forgotten.
+        """
         self._said = {pair: time for pair, time in self._said.items() if time >= since}
         newest = {
             subject: {

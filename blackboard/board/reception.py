@@ -103,7 +103,7 @@ class Reception:
         self._hear_step(source, now)
 
     def _hear_step(self, robot: str, now: float) -> None:
-        """Once all is here that a robot lists, a step of it is: its list may overtake its reports."""
+        """Count a robot's step once all reports that its status lists have arrived; the status may come before them."""
         listed = self._reports.list_of(robot)
         if listed is not None and self._reports.arrived(robot, *listed):
             self.steps.hear(robot, listed[0], now)

@@ -1,29 +1,32 @@
-"""Whether a board without a world has reason to settle before a period is over: by the steps that robots told. Pure.
+"""When a board without a world settles before its period is over: once all robots have reported a step. Pure.
 
-What is agreed would be up to a period old, however often robots step. So a board settles once everybody who told a step in the tick
-before has told one again, or somebody two: that one steps more often than the others, or one of the others has fallen silent.
-Robots may step shortly after each other. Where a tick ended in the midst of that, the next one ends at the longest pause.
+Otherwise what is agreed would be up to a period old, however often robots report. A board expects a step of each robot that reported
+one in the tick before. It settles when all of these have come, or when one robot has reported twice: then it is faster than the
+others, or one of them has fallen silent. Robots may report shortly after each other. A tick that ended in the midst of such a series
+is followed by one that ends where the longest pause was.
 """
 
 from __future__ import annotations
 
 from blackboard.process.roll_call import MAX_SOURCES
 
-LONGER = 2.0  # times the pause before a tick's first step, above which a pause within the tick is a better end
+LONGER = 2.0  # a pause within a tick that is longer by this factor than the one before its first step is where ticks should end
 
 
 class Steps:
-    """The steps that robots told since a tick began; `now` is Unix time in seconds."""
+    """The steps that robots have reported since the tick began. `now` is Unix time in seconds."""
 
     def __init__(self) -> None:
-        self._newest: dict[str, int] = {}  # robot -> its own count of the step that it told last
-        self._pauses: dict[str, float] = {}  # robot -> seconds before its first step of this tick, in their order
-        self._again = False  # whether a robot told two
-        self._expected: frozenset[str] = frozenset()
-        self._heard_at = 0.0  # when a step was told last
+        self._newest: dict[str, int] = {}  # robot -> the number of its newest step, by its own count
+        self._pauses: dict[
+            str, float
+        ] = {}  # robot -> seconds without any step before its first one in this tick; in the order of arrival
+        self._again = False  # whether a robot has reported two steps in this tick
+        self._expected: frozenset[str] = frozenset()  # robots of which a step is waited for
+        self._heard_at = 0.0  # when the newest step arrived
 
     def hear(self, robot: str, tick: int, now: float) -> None:
-        """All that a robot says of one of its ticks is here; a tick that is told again does not count."""
+        """All reports of a robot's step have arrived; a step that is repeated does not count."""
         if self._newest.pop(robot, None) != tick:
             self._again |= robot in self._pauses
             self._pauses.setdefault(robot, now - self._heard_at)
@@ -35,7 +38,7 @@ class Steps:
             self._pauses.pop(gone, None)
 
     def begin_tick(self) -> None:
-        """A tick begins, in which all that was told until now is settled."""
+        """A tick begins, which settles all steps until now."""
         robots, pauses = list(self._pauses), list(self._pauses.values())
         longest = max(range(len(pauses)), key=pauses.__getitem__, default=0)
         end = longest if longest and pauses[longest] > LONGER * pauses[0] else len(robots)
@@ -43,10 +46,10 @@ class Steps:
 
     @property
     def are_told(self) -> bool:
-        """Whether there is something new, and nothing more to be expected soon."""
+        """Whether steps have arrived, and no further one is waited for."""
         return bool(self._pauses) and (self._again or self._expected <= self._pauses.keys())
 
     def check(self) -> None:
-        """AssertionError: it is beyond its bounds."""
+        """AssertionError: it keeps more robots than it may."""
         assert self._pauses.keys() <= self._newest.keys()
         assert max(len(self._newest), len(self._expected)) <= MAX_SOURCES

@@ -138,14 +138,14 @@ class Membership:
             link.close()
             raise
         self._link, self._joined = link, Desk(self._service)
-        self._alone = threading.Timer(self._patience, self._warn_if_alone)
-        self._alone.daemon = True
+        self._warning = threading.Timer(self._patience, self._warn_without_boards)
+        self._warning.daemon = True
         self._desk.poke = link.poke
         self._thread = threading.Thread(target=self._run, name=f"team of {self.robot}", daemon=True)
         self._thread.start()
         atexit.register(self.close)  # a thread that the interpreter ends within Zenoh aborts the process
         if is_told and identity is None:  # else a board or a certificate said the names
-            self._alone.start()
+            self._warning.start()
         self._desk.call(lambda now: (None, []))  # tokens are held and topics subscribed to from here on
         return self
 
@@ -164,14 +164,14 @@ class Membership:
         """Leave the team: no process waits for this robot any more. A second time changes nothing."""
         if self._link is None or self._thread is None:
             return
-        self._alone.cancel()
+        self._warning.cancel()
         self._desk.stop.set()
         self._link.poke()
         atexit.unregister(self.close)
         if threading.current_thread() is not self._thread:
             self._thread.join()
-            if self._alone.is_alive():
-                self._alone.join()
+            if self._warning.is_alive():
+                self._warning.join()
             self._link.close()
             self._link = None
 
@@ -316,8 +316,8 @@ class Membership:
         if self._strict and untold is not None:
             raise Refused(untold.reason, f"{untold.board} refused {untold.subject or 'a status'}: {untold.text}")
 
-    def _warn_if_alone(self) -> None:
-        """Log it where no board of the team and sub-team that were named answers: they may be misspelt, or boards may come later."""
+    def _warn_without_boards(self) -> None:
+        """Log it where no board of the named team and sub-teams answers: a name may be misspelt, or boards may start later."""
         if self._link is None or self._desk.done:
             return
         try:

@@ -15,8 +15,8 @@ from blackboard.wire.messages import Fix, Odometry, Readings
 PERIOD = 0.2  # seconds between two Readings at least
 GAP = 10.0  # seconds without odometry, or back in its stamps, after which it begins anew
 FASTEST = 50.0  # metres per second: no robot of a team is faster
-OLDEST = 2.0  # seconds on the way: what seems to be older has a stamp of another clock, and counts as new
-WINDOW = 50  # messages, of which the one that was fastest on its way tells the offset of the robot's clock
+OLDEST = 2.0  # seconds: a message that seems to be older has a stamp of another clock, and is taken as of its arrival
+WINDOW = 50  # messages; the one with the least delay among them gives the offset of the robot's clock
 
 
 class Driver:

@@ -91,7 +91,7 @@ class Motion:
         return Motion(*map(sub, self.numbers(), earlier.numbers()))
 
     def unheard(self, seconds: float) -> Motion:
-        """The same where the sums of so many seconds never came: the end of their way may be off its chord."""
+        """The same with more noise, where evidence of so many seconds was lost: the robot may have driven curves in that time."""
         off = (UNSTEADY * self.distance * min(1.0, max(0.0, seconds) / LATELY)) ** 2
         return replace(self, along=self.along + off, across=self.across + off) if off else self
 
