@@ -38,7 +38,7 @@ from blackboard.net.settings import LinkConfig
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.process.columns import markdown_table
-from blackboard.process.service import Around, Service
+from blackboard.process.service import Around, Quiet, Service
 from blackboard.run.launch import free_port
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
@@ -108,20 +108,14 @@ def record(robots: int, fusion: str, seconds: float, seen: str = "ball") -> Reco
     return Recording(scenario, said, world, team.robots[names[0]].listens)
 
 
-class Voice:
+class Voice(Quiet):
     """A service that says what was recorded, `later` by so many seconds, in a team of another name."""
-
-    watches: tuple[str, ...] = ()
-    done = False
 
     def __init__(
         self, said: Said, team: str, later: float, tokens: tuple[str, ...], listens: tuple[str, ...] = ()
     ) -> None:
         self.said, self.team, self.later, self.next = said, team, later, 0
         self.tokens, self.listens = (tuple(_of(team, key) for key in it) for it in (tokens, listens))
-
-    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
-        return []
 
     def wake(self, now: float) -> list[Envelope]:
         out = []
@@ -133,9 +127,6 @@ class Voice:
 
     def wake_at(self, now: float) -> float | None:
         return self.said[self.next][0] + self.later if self.next < len(self.said) else None
-
-    def record_link_counters(self, counters: dict[str, int]) -> None:
-        pass
 
 
 def _of(team: str, key: str) -> str:
@@ -195,11 +186,8 @@ class Mouth(Counted):
         return self.share.tells.watches
 
 
-class Ear:
+class Ear(Quiet):
     """A share in the team that it hears: it keeps what came until the next step, as a network would."""
-
-    tokens: tuple[str, ...] = ()
-    done = False
 
     def __init__(self, share: Share) -> None:
         self.listens, self.watches = share.hears.listens, share.hears.watches
@@ -208,15 +196,6 @@ class Ear:
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         self.came.append(envelope)
         return []
-
-    def wake(self, now: float) -> list[Envelope]:
-        return []
-
-    def wake_at(self, now: float) -> None:
-        return None
-
-    def record_link_counters(self, counters: dict[str, int]) -> None:
-        pass
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,27 @@ class Checked(Protocol):
         """AssertionError: an invariant does not hold."""
 
 
+class Quiet:
+    """A service that asks for nothing and has nothing to say, but for what a subclass does."""
+
+    tokens: tuple[str, ...] = ()
+    listens: tuple[str, ...] = ()
+    watches: tuple[str, ...] = ()
+    done = False
+
+    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        return []
+
+    def wake(self, now: float) -> list[Envelope]:
+        return []
+
+    def wake_at(self, now: float) -> float | None:
+        return None
+
+    def record_link_counters(self, counters: dict[str, int]) -> None:
+        pass
+
+
 class Around:
     """A service around another one: what a subclass does not override is done by the inner one."""
 

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from typing import Literal
 
 from blackboard.errors import UserError
+from blackboard.process.service import Quiet
 from blackboard.tape.content import Tape
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
@@ -15,18 +16,14 @@ OF_WORLD = (keys.CLOCK, keys.READING, keys.TRUTH, keys.WORLD)
 OF_BOARDS = (keys.CONSENSUS, keys.AGREED, keys.FORWARD, keys.MEMORY, keys.BOARD, keys.REFUSED)
 
 
-class Player:
+class Player(Quiet):
     """Sends what was recorded, and holds every recorded token from the beginning to the end. It subscribes to nothing."""
-
-    listens: tuple[str, ...] = ()
-    watches: tuple[str, ...] = ()
 
     def __init__(self, tape: Tape, speed: float, parts: Collection[Part]) -> None:
         """`parts` are those who are played. UserError: nothing of them is on the tape, or a speed that is none."""
         if not 0.0 < speed < 1e6:
             raise UserError(f"--speed {speed:g}: 1 is as recorded, 2 is twice as fast; give a positive number")
         boards = {(life.sub_team, life.board) for life in tape.lives}
-        self.tokens: tuple[str, ...] = ()
         self._to_send: list[tuple[float, Envelope]] = []  # seconds after the start
         for at, envelope in tape.envelopes:
             if _part(envelope.key, boards) not in parts:
@@ -40,28 +37,19 @@ class Player:
         self._next = 0
         self._start: float | None = None  # Unix seconds
 
-    @property
-    def done(self) -> bool:
-        return self._next == len(self._to_send)
-
-    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
-        return []
-
     def wake(self, now: float) -> list[Envelope]:
         if self._start is None:
             self._start = now
         begin = self._next
         while not self.done and self._start + self._to_send[self._next][0] <= now:
             self._next += 1
+            self.done = self._next == len(self._to_send)
         return [envelope for _, envelope in self._to_send[begin : self._next]]
 
     def wake_at(self, now: float) -> float | None:
         if self._start is None:
             return now
         return None if self.done else self._start + self._to_send[self._next][0]
-
-    def record_link_counters(self, counters: dict[str, int]) -> None:
-        """It has no status to report."""
 
 
 def _part(key: str, boards: set[tuple[str, str]]) -> Part | None:

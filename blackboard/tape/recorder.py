@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 
+from blackboard.process.service import Quiet
 from blackboard.tape.file import TapeWriter
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
@@ -16,25 +17,15 @@ FLUSH = 1.0  # seconds between two flushes: what a kill -9 loses at most
 NAME = "recorder"  # on its key, as on its certificate
 
 
-class Recorder:
+class Recorder(Quiet):
     """Listens and holds no token. It speaks only while its disk takes nothing, and once when that is over."""
-
-    tokens: tuple[str, ...] = ()
-    done = False
 
     def __init__(self, team: str, writer: TapeWriter) -> None:
         self._team, self._writer = team, writer
         self._flush_due = 0.0  # Unix seconds; at once, so that a process that waits for the tape sees that it listens
         self._counters: dict[str, int] = {}
         self._trouble = ""  # of the disk, as told last
-
-    @property
-    def listens(self) -> tuple[str, ...]:
-        return (f"cop/{self._team}/**",)
-
-    @property
-    def watches(self) -> tuple[str, ...]:
-        return self.listens
+        self.listens = self.watches = (f"cop/{team}/**",)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         self._writer.write(now, envelope)

@@ -10,27 +10,10 @@ import pytest
 
 from blackboard.client import desk as module
 from blackboard.client.desk import Desk
+from blackboard.process.service import Quiet
 from blackboard.wire.envelope import Envelope
 
 CALLS = 200
-
-
-class Silent:
-    """A service that has nothing to say."""
-
-    tokens = listens = watches = ()
-    done = False
-
-    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
-        return []
-
-    def wake(self, now: float) -> list[Envelope]:
-        return []
-
-    def wake_at(self, now: float) -> float | None:
-        return None
-
-    def record_link_counters(self, counters: dict[str, int]) -> None: ...
 
 
 @contextmanager
@@ -59,7 +42,7 @@ def test_a_result_that_comes_while_the_caller_looks_whether_the_team_is_closed_i
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(module, "LOOK", 0.0)  # it looks all the time
-    desk = Desk(Silent())
+    desk = Desk(Quiet())
     with answering(desk):
         assert [desk.call(lambda now, i=i: (i, [])) for i in range(CALLS)] == list(range(CALLS))  # type: ignore[misc]
 
@@ -68,13 +51,13 @@ def test_a_call_raises_what_it_raised() -> None:
     def late(now: float) -> tuple[None, list[Envelope]]:
         raise TimeoutError(f"at {now:g}")
 
-    desk = Desk(Silent())
+    desk = Desk(Quiet())
     with answering(desk), pytest.raises(TimeoutError, match="at 0"):
         desk.call(late)
 
 
 def test_a_call_of_a_closed_team_says_so() -> None:
-    desk = Desk(Silent())
+    desk = Desk(Quiet())
     desk.stop.set()
     with pytest.raises(RuntimeError, match="the team is closed"):
         desk.call(lambda now: (now, []))

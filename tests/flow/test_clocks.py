@@ -10,7 +10,7 @@ import pytest
 from blackboard.board.service import BoardService, board_of
 from blackboard.config import Scenario
 from blackboard.net.scheduler import Scheduler
-from blackboard.process.service import Service
+from blackboard.process.service import Quiet, Service
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
@@ -22,13 +22,8 @@ PERIOD = 0.2  # seconds between two readings
 SUB_TEAMS = {"a": ["r1", "r2"], "b": ["r3"]}
 
 
-class Driver:
+class Driver(Quiet):
     """What sends a robot its readings, by the robot's clock (`blackboard.process.service.Service`)."""
-
-    tokens: tuple[str, ...] = ()
-    listens: tuple[str, ...] = ()
-    watches: tuple[str, ...] = ()
-    done = False
 
     def __init__(self, robot: str, x: float) -> None:
         self.robot, self.x, self.tick, self.due = robot, x, 0, 0.0
@@ -50,9 +45,6 @@ class Driver:
             fix=Fix(position=(self.x, 10.0), sigma=1.0),
         )
         return [Envelope(keys.READING.key(team="t", robot=self.robot), encode(readings))]
-
-    def record_link_counters(self, counters: dict[str, int]) -> None:
-        """It tells nobody."""
 
 
 class Free(Scheduler):

@@ -9,20 +9,17 @@ import pytest
 
 from blackboard.errors import RunFailed
 from blackboard.net.scheduler import AT_ONCE, BEGIN, LATER, Scheduler
-from blackboard.process.service import Service
+from blackboard.process.service import Quiet, Service
 from blackboard.wire.envelope import Envelope, Kind
 
 
-class Clerk:
+class Clerk(Quiet):
     """A service that notes what comes when, by its own clock, and sends a letter every second from `first` on."""
 
-    tokens: tuple[str, ...] = ()
-    done = False
+    listens, watches = ("letter/*",), ("token/*",)
 
     def __init__(self, name: str, first: float = math.inf) -> None:
         self.name, self.due = name, first
-        self.listens: tuple[str, ...] = ("letter/*",)
-        self.watches: tuple[str, ...] = ("token/*",)
         self.came: list[tuple[float, str]] = []  # when, and on which key or which token
         self.counters: dict[str, int] = {}
         self.sane = True
