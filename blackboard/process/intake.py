@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from blackboard.errors import Refused
+from blackboard.process.bounded import put
 from blackboard.process.failures import Failures
 from blackboard.process.printable import quoted
 from blackboard.process.refusals import Refusals
@@ -118,10 +119,7 @@ class Intake:
 
     def record_age(self, source: str, now: float) -> None:
         """Remember that a source was heard now; the status shows how long ago that is."""
-        self._heard_at.pop(source, None)
-        self._heard_at[source] = now
-        if len(self._heard_at) > MAX_AGES:
-            del self._heard_at[next(iter(self._heard_at))]
+        put(self._heard_at, source, now, MAX_AGES)
 
     def counted(self, status: Status, now: float) -> Status:
         """A status with counters and ages as they stand; the next one is due `STATUS_PERIOD` after `now`."""

@@ -15,6 +15,8 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TypeVar
 
+from blackboard.process.bounded import put
+
 T = TypeVar("T")
 
 WINDOW = 8  # round trips, and stamps, of each source that are remembered
@@ -85,10 +87,8 @@ class StampEchoes:
 
     def hear_stamp(self, peer: str, stamp: float, now: float) -> None:
         """Something that a peer stamped arrives."""
-        before = self._newest.pop(peer, None)
-        self._newest[peer] = (stamp, now) if before is None or before[0] != stamp else before
-        if len(self._newest) > MAX_SOURCES:
-            del self._newest[next(iter(self._newest))]
+        before = self._newest.get(peer)
+        put(self._newest, peer, (stamp, now) if before is None or before[0] != stamp else before, MAX_SOURCES)
 
     def held(self, now: float) -> dict[str, tuple[float, float]]:
         """Peer -> its newest stamp, and the seconds since that arrived."""
@@ -97,7 +97,5 @@ class StampEchoes:
 
 def _kept(table: dict[str, deque[T]], source: str) -> deque[T]:
     """The deque of a source, which becomes the newest; the oldest source is forgotten where there are too many."""
-    table[source] = table.pop(source, deque(maxlen=WINDOW))
-    if len(table) > MAX_SOURCES:
-        del table[next(iter(table))]
+    put(table, source, table.get(source, deque(maxlen=WINDOW)), MAX_SOURCES)
     return table[source]

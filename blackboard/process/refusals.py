@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from blackboard.errors import Refused
+from blackboard.process.bounded import put
 from blackboard.process.printable import quoted
 from blackboard.wire import keys
 from blackboard.wire.messages import Refusal
@@ -50,14 +51,12 @@ class Refusals:
         if writer is None:
             return
         (sub_team, robot), subject = writer
-        before = self._entries.pop((sub_team, robot), None)
+        before = self._entries.get((sub_team, robot))
         notice = Notice(
             robot, subject, refusal.reason, _text(refusal), 1 if before is None else before.notice.count + 1
         )
         waited = before is not None and before.waited
-        self._entries[sub_team, robot] = _Entry(notice, early, waited, due=True)
-        if len(self._entries) > MAX_SOURCES:
-            del self._entries[next(iter(self._entries))]
+        put(self._entries, (sub_team, robot), _Entry(notice, early, waited, due=True), MAX_SOURCES)
 
     def handled(self, key: str) -> None:
         """A message on a key was taken: what came too early from the same robot is so no longer."""

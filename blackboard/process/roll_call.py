@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Generic, TypeVar
 
+from blackboard.process.bounded import put
+
 MAX_SOURCES = 256
 MAX_SUBJECTS = 512  # of one source
 
@@ -20,10 +22,10 @@ class RollCall(Generic[Source]):
 
     def record(self, source: Source, subject: str, tick: int) -> bool:
         """Record what a source sent about a subject. True if it is newer than what this source sent before."""
-        subjects = self._heard.pop(source, {})
-        before = subjects.pop(subject, -1)
-        _put(subjects, subject, max(tick, before), MAX_SUBJECTS)
-        _put(self._heard, source, subjects, MAX_SOURCES)
+        subjects = self._heard.get(source, {})
+        before = subjects.get(subject, -1)
+        put(subjects, subject, max(tick, before), MAX_SUBJECTS)
+        put(self._heard, source, subjects, MAX_SOURCES)
         return tick > before
 
     def record_list(self, source: Source, tick: int, subjects: Collection[str]) -> bool:
@@ -31,8 +33,8 @@ class RollCall(Generic[Source]):
 
         The list that arrived last counts, because a source that was started again may count its ticks anew.
         """
-        before = self._lists.pop(source, None)
-        _put(self._lists, source, (tick, frozenset(subjects)), MAX_SOURCES)
+        before = self._lists.get(source)
+        put(self._lists, source, (tick, frozenset(subjects)), MAX_SOURCES)
         return before is None or tick != before[0]
 
     def list_of(self, source: Source) -> tuple[int, frozenset[str]] | None:
@@ -53,14 +55,3 @@ class RollCall(Generic[Source]):
         """Whether a source has listed exactly this tick, and everything on its list is here."""
         listed = self._lists.get(source)
         return listed is not None and listed[0] == tick and self.arrived(source, tick, listed[1])
-
-
-Key = TypeVar("Key")
-Value = TypeVar("Value")
-
-
-def _put(table: dict[Key, Value], key: Key, value: Value, most: int) -> None:
-    """Set a key at the end of a table; where that makes too many, the first goes."""
-    table[key] = value
-    if len(table) > most:
-        del table[next(iter(table))]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from blackboard.process.bounded import put
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 
@@ -69,9 +70,7 @@ class Roster:
             return
         for token in [token for token, until in self._until.items() if until <= now]:
             del self._until[token]
-            self._gone[token] = None
-        while len(self._gone) > MAX_GONE:
-            del self._gone[next(iter(self._gone))]
+            put(self._gone, token, None, MAX_GONE)
         self._count()
 
     def has_gone(self, token: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Generic, TypeVar
+from typing import Generic
 
 from blackboard.errors import Refused
 from blackboard.state.processes import RECENT
@@ -13,9 +13,6 @@ from blackboard.wire.messages import Status
 MAX_SUBJECTS = 256  # of a team
 MAX_SOURCES = 64  # of a subject; sub-teams count as such
 FORGET = 60.0  # seconds of team time after which an old belief is not shown any more; in which a source still counts as known
-
-K = TypeVar("K")
-V = TypeVar("V")
 
 
 class Store(Generic[M]):
@@ -73,9 +70,3 @@ class Store(Generic[M]):
         """AssertionError: it holds more than its bounds."""
         assert len(self._kept) <= MAX_SUBJECTS
         assert all(len(by_source) <= MAX_SOURCES for by_source in self._kept.values())
-
-
-def keep_newest(table: dict[K, V], most: int) -> None:
-    """Drop the oldest entries beyond the most, in place."""
-    while len(table) > most:
-        del table[next(iter(table))]

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Anchor, Grid
+from blackboard.process.bounded import put
 from blackboard.state.alarms import QUIET, Alarms, of_robot, shown_by
 from blackboard.state.moments import MAX_BYTES, About, Moment, Point, Timeline
 from blackboard.state.processes import MAX_PROCESSES, SILENT, Process
 from blackboard.state.received import Received
-from blackboard.state.store import FORGET, MAX_SOURCES, MAX_SUBJECTS, Store, keep_newest
+from blackboard.state.store import FORGET, MAX_SOURCES, MAX_SUBJECTS, Store
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpacked_grid
 from blackboard.wire.envelope import Envelope, Kind
@@ -159,8 +160,8 @@ class TeamFold:
             self._hear_clock(message, now)
         elif isinstance(message, Truth):
             self._process(*WORLD).heard(now, size)
-            self._truths[message.run, message.tick] = dict(list(message.positions.items())[:MAX_SUBJECTS])
-            keep_newest(self._truths, MAX_TRUTHS)
+            truths = dict(list(message.positions.items())[:MAX_SUBJECTS])
+            put(self._truths, (message.run, message.tick), truths, MAX_TRUTHS)
         elif isinstance(message, Readings):
             self._see(message.robot, message.subjects)
         elif isinstance(message, Report):
@@ -189,8 +190,7 @@ class TeamFold:
         self._process(*WORLD).finished(clock.tick, clock.time, now)
 
     def _see(self, observer: str, subjects: Iterable[str]) -> None:
-        self._sightings[observer] = tuple(dict.fromkeys(subjects))[:MAX_SOURCES]
-        keep_newest(self._sightings, MAX_SOURCES)
+        put(self._sightings, observer, tuple(dict.fromkeys(subjects))[:MAX_SOURCES], MAX_SOURCES)
 
     def _hear_report(self, report: Report, size: int, now: float) -> None:
         if report.evidence is not None:
@@ -213,8 +213,7 @@ class TeamFold:
             if count > process.refused.get(reason, 0) and process.status is not None:
                 if now - self._refusing.get((process.name, reason), -math.inf) > QUIET:
                     self._note("refused", process.name, f"{process.name} refuses messages: {reason}", now)
-                self._refusing[process.name, reason] = now
-                keep_newest(self._refusing, MAX_PROCESSES)
+                put(self._refusing, (process.name, reason), now, MAX_PROCESSES)
         if process.status is not None and status.namesakes > process.status.namesakes:
             text = f"{process.name}: another process sends under this name, too"
             self._note("namesake", process.name, text, now)
@@ -316,7 +315,9 @@ class TeamFold:
                 subjects[subject] = about
         for store in (self._agreed, self._consensus, self._reports):
             store.drop_before(time - FORGET)
-        seen = [(f"robot/{observer}", subject) for observer, all_ in self._sightings.items() for subject in all_]
+        seen = [
+            (f"robot/{observer}", subject) for observer, all_ in sorted(self._sightings.items()) for subject in all_
+        ]
         speeds = {
             process.name: speed for process in self.processes.values() if (speed := process.speed_at(time)) is not None
         }
