@@ -28,6 +28,8 @@ FIRST = 2.0  # seconds: no fault begins earlier, so that the team has met
 LAST = 8.5  # seconds: every fault has ended
 #: The lies of the catalogue for so many robots of the scenario, and those for guests.
 LIES = {liars: sorted(name for name, lie in CATALOGUE.items() if lie.liars == liars) for liars in (0, 1, 2)}
+#: The rules, and how often each is drawn.
+RULES = {"coalition": 0.6} | {name: 0.4 / (len(POOLS) - 1) for name in sorted(set(POOLS) - {"coalition"})}
 UNNAMED: tuple[Literal["", "person", "robot"], ...] = ("", "person", "robot")
 DETECTOR = {"missed": 0.1, "clutter": 0.1}
 TOGETHER = 0.3  # of the nights all faults begin at once in such a share
@@ -206,9 +208,7 @@ def draw_team(draw: Draw) -> Team:
             members[names[(number + 1) % len(names)]].append(robot)
     mode: Literal["lockstep", "realtime", "free"] = draw.one(("lockstep", "realtime", "free"), [0.4, 0.35, 0.25])
     tick = draw.one([0.5, 1.0], [0.35, 0.65] if count < 5 else [0.1, 0.9])
-    rule = draw.one(
-        ["coalition", *sorted(set(POOLS) - {"coalition"})], [0.6, *[0.4 / (len(POOLS) - 1)] * (len(POOLS) - 1)]
-    )
+    rule = draw.one(list(RULES), list(RULES.values()))
     return Team(
         sub_teams={name: tuple(robots) for name, robots in members.items()},
         mode=mode,

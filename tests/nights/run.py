@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from tempfile import NamedTemporaryFile
@@ -122,6 +123,21 @@ def quietly(night: tuple[int, int]) -> Outcome:
 def live(night: Night, oracles: Sequence[type[Oracle]] = ORACLES) -> Broken | None:
     """Live through a night: what was broken first, or nothing."""
     return lived(night, oracles).broken
+
+
+def played(night: Night, until: float = math.inf) -> list[Event]:
+    """The events of a night, or of its first seconds."""
+    events = list[Event]()
+    Stage(night, events.append).play(until)
+    return events
+
+
+def judged(oracle: Oracle, events: Iterable[Event]) -> str:
+    """What an oracle finds broken by events; empty: nothing."""
+    watch = Watch([oracle])
+    for event in events:
+        watch.tell(event)
+    return str(watch.verdict() or "")
 
 
 def recorded(night: Night) -> bytes:

@@ -198,14 +198,17 @@ class Stage(Scheduler):
         """Seconds of the night that are over; rounded, because a fault begins and ends at a number, not a little before it."""
         return round(self.now - self.began, 9)
 
-    def play(self) -> None:
-        """The whole night."""
+    def play(self, until: float = math.inf) -> None:
+        """The night, from its beginning until so many seconds of it are over."""
         night = self.night
         turns: dict[float, type[Event]] = {night.healed: Healed, night.well: Recovered, night.end: Over}
         moments = {0.0, *turns, *(at for fault in night.faults for at in fault.moments())}
         moments |= {CHECKED * n for n in range(1, math.floor(night.end / CHECKED) + 1)}
         sensed = {night.team.tick * n for n in range(1, math.floor(night.end / night.team.tick) + 1)}
         for at in sorted(moments | sensed if night.team.mode == "free" else moments):
+            if at > until:
+                self.run_to(self.began + until)
+                break
             self.run_to(self.began + at)
             self._update(at)
             if at in sensed and night.team.mode == "free":

@@ -13,7 +13,7 @@ from tests.nights.events import Event, Said, Stepped
 from tests.nights.ledger import SAMPLED, EvidenceCountsOnce, SameEvidenceSameBits, watched
 from tests.nights.night import Night, Team
 from tests.nights.oracles import Oracle
-from tests.nights.run import differs
+from tests.nights.run import differs, judged
 from tests.nights.stage import Stage
 
 NIGHT = Night(Team({"a": ("r1", "r2"), "b": ("r3",)}, "lockstep", tick=1.0, latency=0.2, fusion="joint"), seed=2)
@@ -28,13 +28,6 @@ def events() -> list[Event]:
     return found
 
 
-def verdict(oracle: Oracle, events: list[Event]) -> str:
-    for event in events:
-        if type(event) in oracle.sees:
-            oracle.see(event)
-    return str(oracle.verdict() or "")
-
-
 def steps(events: list[Event]) -> list[Stepped]:
     return [it for it in events if isinstance(it, Stepped)]
 
@@ -42,18 +35,18 @@ def steps(events: list[Event]) -> list[Stepped]:
 @pytest.mark.parametrize("oracle", [EvidenceCountsOnce, SameEvidenceSameBits])
 def test_a_team_at_work_breaks_nothing(oracle: type[Oracle], events: list[Event]) -> None:
     assert len(steps(events)) > 2 * SAMPLED
-    assert not verdict(oracle(NIGHT), events)
+    assert not judged(oracle(NIGHT), events)
 
 
 def test_evidence_that_is_taken_in_two_steps_is_noticed(events: list[Event]) -> None:
     first, *_, last = [it for it in steps(events) if it.batch]
     again = replace(last, number=last.number + 1, board=first.board, batch=first.batch)
-    assert "takes ('robot/r" in verdict(EvidenceCountsOnce(NIGHT), [*events, again])
+    assert "takes ('robot/r" in judged(EvidenceCountsOnce(NIGHT), [*events, again])
 
 
 def test_a_step_that_failed_may_be_made_again_with_less(events: list[Event]) -> None:
     last = steps(events)[-1]
-    assert not verdict(EvidenceCountsOnce(NIGHT), [*events, replace(last, batch=last.batch[1:])])
+    assert not judged(EvidenceCountsOnce(NIGHT), [*events, replace(last, batch=last.batch[1:])])
 
 
 def test_a_joint_that_knows_more_than_its_evidence_tells_is_noticed(events: list[Event]) -> None:
@@ -63,7 +56,7 @@ def test_a_joint_that_knows_more_than_its_evidence_tells_is_noticed(events: list
         after.covariance *= 0.5
         before = [it for it in sound[:number] if it.board is last.board]
         seen: list[Event] = [*before[-(SAMPLED - 1) :], replace(last, after=after)]
-        found.append(verdict(EvidenceCountsOnce(NIGHT), seen))
+        found.append(judged(EvidenceCountsOnce(NIGHT), seen))
     assert any("of the variance that its evidence leaves" in it for it in found)
 
 
@@ -72,7 +65,7 @@ def test_boards_that_differ_after_the_same_evidence_are_noticed(events: list[Eve
     last = next(it for it in reversed(said) if it.message is not None and it.message.rule == "joint")  # type: ignore[attr-defined]
     assert isinstance(last.message, Consensus)
     other = last.message.model_copy(update={"state": None, "belief": said[0].message.belief})  # type: ignore[union-attr]
-    found = verdict(SameEvidenceSameBits(NIGHT), [*events, replace(last, message=other)])
+    found = judged(SameEvidenceSameBits(NIGHT), [*events, replace(last, message=other)])
     assert "agree on two beliefs about" in found
 
 

@@ -10,23 +10,13 @@ from tests.nights import faults
 from tests.nights.events import Ended, Event, Moved, Over
 from tests.nights.night import Night, Team
 from tests.nights.rosters import RostersAreTrue
-from tests.nights.stage import Stage
+from tests.nights.run import judged, played
 
 TEAM = Team({"a": ("r1", "r2")}, "realtime", tick=1.0, latency=0.02)
 
 
-def played(night: Night) -> list[Event]:
-    found = list[Event]()
-    Stage(night, found.append).play()
-    return found
-
-
 def seen(events: list[Event]) -> str:
-    oracle = RostersAreTrue(Night(TEAM))
-    for event in events:
-        if isinstance(event, oracle.sees):
-            oracle.see(event)
-    return str(oracle.verdict() or "")
+    return judged(RostersAreTrue(Night(TEAM)), events)
 
 
 @pytest.mark.parametrize("fault", [(), (faults.Routerless(2.0, 4.0),), (faults.Killed(2.0, 4.0, "robot/r2"),)])

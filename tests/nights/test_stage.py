@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -17,12 +18,12 @@ TEAM = Team({"a": ("r1", "r2"), "b": ("r3",)}, "realtime", boards=2, tick=1.0, l
 
 
 class Played:
-    """A night, and its events."""
+    """A night, or its first seconds, and the events."""
 
-    def __init__(self, *found: Fault, team: Team = TEAM, record: bool = False) -> None:
+    def __init__(self, *found: Fault, until: float = math.inf, team: Team = TEAM, record: bool = False) -> None:
         self.events: list[Event] = []
         self.stage = Stage(Night(team, found), self.events.append, record=record)
-        self.stage.play()
+        self.stage.play(until)
 
     def said(self, process: str, begin: float = 0.0, end: float = 1e9) -> list[Said]:
         return [it for it in self.events if isinstance(it, Said) and it.process == process and begin < it.at < end]
@@ -55,14 +56,15 @@ def test_the_same_night_is_the_same_to_the_bit() -> None:
         faults.Killed(4.0, 5.0, "robot/r2"),
     )
     found = [
-        [(it.at, it.process, it.envelope) for it in Played(*night).events if isinstance(it, Said)] for _ in range(2)
+        [(it.at, it.process, it.envelope) for it in Played(*night, until=8.0).events if isinstance(it, Said)]
+        for _ in range(2)
     ]
     assert found[0] == found[1]
 
 
 def test_what_is_lost_one_way_leaves_the_other_way_open() -> None:
     both = [faults.OneWay(2.5, 8.0, "robot/r3", it) for it in ("board/b/board-b", "board/b/board-b2")]
-    played = Played(*both)
+    played = Played(*both, until=14.0)
     ages = [used.age for it in played.said("board/b/board-b", 6.0, 8.0) if isinstance(it.message, Consensus)
             if it.message.level == "consensus" for used in it.message.used]  # fmt: skip
     assert min(ages) > 3.0
@@ -71,7 +73,7 @@ def test_what_is_lost_one_way_leaves_the_other_way_open() -> None:
 
 
 def test_a_process_that_is_killed_is_silent_and_starts_anew() -> None:
-    played = Played(faults.Killed(3.0, 5.0, "robot/r2"))
+    played = Played(faults.Killed(3.0, 5.0, "robot/r2"), until=7.0)
     assert not played.said("robot/r2", 3.0, 5.0)
     assert played.said("robot/r2", 5.0, 7.0)
     lives = [it for it in played.events if isinstance(it, Began | Ended) and it.process == "robot/r2"]
@@ -80,13 +82,13 @@ def test_a_process_that_is_killed_is_silent_and_starts_anew() -> None:
 
 
 def test_a_process_that_is_frozen_says_all_that_it_missed_afterwards() -> None:
-    played = Played(faults.Frozen(3.0, 5.0, "robot/r2"))
+    played = Played(faults.Frozen(3.0, 5.0, "robot/r2"), until=5.2)
     assert not played.said("robot/r2", 3.0, 5.0)
     assert played.said("robot/r2", 5.0, 5.1)
 
 
 def test_a_slow_process_acts_now_and_then() -> None:
-    times = [it.at for it in Played(faults.Slow(3.0, 7.0, "robot/r2", 1.0)).said("robot/r2", 3.0, 7.0)]
+    times = [it.at for it in Played(faults.Slow(3.0, 7.0, "robot/r2", 1.0), until=7.0).said("robot/r2", 3.0)]
     assert times
     assert all(at % 1.0 <= 0.1 + 1e-3 for at in times)
 
@@ -98,20 +100,20 @@ def boards_that_lead(played: Played, begin: float, end: float) -> set[str]:
 
 
 def test_parted_boards_both_lead_until_they_meet_again(calm: Played) -> None:
-    played = Played(faults.Parted(3.0, 7.0, ((), ("board/a/board-a2", "robot/r2"))))
+    played = Played(faults.Parted(3.0, 7.0, ((), ("board/a/board-a2", "robot/r2"))), until=12.0)
     assert boards_that_lead(calm, 3.0, 12.0) == {"board/a/board-a"}
     assert boards_that_lead(played, 5.0, 7.0) == {"board/a/board-a", "board/a/board-a2"}
     assert len(boards_that_lead(played, 9.0, 12.0)) == 1
 
 
 def test_a_hidden_token_is_a_death_to_the_others() -> None:
-    played = Played(faults.Flapping(3.0, 5.0, "board/a/board-a", 4.0))
+    played = Played(faults.Flapping(3.0, 5.0, "board/a/board-a", 4.0), until=5.0)
     assert "board/a/board-a2" in boards_that_lead(played, 4.0, 5.0)
 
 
 @pytest.mark.parametrize("fault", [faults.Routerless(3.0, 6.0), faults.Lost(3.0, 6.0, "*", 1.0)])
 def test_without_a_router_nobody_hears_anybody(fault: Fault) -> None:
-    played = Played(fault)
+    played = Played(fault, until=6.0)
     used = [
         used
         for it in played.said("board/b/board-b", 5.0, 6.0)
@@ -123,7 +125,7 @@ def test_without_a_router_nobody_hears_anybody(fault: Fault) -> None:
 
 def test_a_clock_is_off_for_a_life_of_its_process() -> None:
     team = replace(TEAM, mode="free")
-    played = Played(faults.ClockOff(3.0, 7.0, "robot/r2", 5.0), team=team)
+    played = Played(faults.ClockOff(3.0, 7.0, "robot/r2", 5.0), until=9.0, team=team)
     stamps = [(it.at, it.message.time - it.at) for it in played.said("robot/r2") if isinstance(it.message, Report)]
     off = {at: round(stamp - stamps[0][1], 1) for at, stamp in stamps}
     assert {it for at, it in off.items() if 3.5 < at < 6.9} == {5.0}
@@ -133,7 +135,9 @@ def test_a_clock_is_off_for_a_life_of_its_process() -> None:
 
 @pytest.mark.parametrize(("begin", "end"), [(7.82, 8.12), (2.87, 3.17), (4.01, 6.51)])
 def test_a_clock_never_jumps_while_its_process_runs(begin: float, end: float) -> None:
-    played = Played(faults.ClockOff(begin, end, "board/a/board-a", 40.0), team=replace(TEAM, mode="free"))
+    played = Played(
+        faults.ClockOff(begin, end, "board/a/board-a", 40.0), until=end + 2.0, team=replace(TEAM, mode="free")
+    )
     ahead: list[set[float]] = []  # of each life of the board
     for it in played.events:
         if isinstance(it, Began) and it.process == "board/a/board-a":
@@ -146,14 +150,15 @@ def test_a_clock_never_jumps_while_its_process_runs(begin: float, end: float) ->
 
 def test_the_clock_of_a_machine_that_slept_stays_behind() -> None:
     team = replace(TEAM, mode="free")
-    played = Played(faults.Suspended(3.0, 5.0, "robot/r2"), team=team)
+    played = Played(faults.Suspended(3.0, 5.0, "robot/r2"), until=7.0, team=team)
     stamps = [it.message.time - it.at for it in played.said("robot/r2") if isinstance(it.message, Report)]
     assert stamps[0] - stamps[-1] == pytest.approx(2.0, abs=0.1)
 
 
 def test_liars_say_something_else() -> None:
-    honest = Played(team=replace(TEAM, mode="free"))
-    liar = Played(faults.Lies(3.0, 5.0, "robot/r2", "off-8"), team=replace(TEAM, mode="free"))
+    team = replace(TEAM, mode="free")
+    honest = Played(until=4.5, team=team)
+    liar = Played(faults.Lies(3.0, 5.0, "robot/r2", "off-8"), until=4.5, team=team)
 
     def payloads(played: Played, begin: float, end: float) -> list[bytes]:
         return [it.envelope.payload for it in played.said("robot/r2", begin, end) if isinstance(it.message, Report)]
@@ -163,7 +168,7 @@ def test_liars_say_something_else() -> None:
 
 
 def test_people_start_and_stop_boards_and_worlds() -> None:
-    played = Played(faults.AnotherBoard(3.0, 6.0, "b", "z-last"), faults.SecondWorld(4.0, 5.0))
+    played = Played(faults.AnotherBoard(3.0, 6.0, "b", "z-last"), faults.SecondWorld(4.0, 5.0), until=9.0)
     names = {it.process: it.at for it in played.events if isinstance(it, Began) and it.at > 0}
     assert names == {"board/b/z-last": 3.0, "world/2": 4.0}
     assert not played.said("board/b/z-last", 6.0)
@@ -171,6 +176,6 @@ def test_people_start_and_stop_boards_and_worlds() -> None:
 
 def test_a_full_disk_costs_the_tape_nothing_that_has_room_in_memory() -> None:
     same = faults.Lost(3.0, 5.0, "*", 0.0)
-    whole, full = Played(same, record=True), Played(faults.FullDisk(3.0, 5.0), record=True)
+    whole, full = (Played(it, until=7.0, record=True) for it in (same, faults.FullDisk(3.0, 5.0)))
     assert full.stage.writer.missing == 0
     assert full.stage.writer.messages == whole.stage.writer.messages

@@ -15,30 +15,16 @@ from tests.nights import faults
 from tests.nights.events import Event, Said
 from tests.nights.night import Night, Team
 from tests.nights.oracles import Oracle
-from tests.nights.run import ENOUGH_LIED, MOST, moved, uncalibrated
-from tests.nights.stage import Stage
+from tests.nights.run import ENOUGH_LIED, MOST, judged, moved, played, uncalibrated
 from tests.nights.votes import BARRED, BoardsAgreeAgain, OneVote, TheHonestCount
 
 TEAM = Team({"a": ("r1", "r2"), "b": ("r3",)}, "lockstep", boards=2, tick=1.0, latency=0.2, fusion="joint")
 CALM = Night(TEAM, (faults.Lost(2.0, 3.0, "*", 0.0),), seed=5)
 
 
-def played(night: Night) -> list[Event]:
-    found = list[Event]()
-    Stage(night, found.append).play()
-    return found
-
-
 @pytest.fixture(scope="module")
 def events() -> list[Event]:
     return played(CALM)
-
-
-def judge(oracle: Oracle, events: list[Event]) -> str:
-    for event in events:
-        if type(event) in oracle.sees:
-            oracle.see(event)
-    return str(oracle.verdict() or "")
 
 
 def changed(events: list[Event], **changes: object) -> list[Event]:
@@ -56,20 +42,20 @@ def changed(events: list[Event], **changes: object) -> list[Event]:
 
 @pytest.mark.parametrize("oracle", [TheHonestCount, BoardsAgreeAgain])
 def test_a_team_at_work_breaks_nothing(oracle: type[Oracle], events: list[Event]) -> None:
-    assert not judge(oracle(CALM), events)
+    assert not judged(oracle(CALM), events)
 
 
 def test_an_honest_robot_that_is_barred_or_never_counts_is_named(events: list[Event]) -> None:
     barred = changed(events, left_out=[LeftOut(source="r1", reason=BARRED)])
-    assert "board/a/board-a bars r1" in judge(TheHonestCount(CALM), barred)
-    assert "r1 does not count in the" in judge(TheHonestCount(CALM), changed(events, used=[]))
+    assert "board/a/board-a bars r1" in judged(TheHonestCount(CALM), barred)
+    assert "r1 does not count in the" in judged(TheHonestCount(CALM), changed(events, used=[]))
     liar = replace(CALM, faults=(*CALM.faults, faults.Lies(2.0, 3.0, "robot/r1", "off-8")))
-    assert not judge(TheHonestCount(liar), barred)
+    assert not judged(TheHonestCount(liar), barred)
 
 
 def test_boards_that_do_not_agree_again_are_named(events: list[Event]) -> None:
     elsewhere = pack(gaussian(CALM.team.scenario(5).grid, (1.0, 1.0), 0.5))
-    assert "sigmas apart about robot/r1" in judge(BoardsAgreeAgain(CALM), changed(events, belief=elsewhere))
+    assert "sigmas apart about robot/r1" in judged(BoardsAgreeAgain(CALM), changed(events, belief=elsewhere))
 
 
 @pytest.mark.parametrize(
@@ -78,7 +64,7 @@ def test_boards_that_do_not_agree_again_are_named(events: list[Event]) -> None:
 )
 def test_two_robots_lie_and_so_does_a_guest(lie: faults.Fault) -> None:
     team = replace(TEAM, sub_teams={"a": ("r1", "r2"), "b": ("r3", "r4")}, boards=1)
-    found = played(Night(team, (lie,), seed=5))
+    found = played(Night(team, (lie,), seed=5), until=6.0)
     truths = {it.message.tick: it.message for it in found if isinstance(it, Said) and isinstance(it.message, Truth)}
     off = defaultdict[str, float](float)
     for it in found:
@@ -90,7 +76,7 @@ def test_two_robots_lie_and_so_does_a_guest(lie: faults.Fault) -> None:
 
 def test_how_far_a_lie_moves_the_honest_is_judged_over_enough_beliefs(events: list[Event]) -> None:
     oracle = OneVote(CALM)
-    judge(oracle, events)
+    judged(oracle, events)
     assert oracle.sums()["calm n"] > 10
     calm = Counter({"calm n": 100, "calm off": 50})
     lied = Counter({"lied n": ENOUGH_LIED, "lied off": round(ENOUGH_LIED * 0.5 * MOST)})
