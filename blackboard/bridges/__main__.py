@@ -84,21 +84,24 @@ class TopicFlags:
     "ROBOT=TOPIC: a PoseWithCovarianceStamped, such as /amcl_pose, reported as that robot's own belief, without a `robot-agent`."
     sees: Topics = None
     "ROBOT:SUBJECT=TOPIC, as r1:object/ball=/r1/ball: a PoseWithCovarianceStamped of what the robot sees, in its own frame."
+    detects: Topics = None
+    "ROBOT=TOPIC: a vision_msgs/Detection3DArray of what a detector of the robot sees and cannot name, in its own frame."
 
     def sources(self) -> RosTopics:
         """What the flags name, each robot and each topic in one way. UserError: what cannot be, or not together."""
         from blackboard.bridges.ros.service import RosTopics
 
         fixes, poses = _topics("--fix", self.fix), _topics("--pose", self.pose)
-        sources = RosTopics(_topics("--odometry", self.odometry), fixes, poses, _sightings("--sees", self.sees))
+        sees, detects = _sightings("--sees", self.sees), _topics("--detects", self.detects)
+        sources = RosTopics(_topics("--odometry", self.odometry), fixes, poses, sees, detects)
         if both := sources.poses.keys() & sources.driven:
             raise UserError(
-                f"--pose {min(both)}: --odometry, --fix and --sees are for a robot with a `robot-agent`, which reports by itself; "
-                "give one of them"
+                f"--pose {min(both)}: --odometry, --fix, --sees and --detects are for a robot with a `robot-agent`, which reports by "
+                "itself; give one of them"
             )
-        taken = Counter(topic.strip("/") for kind in (fixes, poses, sources.sees) for topic in kind.values())
+        taken = Counter(topic.strip("/") for kind in (fixes, poses, sees, detects) for topic in kind.values())
         if twice := [topic for topic, number in taken.items() if number > 1]:
-            raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix, --pose or --sees")
+            raise UserError(f"/{min(twice)}: a topic is taken in once, by --fix, --pose, --sees or --detects")
         return sources
 
 

@@ -6,24 +6,37 @@ Planes are planes: z, roll and pitch are 0, and so are their variances. A grid i
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, ODOMETRY, POINTS, POSE, TRANSFORMS
+from blackboard.bridges.ros.names import DETECTIONS, DIAGNOSTICS, MAP, ODOMETRY, POINTS, POSE, TRANSFORMS
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.classes import LONGEST
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.grid import Array
 from blackboard.state.alarms import LIKELY_LOST
+from blackboard.wire.names import SIGHTED
 
 ANY_HEADING = math.pi**2 / 3  # variance of a heading of which nothing is known
 MAX_BYTES = 1 << 16  # of a message that is taken; the ones we read have 1 kB and the names of two frames
 UNIT = 0.05  # by which the length of a quaternion may miss 1
+UNKNOWN_COVARIANCE = np.zeros((3, 3))  # as ROS has it: all zeros
+
+#: vision_msgs 4, which `rosbags` does not know: what each type holds.
+VISION = {
+    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score",
+    "vision_msgs/msg/ObjectHypothesisWithPose": "ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose",
+    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\nBoundingBox3D bbox\nstring id",
+    DETECTIONS: "std_msgs/Header header\nDetection3D[] detections",
+}
 
 
 @dataclass(frozen=True)
@@ -44,9 +57,21 @@ class PlanarPose:
         return math.sqrt(variance) if 0 < variance < ANY_HEADING else None
 
 
+@dataclass(frozen=True)
+class Detection:
+    """What a detector saw: of which class, where in the robot's frame, and how sure it is that something is there, 0 to 1."""
+
+    kind: str  # as `person/?`
+    place: PlanarPose  # its covariance is `UNKNOWN_COVARIANCE` where none is told
+    confidence: float
+
+
 @cache
 def _store() -> Any:
-    return get_typestore(Stores.ROS2_JAZZY)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, text in VISION.items():
+        store.register(get_types_from_msg(text, name))
+    return store
 
 
 def _make(type_name: str, **fields: object) -> Any:
@@ -161,27 +186,83 @@ def odometry(payload: bytes) -> PlanarPose:
 def place(payload: bytes) -> PlanarPose:
     """A PoseWithCovarianceStamped. Refused: as there, or its matrix is no covariance, or all zeros."""
     pose = _place(payload, POSE)
-    least, most = (float(value) for value in np.linalg.eigvalsh(pose.covariance[:2, :2]))
-    if least < -1e-9 * max(1.0, most) or float(pose.covariance[2, 2]) < 0:
-        raise Refused("fields", f"{POSE}: the covariance of x, y and yaw is none")
-    if most <= 0:
+    if _largest(pose.covariance, POSE) <= 0:
         raise Refused("fields", f"{POSE}: the variances of x and y are 0, which no sensor has; fill in the covariance")
     return pose
+
+
+def detections(payload: bytes) -> list[Detection]:
+    """What a Detection3DArray holds, of each thing the likeliest class. Refused: as of `place`, or something has no class or score.
+
+    Where a thing's pose is not told, it is in the middle of its box. Its orientation is left out, because detectors seldom know it.
+    """
+    message = _decode(payload, DETECTIONS)
+    frame = message.header.frame_id
+    if frame.endswith("optical_frame"):
+        raise Refused(
+            "frame", f"in {frame!r}, where z is ahead; transform it to the robot's, where x is ahead and y to the left"
+        )
+    return [_detected(thing, message.header) for thing in message.detections]
+
+
+def _detected(thing: Any, header: Any) -> Detection:
+    best = max(thing.results, key=lambda result: float(result.hypothesis.score), default=None)
+    if best is None or not 0 < best.hypothesis.score <= 1 or not best.hypothesis.class_id.strip():
+        raise Refused(
+            "fields", f"{DETECTIONS}: each detection needs a result with a class_id and a score above 0, at most 1"
+        )
+    pose, covariance = best.pose.pose, _planar(best.pose.covariance)
+    if not covariance.any() and not any((pose.position.x, pose.position.y)):
+        pose = thing.bbox.center
+    _check([pose.position.x, pose.position.y, *covariance.ravel()], DETECTIONS)
+    _largest(covariance, DETECTIONS)
+    place = PlanarPose(_stamp(header), header.frame_id, pose.position.x, pose.position.y, 0.0, covariance)
+    return Detection(_kind(best.hypothesis.class_id), place, float(best.hypothesis.score))
+
+
+def _kind(class_id: str) -> str:
+    """A detector's class as the team's: `person` as `person/?`, `sports ball` as `object/sports_ball?`, and ours as they are."""
+    kind = class_id.strip().lower()
+    if kind in ("robot", "person"):
+        return f"{kind}/?"
+    if re.fullmatch(SIGHTED, class_id):
+        return class_id
+    return f"object/{re.sub(r'[^a-z0-9_-]', '_', kind)[:LONGEST]}?"
 
 
 def _place(payload: bytes, type_name: str) -> PlanarPose:
     message = _decode(payload, type_name)
     at, turn = message.pose.pose.position, message.pose.pose.orientation
-    full = np.asarray(message.pose.covariance, dtype=float).reshape(6, 6)
-    covariance = full[np.ix_((0, 1, 5), (0, 1, 5))]
-    numbers = np.array([at.x, at.y, turn.x, turn.y, turn.z, turn.w, *covariance.ravel()])
-    if not np.isfinite(numbers).all() or np.abs(numbers).max() > 1e7:
-        raise Refused("fields", f"{type_name}: a number is NaN, infinite or above 1e7")
+    covariance = _planar(message.pose.covariance)
+    _check([at.x, at.y, turn.x, turn.y, turn.z, turn.w, *covariance.ravel()], type_name)
     if abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) > UNIT:
         raise Refused("fields", f"{type_name}: the orientation is no unit quaternion")
     yaw = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
-    stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-    return PlanarPose(stamp, message.header.frame_id, at.x, at.y, yaw, (covariance + covariance.T) / 2)
+    return PlanarPose(_stamp(message.header), message.header.frame_id, at.x, at.y, yaw, covariance)
+
+
+def _stamp(header: Any) -> float:
+    return float(header.stamp.sec + header.stamp.nanosec * 1e-9)
+
+
+def _planar(covariance: Any) -> Array:
+    """Of x, y and yaw, symmetric, shape (3, 3)."""
+    full = np.asarray(covariance, dtype=float).reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
+    symmetric: Array = (full + full.T) / 2
+    return symmetric
+
+
+def _check(numbers: Sequence[float], type_name: str) -> None:
+    if not np.isfinite(numbers).all() or np.abs(numbers).max() > 1e7:
+        raise Refused("fields", f"{type_name}: a number is NaN, infinite or above 1e7")
+
+
+def _largest(covariance: Array, type_name: str) -> float:
+    """The largest variance of a place. Refused: it is no covariance."""
+    least, most = (float(value) for value in np.linalg.eigvalsh(covariance[:2, :2]))
+    if least < -1e-9 * max(1.0, most) or float(covariance[2, 2]) < 0:
+        raise Refused("fields", f"{type_name}: the covariance of x, y and yaw is none")
+    return most
 
 
 def _decode(payload: bytes, type_name: str) -> Any:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
-from blackboard.bridges.ros.convert import PlanarPose
+from blackboard.bridges.ros.convert import Detection, PlanarPose
 from blackboard.errors import Refused
 from blackboard.wire.evidence import Seen
-from blackboard.wire.messages import Fix, Odometry, Readings
+from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from blackboard.wire.types import MAX_OPINIONS
 
 PERIOD = 0.2  # seconds between two Readings at least
 GAP = 10.0  # seconds without odometry, or back in its stamps, after which it begins anew
@@ -34,6 +36,7 @@ class Driver:
         self._distance = self._turn = self._time = 0.0  # since the last Readings
         self._fix: PlanarPose | None = None
         self._seen: dict[str, tuple[float, Seen]] = {}  # by subject, with the Unix time at which it was measured
+        self._detected: list[tuple[float, Seen | Sighting]] = []  # by a detector, in its newest message
         self._behind: deque[float] = deque(maxlen=WINDOW)  # seconds that stamps were behind their arrival
         self._moved_at: float | None = None  # Unix time to which the odometry since the last Readings goes
         self._told_at = self._sent_at = -math.inf  # Unix time of the last Readings, and at which they went
@@ -81,6 +84,22 @@ class Driver:
             raise Refused("fields", f"{subject}: the covariance of x, y and yaw must be positive definite") from None
         self._seen[subject] = self._measured(place, now), seen
 
+    def detect(self, things: Sequence[Detection], now: float) -> None:
+        """Take what a detector saw at once; its newest message counts. Refused "fields": too many, or a covariance that is none.
+
+        Of what has no covariance the range and the bearing count, by the robot's model of its camera.
+        """
+        if len(things) > MAX_OPINIONS // 2:
+            raise Refused(
+                "fields", f"{len(things)} detections of {self.robot} at once are more than {MAX_OPINIONS // 2}"
+            )
+        try:
+            self._detected = [(self._measured(thing.place, now), _sighting(thing)) for thing in things]
+        except ValueError:
+            raise Refused(
+                "fields", "the covariance of x and y of a detection must be positive definite, or all 0"
+            ) from None
+
     def readings(self, now: float) -> Readings | None:
         """What is to be sent now, or None: nothing came, or too little time has passed."""
         if now < self._sent_at + PERIOD or not self._waits:
@@ -88,7 +107,8 @@ class Driver:
         self._run = self._run or f"ros since {now:.0f}"
         moved = Odometry(distance=self._distance, turn=self._turn, dt=max(self._time, 1e-6)) if self._time > 0 else None
         time = min(now, max(now if self._moved_at is None else self._moved_at, self._told_at))
-        seen = [sighting.model_copy(update={"age": max(0.0, time - at)}) for at, sighting in self._seen.values()]
+        waiting = (*self._seen.values(), *self._detected)
+        aged = [sighting.model_copy(update={"age": max(0.0, time - at)}) for at, sighting in waiting]
         readings = Readings(
             run=self._run,
             robot=self.robot,
@@ -96,9 +116,10 @@ class Driver:
             time=time,
             odometry=moved,
             fix=self._fixed(),
-            seen=seen,
+            sightings=[sighting for sighting in aged if isinstance(sighting, Sighting)],
+            seen=[sighting for sighting in aged if isinstance(sighting, Seen)],
         )
-        self._seen, self._moved_at = {}, None
+        self._seen, self._detected, self._moved_at = {}, [], None
         self._distance = self._turn = self._time = 0.0
         self._fix, self._told_at, self._sent_at = None, time, now
         self._tick += 1
@@ -115,7 +136,7 @@ class Driver:
 
     @property
     def _waits(self) -> bool:
-        return self._time > 0 or self._fix is not None or bool(self._seen)
+        return self._time > 0 or self._fix is not None or bool(self._seen or self._detected)
 
     def _fixed(self) -> Fix | None:
         place = self._fix
@@ -132,3 +153,14 @@ class Driver:
         """The larger variance of the position: the wire's fix is round."""
         xx, yy, xy = place.covariance[0, 0], place.covariance[1, 1], place.covariance[0, 1]
         return float((xx + yy) / 2 + math.hypot((xx - yy) / 2, xy))
+
+
+def _sighting(thing: Detection) -> Seen | Sighting:
+    """ValueError: its covariance is neither positive definite nor all zeros."""
+    x, y, covariance = thing.place.x, thing.place.y, thing.place.covariance[:2, :2]
+    if not covariance.any():
+        return Sighting(
+            subject=thing.kind, range=math.hypot(x, y), bearing=math.atan2(y, x), confidence=thing.confidence
+        )
+    upper = tuple(map(float, covariance[np.triu_indices(2)]))
+    return Seen(subject=thing.kind, kind="position", values=(x, y), covariance=upper, confidence=thing.confidence)

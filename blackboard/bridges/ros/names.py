@@ -18,6 +18,7 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 POINTS = "sensor_msgs/msg/PointCloud2"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+DETECTIONS = "vision_msgs/msg/Detection3DArray"
 
 #: SHA-256 of each type's description (REP-2016): who has another one hears nothing. As rosbags computes them, and hiroz.
 HASHES = {
@@ -26,6 +27,7 @@ HASHES = {
     ODOMETRY: "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
     TRANSFORMS: "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     POINTS: "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5",
+    DETECTIONS: "793f5eab9595ac1c0da07873cc859db42eae51f0ee76056db8562515d830e018",
     DIAGNOSTICS: "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
 }
 

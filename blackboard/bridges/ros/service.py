@@ -14,7 +14,7 @@ from functools import partial
 
 from blackboard.bridges.ros import convert
 from blackboard.bridges.ros.driver import Driver
-from blackboard.bridges.ros.names import ODOMETRY, POSE, Node
+from blackboard.bridges.ros.names import DETECTIONS, ODOMETRY, POSE, Node
 from blackboard.bridges.ros.publisher import RosPublisher
 from blackboard.client.member import Member
 from blackboard.errors import Refused
@@ -42,11 +42,12 @@ class RosTopics:
     fixes: Mapping[str, str] = field(default_factory=dict)
     poses: Mapping[str, str] = field(default_factory=dict)
     sees: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    detects: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def driven(self) -> set[str]:
         """The robots whose readings are made of these."""
-        return {*self.odometry, *self.fixes, *(robot for robot, _ in self.sees)}
+        return {*self.odometry, *self.fixes, *self.detects, *(robot for robot, _ in self.sees)}
 
 
 class RosBridge:
@@ -70,6 +71,8 @@ class RosBridge:
             self._listen(topic, POSE, partial(self._hear_pose, robot))
         for (robot, subject), topic in sources.sees.items():
             self._listen(topic, POSE, partial(self._hear_sighting, robot, subject))
+        for robot, topic in sources.detects.items():
+            self._listen(topic, DETECTIONS, partial(self._hear_detections, robot))
         self._logged: set[tuple[str, str]] = set()
         self._status_due = 0.0
         self._counters: dict[str, int] = {}
@@ -156,6 +159,10 @@ class RosBridge:
 
     def _hear_sighting(self, robot: str, subject: str, payload: bytes, now: float) -> list[Envelope]:
         self._drivers[robot].see(subject, convert.place(payload), now)
+        return self._drive(self._drivers[robot], now)
+
+    def _hear_detections(self, robot: str, payload: bytes, now: float) -> list[Envelope]:
+        self._drivers[robot].detect(convert.detections(payload), now)
         return self._drive(self._drivers[robot], now)
 
     def _hear_pose(self, robot: str, payload: bytes, now: float) -> list[Envelope]:

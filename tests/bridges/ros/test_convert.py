@@ -17,6 +17,7 @@ from blackboard.bridges.ros.names import DIAGNOSTICS, MAP, ODOMETRY, POSE
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
+from tests.bridges.ros.detections import detected, result
 
 HUMBLE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 GRID = Grid((40, 30), 0.5, (-4.0, 2.0), "m", "map")
@@ -199,3 +200,56 @@ def test_odometry_needs_no_covariance() -> None:
     odometry = types[ODOMETRY](header=plain.header, child_frame_id="base_link", pose=plain.pose, twist=still)
     found = convert.odometry(bytes(HUMBLE.serialize_cdr(odometry, ODOMETRY)))
     assert [found.x, found.y, found.yaw] == pytest.approx([3, 9, math.pi / 2], abs=0.01)
+
+
+def test_of_each_detection_the_likeliest_class_counts_where_it_is_told_or_in_the_middle_of_its_box() -> None:
+    payload = detected(
+        ([result("dog", 0.2, 8.0, 8.0), result("person", 0.7, 3.0, -1.0, 0.25)], (9.0, 9.0)),
+        ([result("sports ball", 0.5)], (2.0, 1.0)),
+    )
+    one, other = convert.detections(payload)
+    assert (one.kind, one.confidence, one.place.stamp, one.place.x, one.place.y) == ("person/?", 0.7, 12.0, 3.0, -1.0)
+    assert one.place.covariance[:2, :2] == pytest.approx(np.eye(2) * 0.25)
+    assert (other.kind, other.place.x, other.place.y) == ("object/sports_ball?", 2.0, 1.0)
+    assert not other.place.covariance.any()
+
+
+@pytest.mark.parametrize(
+    ("class_id", "kind"),
+    [
+        ("Robot", "robot/?"),
+        ("object/ball", "object/ball"),
+        ("object/ball?", "object/ball?"),
+        ("été", "object/_t_?"),
+        ("x" * 90, f"object/{'x' * 32}?"),
+        ("3", "object/3?"),
+    ],
+)
+def test_any_name_of_a_class_becomes_one_of_the_teams(class_id: str, kind: str) -> None:
+    (only,) = convert.detections(detected(([result(class_id, 1.0, 1.0)], (0.0, 0.0))))
+    assert only.kind == kind
+
+
+@pytest.mark.parametrize(
+    ("payload", "reason"),
+    [
+        (detected(([], (1.0, 1.0))), "fields"),
+        (detected(([result("person", 0.0, 1.0)], (1.0, 1.0))), "fields"),
+        (detected(([result("person", 1.5, 1.0)], (1.0, 1.0))), "fields"),
+        (detected(([result(" ", 0.5, 1.0)], (1.0, 1.0))), "fields"),
+        (detected(([result("person", math.nan, 1.0)], (1.0, 1.0))), "fields"),
+        (detected(([result("person", 0.5, math.inf)], (1.0, 1.0))), "fields"),
+        (detected(([result("person", 0.5, 1.0, 0.0, -1.0)], (1.0, 1.0))), "fields"),
+        (detected(frame="r1/camera_optical_frame"), "frame"),
+        (detected()[:20], "fields"),
+        (detected(*[([result("person", 0.5, 1.0)], (1.0, 1.0))] * 300), "too-large"),
+    ],
+)
+def test_detections_that_no_detector_makes_are_refused(payload: bytes, reason: str) -> None:
+    with pytest.raises(Refused) as refusal:
+        convert.detections(payload)
+    assert refusal.value.reason == reason
+
+
+def test_nothing_seen_is_no_mistake() -> None:
+    assert convert.detections(detected()) == []

@@ -22,11 +22,11 @@ from tests.commands import call
         (("--pose", "r1=/a", "--pose", "r2=a"), "--pose r2=a: this robot or topic was given before"),
         (
             ("--pose", "r1=/a", "--odometry", "r1=/b"),
-            "--pose r1: --odometry, --fix and --sees are for a robot with a `robot-agent`",
+            "--pose r1: --odometry, --fix, --sees and --detects are for a robot with a `robot-agent`",
         ),
         (
             ("--pose", "r1=/a", "--sees", "r1:object/ball=/b"),
-            "--pose r1: --odometry, --fix and --sees are for a robot with a `robot-agent`",
+            "--pose r1: --odometry, --fix, --sees and --detects are for a robot with a `robot-agent`",
         ),
         (("--sees", "r1=/r1/ball"), "--sees r1=/r1/ball: write ROBOT:SUBJECT=TOPIC, as r1:object/ball=/r1/ball"),
         (("--sees", "r1:ball=/r1/ball"), "--sees r1:ball=/r1/ball: write ROBOT:SUBJECT=TOPIC"),
@@ -37,6 +37,11 @@ from tests.commands import call
         ),
         (("--sees", "r1:object/ball=/a", "--sees", "r1:object/can=/a"), "/a: a topic is taken in once"),
         (("--fix", "r1=/a", "--pose", "r2=/a"), "/a: a topic is taken in once"),
+        (("--detects", "r1=/a", "--sees", "r1:object/ball=/a"), "/a: a topic is taken in once"),
+        (
+            ("--detects", "r1=/a", "--pose", "r1=/b"),
+            "--pose r1: --odometry, --fix, --sees and --detects are for a robot with a `robot-agent`",
+        ),
         (("--namespace", "a b"), "--namespace 'a b': use letters, digits, '_' and '/'"),
         (("--team", "a/b"), "--team 'a/b': use up to 64 letters"),
         (("--keys", "keys"), "--keys: nodes of ROS have no certificates; name their own router"),

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
-from blackboard.bridges.ros.convert import ANY_HEADING, PlanarPose
+from blackboard.bridges.ros.convert import ANY_HEADING, Detection, PlanarPose
 from blackboard.bridges.ros.driver import FASTEST, GAP, PERIOD, Driver
 from blackboard.errors import Refused
 from blackboard.wire.messages import Readings
@@ -164,3 +164,32 @@ def odometer(readings: Readings | None) -> tuple[float, float]:
     assert readings is not None
     assert readings.odometry is not None
     return readings.odometry.distance, readings.odometry.turn
+
+
+def test_what_a_detector_saw_goes_once_by_its_covariance_or_by_the_model_of_the_camera() -> None:
+    driver = Driver("r1")
+    driver.detect([Detection("person/?", at(5.0, 1.0, 1.0, 0.0), 0.6)], 100.0)
+    unsure = Detection("object/ball?", at(5.1, 3.0, 4.0, 0.0, np.zeros((3, 3))), 0.9)
+    driver.detect([Detection("person/?", at(5.1, 1.0, 2.0), 0.7), unsure], 100.1)  # the newest message counts
+    readings = driver.readings(100.1)
+    assert readings is not None
+    (seen,), (sighting,) = readings.seen, readings.sightings
+    assert (seen.subject, seen.kind, seen.values, seen.confidence) == ("person/?", "position", (1.0, 2.0), 0.7)
+    assert seen.covariance == (1.0, 0.0, 1.0)
+    assert (sighting.subject, sighting.range, sighting.confidence) == ("object/ball?", 5.0, 0.9)
+    assert sighting.bearing == pytest.approx(math.atan2(4.0, 3.0))
+    assert (sighting.range_sigma, sighting.bearing_sigma) == (None, None)
+    assert driver.readings(101.0) is None
+
+
+def test_detections_that_readings_cannot_hold_are_refused_and_the_others_stay() -> None:
+    driver = Driver("r1")
+    one = Detection("person/?", at(5.0, 1.0, 1.0), 0.6)
+    driver.detect([one], 100.0)
+    flat = Detection("person/?", at(5.0, 1.0, 1.0, 0.0, np.diag([1.0, 0.0, 0.0])), 0.6)
+    for things in ([one] * 129, [flat]):
+        with pytest.raises(Refused):
+            driver.detect(things, 100.1)
+    readings = driver.readings(100.1)
+    assert readings is not None
+    assert len(readings.seen) == 1

@@ -9,6 +9,7 @@ import pytest
 xxhash = pytest.importorskip("xxhash", reason="no xxhash: pip install '.[ros]'")
 typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags.typesys: pip install '.[ros]'")
 from blackboard.bridges.ros import names
+from blackboard.bridges.ros.convert import VISION
 from blackboard.bridges.ros.names import LATCHED, MAP, ODOMETRY, POSE, RELIABLE, Node
 
 HASH = "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e"
@@ -25,6 +26,8 @@ def test_the_key_of_a_topic() -> None:
 @pytest.mark.parametrize("store", ["ROS2_HUMBLE", "ROS2_JAZZY", "LATEST"])
 def test_the_hashes_are_those_that_rosbags_computes(type_name: str, store: str) -> None:
     types = typesys.get_typestore(getattr(typesys.Stores, store))
+    for name, text in VISION.items():
+        types.register(typesys.get_types_from_msg(text, name))
     assert types.hash_rihs01(type_name) == f"RIHS01_{names.HASHES[type_name]}"
 
 

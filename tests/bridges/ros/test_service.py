@@ -12,7 +12,7 @@ import pytest
 typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
 from blackboard.board.service import BoardService
 from blackboard.bridges.ros import convert
-from blackboard.bridges.ros.names import DIAGNOSTICS, ODOMETRY, POSE, Node, key
+from blackboard.bridges.ros.names import DETECTIONS, DIAGNOSTICS, ODOMETRY, POSE, Node, key
 from blackboard.bridges.ros.service import RosBridge, RosTopics
 from blackboard.client.member import Member
 from blackboard.config import BoardSection
@@ -24,6 +24,7 @@ from blackboard.process.service import Service
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Readings, Status
+from tests.bridges.ros.detections import detected, result
 
 JAZZY = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
 GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")
@@ -118,6 +119,19 @@ def test_odometry_and_fixes_become_the_readings_of_a_robot() -> None:
     ]
     assert sum(it.odometry.distance for it in readings if it.odometry is not None) == pytest.approx(2.0)
     assert sum(it.odometry.dt for it in readings if it.odometry is not None) == pytest.approx(1.0)
+
+
+def test_what_a_detector_sees_goes_with_the_robots_readings_and_bad_messages_are_counted() -> None:
+    one = bridge(RosTopics(detects={"r1": "r1/detections"}))
+    run, bus = team(one)
+    run(0.1)
+    where = key(0, "r1/detections", DETECTIONS)
+    bus.send(Envelope(where, detected(([result("person", 0.7, 5.0, 6.0, 0.25)], (0.0, 0.0)))))
+    bus.send(Envelope(where, detected(([], (1.0, 1.0)))))
+    readings = [decode(Readings, it.payload) for it in run(1.0) if it.key == "cop/t/world/reading/r1"]
+    (seen,) = [it for told in readings for it in told.seen]
+    assert (seen.subject, seen.kind, seen.values, seen.confidence) == ("person/?", "position", (5.0, 6.0), 0.7)
+    assert one.refused == {"fields": 1}
 
 
 def test_what_a_robot_sees_goes_with_its_readings_of_a_robot_with_the_heading() -> None:
