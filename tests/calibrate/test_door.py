@@ -53,16 +53,12 @@ def test_a_tape_gives_tables_that_a_scenario_takes(tape: Path) -> None:
     assert settings_of(pasted, "r2").odometry.curve_turn_scale == pytest.approx(1.0, abs=0.05)
 
 
-def test_as_json_there_is_nothing_else(tape: Path) -> None:
-    ran = Ran("calibrate", str(tape), "--json")
+def test_as_json_there_is_nothing_else_also_where_residuals_are_drawn(tape: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra `plot`")
+    ran = Ran("calibrate", str(tape), "--json", "--plot", str(tmp_path))
     found = json.loads(ran.out)
     assert list(found["robots"]) == ["r1", "r2"]
     assert found["nats"]["found"] > found["nats"]["the scenario's"]
-
-
-def test_residuals_are_drawn(tape: Path, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="needs the extra `plot`")
-    assert Ran("calibrate", str(tape), "--plot", str(tmp_path)).status == 0
     assert {file.name for file in tmp_path.glob("*.png")} == {"residuals-r1.png", "residuals-r2.png", "ways.png"}
 
 

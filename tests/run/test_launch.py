@@ -215,13 +215,13 @@ def test_one_signal_stops_a_run_that_still_waits_for_its_network(number: signal.
 
 @pytest.mark.system
 def test_a_router_that_is_killed_is_started_again_and_the_run_goes_on() -> None:
-    with program("-m", "blackboard", "demo", "--robots", "2", "--seconds", "8", "--json") as demo:
+    with program("-m", "blackboard", "demo", "--robots", "2", "--seconds", "4", "--json") as demo:
         demo.says("tick 4 of")
         (router,) = (pid for pid in children(demo.running.pid) if "router" in command(pid))
         os.kill(router, signal.SIGKILL)
         demo.says("router | ended with status -9; starting it again")
         assert demo.ends() in (0, 1), demo.err
-        assert json.loads(demo.out)["ticks"] == 40
+        assert json.loads(demo.out)["ticks"] == 20
 
 
 def command(pid: int) -> list[str]:
