@@ -37,8 +37,8 @@ def identified(
     What an observer sees in one frame, at one age, are different things. Those of the newest frame that are of nobody known begin
     tracks. `unclear` gets those that may be of several, and which these are, where no clearer or newer one of the tick is of any of
     them. Of a frame with two of these it gets none: a liar could take all its mates along in one tick, before it is doubted. What it
-    alone takes for a robot of no team is one of the two. Nor does it get what may be of a mate or a track. Tracks take nobody along:
-    what may be of several of them is taken for the likeliest, and `unclear` gets it where it may be of none.
+    alone takes for a robot of no team is one of the two. Tracks take nobody along: what may be of a mate or a track is of nobody, as
+    far as it is of the track. What may be of several tracks is taken for the likeliest, and `unclear` gets it where it may be of none.
     """
     observer, chosen, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
     lonely = set[float]()  # ages of frames that may show a robot that nobody else has seen
@@ -61,7 +61,7 @@ def identified(
             elif taken is None and share and set(share) <= set(team.tracks):
                 of_tracks.append((sum(share.values()), [(p, its[one]) for one, p in share.items()]))
             elif taken is None and share:
-                doubts.append((age, [(p, its[one]) for one, p in share.items()]))
+                doubts.append((age, [(p, its[one]) for one, p in share.items() if one not in team.tracks]))
         if number == 0:
             for some, one in _apart(of_tracks, set(chosen)):
                 if some >= CLEAR:
@@ -77,12 +77,7 @@ def identified(
             if its_age == age and not used & {sighting.subject for _, sighting in doubt}
         ]
         used |= {sighting.subject for doubt in fresh for _, sighting in doubt}
-        alone = (
-            len(fresh) == 1
-            and age not in lonely
-            and not any(sighting.subject in team.tracks for _, sighting in fresh[0])
-        )
-        unclear += fresh if alone else []
+        unclear += fresh if len(fresh) == 1 and age not in lonely else []
     return [chosen[subject] for subject in sorted(chosen)]
 
 

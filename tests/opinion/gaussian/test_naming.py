@@ -11,7 +11,9 @@ import pytest
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.relation import Relative, measured
+from blackboard.opinion.gaussian.sightings import projected
 from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import Motion
 from tests.opinion.gaussian.driving import Own, team, told
 
 
@@ -88,6 +90,27 @@ def test_where_it_is_not_clear_the_belief_is_the_mean_over_all_that_were_seen_pe
         )
         assert it.marginal(robot).mean == pytest.approx(mean, abs=1e-3)
         assert it.marginal(robot).covariance == pytest.approx(spread, abs=1e-3)
+
+
+def test_what_a_track_may_have_of_it_is_kept_from_no_mate() -> None:
+    """A blind robot's first sighting of a mate was left out for a faint track near it, and it took the next one for another mate."""
+    before, seen, reports = beside(team(3, 1), 0.0)
+    without = settled(before, reports, seen)
+    place = replace(seen, observer="robot/r1", range=1.5, bearing=2.5, range_variance=1.0)
+    before.tracks.begin("robot/r1", "robot/?")
+    (track,) = before.tracks
+    before.joint.add(track, projected(before.joint, place, Motion()))
+    before.seen[track] = 0.0
+    it = settled(before, reports, seen)
+    (found,), (alone,) = it.tally.unnamed, without.tally.unnamed
+    assert found.taken is None
+    assert found.odds is not None
+    assert alone.odds is not None
+    assert sum(found.odds.values()) < sum(alone.odds.values()) - 0.001, "a little of it may be of the track"
+    none = settled(before, reports)
+    for robot in ("robot/r0", "robot/r1", "robot/r2"):
+        assert it.marginal(robot).mean == pytest.approx(without.marginal(robot).mean, abs=0.01)
+        assert np.hypot(*(it.marginal(robot).mean - none.marginal(robot).mean)) > 0.02
 
 
 def test_two_of_a_frame_that_are_not_clear_are_left_out() -> None:
