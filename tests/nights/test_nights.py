@@ -14,7 +14,7 @@ from tests.nights.faults import Fault, OnWay
 from tests.nights.night import LAST, Night, Team, draw_night
 from tests.nights.run import live
 
-NIGHTS = 24  # the first of those that `.ci/run` lives through
+NIGHTS = 50  # of those that `.ci/run` lives through
 PART = 2  # nights of one test
 
 
