@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import re
 import signal
-import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,8 +13,7 @@ import pytest
 from blackboard.errors import UserError
 from blackboard.run.door import INTERRUPTED
 from tests.commands import blackboard, call
-from tests.files import ROOT
-from tests.processes import IN_THE_BACKGROUND, LONG, program, wait_until
+from tests.processes import IN_THE_BACKGROUND, program, wait_until
 from tests.scenarios import SMALL_FILE
 
 
@@ -98,33 +95,14 @@ def workers(pid: int) -> list[int]:
     return found
 
 
-@pytest.fixture
-def long_run(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "blackboard", "figures", "--out", str(tmp_path), "--seconds", "500"]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
-
-
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
-def test_nothing_is_left_when_it_is_stopped(long_run: subprocess.Popen[str], how: signal.Signals) -> None:
-    wait_until(lambda: len(workers(long_run.pid)) > 1, "workers")
-    started = workers(long_run.pid)
-    long_run.send_signal(how)
-    long_run.wait(LONG)
-    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in started), "no worker left")
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-def test_sigint_stops_it_also_where_a_script_has_started_it_in_the_background(tmp_path: Path) -> None:
-    arguments = ("-m", "blackboard", "figures", "--out", str(tmp_path), "--seconds", "500")
-    with program("-c", IN_THE_BACKGROUND, *arguments) as figures:
-        wait_until(lambda: len(workers(figures.running.pid)) > 1, "workers")
-        started = workers(figures.running.pid)
-        figures.running.send_signal(signal.SIGINT)
-        assert figures.ends() == INTERRUPTED
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
+def test_nothing_is_left_when_it_is_stopped(how: signal.Signals) -> None:
+    """Also by SIGINT where a script has started it in the background."""
+    arguments = ("-m", "blackboard", "lab", "demo", "--runs", "0", "--seconds", "500")
+    with program("-c", IN_THE_BACKGROUND, *arguments) as lab:
+        wait_until(lambda: len(workers(lab.running.pid)) > 1, "workers")
+        started = workers(lab.running.pid)
+        lab.running.send_signal(how)
         wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in started), "no worker left")
+        assert lab.ends() == {signal.SIGKILL: -how, signal.SIGINT: INTERRUPTED}.get(how, 128 + how)
