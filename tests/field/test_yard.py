@@ -1,0 +1,36 @@
+"""A team of unlike robots that step when they like, none of which is described: as good as one filter with all readings."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.field.play import Score
+from tests.field.yard import BALL, KITS, Options, World, Yard
+
+pytestmark = pytest.mark.team
+SEED = 931  # `python -m tests.field.yard` is for others
+
+
+@pytest.fixture(scope="module")
+def scores() -> dict[str, dict[str, Score]]:
+    return Yard(World(SEED), Options()).play(40.0)
+
+
+@pytest.mark.parametrize("subject", [*KITS, BALL])
+def test_who_is_in_the_team_is_as_near_as_by_one_filter_that_has_all(
+    scores: dict[str, dict[str, Score]], subject: str
+) -> None:
+    assert scores["team"][subject].rmse < 1.5 * scores["central"][subject].rmse
+
+
+def test_together_they_are_nearer_than_alone_with_the_true_models(scores: dict[str, dict[str, Score]]) -> None:
+    together, alone = Score(), Score()
+    for robot in KITS:
+        together.take(scores["team"][robot])
+        alone.take(scores["alone"][robot])
+    assert together.rmse < 0.7 * alone.rmse
+
+
+@pytest.mark.parametrize("subject", [*KITS, BALL])
+def test_regions_hold_the_truth(scores: dict[str, dict[str, Score]], subject: str) -> None:
+    assert scores["team"][subject].coverage() > 0.75
