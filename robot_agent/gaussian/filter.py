@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from blackboard.opinion.gaussian.rings import LEAST, SURE, Line, Ring
 from blackboard.opinion.gaussian.vehicle import (
     AXES,
     BEARING,
+    CURVED_TURN,
     HEADING,
     POSE,
     STATES,
@@ -40,6 +41,7 @@ from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings, Sighting
 from robot_agent.gaussian.absolute import starting_pose, take_absolute
 from robot_agent.gaussian.findings import findings
+from robot_agent.gaussian.jitter import Jitter
 from robot_agent.gaussian.landmarks import Landmarks, Named, blurred
 from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
@@ -100,6 +102,7 @@ class FirstHand:
     mishaps: Mishaps = field(init=False)
     camera: CameraNoise = field(default_factory=CameraNoise)
     landmarks: Landmarks = field(init=False)
+    jitter: Jitter = field(default_factory=Jitter)
 
     def __post_init__(self) -> None:
         self.landmarks = Landmarks(self.sensors.landmarks, self.sensors.camera.together)
@@ -280,6 +283,7 @@ class FirstHand:
             return Motion()
         earlier = None if before is None else before.odometry
         motion = self.sensors.wheels.motion(told, earlier)
+        motion = self._steadied(motion, self.jitter.real(told))
         motion = self.wheels.scaled(motion)
         self.wheels.move(motion)
         if lapse.way or lapse.turn:
@@ -290,6 +294,14 @@ class FirstHand:
         if self.known:
             forget_biases(self.joint, motion.dt)
         return motion
+
+    def _steadied(self, motion: Motion, real: float) -> Motion:
+        """A motion of whose turn a share is real; the scale of turns on a curve is used for the rest, and not learned of it."""
+        if (belief := self.belief) is None or real == 1.0 or not belief.covariance[CURVED_TURN, CURVED_TURN]:
+            return motion
+        rest = (1.0 - real) * motion.driven
+        more = rest * float(belief.mean[CURVED_TURN]) / self.sensors.wheels.nuisance.turn
+        return replace(motion, turn=motion.turn + more, driven=motion.driven - rest)
 
     def _drive(self, motion: Motion) -> None:
         """Move all that is believed."""

@@ -180,13 +180,20 @@ class Truth:
     bearing: float = 0.0
     noise: float = 1.0  # times the nominal noise of the camera
     slip: float = 0.01  # unit / sqrt(s), along the way
+    jitter: float = 0.0  # rad / sqrt(s): of the turns that it is told
 
 
-def simulated(it: Truth, seconds: int, seed: int = 1, sensors: Sensors | None = None) -> tuple[FirstHand, float, float]:
-    """Its filter after a drive of straight ways, curves and spins, the RMSE (unit) of the second half, and the share within 95 %."""
+#: Ways (unit) and turns (radians) of the seconds of a drive, again and again: straight ways, curves and spins.
+DRIVES = [(0.3, 0.0)] * 8 + [(0.3, 0.5)] * 4 + [(0.3, 0.0)] * 4 + [(0.0, 0.6)] * 3 + [(0.3, -0.4)] * 3
+STRAIGHT = [(0.1, 0.0)]
+
+
+def simulated(
+    it: Truth, seconds: int, seed: int = 1, sensors: Sensors | None = None, drives: list[tuple[float, float]] = DRIVES
+) -> tuple[FirstHand, float, float]:
+    """Its filter after a drive, the RMSE (unit) of the second half, and the share within 95 %."""
     rng, own = np.random.default_rng(seed), FirstHand("robot/r1", sensors or Sensors())
     x, y, heading, squares, held, before = 0.0, 0.0, 0.0, list[float](), list[bool](), (0.0, 0.0)
-    drives = [(0.3, 0.0)] * 8 + [(0.3, 0.5)] * 4 + [(0.3, 0.0)] * 4 + [(0.0, 0.6)] * 3 + [(0.3, -0.4)] * 3
     for tick in range(seconds + 1):
         told = drives[tick % len(drives)]
         if tick:
@@ -211,7 +218,7 @@ def simulated(it: Truth, seconds: int, seed: int = 1, sensors: Sensors | None = 
                 robot="r1",
                 tick=tick,
                 time=float(tick),
-                odometry=Odometry(distance=told[0], turn=told[1], dt=1.0) if tick else None,
+                odometry=Odometry(distance=told[0], turn=told[1] + it.jitter * rng.normal(), dt=1.0) if tick else None,
                 fix=None if tick else Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03),
                 sightings=sightings,
             )
@@ -245,6 +252,15 @@ def test_a_robot_finds_what_its_wheels_and_its_camera_are_like(name: str, it: Tr
     found = own.found()
     assert found[name] == pytest.approx(value, abs=0.05)
     assert abs(found[name] - value) < 3 * found[f"{name} sigma"] + 1e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_of_the_turns_is_not_taken_for_a_curve_that_turns_less_than_told(seed: int) -> None:
+    """Six times as much noise as the model has."""
+    own, _, _ = simulated(Truth(jitter=0.13), 60, seed, drives=STRAIGHT)
+    found = own.found()
+    assert found["curve turn scale"] + 3 * found["curve turn scale sigma"] > 1.0
+    assert found["heading noise"] > 2.0
 
 
 @pytest.mark.parametrize(("noise", "low", "high"), [(1 / 3, 0.2, 0.5), (3.0, 1.5, 3.6)])
