@@ -301,7 +301,10 @@ class FirstHand:
             return motion
         rest = (1.0 - real) * motion.driven
         more = rest * float(belief.mean[CURVED_TURN]) / self.sensors.wheels.nuisance.turn
-        return replace(motion, turn=motion.turn + more, driven=motion.driven - rest)
+        unknown = rest**2 * float(belief.covariance[CURVED_TURN, CURVED_TURN])
+        return replace(
+            motion, turn=motion.turn + more, driven=motion.driven - rest, heading=motion.heading + unknown
+        )
 
     def _drive(self, motion: Motion) -> None:
         """Move all that is believed."""
