@@ -302,9 +302,7 @@ class FirstHand:
         rest = (1.0 - real) * motion.driven
         more = rest * float(belief.mean[CURVED_TURN]) / self.sensors.wheels.nuisance.turn
         unknown = rest**2 * float(belief.covariance[CURVED_TURN, CURVED_TURN])
-        return replace(
-            motion, turn=motion.turn + more, driven=motion.driven - rest, heading=motion.heading + unknown
-        )
+        return replace(motion, turn=motion.turn + more, driven=motion.driven - rest, heading=motion.heading + unknown)
 
     def _drive(self, motion: Motion) -> None:
         """Move all that is believed."""
