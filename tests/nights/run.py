@@ -98,7 +98,10 @@ def lived(night: Night, oracles: Sequence[type[Oracle]] = ORACLES) -> Outcome:
 
 
 def differs(stage: Stage) -> Broken | None:
-    """What is on the tape of a night and not in its replay: every consensus that was recorded must be there, to the bit."""
+    """What is on the tape of a night and not in its replay: every consensus that was recorded must be there, to the bit.
+
+    A tape has room for so many keys, which two crowds exceed; what it left out it must have counted. A board misses each at most once.
+    """
     with NamedTemporaryFile(suffix=".mcap") as file:
         file.write(stage.disk.getvalue())
         file.flush()
@@ -108,7 +111,8 @@ def differs(stage: Stage) -> Broken | None:
     recorded = Counter(it for it in made if getattr(opened(it)[2], "board", None) not in strangers)
     found = replay(tape)
     left = recorded - Counter(envelope for _, envelope in found.output.sent)
-    if not left and not found.missing and not found.gaps:
+    told = int(tape.about.link.get("too_many_keys", 0)) * len(tape.lives)
+    if not left and found.missing <= told and not found.gaps:
         return None
     what = f"{left.total()} of {recorded.total()} consensuses are otherwise in the replay of the tape"
     return Broken(stage.at, "TapeReplays", f"{what}, {found.missing} messages and {found.gaps} gaps")
