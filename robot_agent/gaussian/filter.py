@@ -283,7 +283,7 @@ class FirstHand:
             return Motion()
         earlier = None if before is None else before.odometry
         motion = self.sensors.wheels.motion(told, earlier)
-        motion = self._steadied(motion, self.jitter.real(told))
+        motion = self._learning_from(motion, self.jitter.significance(told))
         motion = self.wheels.scaled(motion)
         self.wheels.move(motion)
         if lapse.way or lapse.turn:
@@ -295,11 +295,14 @@ class FirstHand:
             forget_biases(self.joint, motion.dt)
         return motion
 
-    def _steadied(self, motion: Motion, real: float) -> Motion:
-        """A motion of whose turn a share is real; the scale of turns on a curve is used for the rest, and not learned of it."""
-        if (belief := self.belief) is None or real == 1.0 or not belief.covariance[CURVED_TURN, CURVED_TURN]:
+    def _learning_from(self, motion: Motion, share: float) -> Motion:
+        """The same motion, of whose turn the scale of turns on a curve is learned from a share only.
+
+        The rest is turned by the scale as it is known now; that the scale may be wrong counts as noise of the heading.
+        """
+        if (belief := self.belief) is None or share == 1.0 or not belief.covariance[CURVED_TURN, CURVED_TURN]:
             return motion
-        rest = (1.0 - real) * motion.driven
+        rest = (1.0 - share) * motion.driven
         more = rest * float(belief.mean[CURVED_TURN]) / self.sensors.wheels.nuisance.turn
         unknown = rest**2 * float(belief.covariance[CURVED_TURN, CURVED_TURN])
         return replace(motion, turn=motion.turn + more, driven=motion.driven - rest, heading=motion.heading + unknown)

@@ -1,8 +1,10 @@
-"""How much of the turns that the odometry tells alternates from tick to tick, as noise does and a curve does not. Pure.
+"""Whether a measured turn is more than the white noise of the odometry, whose size is estimated from the measured turns alone. Pure.
 
-Noise in what was told makes its scale look smaller than it is, the more the less a robot really turns (regression dilution,
-Fuller, Measurement Error Models, 1987). So the scale of turns on a curve is learned only of turns that are beyond it. Commands that
-change at once alternate, too, but not all of the time: so a low quantile counts.
+Noise in a measured turn makes the estimated scale of turns too small, the more the less the robot really turns (regression
+dilution: Fuller, Measurement Error Models, 1987). So the filter learns the scale from significant turns only.
+
+The second differences of the turns remove constant and evenly growing rates of turn, and keep white noise. A command that changes
+makes a large difference in some ticks, noise in all of them. So a low quantile of the differences gives the size of the noise.
 """
 
 from __future__ import annotations
@@ -13,23 +15,30 @@ from dataclasses import dataclass, field
 
 from blackboard.wire.messages import Odometry
 
-REMEMBERED = 64  # ticks in motion by which the noise is judged
-FEWEST = 8  # of them; before, nothing is known of the noise, and no turn is taken for real
-SHARE = 0.3  # the quantile of their second differences, and what it is of white noise, in its sigmas
-TO_SIGMA = 0.3853 * math.sqrt(6)
-SECOND = 1.0 - 1e-6  # a turn is judged by so many seconds
-BEYOND = (2.0, 3.0)  # sigmas of the noise in that time: up to the first no turn is real, from the second on it is
+REMEMBERED = 64  # second differences that are kept, of ticks in motion
+FEWEST = 8  # second differences that are needed; with fewer, no turn is significant
+QUANTILE = 0.3  # of the absolute second differences
+#: That quantile for white noise of unit variance: 0.3853 of a standard normal, times the sigma of a second difference.
+PER_SIGMA = 0.3853 * math.sqrt(6)
+SECOND = 1.0 - 1e-6  # seconds over which a turn is summed before it is compared with the noise
+SIGNIFICANT = (
+    2.0,
+    3.0,
+)  # sigmas of the noise of that sum: below the first a turn is not significant, above the second fully
 
 
 @dataclass
 class Jitter:
-    """Mutable; `real` for each odometry of a robot."""
+    """Mutable; give it each odometry of a robot, in order."""
 
-    _turns: deque[tuple[float, float]] = field(default_factory=deque)  # of the last second in motion: radians, seconds
-    _changes: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED))  # rad / sqrt(s)
+    #: Turn (radians) and duration (s) of the ticks of the last second in motion.
+    _turns: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    _changes: deque[float] = field(
+        default_factory=lambda: deque(maxlen=REMEMBERED)
+    )  # second differences, rad / sqrt(s)
 
-    def real(self, told: Odometry) -> float:
-        """The share of a turn that noise does not explain, 0 to 1."""
+    def significance(self, told: Odometry) -> float:
+        """Take an odometry; returned is which share of its turn the scale may be learned from, 0 to 1."""
         if told.dt <= 0 or not (told.distance or told.turn):
             self._turns.clear()
             return 1.0
@@ -41,12 +50,12 @@ class Jitter:
             self._turns.popleft()
         if len(self._changes) < FEWEST:
             return 0.0
-        sigma = sorted(self._changes)[int(SHARE * len(self._changes))] / TO_SIGMA
+        sigma = sorted(self._changes)[int(QUANTILE * len(self._changes))] / PER_SIGMA
         turn = seconds = 0.0
-        for it, dt in reversed(self._turns):
-            turn, seconds = turn + it, seconds + dt
+        for measured, dt in reversed(self._turns):
+            turn, seconds = turn + measured, seconds + dt
             if seconds >= SECOND:
                 break
-        low, high = BEYOND
+        low, high = SIGNIFICANT
         noise = sigma * math.sqrt(seconds)
         return min(1.0, max(0.0, (abs(turn) / noise - low) / (high - low))) if noise > 0 else 1.0

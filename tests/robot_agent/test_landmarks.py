@@ -25,7 +25,7 @@ STEPS = 40
 def sighted(
     pose: Pose, name: str, place: tuple[float, float], noise: np.random.Generator, named: bool, told: bool = False
 ) -> Sighting:
-    """A landmark from a pose, with the errors of one frame; `named` tells which one it is, `told` how exact the camera is."""
+    """A noisy sighting of a landmark from a pose. `named`: it says which landmark it is; `told`: it comes with the camera's sigmas."""
     off = np.subtract(place, pose[:2])
     distance, bearing = float(np.hypot(*off)) + 0.05 * noise.normal(), math.atan2(off[1], off[0]) - pose[2]
     bearing = math.remainder(bearing + 0.02 * noise.normal(), math.tau)

@@ -27,7 +27,6 @@ from blackboard.wire.names import SIGHTED
 ANY_HEADING = math.pi**2 / 3  # variance of a heading of which nothing is known
 MAX_BYTES = 1 << 16  # of a message that is taken; the ones we read have 1 kB and the names of two frames
 UNIT = 0.05  # by which the length of a quaternion may miss 1
-UNKNOWN_COVARIANCE = np.zeros((3, 3))  # as ROS has it: all zeros
 
 #: vision_msgs 4, which `rosbags` does not know: what each type holds.
 VISION = {
@@ -59,10 +58,10 @@ class PlanarPose:
 
 @dataclass(frozen=True)
 class Detection:
-    """What a detector saw: of which class, where in the robot's frame, and how sure it is that something is there, 0 to 1."""
+    """What a detector saw: what it is, where in the robot's frame, and how sure the detector is that something is there, 0 to 1."""
 
-    kind: str  # as `person/?`
-    place: PlanarPose  # its covariance is `UNKNOWN_COVARIANCE` where none is told
+    kind: str  # a class, as `person/?`; or a subject where the detector names one of the team's, as `object/ball`
+    place: PlanarPose  # with a covariance of zeros where the detector gives none, as is usual in ROS
     confidence: float
 
 
@@ -225,7 +224,7 @@ def _kind(class_id: str) -> str:
     kind = class_id.strip().lower()
     if kind in ("robot", "person"):
         return f"{kind}/?"
-    if re.fullmatch(SIGHTED, class_id):
+    if re.fullmatch(SIGHTED, class_id) and not class_id.startswith("landmark/"):
         return class_id
     return f"object/{re.sub(r'[^a-z0-9_-]', '_', kind)[:LONGEST]}?"
 

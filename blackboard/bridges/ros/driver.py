@@ -85,10 +85,13 @@ class Driver:
         self._seen[subject] = self._measured(place, now), seen
 
     def detect(self, things: Sequence[Detection], now: float) -> None:
-        """Take what a detector saw at once; its newest message counts. Refused "fields": too many, or a covariance that is none.
+        """Take all that a detector saw in one frame; of several frames the newest counts.
 
-        Of what has no covariance the range and the bearing count, by the robot's model of its camera.
+        What has no covariance becomes a range and a bearing, with the errors of the robot's camera model. Refused "fields": too many
+        detections, the robot itself among them, or a covariance that is not positive definite.
         """
+        if any(thing.kind == f"robot/{self.robot}" for thing in things):
+            raise Refused("fields", f"a detection of {self.robot} by itself; of itself give --fix")
         if len(things) > MAX_OPINIONS // 2:
             raise Refused(
                 "fields", f"{len(things)} detections of {self.robot} at once are more than {MAX_OPINIONS // 2}"

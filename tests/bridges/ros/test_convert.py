@@ -223,6 +223,7 @@ def test_of_each_detection_the_likeliest_class_counts_where_it_is_told_or_in_the
         ("été", "object/_t_?"),
         ("x" * 90, f"object/{'x' * 32}?"),
         ("3", "object/3?"),
+        ("landmark/a", "object/landmark_a?"),
     ],
 )
 def test_any_name_of_a_class_becomes_one_of_the_teams(class_id: str, kind: str) -> None:

@@ -187,7 +187,8 @@ def test_detections_that_readings_cannot_hold_are_refused_and_the_others_stay() 
     one = Detection("person/?", at(5.0, 1.0, 1.0), 0.6)
     driver.detect([one], 100.0)
     flat = Detection("person/?", at(5.0, 1.0, 1.0, 0.0, np.diag([1.0, 0.0, 0.0])), 0.6)
-    for things in ([one] * 129, [flat]):
+    itself = Detection("robot/r1", at(5.0, 1.0, 1.0), 0.6)
+    for things in ([one] * 129, [flat], [one, itself]):
         with pytest.raises(Refused):
             driver.detect(things, 100.1)
     readings = driver.readings(100.1)
