@@ -75,9 +75,8 @@ class Clusters:
     _places: dict[str, tuple[float, Belief]] = field(default_factory=dict)  # by track: when it was seen last, and where
     #: Of a track and what is known elsewhere: how likely they were the same, in the mean over time.
     _alike: dict[tuple[str, str], float] = field(default_factory=dict)
-    _said: dict[tuple[str, str], float] = field(
-        default_factory=dict
-    )  # by subject and robot: the time (s) of the newest opinion that was settled
+    #: By subject and robot: the time (s) of the newest opinion that was settled.
+    _said: dict[tuple[str, str], float] = field(default_factory=dict)
     _time: float | None = None
 
     def __post_init__(self) -> None:

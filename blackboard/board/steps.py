@@ -18,9 +18,8 @@ class Steps:
 
     def __init__(self) -> None:
         self._newest: dict[str, int] = {}  # robot -> the number of its newest step, by its own count
-        self._pauses: dict[
-            str, float
-        ] = {}  # robot -> seconds without any step before its first one in this tick; in the order of arrival
+        #: Robot -> seconds without any step before its first one in this tick; in the order of arrival.
+        self._pauses: dict[str, float] = {}
         self._again = False  # whether a robot has reported two steps in this tick
         self._expected: frozenset[str] = frozenset()  # robots of which a step is waited for
         self._heard_at = 0.0  # when the newest step arrived

@@ -1,4 +1,4 @@
-"""A team of unlike robots that step when they like, none of which is described: as good as one filter with all readings."""
+"""A team of four different robots with steps of their own, whose sensors are in no scenario, beside one filter with all readings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tests.field.play import Score
 from tests.field.yard import BALL, KITS, Options, World, Yard
 
 pytestmark = pytest.mark.team
-SEED = 931  # `python -m tests.field.yard` is for others
+SEED = 931  # for longer runs on other seeds: `python -m tests.field.yard FIRST PAST`
 
 
 @pytest.fixture(scope="module")

@@ -27,9 +27,9 @@ from tests.field.play import SETTLED, Score
 
 WIDTH, HEIGHT, WALL = 30.0, 18.0, 1.0
 BALL = "object/ball"
-START = (0.2, 0.2, 0.05)  # of the place and the heading at which a robot is told that it starts
+START = (0.2, 0.2, 0.05)  # sigmas of the starting pose that a robot is given: x, y (m), heading (rad)
 WALK = 0.2  # of the ball, per sqrt(s)
-FLAT = 1e4  # m^2: of a place that nobody knows
+FLAT = 1e4  # variance (m^2) of a position before anything was measured
 CELL = 0.5
 
 
@@ -240,7 +240,7 @@ class Filter:
 
 @dataclass
 class Options:
-    told: bool = False  # the odometry says how exact it is, as all other calls do
+    told: bool = False  # whether the odometry comes with sigmas; all other measurements do
     late: float = 0.02  # seconds from a step's end to the call
 
 
