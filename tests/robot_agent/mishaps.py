@@ -42,7 +42,7 @@ def course(
     seed: int, stuck: int = 0, push: tuple[float, float] = (0.0, 0.0), turn: float = 0.0, misreads: bool = False
 ) -> Course:
     """A drive of 120 s. From `BEGAN` on the robot is `stuck` for some seconds, or it is shifted by `push` and turned."""
-    rng, own, found = np.random.default_rng(seed), FirstHand("robot/r1", Sensors()), Course()
+    rng, own, course = np.random.default_rng(seed), FirstHand("robot/r1", Sensors()), Course()
     x, y, heading = 0.0, 0.0, 0.0
     for tick in range(121):
         way, angle = DRIVES[(tick + 7 * seed) % len(DRIVES)] if tick else (0.0, 0.0)
@@ -52,7 +52,7 @@ def course(
             heading += turned
         if tick == BEGAN:
             x, y, heading = x + push[0], y + push[1], heading + turn
-        seen = [(n, place) for n, place in enumerate(LANDMARKS) if tick and tick % 3 == n % 3]
+        visible = [(n, place) for n, place in enumerate(LANDMARKS) if tick and tick % 3 == n % 3]
         start = Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)
         own.step(
             Readings(
@@ -62,15 +62,15 @@ def course(
                 time=float(tick),
                 odometry=Odometry(distance=way, turn=angle, dt=1.0) if tick else None,
                 fix=None if tick else start,
-                sightings=[_sighting(n, place, x, y, heading, rng, misreads) for n, place in seen],
+                sightings=[_sighting(n, place, x, y, heading, rng, misreads) for n, place in visible],
             )
         )
-        belief, told = own.belief, own.found()
+        belief, named = own.belief, own.found()
         error = math.nan if belief is None else math.dist(belief.mean[:2], (x, y))
-        found.errors.append(error)
-        found.stuck.append(told.get("stuck", 0.0))
-        found.moved.append(told.get("moved", 0.0))
-    return found
+        course.errors.append(error)
+        course.stuck.append(named.get("stuck", 0.0))
+        course.moved.append(named.get("moved", 0.0))
+    return course
 
 
 def _sighting(
@@ -92,12 +92,12 @@ def main(seeds: int = 20) -> None:
     sys.stdout.write(f"{'':<16}{'named':>8}{'after':>8}{'error':>8}{'found':>8}{'after':>8}\n")
     for name, (kind, mishap) in cases.items():
         runs = [course(seed, **mishap) for seed in range(seeds)]
-        named = [it for run in runs if (it := run.named(kind)) is not None]
-        found = [it for run in runs if (it := run.found()) is not None]
+        named = [seconds for run in runs if (seconds := run.named(kind)) is not None]
+        recovered = [seconds for run in runs if (seconds := run.found()) is not None]
         worst = np.median([np.nanmax(run.errors[BEGAN:]) for run in runs])
-        middle = [f"{np.median(some):.0f} s" if some else "-" for some in (named, found)]
+        middle = [f"{np.median(some):.0f} s" if some else "-" for some in (named, recovered)]
         sys.stdout.write(
-            f"{name:<16}{len(named):>5}/{seeds}{middle[0]:>8}{worst:>8.2f}{len(found):>5}/{seeds}{middle[1]:>8}\n"
+            f"{name:<16}{len(named):>5}/{seeds}{middle[0]:>8}{worst:>8.2f}{len(recovered):>5}/{seeds}{middle[1]:>8}\n"
         )
 
 

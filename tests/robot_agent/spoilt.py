@@ -42,23 +42,23 @@ RANGE, BEARING, ALONG, HEADING = (0.03, 0.045), 0.011, 0.03, 0.045
 class Spoil:
     """What is done to odometry and sightings, to the model, and by how many seconds commands are taken to lead the motion."""
 
-    odometry: Callable[[Odometry, Random], Odometry] = lambda it, random: it
-    sighting: Callable[[Sighting, Random], Sighting] = lambda it, random: it
-    sensors: Callable[[Sensors], Sensors] = lambda it: it
+    odometry: Callable[[Odometry, Random], Odometry] = lambda odometry, random: odometry
+    sighting: Callable[[Sighting, Random], Sighting] = lambda sighting, random: sighting
+    sensors: Callable[[Sensors], Sensors] = lambda sensors: sensors
     lag: float = 0.22
 
 
-def moving(it: Odometry) -> bool:
-    return it.distance != 0.0 or it.turn != 0.0
+def moving(odometry: Odometry) -> bool:
+    return odometry.distance != 0.0 or odometry.turn != 0.0
 
 
 def driven(way: float = 1.0, arc: float = 1.0, turn: float = 1.0, drift: float = 0.0) -> Spoil:
     """Odometry that reports so many times each way and turn, and `drift` rad/s more while the robot moves."""
 
-    def spoilt(it: Odometry, random: Random) -> Odometry:
-        by = turn * (arc if abs(it.distance) > 0.02 * it.dt else 1.0)
-        more = drift * it.dt if moving(it) else 0.0
-        return it.model_copy(update={"distance": way * it.distance, "turn": by * it.turn + more})
+    def spoilt(odometry: Odometry, random: Random) -> Odometry:
+        by = turn * (arc if abs(odometry.distance) > 0.02 * odometry.dt else 1.0)
+        more = drift * odometry.dt if moving(odometry) else 0.0
+        return odometry.model_copy(update={"distance": way * odometry.distance, "turn": by * odometry.turn + more})
 
     return Spoil(spoilt)
 
@@ -66,9 +66,11 @@ def driven(way: float = 1.0, arc: float = 1.0, turn: float = 1.0, drift: float =
 def slipping(along: float, heading: float = 0.0) -> Spoil:
     """Odometry with white noise of so many metres and radians per square root of a second of motion."""
 
-    def spoilt(it: Odometry, random: Random) -> Odometry:
-        one, other = random.normal(size=2) * math.sqrt(it.dt) * moving(it)
-        return it.model_copy(update={"distance": it.distance + along * one, "turn": it.turn + heading * other})
+    def spoilt(odometry: Odometry, random: Random) -> Odometry:
+        step_noise, turn_noise = random.normal(size=2) * math.sqrt(odometry.dt) * moving(odometry)
+        return odometry.model_copy(
+            update={"distance": odometry.distance + along * step_noise, "turn": odometry.turn + heading * turn_noise}
+        )
 
     return Spoil(spoilt)
 
@@ -76,10 +78,10 @@ def slipping(along: float, heading: float = 0.0) -> Spoil:
 def seen(scale: float = 1.0, askew: float = 0.0, noise: float = 0.0) -> Spoil:
     """Sightings that report so many times each range and `askew` rad more, with white noise of `noise` times the camera's."""
 
-    def spoilt(it: Sighting, random: Random) -> Sighting:
-        far, aside = noise * random.normal(size=2) * [RANGE[0] + RANGE[1] * it.range, BEARING]
-        told = max(0.0, scale * it.range + far), math.remainder(it.bearing + askew + aside, math.tau)
-        return it.model_copy(update={"range": told[0], "bearing": told[1]})
+    def spoilt(sighting: Sighting, random: Random) -> Sighting:
+        far, aside = noise * random.normal(size=2) * [RANGE[0] + RANGE[1] * sighting.range, BEARING]
+        measured = max(0.0, scale * sighting.range + far), math.remainder(sighting.bearing + askew + aside, math.tau)
+        return sighting.model_copy(update={"range": measured[0], "bearing": measured[1]})
 
     return Spoil(sighting=spoilt)
 
@@ -87,11 +89,11 @@ def seen(scale: float = 1.0, askew: float = 0.0, noise: float = 0.0) -> Spoil:
 def claimed(wheels: float = 1.0, camera: float = 1.0) -> Spoil:
     """A model with so many times the noise."""
 
-    def spoilt(it: Sensors) -> Sensors:
+    def spoilt(sensors: Sensors) -> Sensors:
         by = ("along", "across", "heading", "turning", "starting")
-        noise = {name: wheels * getattr(it.wheels, name) for name in by}
-        camera_noise = {name: camera * getattr(it.camera, name) for name in ("floor", "share", "bearing")}
-        return replace(it, wheels=replace(it.wheels, **noise), camera=replace(it.camera, **camera_noise))
+        noise = {name: wheels * getattr(sensors.wheels, name) for name in by}
+        camera_noise = {name: camera * getattr(sensors.camera, name) for name in ("floor", "share", "bearing")}
+        return replace(sensors, wheels=replace(sensors.wheels, **noise), camera=replace(sensors.camera, **camera_noise))
 
     return Spoil(sensors=spoilt)
 
@@ -124,27 +126,30 @@ def recorded(
     chosen = chosen.changed("world", odometry_lag=spoil.lag)
     sensors, random = spoil.sensors(sensors_of(chosen.section("robot", RobotSection))), np.random.default_rng(seed)
     filters = {f"robot/{name}": FirstHand(f"robot/{name}", sensors) for name in chosen.team.robots}
-    joint, found = TeamJoint(Objects(chosen.board.objects_drift, chosen.board.objects_drifts)), Score()
+    joint, score = TeamJoint(Objects(chosen.board.objects_drift, chosen.board.objects_drifts)), Score()
     for tick in played(chosen):
         evidence = []
-        for one in tick.readings:
-            robot = f"robot/{one.robot}"
+        for readings in tick.readings:
+            robot = f"robot/{readings.robot}"
             at = joint.pose(robot) if joint.knows(robot) else None
-            told = filters[robot].step(_spoilt(one, spoil, random), at)
-            evidence.append(told.evidence(robot, tick.number, one.time, sensors.wheels.nuisance))
+            result = filters[robot].step(_spoilt(readings, spoil, random), at)
+            evidence.append(result.evidence(robot, tick.number, readings.time, sensors.wheels.nuisance))
         joint.settle(tick.number, tick.dt, evidence)
         each(joint)
         for robot in filters if tick.judged and tick.truth.time >= after else ():
             if joint.knows(robot) and robot in tick.truth.positions:
-                it = joint.marginal(robot)
-                found.add(it.mean, it.covariance, np.array(tick.truth.positions[robot]))
-    return found
+                marginal = joint.marginal(robot)
+                score.add(marginal.mean, marginal.covariance, np.array(tick.truth.positions[robot]))
+    return score
 
 
-def _spoilt(one: Readings, spoil: Spoil, random: Random) -> Readings:
-    odometry = None if one.odometry is None else spoil.odometry(one.odometry, random)
-    return one.model_copy(
-        update={"odometry": odometry, "sightings": [spoil.sighting(it, random) for it in one.sightings]}
+def _spoilt(readings: Readings, spoil: Spoil, random: Random) -> Readings:
+    odometry = None if readings.odometry is None else spoil.odometry(readings.odometry, random)
+    return readings.model_copy(
+        update={
+            "odometry": odometry,
+            "sightings": [spoil.sighting(sighting, random) for sighting in readings.sightings],
+        }
     )
 
 
@@ -155,39 +160,45 @@ WHEELS = {"wheels as told": 1.0, "wheels x3": 3.0, "wheels /3": 1 / 3}
 def fields(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Score, float]]:
     """Robots and ball of fields: how far off, and the RMSE over that of a filter with all readings and the true model."""
     for name, by in WHEELS.items():
-        for told in ("by nobody", "in the scenario"):
+        for source in ("by nobody", "in the scenario"):
             totals = {(who, group): Score() for who in ("team", "central") for group in ("robots", "ball")}
             for seed in seeds:
                 usual = Truth()
                 truth = replace(usual, along=by * usual.along, turn=by * usual.turn)
-                team = Field(World(seed, truth), scenario(usual, told != "by nobody"), False, {"r2": 0.03, "r3": 0.06})
+                team = Field(
+                    World(seed, truth), scenario(usual, source != "by nobody"), False, {"r2": 0.03, "r3": 0.06}
+                )
                 for who, scores in team.play(seconds).items():
                     for subject, score in scores.items():
                         group = "ball" if subject == "ball" else "robots"
                         if (who, group) in totals and subject != "velocity":
                             totals[who, group].take(score)
             for group in ("robots", "ball"):
-                it = totals["team", group]
-                yield f"{name}, told {told}: {group}", it, it.rmse / totals["central", group].rmse
+                total = totals["team", group]
+                yield f"{name}, told {source}: {group}", total, total.rmse / totals["central", group].rmse
 
 
 def demos(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Judged, float]]:
     """Teams of `blackboard demo` with right models, and with each robot's models wrong by factors from 1/3 to 3."""
     right: dict[str, Judged] = {}
     for name in ("right", "wrong"):
-        found = {"robots": Judged(), "objects": Judged()}
+        judged = {"robots": Judged(), "objects": Judged()}
         for seed in seeds:
             chosen = load("demo").changed("world", seed=seed).changed("time", seconds=seconds)
             if name == "wrong":
                 chosen = _wrong(chosen, np.random.default_rng(seed))
             samples: list[Sample] = []
             Team(chosen, record=samples.append).run()
-            for it in samples:
-                if it.level == "agreed" and it.time >= seconds / 6 and it.sub_team == chosen.team.of(it.robot)[0]:
-                    group = "robots" if it.subject == f"robot/{it.robot}" else "objects"
-                    if group == "objects" or it.subject.startswith("robot/"):
-                        found[group].samples.append(it)
-        for group, score in found.items():
+            for sample in samples:
+                if (
+                    sample.level == "agreed"
+                    and sample.time >= seconds / 6
+                    and sample.sub_team == chosen.team.of(sample.robot)[0]
+                ):
+                    group = "robots" if sample.subject == f"robot/{sample.robot}" else "objects"
+                    if group == "objects" or sample.subject.startswith("robot/"):
+                        judged[group].samples.append(sample)
+        for group, score in judged.items():
             right.setdefault(group, score)
             yield f"{name} models: {group}", score, score.rmse / right[group].rmse
 
@@ -200,14 +211,16 @@ class Judged:
 
     @property
     def rmse(self) -> float:
-        return math.sqrt(np.mean([it.error**2 for it in self.samples]))
+        return math.sqrt(np.mean([sample.error**2 for sample in self.samples]))
 
     @property
     def log_score(self) -> float:
-        return float(np.mean([it.log_score for it in self.samples]))
+        return float(np.mean([sample.log_score for sample in self.samples]))
 
     def coverage(self, level: float = 0.95) -> float:
-        return float(held([it.region for it in self.samples], [it.border for it in self.samples], level).mean())
+        return float(
+            held([sample.region for sample in self.samples], [sample.border for sample in self.samples], level).mean()
+        )
 
 
 def _wrong(chosen: Scenario, random: Random) -> Scenario:
@@ -216,14 +229,14 @@ def _wrong(chosen: Scenario, random: Random) -> Scenario:
     tables = {}
     for name in chosen.team.robots:
         wheels, camera = 3.0 ** random.uniform(-1, 1, size=2)
-        odometry = {it: float(wheels * getattr(robot.odometry, it)) for it in ("along", "turning")}
+        odometry = {key: float(wheels * getattr(robot.odometry, key)) for key in ("along", "turning")}
         tables[name] = {"odometry": odometry, "vision": {"gain": float(camera * robot.vision.gain)}}
     return chosen.changed("robots", **tables)
 
 
-def shown(name: str, it: Score | Judged, ratio: float) -> str:
+def shown(name: str, score: Score | Judged, ratio: float) -> str:
     """A row: RMSE, by how many times that is more than without the spoil, coverage of the 50 and 95 % regions, mean log score."""
-    return f"{name:40} {it.rmse:7.3f} {ratio:6.2f} {it.coverage(0.5):6.2f} {it.coverage():6.3f} {it.log_score:8.2f}"
+    return f"{name:40} {score.rmse:7.3f} {ratio:6.2f} {score.coverage(0.5):6.2f} {score.coverage():6.3f} {score.log_score:8.2f}"
 
 
 def main() -> None:
@@ -248,12 +261,12 @@ def main() -> None:
             usual = math.nan
             chosen = RecordingFlags(args.mrclam, args.start, protocol).scenario()
             for name in args.spoils:
-                found = Score()
+                score = Score()
                 for draw in range(*args.draws):
                     timed = chosen.changed("time", seconds=args.seconds or 300.0)
-                    found.take(recorded(timed, SPOILS[name], draw, args.after))
-                usual = found.rmse if math.isnan(usual) else usual
-                print(shown(f"{protocol}, {name}", found, found.rmse / usual), flush=True)
+                    score.take(recorded(timed, SPOILS[name], draw, args.after))
+                usual = score.rmse if math.isnan(usual) else usual
+                print(shown(f"{protocol}, {name}", score, score.rmse / usual), flush=True)
         return
     rows, usually = (fields, 90.0) if args.team == "field" else (demos, 60.0)
     for row in rows(range(*args.seeds), args.seconds or usually):

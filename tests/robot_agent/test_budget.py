@@ -47,17 +47,17 @@ def size(report: Report) -> int:
     return len(encode(report)) + len(keys.REPORT.key(team="t", sub_team="a", source="r1", subject=report.subject))
 
 
-def budget(rate: float, burst: float = 2.0, longest: float = 4.0) -> Budget:
+def new_budget(rate: float, burst: float = 2.0, longest: float = 4.0) -> Budget:
     return Budget(SendSection(budget=rate, burst=burst, longest=longest), GRID, "r1", 1.0, size)
 
 
-def reports(rng: np.random.Generator, time: float, count: int = 4) -> list[Report]:
+def new_reports(rng: np.random.Generator, time: float, count: int = 4) -> list[Report]:
     """What a robot could say: Gaussians anywhere, of any width."""
-    found = []
+    reports = []
     for subject in SUBJECTS[:count]:
         belief = pack(gaussian(GRID, rng.uniform(2, 18, 2), float(rng.uniform(0.4, 4.0))))
-        found.append(Report(source="r1", subject=subject, tick=0, time=time, belief=belief, ancestors={"r1": time}))
-    return found
+        reports.append(Report(source="r1", subject=subject, tick=0, time=time, belief=belief, ancestors={"r1": time}))
+    return reports
 
 
 def divergence(p: Belief, q: Belief) -> float:
@@ -70,11 +70,11 @@ def divergence(p: Belief, q: Belief) -> float:
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(20.0, 20_000.0), st.floats(0.1, 5.0))
 def test_any_span_of_time_has_at_most_its_budget_and_a_burst(seed: int, rate: float, burst: float) -> None:
-    rng, it, sent, time = np.random.default_rng(seed), budget(rate, burst), list[tuple[float, int]](), 0.0
+    rng, budget, sent, time = np.random.default_rng(seed), new_budget(rate, burst), list[tuple[float, int]](), 0.0
     largest = 0
     for _ in range(30):
         time += float(rng.choice([0.05, 0.2, 1.0]))
-        said = it.choose(reports(rng, time, int(rng.integers(1, 5))), time, 1.0, {})
+        said = budget.choose(new_reports(rng, time, int(rng.integers(1, 5))), time, 1.0, {})
         sent += [(time, size(report)) for report in said.reports]
         largest = max([largest, *(size(report) for report in said.reports)])
     for i, (begin, _) in enumerate(sent):
@@ -87,40 +87,40 @@ def test_any_span_of_time_has_at_most_its_budget_and_a_burst(seed: int, rate: fl
 @given(st.integers(0, 2**32 - 1), st.floats(200.0, 3000.0))
 def test_nothing_is_left_unsaid_for_ever(seed: int, rate: float) -> None:
     """At worst all four subjects wait for each other: each costs at most 500 bytes here."""
-    rng, it, said_at = np.random.default_rng(seed), budget(rate), dict.fromkeys(SUBJECTS, 0.0)
-    most = it.settings.longest + 4 * 500 / rate + 2 * 500 / rate + 0.4
+    rng, budget, said_at = np.random.default_rng(seed), new_budget(rate), dict.fromkeys(SUBJECTS, 0.0)
+    most = budget.settings.longest + 4 * 500 / rate + 2 * 500 / rate + 0.4
     for tick in range(60):
         time = 0.2 * tick
-        still = reports(np.random.default_rng(seed), time)  # no news: worth nothing but for their age
-        for report in it.choose(still if rng.random() < 0.8 else reports(rng, time), time, 0.0, {}).reports:
+        still = new_reports(np.random.default_rng(seed), time)  # no news: worth nothing but for their age
+        for report in budget.choose(still if rng.random() < 0.8 else new_reports(rng, time), time, 0.0, {}).reports:
             said_at[report.subject] = time
         assert all(time - at <= most for at in said_at.values()), said_at
 
 
 def test_what_is_said_or_kept_is_all_that_was_ever_said() -> None:
-    rng, it = np.random.default_rng(1), budget(800.0)
+    rng, budget = np.random.default_rng(1), new_budget(800.0)
     known = set[str]()
     for tick in range(40):
-        said = it.choose(reports(rng, 0.2 * tick), 0.2 * tick, 1.0, {})
-        told = {report.subject for report in said.reports}
-        known |= told
-        assert not told & said.kept.keys()
-        assert told | said.kept.keys() == known
+        said = budget.choose(new_reports(rng, 0.2 * tick), 0.2 * tick, 1.0, {})
+        subjects = {report.subject for report in said.reports}
+        known |= subjects
+        assert not subjects & said.kept.keys()
+        assert subjects | said.kept.keys() == known
 
 
 def test_without_a_limit_or_with_room_for_all_reports_are_as_they_were() -> None:
     rng = np.random.default_rng(2)
     for rate in (math.inf, 1e6):
-        it = budget(rate)
+        budget = new_budget(rate)
         for tick in range(10):
-            mine = reports(rng, 0.2 * tick)
-            said = it.choose(mine, 0.2 * tick, 1.0, {})
+            mine = new_reports(rng, 0.2 * tick)
+            said = budget.choose(mine, 0.2 * tick, 1.0, {})
             assert said.reports == mine
             assert said.kept == {}
 
 
 def test_what_moved_comes_before_what_did_not_and_before_what_the_team_knows_better() -> None:
-    it = budget(400.0, burst=2.0, longest=100.0)
+    budget = new_budget(400.0, burst=2.0, longest=100.0)
     still, moved = gaussian(GRID, (5, 5), 1.0), gaussian(GRID, (15, 15), 1.0)
 
     def about(subject: str, belief: Belief, time: float) -> Report:
@@ -128,11 +128,11 @@ def test_what_moved_comes_before_what_did_not_and_before_what_the_team_knows_bet
 
     first = [about(subject, still, 0.0) for subject in SUBJECTS[1:]]
     for tick in range(10):
-        it.choose(first, float(tick), 0.0, {})
-    it.bucket.level, it.price = -50.0, 1e-7  # 350 bytes, after the second that comes: room for one
+        budget.choose(first, float(tick), 0.0, {})
+    budget.bucket.level, budget.price = -50.0, 1e-7  # 350 bytes, after the second that comes: room for one
     news = [about("robot/r2", moved, 10.0), about("object/ball", still, 10.0), about("object/can", moved, 10.0)]
     team = {"robot/r2": TeamKnowledge(0.1, joint=False)}  # the team knows where it is far better
-    assert [report.subject for report in it.choose(news, 10.0, 0.0, team).reports] == ["object/can"]
+    assert [report.subject for report in budget.choose(news, 10.0, 0.0, team).reports] == ["object/can"]
 
 
 def test_a_bucket_that_goes_back_in_time_gains_nothing() -> None:
@@ -148,16 +148,16 @@ def test_a_bucket_that_goes_back_in_time_gains_nothing() -> None:
 
 def test_what_is_seen_of_a_mate_is_no_news_for_its_noise_and_more_with_age_and_where_the_team_knows_little() -> None:
     """Two sightings that follow each other differ by their noise; that was taken for two nats of news."""
-    it, rng = budget(300.0, longest=100.0), np.random.default_rng(4)
+    budget, rng = new_budget(300.0, longest=100.0), np.random.default_rng(4)
 
     def worth(time: float, entropy: float) -> float:
-        seen = gaussian(GRID, tuple(10 + rng.normal(size=2)), 1.0)
-        said = [Report(source="r1", subject="robot/r2", tick=0, time=time, belief=pack(seen))]
-        stale = {"robot/r2": it.aged("robot/r2", time, 1.0)}
-        return it.options(said, stale, time, {"robot/r2": TeamKnowledge(entropy, joint=False)})["robot/r2"][0].worth
+        belief = gaussian(GRID, tuple(10 + rng.normal(size=2)), 1.0)
+        said = [Report(source="r1", subject="robot/r2", tick=0, time=time, belief=pack(belief))]
+        stale = {"robot/r2": budget.aged("robot/r2", time, 1.0)}
+        return budget.options(said, stale, time, {"robot/r2": TeamKnowledge(entropy, joint=False)})["robot/r2"][0].worth
 
     first = Report(source="r1", subject="robot/r2", tick=0, time=0.0, belief=pack(gaussian(GRID, (10, 10), 1.0)))
-    it.choose([first], 0.0, 1.0, {})
+    budget.choose([first], 0.0, 1.0, {})
     known = math.log(2 * math.pi * math.e)  # as sharp as a sighting
     worths = [worth(time, known) for time in (0.0, 0.2, 1.0, 4.0)]
     assert worths == sorted(worths)
@@ -177,10 +177,10 @@ def test_a_coarser_belief_is_valid_smaller_and_near(
     belief = gaussian(GRID, (x, y), sigma)
     fine = pack(belief)
     coarse = coarser(belief, fine, *precision)
-    told = unpack(coarse, GRID)
-    assert told.p.sum() == pytest.approx(1.0)
+    coarser_belief = unpack(coarse, GRID)
+    assert coarser_belief.p.sum() == pytest.approx(1.0)
     assert math.prod(coarse.box) <= math.prod(fine.box) or precision[1] > 12
-    assert divergence(belief, told) < {0.2: 0.02, 0.5: 0.06, 1.0: 0.6}[precision[0]]
+    assert divergence(belief, coarser_belief) < {0.2: 0.02, 0.5: 0.06, 1.0: 0.6}[precision[0]]
 
 
 def test_a_belief_that_knows_nothing_stays_one() -> None:
@@ -208,7 +208,7 @@ def run(fusion: str, budget: float | None = None, again: int = 0) -> Run:
     heard = Heard(team.bus)
     card = team.run()
     assert team.world.why == ""
-    late = sum(it.counters["late"] for it in team.boards.values())
+    late = sum(board.counters["late"] for board in team.boards.values())
     statuses = {name: heard.of(keys.STATUS, process=name) for name in team.robots}
     return Run({name: card[name] for name in ("hash", "missing")}, late, statuses, heard.of(keys.REPORT))
 
@@ -227,7 +227,9 @@ def test_silence_makes_no_board_wait_and_a_run_repeats_to_the_bit(fusion: str) -
     assert first == run(fusion, 700.0, again=1)
     assert first.late == 0
     assert first.card["hash"] != everything.card["hash"]
-    assert sum(len(encode(it)) for it in first.reports) < 0.6 * sum(len(encode(it)) for it in everything.reports)
+    assert sum(len(encode(report)) for report in first.reports) < 0.6 * sum(
+        len(encode(report)) for report in everything.reports
+    )
     assert any(status.kept for status in first.statuses["r1"])
     for status in first.statuses["r1"]:
         assert not set(status.kept) & set(status.subjects)
@@ -236,70 +238,70 @@ def test_silence_makes_no_board_wait_and_a_run_repeats_to_the_bit(fusion: str) -
 @both
 def test_what_a_robot_is_silent_about_is_still_agreed_on(fusion: str) -> None:
     """Boards keep what it said before: no sample is missing that is there without a budget."""
-    missing = [it.card["missing"] for it in (run(fusion), run(fusion, 700.0))]
-    robots = [{s: n for s, n in found.items() if s.startswith("robot/")} for found in missing]
+    missing = [finished.card["missing"] for finished in (run(fusion), run(fusion, 700.0))]
+    robots = [{s: n for s, n in samples.items() if s.startswith("robot/")} for samples in missing]
     assert robots[0] == robots[1]
 
 
 def test_evidence_that_was_not_sent_is_gathered_into_the_next() -> None:
     """Where a robot was, moved by the sum of its motions and multiplied by what it then sends, is what it believes."""
-    it = JointAgent("r1", RobotSection(), AGENT_GRID).filter
-    nuisance = it.sensors.wheels.nuisance
+    own = JointAgent("r1", RobotSection(), AGENT_GRID).filter
+    nuisance = own.sensors.wheels.nuisance
     for tick in range(3):
-        before = it.step(readings(tick, fix=(10, 10) if tick == 0 else None))
+        before = own.step(readings(tick, fix=(10, 10) if tick == 0 else None))
     for tick in range(3, 6):
-        told = it.step(readings(tick, fix=(10 + 0.5 * tick, 10.2)))
+        result = own.step(readings(tick, fix=(10 + 0.5 * tick, 10.2)))
         if tick < 5:
-            it.silent()
-    assert told.unsent is not None
-    assert np.trace(told.unsent.information) > 1.5 * np.trace(present(told.increment).information)
+            own.silent()
+    assert result.unsent is not None
+    assert np.trace(result.unsent.information) > 1.5 * np.trace(present(result.increment).information)
     joint = Joint()
-    joint.add(it.robot, present(before.belief))
-    drive(joint, it.robot, told.travelled.since(before.travelled), nuisance)
-    gained = likelihood(joint, it.robot, told.unsent)
+    joint.add(own.robot, present(before.belief))
+    drive(joint, own.robot, result.travelled.since(before.travelled), nuisance)
+    gained = likelihood(joint, own.robot, result.unsent)
     correct(joint, present(gained))
-    now = it.belief
+    now = own.belief
     assert now is not None
-    assert joint.moments(it.robot).mean[AXES] == pytest.approx(now.mean[AXES], abs=0.02)
-    assert np.diag(joint.moments(it.robot).covariance)[AXES] == pytest.approx(np.diag(now.covariance)[AXES], rel=0.05)
+    assert joint.moments(own.robot).mean[AXES] == pytest.approx(now.mean[AXES], abs=0.02)
+    assert np.diag(joint.moments(own.robot).covariance)[AXES] == pytest.approx(np.diag(now.covariance)[AXES], rel=0.05)
 
 
 # --- evidence ------------------------------------------------------------------------------------------------------------
 
 
 def said_of_itself(
-    time: float, it: Budget, agent: JointAgent, joint: bool = True, tick: int = 0
+    time: float, budget: Budget, agent: JointAgent, joint: bool = True, tick: int = 0
 ) -> PackedEvidence | None:
     """The evidence that a robot sends in a tick, where its boards have it in their joint or not."""
     reports, _ = agent.tick(readings(tick, fix=(10, 10)), {})
     known = {"robot/r1": TeamKnowledge(3.0, joint=joint)}
     stamped = [report.model_copy(update={"time": time}) for report in reports]
-    said = it.choose(stamped, time, 1.0, known)
+    said = budget.choose(stamped, time, 1.0, known)
     return next((report.evidence for report in said.reports if report.subject == "robot/r1"), None)
 
 
-def of_joint(rate: float) -> Budget:
+def new_joint_budget(rate: float) -> Budget:
     return Budget(SendSection(budget=rate), AGENT_GRID, "r1", 1.0, size)
 
 
 def test_a_whole_state_is_repeated_rarely_until_a_board_needs_one() -> None:
-    it, agent = of_joint(2500.0), JointAgent("r1", RobotSection(), AGENT_GRID)
-    it.bucket.refill(0.0)
-    told = list[tuple[float, bool]]()
+    budget, agent = new_joint_budget(2500.0), JointAgent("r1", RobotSection(), AGENT_GRID)
+    budget.bucket.refill(0.0)
+    states_sent = list[tuple[float, bool]]()
     for tick in range(60):
-        it.bucket.level = 0.5 * it.bucket.burst  # room for a report, and not for everything
+        budget.bucket.level = 0.5 * budget.bucket.burst  # room for a report, and not for everything
         if tick == 30:
-            it.repeat_state()
-        if (evidence := said_of_itself(0.5 * tick, it, agent, tick=tick)) is not None:
-            told.append((0.5 * tick, evidence.state is not None))
-    states = [time for time, state in told if state]
-    assert len(told) > 30
-    assert states[0] == told[0][0]
+            budget.repeat_state()
+        if (evidence := said_of_itself(0.5 * tick, budget, agent, tick=tick)) is not None:
+            states_sent.append((0.5 * tick, evidence.state is not None))
+    states = [time for time, state in states_sent if state]
+    assert len(states_sent) > 30
+    assert states[0] == states_sent[0][0]
     assert all(later - earlier >= STATE_EVERY for earlier, later in pairwise(t for t in states if t < 15.0))
-    assert min(time for time in states if time > told[0][0]) <= 15.0 + STATE_EVERY
+    assert min(time for time in states if time > states_sent[0][0]) <= 15.0 + STATE_EVERY
     assert any(15.0 <= time <= 16.0 for time in states)
-    it.bucket.level = 0.5 * it.bucket.burst
-    outside = said_of_itself(30.5, it, agent, joint=False, tick=60)
+    budget.bucket.level = 0.5 * budget.bucket.burst
+    outside = said_of_itself(30.5, budget, agent, joint=False, tick=60)
     assert outside is None or outside.state is not None
 
 
@@ -310,11 +312,11 @@ def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
     known = list[tuple[float, bool]]()
 
     def spy(envelope: Envelope) -> None:
-        found = keys.parse(envelope.key)
+        parsed = keys.parse(envelope.key)
         if (
-            found is not None
-            and found[0] is keys.AGREED
-            and found[1] | {"subject": "robot/r1", "sub_team": "a"} == found[1]
+            parsed is not None
+            and parsed[0] is keys.AGREED
+            and parsed[1] | {"subject": "robot/r1", "sub_team": "a"} == parsed[1]
         ):
             agreed = decode(Consensus, envelope.payload)
             known.append((agreed.time, agreed.rule == "joint"))
@@ -354,9 +356,9 @@ def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() ->
 
 @pytest.mark.parametrize("entropy", [-1e12, 1e12])
 def test_an_entropy_that_no_belief_has_stops_nothing(entropy: float) -> None:
-    it = budget(50.0)
+    budget = new_budget(50.0)
     team = {subject: TeamKnowledge(entropy, joint=False) for subject in SUBJECTS}
     belief = pack(gaussian(GRID, (5, 5), 1.0))
     for tick in range(5):
         said = [Report(source="r1", subject=s, tick=tick, time=float(tick), belief=belief) for s in SUBJECTS]
-        assert len(it.choose(said, float(tick), 0.0, team).reports) <= len(SUBJECTS)
+        assert len(budget.choose(said, float(tick), 0.0, team).reports) <= len(SUBJECTS)

@@ -91,11 +91,11 @@ def settings(setup: tuple[str, str], changed: Mapping[str, Any] | None = None) -
     return Scenario({"robot": tables}).section("robot", RobotSection)
 
 
-def story(it: RobotSection) -> list[np.ndarray]:
+def story(section: RobotSection) -> list[np.ndarray]:
     """All beliefs of a robot that drives, stands, and sees an object, a mate of agreed place and a landmark."""
-    agent = Agent("r1", it, GRID)
+    agent = Agent("r1", section, GRID)
     mate = agreed(1, gaussian(GRID, (12.0, 9.5), 0.3), "robot/r2", ("r2",))
-    found = []
+    beliefs = []
     for tick in range(6):
         moving = tick < 4
         sightings = [
@@ -114,8 +114,8 @@ def story(it: RobotSection) -> list[np.ndarray]:
             sightings=sightings if tick in (0, 2, 3) else [],
         )
         agent.tick(readings, mate if tick == 2 else {})
-        found += [belief.p for e in (agent.firsthand, agent.informed) for _, belief in sorted(e.beliefs().items())]
-    return found
+        beliefs += [belief.p for e in (agent.firsthand, agent.informed) for _, belief in sorted(e.beliefs().items())]
+    return beliefs
 
 
 @cache
@@ -143,23 +143,23 @@ def test_the_same_values_are_the_same_beliefs() -> None:
 def test_another_value_is_another_model_of_a_robot_in_a_joint(key: str) -> None:
     def model(changed: Mapping[str, Any]) -> tuple[object, ...]:
         sensors = sensors_of(settings(PRINTED, {"ranging.bias": 0.1, **changed}))
-        seen = Seen(kind="range", subject="robot/r2", values=(3.0,))
-        return sensors.wheels, sensors.compass, sensors.landmarks, sensors.relative("robot/r1", seen)
+        sighting = Seen(kind="range", subject="robot/r2", values=(3.0,))
+        return sensors.wheels, sensors.compass, sensors.landmarks, sensors.relative("robot/r1", sighting)
 
     assert model({key: JOINT[key]}) != model({})
 
 
 @pytest.mark.parametrize("key", MEASURED)
 def test_what_was_measured_of_a_camera_is_taken_off_what_it_sees(key: str) -> None:
-    def seen(changed: Mapping[str, float]) -> tuple[float, float]:
-        it = sensors_of(settings(POSE, changed)).camera.relative("robot/r1", SEEN, 0.0, 1.0)
-        return it.range, it.bearing
+    def corrected(changed: Mapping[str, float]) -> tuple[float, float]:
+        relative = sensors_of(settings(POSE, changed)).camera.relative("robot/r1", SEEN, 0.0, 1.0)
+        return relative.range, relative.bearing
 
-    assert seen({}) == (SEEN.range, SEEN.bearing)
-    assert seen({"vision.range_scale": 1.1, "vision.range_bias": 0.5, "vision.bearing_bias": 0.02}) == pytest.approx(
-        (1.1 * (SEEN.range - 0.5), SEEN.bearing - 0.02)
-    )
-    assert seen({key: MEASURED[key]}) != seen({})
+    assert corrected({}) == (SEEN.range, SEEN.bearing)
+    assert corrected(
+        {"vision.range_scale": 1.1, "vision.range_bias": 0.5, "vision.bearing_bias": 0.02}
+    ) == pytest.approx((1.1 * (SEEN.range - 0.5), SEEN.bearing - 0.02))
+    assert corrected({key: MEASURED[key]}) != corrected({})
 
 
 def test_one_robot_has_tables_of_its_own_over_those_of_all() -> None:

@@ -71,20 +71,20 @@ def test_no_cell_becomes_impossible_where_an_interpolation_rings() -> None:
 def test_a_robot_that_drives_and_is_told_its_place_now_and_then_is_as_sure_as_a_kalman_filter() -> None:
     """Along-track noise in one direction must not be taken for noise in all: that cost 0.15 nats in the demo."""
     grid, cell = Grid((40, 40)), 1.0
-    it = PositionLocalizer.unknown(RobotSection(), grid).update_with_fix(Fix(position=(12.0, 12.0), sigma=1.5))
+    localizer = PositionLocalizer.unknown(RobotSection(), grid).update_with_fix(Fix(position=(12.0, 12.0), sigma=1.5))
     mean, covariance = np.array([12.0, 12.0]), np.eye(2) * 1.5**2
     heading = math.pi / 4
     for step in range(1, 61):
-        it = it.predict(TickMotion(0.2, 0.0, 0.2, 0.05, 0.0005, 0.0), heading)
+        localizer = localizer.predict(TickMotion(0.2, 0.0, 0.2, 0.05, 0.0005, 0.0), heading)
         mean = mean + 0.2 * np.array([math.cos(heading), math.sin(heading)])
         covariance = covariance + turned(0.05, 0.0005, heading)
         if step % 25 == 0:
             place = mean + np.array([0.4, -0.3])
-            it = it.update_with_fix(Fix(position=(float(place[0]), float(place[1])), sigma=1.5))
+            localizer = localizer.update_with_fix(Fix(position=(float(place[0]), float(place[1])), sigma=1.5))
             gain = covariance @ np.linalg.inv(covariance + np.eye(2) * 1.5**2)
             mean, covariance = mean + gain @ (place - mean), covariance - gain @ covariance
-    found = it.marginal()
+    belief = localizer.marginal()
     exact = 0.5 * math.log(np.linalg.det(2 * math.pi * math.e * (covariance + np.eye(2) * cell**2 / 12)))
-    assert found.mean() == pytest.approx(mean, abs=0.05)
-    assert found.covariance() == pytest.approx(covariance + np.eye(2) * cell**2 / 12, abs=0.12)
-    assert entropy(found.p) == pytest.approx(exact, abs=0.04)
+    assert belief.mean() == pytest.approx(mean, abs=0.05)
+    assert belief.covariance() == pytest.approx(covariance + np.eye(2) * cell**2 / 12, abs=0.12)
+    assert entropy(belief.p) == pytest.approx(exact, abs=0.04)

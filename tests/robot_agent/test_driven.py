@@ -21,26 +21,26 @@ START = SinceStep(fix=Fix(position=(5.0, 5.0), sigma=0.1, heading=0.0, heading_s
 AHEAD = SinceStep(Odometry(distance=0.1, turn=0.0, dt=0.1))
 
 
-def robot(joint: bool = True, heard: list[Cue | Message] | None = None, scenario: Scenario | None = None) -> Driven:
-    news = (lambda it, now: None) if heard is None else (lambda it, now: heard.append(it))
+def new_robot(joint: bool = True, heard: list[Cue | Message] | None = None, scenario: Scenario | None = None) -> Driven:
+    news = (lambda event, now: None) if heard is None else (lambda event, now: heard.append(event))
     return driven(news, scenario, team="t", sub_teams=("a",), robot="r1", grid=GRID, joint=joint)
 
 
 def test_nobody_knows_where_it_is_before_it_was_told() -> None:
-    it = robot()
-    pose, _ = it.step(None, NOW)
+    robot = new_robot()
+    pose, _ = robot.step(None, NOW)
     assert pose is None
-    pose, _ = it.step(SinceStep(compass=(0.5, 0.05)), NOW + 0.1)
+    pose, _ = robot.step(SinceStep(compass=(0.5, 0.05)), NOW + 0.1)
     assert pose is None  # a heading alone is no place
 
 
 @pytest.mark.parametrize("joint", [True, False])
 def test_a_step_moves_it_and_tells_the_board(joint: bool) -> None:
-    it = robot(joint)
-    it.step(START, NOW)
+    robot = new_robot(joint)
+    robot.step(START, NOW)
     for number in range(1, 11):
-        pose, out = it.step(AHEAD, NOW + 0.1 * number)
-        it.check()
+        pose, out = robot.step(AHEAD, NOW + 0.1 * number)
+        robot.check()
     assert pose is not None
     assert pose.time == NOW + 1.0
     assert pose.mean == pytest.approx((6.0, 5.0, 0.0), abs=0.15)
@@ -53,13 +53,13 @@ def test_a_step_moves_it_and_tells_the_board(joint: bool) -> None:
 
 
 def test_it_hears_no_readings_of_others() -> None:
-    assert not [key for key in robot().listens if "reading" in key]
+    assert not [key for key in new_robot().listens if "reading" in key]
 
 
 def test_ticks_grow_where_the_program_is_started_again() -> None:
-    first = robot()
+    first = new_robot()
     first.step(START, NOW)
-    again = robot()
+    again = new_robot()
     again.step(START, NOW + 1.0)
     assert again.tick > first.tick
     again.step(AHEAD, NOW + 1.0)  # twice in a millisecond
@@ -67,9 +67,9 @@ def test_ticks_grow_where_the_program_is_started_again() -> None:
 
 
 def test_what_several_calls_told_adds_up() -> None:
-    one = SinceStep(Odometry(distance=0.1, turn=0.2, dt=0.1, distance_sigma=0.03, turn_sigma=0.0))
-    two = SinceStep(Odometry(distance=0.2, turn=-0.1, dt=0.1, distance_sigma=0.04), compass=(1.0, None))
-    both = one.plus(two).plus(
+    first = SinceStep(Odometry(distance=0.1, turn=0.2, dt=0.1, distance_sigma=0.03, turn_sigma=0.0))
+    second = SinceStep(Odometry(distance=0.2, turn=-0.1, dt=0.1, distance_sigma=0.04), compass=(1.0, None))
+    both = first.plus(second).plus(
         SinceStep(compass=(2.0, 0.1), sightings=(Sighting(subject="object/x", range=1, bearing=0),))
     )
     assert both.odometry is not None
@@ -92,42 +92,42 @@ def test_a_fix_without_a_heading_leaves_the_heading_of_the_one_before() -> None:
     both = START.plus(gps)
     assert both.fix == gps.fix
     assert both.compass == (START.fix.heading, START.fix.heading_sigma)
-    it = robot()
-    pose, _ = it.step(both, NOW)
+    robot = new_robot()
+    pose, _ = robot.step(both, NOW)
     assert present(pose).covariance[2, 2] == pytest.approx(present(START.fix.heading_sigma) ** 2, rel=0.2)
 
 
 def test_sigmas_of_the_odometry_count_instead_of_the_model_s() -> None:
     def spread(**sigmas: float) -> float:
-        it = robot()
-        it.step(START, NOW)
+        robot = new_robot()
+        robot.step(START, NOW)
         for number in range(1, 21):
-            told = SinceStep(Odometry(distance=0.1, turn=0.0, dt=0.1, **sigmas))
-            pose, _ = it.step(told, NOW + 0.1 * number)
+            step = SinceStep(Odometry(distance=0.1, turn=0.0, dt=0.1, **sigmas))
+            pose, _ = robot.step(step, NOW + 0.1 * number)
         return float(present(pose).covariance[2, 2])
 
     assert spread(distance_sigma=0.0, turn_sigma=0.0) < spread() < spread(distance_sigma=0.0, turn_sigma=0.2)
 
 
 def test_in_a_world_it_does_one_step_a_tick_and_loses_nothing() -> None:
-    it = robot()
-    it.receive(world(), NOW)
-    assert it.step(START, NOW)[0] is None  # no Clock yet
-    it.receive(clock(0), NOW)
-    it.step(None, NOW)
-    assert it.tick == 0
-    it.step(AHEAD, NOW)
-    it.step(AHEAD, NOW)
-    assert it.tick == 0
-    it.receive(clock(1), NOW)
-    pose, _ = it.step(AHEAD, NOW)
-    assert it.tick == 1
+    robot = new_robot()
+    robot.receive(world(), NOW)
+    assert robot.step(START, NOW)[0] is None  # no Clock yet
+    robot.receive(clock(0), NOW)
+    robot.step(None, NOW)
+    assert robot.tick == 0
+    robot.step(AHEAD, NOW)
+    robot.step(AHEAD, NOW)
+    assert robot.tick == 0
+    robot.receive(clock(1), NOW)
+    pose, _ = robot.step(AHEAD, NOW)
+    assert robot.tick == 1
     assert present(pose).mean[0] == pytest.approx(5.3, abs=0.05)
 
 
 def test_what_the_scenario_says_of_wheels_counts() -> None:
-    told = Scenario({"robot": {"odometry": {"along": 0.7}}})
-    assert sensors_in(told, "r1").wheels.along == 0.7
+    scenario = Scenario({"robot": {"odometry": {"along": 0.7}}})
+    assert sensors_in(scenario, "r1").wheels.along == 0.7
     assert sensors_in(Scenario({"robot": {"vision": {"kind": "range-bearing"}}}), "r1").camera.bearing == pytest.approx(
         0.02
     )
@@ -139,33 +139,33 @@ def test_the_tables_of_one_robot_count_for_a_program_s_own_robot_too() -> None:
         "robot": {"odometry": {"along": 0.7}},
         "robots": {"r2": {"odometry": {"turn": 0.3}, "localizer": "position"}},
     }
-    told = Scenario(tables)
-    assert (sensors_in(told, "r1").wheels.along, sensors_in(told, "r1").wheels.heading) == (0.7, 0.02)
-    assert (sensors_in(told, "r2").wheels.along, sensors_in(told, "r2").wheels.heading) == (0.7, 0.3)
+    scenario = Scenario(tables)
+    assert (sensors_in(scenario, "r1").wheels.along, sensors_in(scenario, "r1").wheels.heading) == (0.7, 0.02)
+    assert (sensors_in(scenario, "r2").wheels.along, sensors_in(scenario, "r2").wheels.heading) == (0.7, 0.3)
     only = Scenario({"robots": {"r1": {"odometry": {"along": 0.4}}}})
-    assert (sensors_in(only, "r1").wheels.along, robot(scenario=only).settings.localizer) == (0.4, "pose")
+    assert (sensors_in(only, "r1").wheels.along, new_robot(scenario=only).settings.localizer) == (0.4, "pose")
     assert sensors_in(only, "r2") == sensors_in(Scenario({}), "r2")
     with pytest.raises(UserError, match=r"robots\.r1: give tables"):
-        robot(scenario=Scenario({"robots": {"r1": 3}}))
+        new_robot(scenario=Scenario({"robots": {"r1": 3}}))
 
 
 def test_wheels_that_are_off_are_found_out() -> None:
-    it = robot()
-    it.step(START, NOW)
+    robot = new_robot()
+    robot.step(START, NOW)
     x = 1.0
     for number in range(1, 41):
         x += 0.1  # 5 % more than it is told
         fix = Fix(position=(x, 5.0), sigma=0.02)
-        told = SinceStep(
+        step = SinceStep(
             Odometry(distance=0.1 / 1.05, turn=0.0, dt=0.1, distance_sigma=0.001, turn_sigma=0.001), fix=fix
         )
-        pose, _ = it.step(told, NOW + 0.1 * number)
+        pose, _ = robot.step(step, NOW + 0.1 * number)
     assert math.dist(present(pose).mean[:2], (x, 5.0)) < 0.05
 
 
 def test_its_program_is_told_what_it_hears() -> None:
     heard: list[Cue | Message] = []
-    it = robot(heard=heard)
-    it.receive(world(), NOW)
-    it.receive(clock(0), NOW)
+    robot = new_robot(heard=heard)
+    robot.receive(world(), NOW)
+    robot.receive(clock(0), NOW)
     assert Cue.BEGIN in heard

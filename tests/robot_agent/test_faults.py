@@ -15,34 +15,34 @@ from robot_agent.team import robot_of
 from tests.wire.reports import report
 
 
-def fault(**table: Any) -> AnyFault:
-    (found,) = faults_of(Scenario({"fault": [{"robot": "r1", **table}]}))
-    return found
+def fault_of(**table: Any) -> AnyFault:
+    (fault,) = faults_of(Scenario({"fault": [{"robot": "r1", **table}]}))
+    return fault
 
 
 def test_a_liar_reports_other_places_and_an_over_confident_robot_smaller_sigmas() -> None:
     for lie in (
-        fault(kind="lie", offset=[2.0, -1.0]),
-        fault(kind="collude", robot=None, robots=["r1", "r2"], offset=[2.0, -1.0]),
+        fault_of(kind="lie", offset=[2.0, -1.0]),
+        fault_of(kind="collude", robot=None, robots=["r1", "r2"], offset=[2.0, -1.0]),
     ):
         assert changed(report(), lie) == displaced(report(), (2.0, -1.0))
-    assert changed(report(), fault(kind="overconfident", factor=1.5)) == overconfident(report(), 1.5)
+    assert changed(report(), fault_of(kind="overconfident", factor=1.5)) == overconfident(report(), 1.5)
 
 
 def test_a_skewed_clock_stamps_what_is_said_and_changes_nothing_else() -> None:
-    said = changed(report(), fault(kind="skew", seconds=-3))
+    said = changed(report(), fault_of(kind="skew", seconds=-3))
     assert said.time == -1.5
     assert said.model_copy(update={"time": 1.5}) == report()
 
 
 def test_a_lost_report_is_lost_each_time_and_the_share_is_kept() -> None:
-    one = report()
-    reports = [one.model_copy(update={"tick": tick}) for tick in range(2000)]
-    lost = [is_lost(7, it, 0.3) for it in reports]
-    assert lost == [is_lost(7, it, 0.3) for it in reports]
-    assert lost != [is_lost(8, it, 0.3) for it in reports]
+    first = report()
+    reports = [first.model_copy(update={"tick": tick}) for tick in range(2000)]
+    lost = [is_lost(7, message, 0.3) for message in reports]
+    assert lost == [is_lost(7, message, 0.3) for message in reports]
+    assert lost != [is_lost(8, message, 0.3) for message in reports]
     assert sum(lost) == pytest.approx(600, abs=60)
-    assert all(is_lost(7, it, 1.0) for it in reports)
+    assert all(is_lost(7, message, 1.0) for message in reports)
 
 
 def test_an_honest_robot_is_a_plain_service_and_so_is_one_with_a_broken_sensor() -> None:

@@ -18,14 +18,14 @@ def test_a_grid_with_one_hypothesis_is_handed_over() -> None:
     covariance = np.array([[0.04, 0.01], [0.01, 0.02]])
     belief = draw(GRID, Moments(np.array([0.3, -0.4]), covariance))
     p = 0.99 * belief.p + 0.01 / GRID.size
-    found = one_hypothesis(Belief(GRID, p))
-    assert found is not None
-    assert found.mean == pytest.approx((0.3, -0.4), abs=0.01)
-    assert np.allclose(found.covariance, covariance, atol=0.006)
+    moments = one_hypothesis(Belief(GRID, p))
+    assert moments is not None
+    assert moments.mean == pytest.approx((0.3, -0.4), abs=0.01)
+    assert np.allclose(moments.covariance, covariance, atol=0.006)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8])
 def test_a_grid_with_two_hypotheses_is_not(share: float) -> None:
-    one, two = gaussian(GRID, (-1.0, -1.0), 0.2), gaussian(GRID, (1.0, 1.0), 0.2)
-    assert one_hypothesis(Belief(GRID, share * one.p + (1 - share) * two.p)) is None
+    here, there = gaussian(GRID, (-1.0, -1.0), 0.2), gaussian(GRID, (1.0, 1.0), 0.2)
+    assert one_hypothesis(Belief(GRID, share * here.p + (1 - share) * there.p)) is None
     assert one_hypothesis(uniform(GRID)) is None

@@ -23,7 +23,7 @@ from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, see
 MATE = Sighting(subject="robot/r2", range=6.0, bearing=-0.2)
 
 
-def agent() -> JointAgent:
+def new_agent() -> JointAgent:
     return JointAgent("r1", RobotSection(), GRID)
 
 
@@ -48,68 +48,72 @@ def informed(report: Report) -> np.ndarray:
 
 
 def test_it_reports_itself_what_it_saw_and_its_evidence() -> None:
-    it = agent()
+    agent = new_agent()
     for tick in range(3):
-        reports, solo = it.tick(readings(tick, BALL, MATE, fix=(10, 10) if tick == 0 else None), {})
-        found = by_subject(reports)
-        assert set(found) == {"robot/r1", "robot/r2", "object/ball"}
+        reports, solo = agent.tick(readings(tick, BALL, MATE, fix=(10, 10) if tick == 0 else None), {})
+        reported = by_subject(reports)
+        assert set(reported) == {"robot/r1", "robot/r2", "object/ball"}
         assert set(solo.beliefs) == {"robot/r1", "object/ball"}, "a mate is for the mate itself to judge"
         assert all(r.ancestors == {"r1": 0.5 * tick} and r.informed is None for r in reports)
-        assert found["object/ball"].evidence is None
-        evidence = found["robot/r1"].evidence
+        assert reported["object/ball"].evidence is None
+        evidence = reported["robot/r1"].evidence
         assert evidence is not None
         assert evidence.state is not None
         assert evidence.travelled.distance == pytest.approx(0.5 * tick)
         assert [relative.subject for relative in evidence.relatives] == ["object/ball", "robot/r2"]
     place = np.array([11.0, 10.0])
-    assert mean(found["robot/r1"]) == pytest.approx(place, abs=0.2)
+    assert mean(reported["robot/r1"]) == pytest.approx(place, abs=0.2)
     for subject, sighting in (("object/ball", BALL), ("robot/r2", MATE)):
         at = place + sighting.range * np.array([math.cos(sighting.bearing), math.sin(sighting.bearing)])
-        assert mean(found[subject]) == pytest.approx(at, abs=0.7)
+        assert mean(reported[subject]) == pytest.approx(at, abs=0.7)
 
 
 def test_every_sighting_of_a_class_is_evidence_and_nobody_is_placed_by_it() -> None:
-    one = Sighting(subject="robot/?", range=6.0, bearing=-0.2, confidence=0.9)
+    unnamed_mate = Sighting(subject="robot/?", range=6.0, bearing=-0.2, confidence=0.9)
     other = Seen(subject="object/?", kind="position", values=(1.0, 2.0), covariance=(0.1, 0.0, 0.1))
-    told = readings(0, one, MATE, one, fix=(10, 10)).model_copy(update={"seen": [other]})
-    found = by_subject(agent().tick(told, {})[0])
-    assert set(found) == {"robot/r1", "robot/r2"}
-    evidence = found["robot/r1"].evidence
+    taken = readings(0, unnamed_mate, MATE, unnamed_mate, fix=(10, 10)).model_copy(update={"seen": [other]})
+    reported = by_subject(new_agent().tick(taken, {})[0])
+    assert set(reported) == {"robot/r1", "robot/r2"}
+    evidence = reported["robot/r1"].evidence
     assert evidence is not None
-    unnamed = [(it.subject, it.mark, it.confidence) for it in evidence.relatives if it.mark is not None]
+    unnamed = [
+        (relative.subject, relative.mark, relative.confidence)
+        for relative in evidence.relatives
+        if relative.mark is not None
+    ]
     assert unnamed == [("robot/?", 0, 0.9), ("robot/?", 1, 0.9)]
-    assert [(it.subject, it.mark) for it in evidence.seen] == [("object/?", 2)]
+    assert [(relative.subject, relative.mark) for relative in evidence.seen] == [("object/?", 2)]
 
 
 def test_what_it_believes_alone_never_depends_on_the_team() -> None:
     """Except for how large the noise of its wheels is, which shows where the team has it; here it has driven too little for that."""
-    helped, alone = agent(), agent()
+    helped, alone = new_agent(), new_agent()
     for tick in range(3):
         said = readings(tick, BALL, fix=(10, 10) if tick == 0 else None)
-        told = agreed(0.5 * (tick - 1), 14, 12) if tick else {}
-        (with_team, solo), (without, same) = helped.tick(said, told), alone.tick(said, {})
+        team = agreed(0.5 * (tick - 1), 14, 12) if tick else {}
+        (with_team, solo), (without, same) = helped.tick(said, team), alone.tick(said, {})
         assert solo == same
         assert [r.belief for r in with_team] == [r.belief for r in without]
 
 
 def test_where_the_team_has_it_moves_what_it_believes_alone_by_nothing_but_the_noise_of_its_wheels() -> None:
-    helped, alone = agent(), agent()
+    helped, alone = new_agent(), new_agent()
     for tick in range(30):
         said = readings(tick, BALL, fix=(10, 10) if tick == 0 else None)
-        told = agreed(0.5 * (tick - 1), 12 + 0.5 * tick, 12) if tick else {}
-        (with_team, _), (without, _) = helped.tick(said, told), alone.tick(said, {})
-    for one, same in zip(with_team, without, strict=True):
-        assert mean(one) == pytest.approx(mean(same), abs=0.02)
+        team = agreed(0.5 * (tick - 1), 12 + 0.5 * tick, 12) if tick else {}
+        (with_team, _), (without, _) = helped.tick(said, team), alone.tick(said, {})
+    for report, same in zip(with_team, without, strict=True):
+        assert mean(report) == pytest.approx(mean(same), abs=0.02)
 
 
 def test_an_object_is_known_no_better_than_the_place_it_is_seen_from() -> None:
     """Seen again and again from one place, what both have in common does not average out."""
-    it = agent()
+    agent = new_agent()
     for tick in range(12):
         still = replace_odometry(readings(tick, BALL, fix=(10, 10) if tick == 0 else None))
-        reports, _ = it.tick(still, {})
+        reports, _ = agent.tick(still, {})
     ball = unpack(by_subject(reports)["object/ball"].belief).covariance()
-    own = it.own.marginal("robot/r1").covariance
+    own = agent.own.marginal("robot/r1").covariance
     assert np.trace(ball) > np.trace(own)
 
 
@@ -118,7 +122,7 @@ def replace_odometry(said: Readings) -> Readings:
 
 
 def test_the_team_s_word_is_moved_on_by_what_was_measured_since() -> None:
-    prompt, late = agent(), agent()
+    prompt, late = new_agent(), new_agent()
     for tick in range(4):
         said = readings(tick, fix=(10, 10) if tick == 0 else None)
         first, _ = prompt.tick(said, agreed(0.5, 13, 12) if tick == 2 else {})
@@ -131,30 +135,30 @@ def test_the_team_s_word_is_moved_on_by_what_was_measured_since() -> None:
 
 
 def test_an_older_word_of_the_team_is_not_taken_for_a_newer_one() -> None:
-    it = agent()
-    it.tick(readings(0, fix=(10, 10)), {})
-    it.tick(readings(1), {})
-    it.tick(readings(2), agreed(0.5, 13, 12))
-    reports, _ = it.tick(readings(3), agreed(0.0, 3, 3))
+    agent = new_agent()
+    agent.tick(readings(0, fix=(10, 10)), {})
+    agent.tick(readings(1), {})
+    agent.tick(readings(2), agreed(0.5, 13, 12))
+    reports, _ = agent.tick(readings(3), agreed(0.0, 3, 3))
     assert informed(by_subject(reports)["robot/r1"]) == pytest.approx((14.0, 12.0), abs=0.3)
 
 
 @pytest.mark.parametrize("absurd", [1e8, 1e12])
 def test_odometry_of_a_million_units_ends_a_belief_and_not_the_robot(absurd: float) -> None:
-    it = agent()
+    agent = new_agent()
     for tick in range(3):
-        it.tick(readings(tick, BALL, fix=(10, 10) if tick == 0 else None), {})
-    it.tick(readings(3, BALL, distance=absurd), {})
-    assert it.searching is not None
+        agent.tick(readings(tick, BALL, fix=(10, 10) if tick == 0 else None), {})
+    agent.tick(readings(3, BALL, distance=absurd), {})
+    assert agent.searching is not None
     for tick in range(4, 7):
-        reports, _ = it.tick(readings(tick, BALL, fix=(10, 10), distance=0.0), {})
+        reports, _ = agent.tick(readings(tick, BALL, fix=(10, 10), distance=0.0), {})
     assert mean(by_subject(reports)["robot/r1"]) == pytest.approx((10, 10), abs=0.3)
 
 
 def test_feedback_off_listens_to_nobody() -> None:
-    it = JointAgent("r1", RobotSection(), GRID, "off")
-    it.tick(readings(0, fix=(10, 10)), {})
-    reports, _ = it.tick(readings(1), agreed(0.0, 13, 12))
+    agent = JointAgent("r1", RobotSection(), GRID, "off")
+    agent.tick(readings(0, fix=(10, 10)), {})
+    reports, _ = agent.tick(readings(1), agreed(0.0, 13, 12))
     assert by_subject(reports)["robot/r1"].informed is None
 
 
@@ -180,23 +184,23 @@ def test_a_robot_that_knows_nothing_looks_on_a_grid_and_hands_over_and_back() ->
     settings = RobotSection.model_validate(
         {"localizer": "pose", "headings": 36, "vision": {"kind": "range-bearing"}, "odometry": {"turn": 0.02}}
     )
-    it = JointAgent("r1", settings, ARENA)
+    agent = JointAgent("r1", settings, ARENA)
     there, elsewhere = (0.3, 0.2, 0.7), (-0.8, -0.9, -2.0)
-    told = []
+    reported = []
     for tick in range(24):
-        reports, _ = it.tick(standing(tick, there if tick < 9 else elsewhere), {})
+        reports, _ = agent.tick(standing(tick, there if tick < 9 else elsewhere), {})
         own = by_subject(reports)["robot/r1"]
         assert own.evidence is not None
-        told.append((own.evidence.epoch, own.evidence.state, mean(own)))
-    epochs = [epoch for epoch, _, _ in told]
-    known = [state is not None for _, state, _ in told]
+        reported.append((own.evidence.epoch, own.evidence.state, mean(own)))
+    epochs = [epoch for epoch, _, _ in reported]
+    known = [state is not None for _, state, _ in reported]
     assert not known[0], "the first readings were taken by the grid"
     assert known[8], "and then there was one hypothesis"
-    assert told[8][2] == pytest.approx(there[:2], abs=0.05)
+    assert reported[8][2] == pytest.approx(there[:2], abs=0.05)
     lost = epochs.index(epochs[-1])
     assert 9 <= lost < 20, "it was carried away, and noticed"
     assert not known[lost]
     assert known[-1], "and found itself again"
-    assert it.searching is None
-    assert told[-1][2] == pytest.approx(elsewhere[:2], abs=0.1)
-    assert present(it.filter.belief).mean[AXES] == pytest.approx(elsewhere[:2], abs=0.1)
+    assert agent.searching is None
+    assert reported[-1][2] == pytest.approx(elsewhere[:2], abs=0.1)
+    assert present(agent.filter.belief).mean[AXES] == pytest.approx(elsewhere[:2], abs=0.1)

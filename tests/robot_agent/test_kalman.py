@@ -46,30 +46,30 @@ def test_it_starts_with_a_fix_that_tells_the_heading() -> None:
 
 def test_without_a_heading_it_has_no_belief_and_no_increment() -> None:
     robot = FirstHand(ROBOT)
-    told = robot.step(standing(0, (0.0, 0.0, 0.0)))
+    result = robot.step(standing(0, (0.0, 0.0, 0.0)))
     assert not robot.known
-    assert told.belief is None
-    assert told.increment is None
+    assert result.belief is None
+    assert result.increment is None
 
 
 def test_with_a_compass_one_landmark_tells_where_it_is() -> None:
     robot, pose = FirstHand(ROBOT), (-1.0, 0.5, 0.7)
-    one = [seen(pose, "landmark/6", LANDMARKS["landmark/6"])]
+    sightings = [seen(pose, "landmark/6", LANDMARKS["landmark/6"])]
     first = robot.step(readings(0, compass=0.7))
     assert np.trace(present(first.belief).covariance[AXES, AXES]) > 1e5
-    told = robot.step(readings(1, compass=0.7, odometry=Odometry(distance=0, turn=0, dt=1), sightings=one))
-    assert told.belief is not None
-    assert told.belief.mean[AXES] == pytest.approx(pose[:2], abs=0.01)
-    assert np.trace(told.belief.covariance[AXES, AXES]) < 0.2
-    assert told.increment is not None
+    result = robot.step(readings(1, compass=0.7, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings))
+    assert result.belief is not None
+    assert result.belief.mean[AXES] == pytest.approx(pose[:2], abs=0.01)
+    assert np.trace(result.belief.covariance[AXES, AXES]) < 0.2
+    assert result.increment is not None
 
 
 def test_landmarks_sharpen_and_what_is_told_is_gained_over_the_prediction() -> None:
     robot = started()
     before = robot.belief
-    told = robot.step(standing(1, (0.0, 0.0, 0.0)))
-    assert told.increment is not None
-    assert np.trace(present(told.belief).covariance[AXES, AXES]) < np.trace(present(before).covariance[AXES, AXES])
+    result = robot.step(standing(1, (0.0, 0.0, 0.0)))
+    assert result.increment is not None
+    assert np.trace(present(result.belief).covariance[AXES, AXES]) < np.trace(present(before).covariance[AXES, AXES])
     nothing = robot.step(readings(2, odometry=Odometry(distance=0.05, turn=0.01, dt=1)))
     assert nothing.increment is None
     assert nothing.travelled.distance == pytest.approx(0.05)
@@ -84,20 +84,20 @@ def test_three_barcodes_on_one_post_tell_little_more_than_one() -> None:
         fix = Fix(position=(0.0, 0.0), sigma=1.0, heading=0.0, heading_sigma=0.001)
         robot.step(readings(0, fix=fix))
         sightings = [seen((0.0, 0.0, 0.0), name, place) for name, place in landmarks.items()]
-        told = robot.step(readings(1, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings))
-        return 1 / float(present(told.belief).covariance[0, 0])
+        result = robot.step(readings(1, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings))
+        return 1 / float(present(result.belief).covariance[0, 0])
 
-    one = information(dict(list(post.items())[:1]))
-    assert information(post) < 1.5 * one
-    assert information(apart) > 2.0 * one
+    single = information(dict(list(post.items())[:1]))
+    assert information(post) < 1.5 * single
+    assert information(apart) > 2.0 * single
 
 
 def test_mates_are_told_relative_and_not_taken_as_evidence() -> None:
     robot = started()
     before = robot.belief
-    told = robot.step(readings(1, sightings=[seen((0.0, 0.0, 0.0), "robot/r2", (1.0, 1.0), landmark=False)]))
-    assert [r.subject for r in told.relatives] == ["robot/r2"]
-    assert told.increment is None
+    result = robot.step(readings(1, sightings=[seen((0.0, 0.0, 0.0), "robot/r2", (1.0, 1.0), landmark=False)]))
+    assert [r.subject for r in result.relatives] == ["robot/r2"]
+    assert result.increment is None
     assert np.array_equal(present(robot.belief).mean, present(before).mean)
 
 
@@ -111,10 +111,10 @@ def test_ranges_to_known_points_correct_the_place_and_a_wrong_one_does_not() -> 
 
     wide = Fix(position=(0.2, -0.1), sigma=0.3, heading=0.0, heading_sigma=0.03)
     robot, wrong = FirstHand(ROBOT), FirstHand(ROBOT)
-    for it, off in ((robot, 0.0), (wrong, 3.0)):
-        it.step(readings(0, fix=wide))
+    for own, off in ((robot, 0.0), (wrong, 3.0)):
+        own.step(readings(0, fix=wide))
         for tick in range(1, 5):
-            it.step(readings(tick, odometry=Odometry(distance=0, turn=0, dt=1), seen=ranges(off)))
+            own.step(readings(tick, odometry=Odometry(distance=0, turn=0, dt=1), seen=ranges(off)))
     assert present(robot.belief).mean[AXES] == pytest.approx((0.0, 0.0), abs=0.03)
     assert wrong.belief is None or wrong.belief.mean[AXES] == pytest.approx((0.2, -0.1), abs=0.01)
 
@@ -123,22 +123,22 @@ def test_ranges_to_known_points_correct_the_place_and_a_wrong_one_does_not() -> 
 def test_with_a_compass_and_anchors_it_finds_itself_by_ranges_or_bearings_alone(kind: str) -> None:
     """It drives along x; two anchors leave two mirror images of a robot that measures ranges, and the third one."""
 
-    def told(tick: int, names: list[str]) -> Readings:
+    def readings_at(tick: int, names: list[str]) -> Readings:
         x, y = 0.1 * tick - 0.5, 0.3
-        seen = []
+        sightings = []
         for name in names:
             dx, dy = LANDMARKS[name][0] - x, LANDMARKS[name][1] - y
             value, sigma = (np.hypot(dx, dy), 0.02) if kind == "range" else (np.arctan2(dy, dx), 0.01)
-            it = Seen(subject=name, kind=kind, values=(value,), covariance=(sigma**2,), landmark=LANDMARKS[name])
-            seen.append(it)
+            sighting = Seen(subject=name, kind=kind, values=(value,), covariance=(sigma**2,), landmark=LANDMARKS[name])
+            sightings.append(sighting)
         moved = Odometry(distance=0.1, turn=0.0, dt=1.0) if tick else None
-        return readings(tick, compass=0.0, odometry=moved, seen=seen)
+        return readings(tick, compass=0.0, odometry=moved, seen=sightings)
 
     robot = FirstHand(ROBOT, simulated(0.01, 0.01, 0.02, ((1.0, 0.01),)))
-    robot.step(told(0, ["landmark/6"]))
+    robot.step(readings_at(0, ["landmark/6"]))
     assert np.trace(present(robot.belief).covariance[AXES, AXES]) > 1e5
     for tick in range(1, 6):
-        last = robot.step(told(tick, sorted(LANDMARKS)))
+        last = robot.step(readings_at(tick, sorted(LANDMARKS)))
     assert last.belief is not None
     assert last.belief.mean[AXES] == pytest.approx((0.0, 0.3), abs=0.1)
     assert np.trace(last.belief.covariance[AXES, AXES]) < 0.05
@@ -150,18 +150,18 @@ def test_other_kinds_of_sightings_are_told_as_they_are_or_by_the_robot_s_model()
     robot, place = started(), {"values": (1.0, 0.5), "covariance": (0.01, 0.0, 0.01)}
     own = [Seen(subject="robot/r2", kind="range", values=(2.0,)), Seen(subject="object/ball", kind="position", **place)]
     strange = Seen(subject="object/cup", kind="doppler", values=(1.0,))
-    told = robot.step(readings(1, seen=[*own, strange]))
-    assert [(r.subject, r.kind) for r in told.relatives] == [("robot/r2", "range"), ("object/ball", "position")]
-    assert told.relatives[0].range_variance == pytest.approx((Camera().floor + 2 * Camera().share) ** 2)
-    assert told.relatives[1].numbers()[1] == (0.01, 0.0, 0.01)
+    result = robot.step(readings(1, seen=[*own, strange]))
+    assert [(r.subject, r.kind) for r in result.relatives] == [("robot/r2", "range"), ("object/ball", "position")]
+    assert result.relatives[0].range_variance == pytest.approx((Camera().floor + 2 * Camera().share) ** 2)
+    assert result.relatives[1].numbers()[1] == (0.01, 0.0, 0.01)
 
 
 def test_of_several_sightings_in_a_tick_the_newest_is_told() -> None:
     robot = started()
     old = Sighting(subject="robot/r2", range=1.0, bearing=0.0, age=0.8)
     new = Sighting(subject="robot/r2", range=2.0, bearing=0.0, age=0.1)
-    told = robot.step(readings(1, sightings=[new, old]))
-    assert [r.range for r in told.relatives] == [2.0]
+    result = robot.step(readings(1, sightings=[new, old]))
+    assert [r.range for r in result.relatives] == [2.0]
 
 
 def test_a_misread_barcode_is_not_taken() -> None:
@@ -180,14 +180,14 @@ def test_a_robot_that_was_carried_away_begins_a_new_epoch() -> None:
     for tick in range(1, 5):
         robot.step(standing(tick, (0.0, 0.0, 0.0)))
     for tick in range(5, 5 + LOST):
-        told = robot.step(standing(tick, (-1.5, 1.5, 2.0)))
-    assert told.epoch == 1000 * (4 + LOST)
-    assert told.belief is None
-    assert told.travelled.dt == 0.0
+        result = robot.step(standing(tick, (-1.5, 1.5, 2.0)))
+    assert result.epoch == 1000 * (4 + LOST)
+    assert result.belief is None
+    assert result.travelled.dt == 0.0
     robot.enter(Moments(np.array([-1.5, 1.5, 2.0]), np.eye(3) * 0.01))
-    told = robot.step(standing(20, (-1.5, 1.5, 2.0)))
-    assert told.epoch == 1000 * (4 + LOST)
-    assert told.belief is not None
+    result = robot.step(standing(20, (-1.5, 1.5, 2.0)))
+    assert result.epoch == 1000 * (4 + LOST)
+    assert result.belief is not None
 
 
 def test_with_a_compass_it_finds_itself_again() -> None:
@@ -195,9 +195,9 @@ def test_with_a_compass_it_finds_itself_again() -> None:
     for tick in range(1, 5):
         robot.step(standing(tick, (0.0, 0.0, 0.0), compass=0.0))
     for tick in range(5, 7 + LOST):
-        told = robot.step(standing(tick, (-1.5, 1.5, 0.0), compass=0.0))
-    assert told.epoch == 1000 * (4 + LOST)
-    assert present(told.belief).mean[AXES] == pytest.approx((-1.5, 1.5), abs=0.05)
+        result = robot.step(standing(tick, (-1.5, 1.5, 0.0), compass=0.0))
+    assert result.epoch == 1000 * (4 + LOST)
+    assert present(result.belief).mean[AXES] == pytest.approx((-1.5, 1.5), abs=0.05)
 
 
 def test_a_process_that_is_started_again_begins_a_greater_epoch() -> None:
@@ -213,11 +213,11 @@ def test_what_nobody_measured_is_not_known() -> None:
     for tick in (1, 2, 3, 4):
         calm.step(readings(tick, odometry=drive))
     for tick in (1, 4):
-        told = late.step(readings(tick, odometry=drive))
-    lost = np.diag(present(told.belief).covariance)[:3] - np.diag(present(calm.belief).covariance)[:3]
+        result = late.step(readings(tick, odometry=drive))
+    lost = np.diag(present(result.belief).covariance)[:3] - np.diag(present(calm.belief).covariance)[:3]
     assert lost[:2] == pytest.approx([0.4**2, 0.4**2], rel=0.2)  # 2 s at 0.2 m/s
     assert lost[2] == pytest.approx(0.6**2, rel=0.1)
-    assert told.travelled.along > 0.4**2, "and the joint is told so"
+    assert result.travelled.along > 0.4**2, "and the joint is told so"
 
 
 def test_a_robot_that_may_have_turned_anywhere_begins_anew() -> None:
@@ -245,21 +245,21 @@ def test_a_robot_that_its_team_can_place_goes_on_in_the_same_epoch() -> None:
         robot.step(standing(tick, (0.0, 0.0, 0.0)), placed(at))
     at[:3] = -1.4, 1.4, 1.9  # what the mates see of it; it was carried away
     for tick in range(5, 8 + LOST):
-        told = robot.step(standing(tick, (-1.5, 1.5, 2.0)), placed(at))
-    assert told.epoch == 0
-    assert told.increment is not None
-    assert present(told.belief).mean[:3] == pytest.approx((-1.5, 1.5, 2.0), abs=0.05)
+        result = robot.step(standing(tick, (-1.5, 1.5, 2.0)), placed(at))
+    assert result.epoch == 0
+    assert result.increment is not None
+    assert present(result.belief).mean[:3] == pytest.approx((-1.5, 1.5, 2.0), abs=0.05)
 
 
 def test_where_the_team_believes_it_is_is_no_evidence() -> None:
     plain, helped = started(), started()
     at = plain.belief
-    one = plain.step(standing(1, (0.0, 0.0, 0.0)))
-    two = helped.step(standing(1, (0.0, 0.0, 0.0)), placed(present(at).mean + 1e-4))
-    assert one.belief is not None
-    assert two.belief is not None
-    assert np.allclose(one.belief.covariance, two.belief.covariance, atol=1e-5)
-    assert np.allclose(one.belief.mean, two.belief.mean, atol=1e-3)
+    alone = plain.step(standing(1, (0.0, 0.0, 0.0)))
+    guided = helped.step(standing(1, (0.0, 0.0, 0.0)), placed(present(at).mean + 1e-4))
+    assert alone.belief is not None
+    assert guided.belief is not None
+    assert np.allclose(alone.belief.covariance, guided.belief.covariance, atol=1e-5)
+    assert np.allclose(alone.belief.mean, guided.belief.mean, atol=1e-3)
 
 
 def test_noise_depends_on_the_command() -> None:
@@ -281,9 +281,9 @@ def test_a_drift_that_was_not_measured_stays_as_open_as_of_any_wheels() -> None:
     sigma = DRIFT - FORWARD
     measured = OdometrySection(measured=True)
     assert wheels_of(measured).nuisance.sigmas[sigma] == Wheels().nuisance.sigmas[sigma]
-    told = wheels_of(measured.model_copy(update={"drift": 0.005}))
-    assert told.drift == 0.005
-    assert told.nuisance.sigmas[sigma] < Wheels().nuisance.sigmas[sigma]
+    wheels = wheels_of(measured.model_copy(update={"drift": 0.005}))
+    assert wheels.drift == 0.005
+    assert wheels.nuisance.sigmas[sigma] < Wheels().nuisance.sigmas[sigma]
 
 
 def test_a_camera_turning_within_the_tick_is_less_sure_of_the_bearing() -> None:
@@ -309,18 +309,18 @@ def test_a_lie_about_where_it_is_does_not_make_a_robot_lose_itself() -> None:
     at = np.zeros(STATES)
     at[:5] = 1e9, -1e9, 1.0, 0.9, 0.95
     for tick in range(1, 4 + LOST):
-        told = robot.step(standing(tick, (0.0, 0.0, 0.0)), placed(at))
-    assert told.epoch == 0
-    assert present(told.belief).mean[AXES] == pytest.approx((0.0, 0.0), abs=0.1)
+        result = robot.step(standing(tick, (0.0, 0.0, 0.0)), placed(at))
+    assert result.epoch == 0
+    assert present(result.belief).mean[AXES] == pytest.approx((0.0, 0.0), abs=0.1)
 
 
 def test_readings_that_say_how_exact_they_are_count_so() -> None:
     robot = FirstHand(ROBOT)
-    seen = Sighting(subject="object/can", range=2.0, bearing=0.1, range_sigma=0.3, bearing_sigma=0.2)
-    told = robot.step(readings(0, compass=0.7, compass_sigma=0.4, sightings=[seen]))
-    assert present(told.belief).covariance[HEADING, HEADING] == pytest.approx(0.4**2)
-    (relative,) = told.relatives
+    sighting = Sighting(subject="object/can", range=2.0, bearing=0.1, range_sigma=0.3, bearing_sigma=0.2)
+    result = robot.step(readings(0, compass=0.7, compass_sigma=0.4, sightings=[sighting]))
+    assert present(result.belief).covariance[HEADING, HEADING] == pytest.approx(0.4**2)
+    (relative,) = result.relatives
     assert (relative.range_variance, relative.bearing_variance) == pytest.approx((0.3**2, 0.2**2))
     assert relative.biases == ()
-    told = robot.step(readings(1, compass=0.7, compass_sigma=0.4, odometry=Odometry(distance=0, turn=0, dt=1)))
-    assert present(told.belief).covariance[HEADING, HEADING] == pytest.approx(0.4**2 / 2, rel=0.05)
+    result = robot.step(readings(1, compass=0.7, compass_sigma=0.4, odometry=Odometry(distance=0, turn=0, dt=1)))
+    assert present(result.belief).covariance[HEADING, HEADING] == pytest.approx(0.4**2 / 2, rel=0.05)

@@ -23,13 +23,18 @@ STEPS = 40
 
 
 def sighted(
-    pose: Pose, name: str, place: tuple[float, float], noise: np.random.Generator, named: bool, told: bool = False
+    pose: Pose,
+    name: str,
+    place: tuple[float, float],
+    noise: np.random.Generator,
+    named: bool,
+    with_sigmas: bool = False,
 ) -> Sighting:
     """A noisy sighting of a landmark from a pose. `named`: it says which landmark it is; `told`: it comes with the camera's sigmas."""
     off = np.subtract(place, pose[:2])
     distance, bearing = float(np.hypot(*off)) + 0.05 * noise.normal(), math.atan2(off[1], off[0]) - pose[2]
     bearing = math.remainder(bearing + 0.02 * noise.normal(), math.tau)
-    sigmas = {"range_sigma": 0.05, "bearing_sigma": 0.02} if told else {}
+    sigmas = {"range_sigma": 0.05, "bearing_sigma": 0.02} if with_sigmas else {}
     if named:
         return Sighting(subject=name, range=distance, bearing=bearing, landmark=place, **sigmas)
     return Sighting(subject="landmark/?", range=distance, bearing=bearing, **sigmas)
@@ -42,7 +47,7 @@ def driven(
     seed: int = 1,
     off: float = 0.0,
     known: dict[str, tuple[float, float]] | None = None,
-    told: bool = False,
+    with_sigmas: bool = False,
 ) -> tuple[FirstHand, Pose]:
     """A robot after a drive on an arc, and where it is; `known` is its map [default: all], `off` how far its start is wrong."""
     noise, pose = np.random.default_rng(seed), (0.0, -0.5, 0.3)
@@ -52,9 +57,9 @@ def driven(
     for tick in range(1, STEPS + 1):
         x, y, heading = pose
         pose = (x + 0.02 * math.cos(heading + 0.01), y + 0.02 * math.sin(heading + 0.01), heading + 0.02)
-        seen = [sighted(pose, name, place, noise, named, told) for name, place in places.items()]
+        sightings = [sighted(pose, name, place, noise, named, with_sigmas) for name, place in places.items()]
         moved = Odometry(distance=0.02 * (1 + 0.1 * noise.normal()), turn=0.02, dt=0.2)
-        robot.step(Readings(run="x", robot="r1", tick=tick, time=0.2 * tick, odometry=moved, sightings=seen))
+        robot.step(Readings(run="x", robot="r1", tick=tick, time=0.2 * tick, odometry=moved, sightings=sightings))
     return robot, pose
 
 
@@ -72,12 +77,12 @@ def test_landmarks_that_stand_apart_tell_as_much_as_with_their_names() -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_of_a_group_they_tell_less_than_with_names_and_nothing_false(seed: int) -> None:
     """The camera's noise is told, because what is found of it differs between the two."""
-    robot, pose = driven(GROUP, False, seed=seed, told=True)
-    found, with_names = believed(robot), believed(driven(GROUP, True, seed=seed, told=True)[0])
-    apart = found.mean - pose[:2]
-    assert np.trace(found.covariance) >= np.trace(with_names.covariance)
-    assert apart @ np.linalg.solve(found.covariance, apart) < 13.8  # 99.9 %
-    assert np.trace(found.covariance) < 0.1**2 + 0.1**2  # better than the start alone
+    robot, pose = driven(GROUP, False, seed=seed, with_sigmas=True)
+    without, with_names = believed(robot), believed(driven(GROUP, True, seed=seed, with_sigmas=True)[0])
+    apart = without.mean - pose[:2]
+    assert np.trace(without.covariance) >= np.trace(with_names.covariance)
+    assert apart @ np.linalg.solve(without.covariance, apart) < 13.8  # 99.9 %
+    assert np.trace(without.covariance) < 0.1**2 + 0.1**2  # better than the start alone
 
 
 CROWDED = APART | {"landmark/e": (3.1, 2.1)}
@@ -86,7 +91,7 @@ CROWDED = APART | {"landmark/e": (3.1, 2.1)}
 @settings(max_examples=25, deadline=None)
 @given(st.permutations(sorted(CROWDED)), st.integers(0, 100))
 def test_their_order_in_a_frame_changes_nothing(order: list[str], seed: int) -> None:
-    places, found = CROWDED, []
+    places, beliefs = CROWDED, []
     for names in (sorted(places), order):
         noise = np.random.default_rng(seed)
         by_name = {name: sighted((0.1, 0.0, 0.0), name, places[name], noise, named=False) for name in sorted(places)}
@@ -94,11 +99,11 @@ def test_their_order_in_a_frame_changes_nothing(order: list[str], seed: int) -> 
         fix = Fix(position=(0, 0), sigma=0.2, heading=0.0, heading_sigma=0.1)
         robot.step(Readings(run="x", robot="r1", tick=0, time=0.0, fix=fix))
         still = Odometry(distance=0, turn=0, dt=0.2)
-        seen = [by_name[name] for name in names]
-        robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, odometry=still, sightings=seen))
-        found.append(believed(robot))
-    assert found[0].mean == pytest.approx(found[1].mean, abs=1e-9)
-    assert found[0].covariance == pytest.approx(found[1].covariance, abs=1e-9)
+        sightings = [by_name[name] for name in names]
+        robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, odometry=still, sightings=sightings))
+        beliefs.append(believed(robot))
+    assert beliefs[0].mean == pytest.approx(beliefs[1].mean, abs=1e-9)
+    assert beliefs[0].covariance == pytest.approx(beliefs[1].covariance, abs=1e-9)
 
 
 def test_what_else_has_no_name_keeps_its_number_among_all_that_have_none() -> None:
@@ -106,8 +111,8 @@ def test_what_else_has_no_name_keeps_its_number_among_all_that_have_none() -> No
     noise, names = np.random.default_rng(1), ("landmark/a", "landmark/b")
     landmarks = [sighted(pose, name, APART[name], noise, False) for name in names]
     mate = Sighting(subject="robot/?", range=2.0, bearing=0.5)
-    told = Readings(run="x", robot="r1", tick=STEPS + 1, time=9.0, sightings=[landmarks[0], mate, landmarks[1]])
-    assert [(seen.subject, seen.mark) for seen in robot.step(told).relatives] == [("robot/?", 1)]
+    readings = Readings(run="x", robot="r1", tick=STEPS + 1, time=9.0, sightings=[landmarks[0], mate, landmarks[1]])
+    assert [(relative.subject, relative.mark) for relative in robot.step(readings).relatives] == [("robot/?", 1)]
 
 
 def test_without_a_map_they_tell_nothing() -> None:
@@ -124,9 +129,9 @@ def test_where_the_robot_does_not_know_where_it_is_they_tell_nothing_and_a_large
     places = {f"landmark/{n}": (float(n % 30), float(n // 30)) for n in range(900)}
     robot, noise = FirstHand(ROBOT, Sensors(landmarks=places)), np.random.default_rng(1)
     robot.step(Readings(run="x", robot="r1", tick=0, time=0.0, compass=0.0))  # a heading and no place
-    seen = [sighted((0.1, 0.0, 0.0), name, places[name], noise, named=False) for name in list(places)[:60]]
+    sightings = [sighted((0.1, 0.0, 0.0), name, places[name], noise, named=False) for name in list(places)[:60]]
     still = Odometry(distance=0, turn=0, dt=0.2)
-    robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, compass=0.0, odometry=still, sightings=seen))
+    robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, compass=0.0, odometry=still, sightings=sightings))
     assert np.trace(believed(robot).covariance) > 1e5
     assert not robot.mishaps.moved
 
@@ -137,8 +142,8 @@ def test_what_may_be_one_of_two_that_stand_apart_is_not_taken() -> None:
     fix = Fix(position=(0, 0), sigma=0.02, heading=0.0, heading_sigma=0.6)
     robot.step(Readings(run="x", robot="r1", tick=0, time=0.0, fix=fix))
     before = believed(robot)
-    seen = [Sighting(subject="landmark/?", range=math.hypot(2, 1), bearing=0.0)]
+    sightings = [Sighting(subject="landmark/?", range=math.hypot(2, 1), bearing=0.0)]
     still = Odometry(distance=0, turn=0, dt=0.2)
-    robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, odometry=still, sightings=seen))
+    robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, odometry=still, sightings=sightings))
     assert believed(robot).mean == pytest.approx(before.mean, abs=1e-9)
     assert np.all(believed(robot).covariance >= before.covariance - 1e-12)

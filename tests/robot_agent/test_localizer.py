@@ -37,8 +37,8 @@ every = pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: f"{s.localiz
 
 
 def at(settings: RobotSection, x: float, y: float, heading: float, sigma: float = 0.2) -> Localizer:
-    it: Localizer = Estimator.begin(settings, GRID, "r1").localizer
-    return it.update_with_fix(Fix(position=(x, y), sigma=sigma, heading=heading, heading_sigma=0.02))
+    localizer: Localizer = Estimator.begin(settings, GRID, "r1").localizer
+    return localizer.update_with_fix(Fix(position=(x, y), sigma=sigma, heading=heading, heading_sigma=0.02))
 
 
 def sighting(x: float, y: float, heading: float, place: tuple[float, float], age: float = 0.0) -> Sighting:
@@ -50,24 +50,24 @@ def sighting(x: float, y: float, heading: float, place: tuple[float, float], age
 
 @every
 def test_at_first_nothing_is_known(settings: RobotSection) -> None:
-    it: Localizer = Estimator.begin(settings, GRID, "r1").localizer
-    assert it.marginal().p == pytest.approx(np.full(GRID.shape, 1 / GRID.size))
+    localizer: Localizer = Estimator.begin(settings, GRID, "r1").localizer
+    assert localizer.marginal().p == pytest.approx(np.full(GRID.shape, 1 / GRID.size))
     bins = settings.headings if settings.localizer == "pose" else 1
-    assert it.entropy() == pytest.approx(math.log(bins * GRID.size), rel=1e-4)
+    assert localizer.entropy() == pytest.approx(math.log(bins * GRID.size), rel=1e-4)
 
 
 @every
 def test_a_robot_drives_where_it_looks_after_its_turn(settings: RobotSection) -> None:
     """The oracle: an arc in many little steps."""
-    it = at(settings, -0.8, -0.6, 0.3, 0.1)
+    localizer = at(settings, -0.8, -0.6, 0.3, 0.1)
     x, y, heading = -0.8, -0.6, 0.3
     for _ in range(5):
         compass = None if settings.localizer == "pose" else heading + 0.4 / 2  # the direction of the chord
-        it = it.predict(TickMotion(0.2, 0.4, 0.5, 0.0, 0.0, 0.0), compass)
+        localizer = localizer.predict(TickMotion(0.2, 0.4, 0.5, 0.0, 0.0, 0.0), compass)
         for _ in range(100):
             heading += 0.004
             x, y = x + 0.002 * math.cos(heading), y + 0.002 * math.sin(heading)
-    assert it.marginal().mean() == pytest.approx((x, y), abs=0.03)
+    assert localizer.marginal().mean() == pytest.approx((x, y), abs=0.03)
 
 
 @every
@@ -91,20 +91,20 @@ def test_noise_below_a_third_of_a_cell_waits_and_is_never_lost(settings: RobotSe
 
 @every
 def test_a_landmark_moves_the_belief_to_where_it_is_seen_from(settings: RobotSection) -> None:
-    it = at(settings, 0.25, 0.25, 0.3)
+    localizer = at(settings, 0.25, 0.25, 0.3)
     place = (1.55, 0.85)
-    after = it.update_with_sighting(sighting(0.05, 0.15, 0.3, place), None, np.array(place), EXACT)
+    after = localizer.update_with_sighting(sighting(0.05, 0.15, 0.3, place), None, np.array(place), EXACT)
     assert after.marginal().mean() == pytest.approx((0.05, 0.15), abs=0.1)
-    assert after.entropy() < it.entropy()
+    assert after.entropy() < localizer.entropy()
 
 
 @every
 def test_a_vaguer_landmark_says_less(settings: RobotSection) -> None:
-    it = at(settings, 0.25, 0.25, 0.3)
+    localizer = at(settings, 0.25, 0.25, 0.3)
     place = (1.55, 0.85)
-    seen = sighting(0.05, 0.15, 0.3, place)
+    measured = sighting(0.05, 0.15, 0.3, place)
     entropies = [
-        it.update_with_sighting(seen, None, np.array(place), np.eye(2) * variance).entropy()
+        localizer.update_with_sighting(measured, None, np.array(place), np.eye(2) * variance).entropy()
         for variance in (0.0, 0.05, 0.5, 50.0)
     ]
     assert entropies == sorted(entropies)
@@ -114,10 +114,10 @@ def test_a_vaguer_landmark_says_less(settings: RobotSection) -> None:
 @every
 def test_an_uncertain_landmark_counts_as_its_covariance_says(settings: RobotSection) -> None:
     """Uncertain across the line of sight in x only: x stays as it was, y is measured."""
-    it = at(settings, 0.05, 0.05, 0.0)
+    localizer = at(settings, 0.05, 0.05, 0.0)
     place, covariance = (0.05, 1.45), np.array([[25.0, 0.0], [0.0, 0.0]])
-    seen = sighting(0.25, -0.15, 0.0, place)
-    x, y = it.update_with_sighting(seen, None, np.array(place), covariance).marginal().mean()
+    measured = sighting(0.25, -0.15, 0.0, place)
+    x, y = localizer.update_with_sighting(measured, None, np.array(place), covariance).marginal().mean()
     assert x == pytest.approx(0.05, abs=0.03)
     assert y < -0.03
 
@@ -127,27 +127,27 @@ def test_the_sighting_of_a_tick_ago_counts_from_where_the_robot_was(settings: Ro
     """It stood at the origin with heading 0 and saw; then it turned by 0.5 and drove 0.3 m."""
     place = (1.4, 0.6)
     there = (0.3 * math.cos(0.5), 0.3 * math.sin(0.5))
-    it = at(settings, *there, 0.5, 0.3)
-    seen = sighting(0.0, 0.0, 0.0, place, age=1.0)
-    after = it.update_with_sighting(seen, MOVED, np.array(place), EXACT)
+    localizer = at(settings, *there, 0.5, 0.3)
+    measured = sighting(0.0, 0.0, 0.0, place, age=1.0)
+    after = localizer.update_with_sighting(measured, MOVED, np.array(place), EXACT)
     assert after.marginal().mean() == pytest.approx(there, abs=0.07)
-    assert it.project(seen, MOVED).mean() == pytest.approx(place, abs=0.08)
+    assert localizer.project(measured, MOVED).mean() == pytest.approx(place, abs=0.08)
     half = sighting(there[0] / 2, there[1] / 2, 0.25, place, age=0.5)
-    assert it.project(half, MOVED).mean() == pytest.approx(place, abs=0.08)
+    assert localizer.project(half, MOVED).mean() == pytest.approx(place, abs=0.08)
 
 
 ANCHORS = [(1.4, 0.6), (-1.5, 1.2), (-0.4, -1.6)]
 
 
-def taking_parts(it: Localizer) -> TakesParts:
-    assert isinstance(it, TakesParts)
-    return it
+def taking_parts(localizer: Localizer) -> TakesParts:
+    assert isinstance(localizer, TakesParts)
+    return localizer
 
 
 def part(kind: str, there: tuple[float, float, float], place: tuple[float, float], age: float = 0.0) -> Seen:
     """A range or a bearing alone that a robot there measures of a place."""
-    seen = sighting(*there, place)
-    value, sigma = (seen.range, 0.05) if kind == "range" else (seen.bearing, 0.03)
+    measured = sighting(*there, place)
+    value, sigma = (measured.range, 0.05) if kind == "range" else (measured.bearing, 0.03)
     return Seen(subject="landmark/1", kind=kind, values=(value,), covariance=(sigma**2,), landmark=place, age=age)
 
 
@@ -155,18 +155,18 @@ def part(kind: str, there: tuple[float, float, float], place: tuple[float, float
 @pytest.mark.parametrize("kind", ["range", "bearing"])
 def test_ranges_or_bearings_alone_of_three_known_points_tell_the_place(settings: RobotSection, kind: str) -> None:
     """Nothing but the heading is known before."""
-    it = taking_parts(at(settings, 0.0, 0.0, 0.4, sigma=50.0))
+    localizer = taking_parts(at(settings, 0.0, 0.0, 0.4, sigma=50.0))
     for place in ANCHORS:
-        it = it.update_with_part(part(kind, (0.35, -0.25, 0.4), place), None, np.array(place))
-    assert it.marginal().mean() == pytest.approx((0.35, -0.25), abs=0.1)
-    assert math.sqrt(np.trace(it.marginal().covariance())) < 0.2
+        localizer = localizer.update_with_part(part(kind, (0.35, -0.25, 0.4), place), None, np.array(place))
+    assert localizer.marginal().mean() == pytest.approx((0.35, -0.25), abs=0.1)
+    assert math.sqrt(np.trace(localizer.marginal().covariance())) < 0.2
 
 
 @every
 def test_one_range_alone_leaves_a_ring(settings: RobotSection) -> None:
-    it = taking_parts(Estimator.begin(settings, GRID, "r1").localizer)
-    it = it.update_with_part(part("range", (0.0, 0.0, 0.0), (1.0, 0.0)), None, np.array([1.0, 0.0]))
-    p = it.marginal().p
+    localizer = taking_parts(Estimator.begin(settings, GRID, "r1").localizer)
+    localizer = localizer.update_with_part(part("range", (0.0, 0.0, 0.0), (1.0, 0.0)), None, np.array([1.0, 0.0]))
+    p = localizer.marginal().p
     x, y = GRID.mesh()
     off = np.abs(np.hypot(x - 1.0, y) - 1.0)
     assert p[off < 0.2].sum() > 0.95
@@ -176,48 +176,48 @@ def test_one_range_alone_leaves_a_ring(settings: RobotSection) -> None:
 @every
 def test_a_range_of_a_tick_ago_counts_from_where_the_robot_was(settings: RobotSection) -> None:
     there = (0.3 * math.cos(0.5), 0.3 * math.sin(0.5))
-    it = taking_parts(at(settings, *there, 0.5, 0.3))
+    localizer = taking_parts(at(settings, *there, 0.5, 0.3))
     for place in ANCHORS:
-        it = it.update_with_part(part("range", (0.0, 0.0, 0.0), place, age=1.0), MOVED, np.array(place))
-    assert it.marginal().mean() == pytest.approx(there, abs=0.07)
+        localizer = localizer.update_with_part(part("range", (0.0, 0.0, 0.0), place, age=1.0), MOVED, np.array(place))
+    assert localizer.marginal().mean() == pytest.approx(there, abs=0.07)
 
 
 @every
 def test_tempering_is_a_power(settings: RobotSection) -> None:
     """A Gaussian to the power 1/2 has twice the variance."""
-    it = at(settings, 0.05, 0.05, 0.3, 0.2)
-    once, twice = it.marginal().covariance(), it.tempered(0.5).marginal().covariance()
+    localizer = at(settings, 0.05, 0.05, 0.3, 0.2)
+    once, twice = localizer.marginal().covariance(), localizer.tempered(0.5).marginal().covariance()
     assert twice == pytest.approx(2 * once, rel=0.02, abs=1e-3)
-    assert it.tempered(0.5).entropy() > it.entropy()
+    assert localizer.tempered(0.5).entropy() > localizer.entropy()
 
 
 @every
 def test_a_belief_stays_a_belief(settings: RobotSection) -> None:
-    it = at(settings, 1.7, 1.5, 0.4)
+    localizer = at(settings, 1.7, 1.5, 0.4)
     for k in range(8):  # out of the grid
-        it = it.predict(STEP, 0.4 if settings.localizer != "pose" else None)
-        seen = sighting(1.0, 1.0, 0.4, (0.1, 0.1))
-        it = it.update_with_sighting(seen, STEP, np.array((0.1, 0.1)), EXACT) if k % 2 else it
-        for belief in (it.marginal(), it.project(seen, STEP)):
+        localizer = localizer.predict(STEP, 0.4 if settings.localizer != "pose" else None)
+        measured = sighting(1.0, 1.0, 0.4, (0.1, 0.1))
+        localizer = localizer.update_with_sighting(measured, STEP, np.array((0.1, 0.1)), EXACT) if k % 2 else localizer
+        for belief in (localizer.marginal(), localizer.project(measured, STEP)):
             assert belief.p.sum() == pytest.approx(1.0)
             assert belief.p.min() >= 0
-        assert math.isfinite(it.entropy())
+        assert math.isfinite(localizer.entropy())
 
 
 @every
 def test_folding_what_was_reported_changes_nothing_and_what_was_agreed_is_taken_over(settings: RobotSection) -> None:
-    it = at(settings, 0.1, 0.2, 0.3).predict(STEP, None)
-    reported = it.marginal()
-    assert it.fold(reported, reported).marginal().p == pytest.approx(reported.p, abs=1e-6)
+    localizer = at(settings, 0.1, 0.2, 0.3).predict(STEP, None)
+    reported = localizer.marginal()
+    assert localizer.fold(reported, reported).marginal().p == pytest.approx(reported.p, abs=1e-6)
     agreed = gaussian(GRID, reported.mean() + 0.1, 0.15)
-    assert np.abs(it.fold(agreed, reported).marginal().p - agreed.p).sum() < 0.1  # but for interpolation
+    assert np.abs(localizer.fold(agreed, reported).marginal().p - agreed.p).sum() < 0.1  # but for interpolation
 
 
 @every
 def test_folding_what_the_robot_ruled_out_starts_again_there(settings: RobotSection) -> None:
-    it = at(settings, -1.5, -1.3, 0.3, 0.05).predict(STEP, None)
+    localizer = at(settings, -1.5, -1.3, 0.3, 0.05).predict(STEP, None)
     agreed = gaussian(GRID, (1.2, 1.1), 0.1)
-    after = it.fold(agreed, it.marginal())
+    after = localizer.fold(agreed, localizer.marginal())
     assert after.marginal().p == pytest.approx(agreed.p, abs=1e-6)
     assert entropy(after.marginal().p) == pytest.approx(entropy(agreed.p), rel=1e-3)
     moved = after.predict(TickMotion(0.2, 0.0, 1.0, 0.0, 0.0, 0.0), None)
@@ -227,6 +227,6 @@ def test_folding_what_the_robot_ruled_out_starts_again_there(settings: RobotSect
 
 @every
 def test_a_fix_where_the_robot_is_not_replaces_its_belief(settings: RobotSection) -> None:
-    it = at(settings, -1.5, -1.3, 0.3, 0.01)
-    after = it.update_with_fix(Fix(position=(1.5, 1.3), sigma=0.01, heading=0.3, heading_sigma=0.02))
+    localizer = at(settings, -1.5, -1.3, 0.3, 0.01)
+    after = localizer.update_with_fix(Fix(position=(1.5, 1.3), sigma=0.01, heading=0.3, heading_sigma=0.02))
     assert after.marginal().mean() == pytest.approx((1.5, 1.3), abs=0.06)

@@ -43,12 +43,12 @@ def test_an_unknown_name_is_a_mistake_that_names_the_known_ones() -> None:
 def test_a_script_registers_its_own() -> None:
     @localizer("begins near the origin")
     def begin(settings: RobotSection, grid: Grid) -> PositionLocalizer:
-        it = PositionLocalizer.unknown(settings, grid)
-        return it.update_with_fix(Fix(position=(0.55, 0.55), sigma=0.1))
+        unknown = PositionLocalizer.unknown(settings, grid)
+        return unknown.update_with_fix(Fix(position=(0.55, 0.55), sigma=0.1))
 
-    it = Estimator.begin(named("begins near the origin"), GRID, "r1")
+    estimator = Estimator.begin(named("begins near the origin"), GRID, "r1")
     readings = Readings(run="x", robot="r1", tick=0, time=0.0, odometry=None, compass=0.0, fix=None, sightings=[])
-    assert it.advance(readings).localizer.marginal().mean() == pytest.approx((0.55, 0.55), abs=0.01)
+    assert estimator.advance(readings).localizer.marginal().mean() == pytest.approx((0.55, 0.55), abs=0.01)
     assert "begins near the origin" in known_localizers()
 
 

@@ -29,9 +29,9 @@ def test_a_robot_that_is_stuck_says_so_while_it_is() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_it_is_found_again_and_no_longer_called_stuck(seed: int) -> None:
-    found = stuck(seed).found()
-    assert found is not None
-    assert found <= SECONDS + 15
+    seconds = stuck(seed).found()
+    assert seconds is not None
+    assert seconds <= SECONDS + 15
     assert stuck(seed).stuck[-1] == 0.0
     assert np.nanmax(stuck(seed).errors[BEGAN:]) < 2.0, "unit; it was commanded to drive 1.8"
 
@@ -39,9 +39,9 @@ def test_it_is_found_again_and_no_longer_called_stuck(seed: int) -> None:
 @pytest.mark.parametrize("misreads", [False, True])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_sound_wheels_are_not_called_stuck_and_nobody_moved(seed: int, misreads: bool) -> None:
-    it = course(seed, misreads=misreads)
-    assert not any(it.stuck)
-    assert not any(it.moved)
+    drive = course(seed, misreads=misreads)
+    assert not any(drive.stuck)
+    assert not any(drive.moved)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

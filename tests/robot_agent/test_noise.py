@@ -44,8 +44,8 @@ def driven(
     """A robot that is seen in each tick while it drives, with an error along the way of `true` times what the physics say."""
     rng, noise, way = np.random.default_rng(seed), WheelNoise("robot/r1", Nuisance(), (given, given)), 0.0
     for _ in range(seconds):
-        seen = way + SURE * rng.normal()
-        noise.judge(block(seen * math.cos(heading), seen * math.sin(heading), heading), by_team=by_team)
+        measured = way + SURE * rng.normal()
+        noise.judge(block(measured * math.cos(heading), measured * math.sin(heading), heading), by_team=by_team)
         noise.move(noise.scaled(TICK))
         way += TICK.distance + true * ALONG * rng.normal()
     return noise
@@ -58,16 +58,16 @@ def along(noise: WheelNoise) -> float:
 @pytest.mark.parametrize(("true", "heading"), [(1.0, 0.0), (2.0, 2.0), (4.0, 0.0)])
 def test_the_error_along_the_way_is_found_after_ten_minutes(true: float, heading: float) -> None:
     """To what the prior holds back, and a fifth."""
-    found = [along(driven(true, 600, seed, heading=heading)) for seed in range(8)]
-    assert np.mean(found) == pytest.approx(true, rel=0.35)
-    assert (np.mean(found) - true) * (true - 1) <= 0.2 * true, "what may be luck is not used"
+    errors = [along(driven(true, 600, seed, heading=heading)) for seed in range(8)]
+    assert np.mean(errors) == pytest.approx(true, rel=0.35)
+    assert (np.mean(errors) - true) * (true - 1) <= 0.2 * true, "what may be luck is not used"
 
 
 def test_wheels_that_are_as_the_physics_say_are_taken_for_those_after_two_minutes() -> None:
     """Two minutes have seven long spans: one drive in many looks half as noisy again as it is."""
-    found = [along(driven(1.0, 120, seed)) for seed in range(16)]
-    assert max(found) < 1.75
-    assert np.mean(found) < 1.25
+    errors = [along(driven(1.0, 120, seed)) for seed in range(16)]
+    assert max(errors) < 1.75
+    assert np.mean(errors) < 1.25
 
 
 @pytest.mark.parametrize("by_team", [False, True])
@@ -83,8 +83,8 @@ def test_it_begins_with_the_physics_and_one_span_moves_it_little() -> None:
 @pytest.mark.parametrize("true", [0.5, 1.0, 4.0])
 def test_a_guessed_model_is_replaced_by_what_is_seen(true: float) -> None:
     assert along(driven(1.0, 1, 1, given=False)) == 1.0
-    found = [along(driven(true, 300, seed, given=False)) for seed in range(8)]
-    assert 0.9 * true < np.mean(found) < 1.5 * true, "rather too wide: the larger of what three lengths of spans show"
+    errors = [along(driven(true, 300, seed, given=False)) for seed in range(8)]
+    assert 0.9 * true < np.mean(errors) < 1.5 * true, "rather too wide: the larger of what three lengths of spans show"
 
 
 def test_a_guessed_model_is_never_taken_for_none() -> None:
@@ -152,10 +152,10 @@ NUMBERS = st.floats(-1e4, 1e4)
 
 @given(st.lists(st.tuples(NUMBERS, NUMBERS, st.floats(0, 1e4), st.booleans()), max_size=40))
 def test_it_stays_between_the_physics_and_eight_times_them_whatever_a_team_says(
-    told: list[tuple[float, float, float, bool]],
+    spans: list[tuple[float, float, float, bool]],
 ) -> None:
     noise = WheelNoise("robot/r1", Nuisance(sigmas=(0.05,) * 9))
-    for x, heading, sigma, by_team in told:
+    for x, heading, sigma, by_team in spans:
         noise.judge(block(x, -x, heading, sigma), by_team=by_team)
         for _ in range(int(SPAN)):
             noise.move(TICK)
@@ -189,17 +189,21 @@ STRAIGHT = [(0.1, 0.0)]
 
 
 def simulated(
-    it: Truth, seconds: int, seed: int = 1, sensors: Sensors | None = None, drives: list[tuple[float, float]] = DRIVES
+    truth: Truth,
+    seconds: int,
+    seed: int = 1,
+    sensors: Sensors | None = None,
+    drives: list[tuple[float, float]] = DRIVES,
 ) -> tuple[FirstHand, float, float]:
     """Its filter after a drive, the RMSE (unit) of the second half, and the share within 95 %."""
     rng, own = np.random.default_rng(seed), FirstHand("robot/r1", sensors or Sensors())
     x, y, heading, squares, held, before = 0.0, 0.0, 0.0, list[float](), list[bool](), (0.0, 0.0)
     for tick in range(seconds + 1):
-        told = drives[tick % len(drives)]
+        command = drives[tick % len(drives)]
         if tick:
-            now = [(1 - it.lag) * a + it.lag * b for a, b in zip(told, before, strict=True)]
-            turn = now[1] * (it.curve if now[0] > 0.1 else it.spin) + 0.01 * rng.normal()
-            way = now[0] * it.way + it.slip * rng.normal()
+            now = [(1 - truth.lag) * a + truth.lag * b for a, b in zip(command, before, strict=True)]
+            turn = now[1] * (truth.curve if now[0] > 0.1 else truth.spin) + 0.01 * rng.normal()
+            way = now[0] * truth.way + truth.slip * rng.normal()
             x += way * math.cos(heading + turn / 2)
             y += way * math.sin(heading + turn / 2)
             heading += turn
@@ -207,10 +211,12 @@ def simulated(
         for number, place in enumerate(LANDMARKS):
             away = math.dist(place, (x, y))
             if tick % 4 == number % 4 and tick:
-                seen = away * it.range * (1 + it.noise * 0.035 * rng.normal())
-                angle = math.atan2(place[1] - y, place[0] - x) - heading + it.bearing + it.noise * 0.01 * rng.normal()
+                measured = away * truth.range * (1 + truth.noise * 0.035 * rng.normal())
+                angle = (
+                    math.atan2(place[1] - y, place[0] - x) - heading + truth.bearing + truth.noise * 0.01 * rng.normal()
+                )
                 sightings.append(
-                    Sighting(subject=f"landmark/{number}", range=max(0.0, seen), bearing=angle, landmark=place)
+                    Sighting(subject=f"landmark/{number}", range=max(0.0, measured), bearing=angle, landmark=place)
                 )
         own.step(
             Readings(
@@ -218,12 +224,14 @@ def simulated(
                 robot="r1",
                 tick=tick,
                 time=float(tick),
-                odometry=Odometry(distance=told[0], turn=told[1] + it.jitter * rng.normal(), dt=1.0) if tick else None,
+                odometry=Odometry(distance=command[0], turn=command[1] + truth.jitter * rng.normal(), dt=1.0)
+                if tick
+                else None,
                 fix=None if tick else Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03),
                 sightings=sightings,
             )
         )
-        before = told
+        before = command
         assert own.belief is not None
         apart = np.array([x, y]) - own.belief.mean[:2]
         if tick > seconds / 2:
@@ -244,22 +252,22 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("name", "it", "value"), WRONG)
-def test_a_robot_finds_what_its_wheels_and_its_camera_are_like(name: str, it: Truth, value: float) -> None:
-    own, rmse, held = simulated(it, 240)
+@pytest.mark.parametrize(("name", "truth", "value"), WRONG)
+def test_a_robot_finds_what_its_wheels_and_its_camera_are_like(name: str, truth: Truth, value: float) -> None:
+    own, rmse, held = simulated(truth, 240)
     assert rmse < 0.08, "unit; .038 where the model is right"
     assert held > 0.95
-    found = own.found()
-    assert found[name] == pytest.approx(value, abs=0.05)
-    assert abs(found[name] - value) < 3 * found[f"{name} sigma"] + 1e-3
+    parameters = own.found()
+    assert parameters[name] == pytest.approx(value, abs=0.05)
+    assert abs(parameters[name] - value) < 3 * parameters[f"{name} sigma"] + 1e-3
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_of_the_turns_is_not_taken_for_a_curve_that_turns_less_than_told(seed: int) -> None:
     """Six times as much noise as the model has."""
     own, _, _ = simulated(Truth(jitter=0.13), 60, seed, drives=STRAIGHT)
-    found = own.found()
-    assert found["curve turn scale"] + 3 * found["curve turn scale sigma"] > 1.0
+    parameters = own.found()
+    assert parameters["curve turn scale"] + 3 * parameters["curve turn scale sigma"] > 1.0
 
 
 @pytest.mark.parametrize(("noise", "low", "high"), [(1 / 3, 0.2, 0.5), (3.0, 1.5, 3.6)])
@@ -282,10 +290,10 @@ def test_a_robot_that_nobody_described_finds_how_much_its_wheels_slip(
 
 
 def test_a_model_that_was_measured_is_not_taken_for_less() -> None:
-    told = RobotSection.model_validate(
+    section = RobotSection.model_validate(
         {"vision": {"kind": "range-bearing"}, "odometry": {"measured": True, "along": 0.03}}
     )
-    own, _, _ = simulated(Truth(slip=0.003), 300, sensors=sensors_of(told))
+    own, _, _ = simulated(Truth(slip=0.003), 300, sensors=sensors_of(section))
     assert own.found()["along noise"] == 1.0
 
 

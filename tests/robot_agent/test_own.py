@@ -43,8 +43,8 @@ class Own:
     def tell(self, distance: float = 0.1, **sigmas: float) -> FilterResult:
         self.tick += 1
         self.given.give(Moments(self.mean.copy(), self.covariance.copy()))
-        told = Odometry(distance=distance, turn=0.0, dt=0.1, **sigmas)
-        return self.given.step(Readings(run="x", robot="r1", tick=self.tick, time=0.1 * self.tick, odometry=told))
+        odometry = Odometry(distance=distance, turn=0.0, dt=0.1, **sigmas)
+        return self.given.step(Readings(run="x", robot="r1", tick=self.tick, time=0.1 * self.tick, odometry=odometry))
 
 
 def test_what_took_nothing_in_gains_nothing_and_its_noise_is_learned() -> None:
@@ -52,29 +52,29 @@ def test_what_took_nothing_in_gains_nothing_and_its_noise_is_learned() -> None:
     assert own.tell().increment is None  # the first
     for _ in range(10):
         own.drive()
-        told = own.tell()
-        assert told.increment is None
-        assert told.motion.heading == pytest.approx(3e-3)
+        result = own.tell()
+        assert result.increment is None
+        assert result.motion.heading == pytest.approx(3e-3)
 
 
 def test_a_filter_that_knows_its_heading_badly_and_takes_nothing_in_gains_nothing() -> None:
     """An extended Kalman filter with wheels alone: predictions that are wider than its own made each step a gain."""
-    random, given, found = np.random.default_rng(5), Given(ROBOT, SENSORS), []
+    random, given, results = np.random.default_rng(5), Given(ROBOT, SENSORS), []
     mean, covariance, along, heading = np.array([1.0, 2.0, 0.3]), np.diag([0.01, 0.01, 0.1]), 1e-4, 1e-4
     for number in range(200):
-        turn, told = float(random.normal(0, 0.1)), Odometry(distance=0.0, turn=0.0, dt=0.1)
+        turn, odometry = float(random.normal(0, 0.1)), Odometry(distance=0.0, turn=0.0, dt=0.1)
         if number:
-            told = Odometry(distance=0.05, turn=turn, dt=0.1)
+            odometry = Odometry(distance=0.05, turn=turn, dt=0.1)
             c, s = math.cos(mean[2] + turn / 2), math.sin(mean[2] + turn / 2)
             by = np.array([[1.0, 0, -0.05 * s], [0, 1, 0.05 * c], [0, 0, 1]])
             noise = np.zeros((3, 3))
             noise[:2, :2], noise[2, 2] = along * np.outer([c, s], [c, s]), heading
             mean, covariance = mean + [0.05 * c, 0.05 * s, turn], by @ covariance @ by.T + noise
         given.give(Moments(mean.copy(), covariance.copy()))
-        found.append(given.step(Readings(run="x", robot="r1", tick=number, time=0.1 * number, odometry=told)))
-    assert all(it.increment is None for it in found)
-    assert sum(it.motion.heading for it in found) == pytest.approx(199 * heading, rel=0.05)
-    assert sum(it.motion.along for it in found) == pytest.approx(199 * along, rel=0.05)
+        results.append(given.step(Readings(run="x", robot="r1", tick=number, time=0.1 * number, odometry=odometry)))
+    assert all(result.increment is None for result in results)
+    assert sum(result.motion.heading for result in results) == pytest.approx(199 * heading, rel=0.05)
+    assert sum(result.motion.along for result in results) == pytest.approx(199 * along, rel=0.05)
 
 
 def test_a_filter_that_knows_its_heading_badly_tells_of_a_fix_as_much_as_it_took_in() -> None:
@@ -99,54 +99,54 @@ def test_a_filter_that_takes_something_in_at_every_step_gains_at_every_step_if_i
         if number:
             own.drive(0.0)
             own.measure(own.mean, np.diag([0.005, 0.005, 0.005]))
-        told = own.tell(0.0, distance_sigma=0.01, turn_sigma=0.01)
-        assert (told.increment is not None) == (number > 0)
+        result = own.tell(0.0, distance_sigma=0.01, turn_sigma=0.01)
+        assert (result.increment is not None) == (number > 0)
 
 
 def test_a_joint_of_its_increments_is_its_posterior() -> None:
     """So each gain is counted once, and none is lost."""
     own, board = Own(), Joint()
-    told = own.tell()
-    board.add(ROBOT, present(told.belief))
+    result = own.tell()
+    board.add(ROBOT, present(result.belief))
     for number in range(30):
         own.drive()
         if number % 4 == 3:
             own.measure(own.mean + [0.1, -0.1, 0.02], np.diag([0.05, 0.02, 0.01]))
-        told = own.tell()
-        drive(board, ROBOT, told.motion, SENSORS.wheels.nuisance, bent=False)
-        if told.increment is not None:
-            factor = likelihood(board, ROBOT, told.increment)
+        result = own.tell()
+        drive(board, ROBOT, result.motion, SENSORS.wheels.nuisance, bent=False)
+        if result.increment is not None:
+            factor = likelihood(board, ROBOT, result.increment)
             correct(board, present(factor))
         else:
             assert number % 4 != 3
-    found = board.moments(ROBOT)
-    assert found.mean[POSE] == pytest.approx(own.mean, abs=0.01)
-    assert np.diag(found.covariance)[POSE] == pytest.approx(np.diag(own.covariance), rel=0.03)
+    moments = board.moments(ROBOT)
+    assert moments.mean[POSE] == pytest.approx(own.mean, abs=0.01)
+    assert np.diag(moments.covariance)[POSE] == pytest.approx(np.diag(own.covariance), rel=0.03)
 
 
 def test_a_posterior_that_jumps_begins_anew() -> None:
     own = Own()
     epoch = own.tell().epoch
     own.mean = own.mean + [5.0, 0, 0]
-    told = own.tell()
-    assert told.epoch > epoch
-    assert told.increment is None
-    assert present(told.belief).mean[0] == pytest.approx(6.0)
+    result = own.tell()
+    assert result.epoch > epoch
+    assert result.increment is None
+    assert present(result.belief).mean[0] == pytest.approx(6.0)
 
 
 def test_without_a_posterior_the_odometry_counts() -> None:
     own = Own()
     own.tell()
     own.given.give(None)
-    told = own.given.step(
+    result = own.given.step(
         Readings(run="x", robot="r1", tick=9, time=0.9, odometry=Odometry(distance=0.5, turn=0.0, dt=0.1))
     )
-    assert present(told.belief).mean[0] == pytest.approx(1.5)
-    assert told.increment is None
+    assert present(result.belief).mean[0] == pytest.approx(1.5)
+    assert result.increment is None
 
 
 def judged(fed_back: bool, seed: int = 1) -> Independence:
-    random, found, own = np.random.default_rng(seed), Independence(), Own()
+    random, independence, own = np.random.default_rng(seed), Independence(), Own()
     own.tell()
     truth = own.mean.copy()
     for _ in range(2 * FEWEST):
@@ -157,39 +157,39 @@ def judged(fed_back: bool, seed: int = 1) -> Independence:
         truth = truth + [0.1, 0, 0]
         z = shown.mean[POSE] if fed_back else truth + random.multivariate_normal(np.zeros(3), noise)
         own.measure(z, noise)
-        told = own.tell()
+        result = own.tell()
         ahead = Joint()
         ahead.add(ROBOT, shown)
-        drive(ahead, ROBOT, told.motion, SENSORS.wheels.nuisance)
+        drive(ahead, ROBOT, result.motion, SENSORS.wheels.nuisance)
         if own.given.gain is not None:
-            found.judge(ROBOT, own.given.gain, shown, ahead.moments(ROBOT))
-    return found
+            independence.judge(ROBOT, own.given.gain, shown, ahead.moments(ROBOT))
+    return independence
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_independent_measurements_are_not_taken_for_the_team_s(seed: int) -> None:
-    found = judged(fed_back=False, seed=seed)
-    assert found.gains >= FEWEST
-    assert 0.2 < present(found.ratio) < 5.0
-    assert not found.fed_back
+    independence = judged(fed_back=False, seed=seed)
+    assert independence.gains >= FEWEST
+    assert 0.2 < present(independence.ratio) < 5.0
+    assert not independence.fed_back
 
 
 def test_what_came_from_the_team_is_noticed() -> None:
-    found = judged(fed_back=True)
-    assert found.ratio == pytest.approx(0.0, abs=0.01)
-    assert found.fed_back
+    independence = judged(fed_back=True)
+    assert independence.ratio == pytest.approx(0.0, abs=0.01)
+    assert independence.fed_back
 
 
 def test_particles_are_one_hypothesis_or_none() -> None:
     random = np.random.default_rng(1)
-    one = random.multivariate_normal([3.0, 4.0, math.pi], np.diag([0.1, 0.2, 0.05]), 4000)
-    one[:, 2] = (one[:, 2] + math.pi) % (2 * math.pi) - math.pi  # on both sides of the seam
-    found = of_particles(one)
-    assert found is not None
-    assert found.mean[:2] == pytest.approx((3, 4), abs=0.05)
-    assert abs(math.remainder(found.mean[2] - math.pi, math.tau)) < 0.05
-    assert np.diag(found.covariance) == pytest.approx((0.1, 0.2, 0.05), rel=0.15)
-    assert of_particles(np.vstack([one, one + [3.0, 0, 0]])) is None
-    assert of_particles(one[:1]) is not None
-    half = of_particles(np.vstack([one, one + [3.0, 0, 0]]), np.r_[np.ones(4000), np.zeros(4000)])
+    cloud = random.multivariate_normal([3.0, 4.0, math.pi], np.diag([0.1, 0.2, 0.05]), 4000)
+    cloud[:, 2] = (cloud[:, 2] + math.pi) % (2 * math.pi) - math.pi  # on both sides of the seam
+    moments = of_particles(cloud)
+    assert moments is not None
+    assert moments.mean[:2] == pytest.approx((3, 4), abs=0.05)
+    assert abs(math.remainder(moments.mean[2] - math.pi, math.tau)) < 0.05
+    assert np.diag(moments.covariance) == pytest.approx((0.1, 0.2, 0.05), rel=0.15)
+    assert of_particles(np.vstack([cloud, cloud + [3.0, 0, 0]])) is None
+    assert of_particles(cloud[:1]) is not None
+    half = of_particles(np.vstack([cloud, cloud + [3.0, 0, 0]]), np.r_[np.ones(4000), np.zeros(4000)])
     assert present(half).mean[0] == pytest.approx(3.0, abs=0.05)

@@ -43,20 +43,22 @@ def points(offset: tuple[float, float] = (0.0, 0.0)) -> npt.NDArray[np.float64]:
 @pytest.mark.parametrize("kind", ["range-bearing", "position"])
 def test_a_projection_sums_over_all_own_places_on_any_grid(kind: str) -> None:
     vision = {**CAMERA, "kind": kind, "outlier": 0.1}
-    it = position_localizer(gaussian(GRID, (0.2, 5.0), 0.7), heading=0.4, vision=vision, offset=(0.15, -0.1))
+    localizer = position_localizer(gaussian(GRID, (0.2, 5.0), 0.7), heading=0.4, vision=vision, offset=(0.15, -0.1))
     sighting = Sighting(subject="object/ball", range=4.0, bearing=0.3, age=0.5)
     moved = TickMotion(0.8, 0.2, 1.0, 0.0, 0.0, 0.0)
     angle = 0.4 - 0.1 + 0.3  # half of the turn came after the sighting, and half of the way
-    seen = np.array([4.0 * math.cos(angle) - 0.4 * math.cos(0.4), 4.0 * math.sin(angle) - 0.4 * math.sin(0.4)])
+    sight = np.array([4.0 * math.cos(angle) - 0.4 * math.cos(0.4), 4.0 * math.sin(angle) - 0.4 * math.sin(0.4)])
     expected = np.zeros(GRID.shape)
-    for own, mass in zip(points((0.15, -0.1)).reshape(-1, 2), it.p.ravel(), strict=True):
+    for own, mass in zip(points((0.15, -0.1)).reshape(-1, 2), localizer.p.ravel(), strict=True):
         away = points() - own
         if kind == "position":
-            expected += mass * position_likelihood(away[..., 0], away[..., 1], (seen[0], seen[1]), it.settings.vision)
+            expected += mass * position_likelihood(
+                away[..., 0], away[..., 1], (sight[0], sight[1]), localizer.settings.vision
+            )
         else:
-            expected += mass * normal(away - seen, camera_covariance(4.0, 0.7))
+            expected += mass * normal(away - sight, camera_covariance(4.0, 0.7))
     expected = 0.9 * expected / expected.sum() + 0.1 / GRID.size
-    assert it.project(sighting, moved).p == pytest.approx(expected, abs=1e-12)
+    assert localizer.project(sighting, moved).p == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (-1, 0), (0, -1), (-1, -1)])
@@ -66,90 +68,92 @@ def test_a_projection_reaches_from_each_corner_of_the_grid_to_the_opposite_one(c
     p[corner] = 1.0
     away = np.array([GRID.centres(axis)[i] for axis, i in enumerate(other)]) - own
     distance, angle = math.hypot(*away), math.atan2(away[1], away[0])
-    it = position_localizer(Belief(GRID, p))
+    localizer = position_localizer(Belief(GRID, p))
     expected = normal(points() - own - away, camera_covariance(distance, angle))
-    found = it.project(Sighting(subject="object/ball", range=distance, bearing=angle), None)
-    assert found.p == pytest.approx(expected / expected.sum(), abs=1e-12)
-    assert np.unravel_index(found.p.argmax(), GRID.shape) == (other[0] % 24, other[1] % 18)
+    projected = localizer.project(Sighting(subject="object/ball", range=distance, bearing=angle), None)
+    assert projected.p == pytest.approx(expected / expected.sum(), abs=1e-12)
+    assert np.unravel_index(projected.p.argmax(), GRID.shape) == (other[0] % 24, other[1] % 18)
 
 
 def test_a_camera_of_range_and_bearing_weighs_every_place() -> None:
-    it = position_localizer(gaussian(GRID, (1.0, 5.0), 1.5), heading=0.5, offset=(0.1, 0.2))
+    localizer = position_localizer(gaussian(GRID, (1.0, 5.0), 1.5), heading=0.5, offset=(0.1, 0.2))
     sighting = Sighting(subject="robot/r2", range=3.5, bearing=-0.2)
     covariance = np.array([[0.5, 0.2], [0.2, 0.3]])
-    seen = 3.5 * np.array([math.cos(0.3), math.sin(0.3)])
-    likelihood = normal(PLACE - points((0.1, 0.2)) - seen, camera_covariance(3.5, 0.3) + covariance)
-    expected = it.p * (likelihood + math.exp(-7.0) * likelihood.max())
-    after = it.update_with_sighting(sighting, None, PLACE, covariance)
+    sight = 3.5 * np.array([math.cos(0.3), math.sin(0.3)])
+    likelihood = normal(PLACE - points((0.1, 0.2)) - sight, camera_covariance(3.5, 0.3) + covariance)
+    expected = localizer.p * (likelihood + math.exp(-7.0) * likelihood.max())
+    after = localizer.update_with_sighting(sighting, None, PLACE, covariance)
     assert after.p == pytest.approx(expected / expected.sum(), abs=1e-12)
 
 
 def test_a_fix_weighs_by_its_sigma_and_the_cells_and_may_tell_the_heading() -> None:
-    it = position_localizer(gaussian(GRID, (1.0, 5.0), 0.8), offset=(0.2, -0.15), heading=1.0)
-    after = it.update_with_fix(Fix(position=(2.0, 6.0), sigma=0.3, heading=0.7, heading_sigma=0.1))
+    localizer = position_localizer(gaussian(GRID, (1.0, 5.0), 0.8), offset=(0.2, -0.15), heading=1.0)
+    after = localizer.update_with_fix(Fix(position=(2.0, 6.0), sigma=0.3, heading=0.7, heading_sigma=0.1))
     away = points((0.2, -0.15)) - np.array([2.0, 6.0])
-    expected = it.p * np.exp(-0.5 * (away**2).sum(axis=-1) / (0.3**2 + 0.5**2 / 12))
+    expected = localizer.p * np.exp(-0.5 * (away**2).sum(axis=-1) / (0.3**2 + 0.5**2 / 12))
     assert after.p == pytest.approx(expected / expected.sum(), abs=1e-12)
     assert after.heading == 0.7
-    assert it.update_with_fix(Fix(position=(2.0, 6.0), sigma=0.3)).heading == 1.0
+    assert localizer.update_with_fix(Fix(position=(2.0, 6.0), sigma=0.3)).heading == 1.0
 
 
 def test_a_pending_variance_is_blurred_in_once_it_exceeds_a_third_of_a_cell() -> None:
-    it = position_localizer(gaussian(GRID, (3.0, 6.0), 0.6))
+    localizer = position_localizer(gaussian(GRID, (3.0, 6.0), 0.6))
     third = (0.5 / 3) ** 2
     for axis, heading in ((0, 0.0), (1, math.pi / 2)):
-        waits = it.predict(TickMotion(0.0, 0.0, 1.0, 0.99 * third, 0.0, 0.0), heading)
-        assert np.array_equal(waits.p, it.p)
+        waits = localizer.predict(TickMotion(0.0, 0.0, 1.0, 0.99 * third, 0.0, 0.0), heading)
+        assert np.array_equal(waits.p, localizer.p)
         assert waits.pending_covariance[axis] == pytest.approx(0.99 * third)
-        done = it.predict(TickMotion(0.0, 0.0, 1.0, 1.01 * third, 0.0, 0.0), heading)
+        done = localizer.predict(TickMotion(0.0, 0.0, 1.0, 1.01 * third, 0.0, 0.0), heading)
         assert done.pending_covariance == (0.0, 0.0, 0.0)
-        assert done.marginal().covariance()[axis, axis] > it.marginal().covariance()[axis, axis] + 0.8 * third
+        assert done.marginal().covariance()[axis, axis] > localizer.marginal().covariance()[axis, axis] + 0.8 * third
 
 
 def test_without_a_compass_the_heading_is_reckoned_and_the_way_goes_along_it() -> None:
-    it = position_localizer(gaussian(GRID, (1.0, 5.0), 0.6), heading=0.3)
-    after = it.predict(TickMotion(2.3, 0.4, 1.0, 0.0, 0.0, 0.0), None)
+    localizer = position_localizer(gaussian(GRID, (1.0, 5.0), 0.6), heading=0.3)
+    after = localizer.predict(TickMotion(2.3, 0.4, 1.0, 0.0, 0.0, 0.0), None)
     assert after.heading == pytest.approx(0.7)
     way = 2.3 * np.array([math.cos(0.7), math.sin(0.7)])
-    assert after.marginal().mean() == pytest.approx(it.marginal().mean() + way, abs=0.01)
+    assert after.marginal().mean() == pytest.approx(localizer.marginal().mean() + way, abs=0.01)
     assert max(abs(x) for x in after.offset) <= 0.25  # whole cells are moved, only the rest is carried
 
 
 def test_a_belief_to_a_power_and_its_entropy() -> None:
-    it = position_localizer(gaussian(GRID, (1.0, 5.0), 0.8))
-    assert it.tempered(0.5).p == pytest.approx(it.p**0.5 / (it.p**0.5).sum())
-    assert it.entropy() == pytest.approx(entropy(it.p))
+    localizer = position_localizer(gaussian(GRID, (1.0, 5.0), 0.8))
+    assert localizer.tempered(0.5).p == pytest.approx(localizer.p**0.5 / (localizer.p**0.5).sum())
+    assert localizer.entropy() == pytest.approx(entropy(localizer.p))
 
 
 def test_folding_reads_the_ratio_where_the_cells_stand() -> None:
     """Half a cell beside the team's grid the agreed belief still becomes the marginal."""
-    it = position_localizer(gaussian(GRID, (3.0, 6.0), 1.2), offset=(0.2, -0.2))
+    localizer = position_localizer(gaussian(GRID, (3.0, 6.0), 1.2), offset=(0.2, -0.2))
     agreed = gaussian(GRID, (3.6, 5.5), 1.0)
-    after = it.fold(agreed, it.marginal()).marginal()
+    after = localizer.fold(agreed, localizer.marginal()).marginal()
     assert after.mean() == pytest.approx(agreed.mean(), abs=0.03)
     assert after.covariance() == pytest.approx(agreed.covariance(), abs=0.08)
 
 
 def test_motion_moves_the_mean_and_does_not_blur() -> None:
-    it: Localizer = position_localizer(gaussian(GRID, (0.0, 6.0), 0.5))
-    before = it.marginal().covariance()
+    localizer: Localizer = position_localizer(gaussian(GRID, (0.0, 6.0), 0.5))
+    before = localizer.marginal().covariance()
     for _ in range(20):
-        it = it.predict(TickMotion(0.185, 0.0, 1.0, 0.0, 0.0, 0.0), 0.0)
-    after = it.marginal()
+        localizer = localizer.predict(TickMotion(0.185, 0.0, 1.0, 0.0, 0.0, 0.0), 0.0)
+    after = localizer.marginal()
     assert after.mean()[0] == pytest.approx(20 * 0.185, abs=0.01)
     assert after.covariance()[0, 0] - before[0, 0] <= 0.26 * 0.5**2  # of the one resampling into the team's grid
 
 
 def test_folding_what_was_reported_changes_nothing() -> None:
-    it = position_localizer(gaussian(GRID, (3.0, 6.0), 1.0), offset=(0.1, 0.2))
-    reported = it.marginal()
-    assert np.array_equal(it.fold(reported, reported).p, it.p / it.p.sum())
+    localizer = position_localizer(gaussian(GRID, (3.0, 6.0), 1.0), offset=(0.1, 0.2))
+    reported = localizer.marginal()
+    assert np.array_equal(localizer.fold(reported, reported).p, localizer.p / localizer.p.sum())
 
 
 def test_a_lost_position_forgets_its_offset_and_pending_noise() -> None:
-    it = position_localizer(gaussian(GRID, (6.0, 4.0), 0.4), offset=(0.2, -0.2), pending_covariance=(0.01, 0.02, 0.005))
+    localizer = position_localizer(
+        gaussian(GRID, (6.0, 4.0), 0.4), offset=(0.2, -0.2), pending_covariance=(0.01, 0.02, 0.005)
+    )
     agreed = gaussian(GRID, (-1.0, 9.0), 0.5)
-    after = it.fold(agreed, it.marginal())
+    after = localizer.fold(agreed, localizer.marginal())
     assert after.marginal().p == pytest.approx(agreed.p)
     assert (after.offset, after.pending_covariance) == ((0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -166,12 +170,12 @@ def test_a_marginal_holds_the_pending_noise() -> None:
     ("heading", "axis", "end"), [(0.0, 0, -1), (math.pi, 0, 0), (math.pi / 2, 1, -1), (-math.pi / 2, 1, 0)]
 )
 def test_what_would_leave_the_grid_stays_in_the_last_row(heading: float, axis: int, end: int) -> None:
-    it = position_localizer(uniform(GRID))
-    after = it.predict(TickMotion(3 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p
+    localizer = position_localizer(uniform(GRID))
+    after = localizer.predict(TickMotion(3 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p
     rows = after.sum(axis=1 - axis)
     n = GRID.shape[axis]
     assert rows[end] == pytest.approx(4 / n)
     assert rows[:3] == pytest.approx([0.0] * 3 if end else [4 / n, 1 / n, 1 / n])
     assert rows[-3:] == pytest.approx([1 / n, 1 / n, 4 / n] if end else [0.0] * 3)
-    far = it.predict(TickMotion(100 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p.sum(axis=1 - axis)
+    far = localizer.predict(TickMotion(100 * 0.5, 0.0, 1.0, 0.0, 0.0, 0.0), heading).p.sum(axis=1 - axis)
     assert far[end] == pytest.approx(1.0)

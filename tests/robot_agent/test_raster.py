@@ -38,7 +38,7 @@ def test_a_fraction_is_split_between_the_neighbours(dx: float, dy: float) -> Non
 
 @given(dx=st.floats(-1, 1), dy=st.floats(-1, 1))
 def test_values_between_cells_are_bilinear_and_constant_beyond_the_border(dx: float, dy: float) -> None:
-    found = sampled(P, dx, dy)
+    values = sampled(P, dx, dy)
     for ix in range(9):
         for iy in range(7):
             x, y = min(max(ix + dx, 0.0), 8.0), min(max(iy + dy, 0.0), 6.0)
@@ -46,30 +46,30 @@ def test_values_between_cells_are_bilinear_and_constant_beyond_the_border(dx: fl
             fx, fy = x - a, y - b
             corners = P[a : a + 2, b : b + 2]
             expected = np.array([1 - fx, fx]) @ corners @ np.array([1 - fy, fy])
-            assert found[ix, iy] == pytest.approx(expected, abs=1e-12)
+            assert values[ix, iy] == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_squared_distance_is_the_quadratic_form_of_the_inverse() -> None:
     covariance = np.array([[2.0, 0.7], [0.7, 0.5]])
     dx, dy = np.array([[1.0, -2.0, 0.3]]), np.array([[0.5], [3.0]])
-    found = squared_distance(dx, dy, covariance)
+    distances = squared_distance(dx, dy, covariance)
     for i, y in enumerate(dy[:, 0]):
         for j, x in enumerate(dx[0]):
             d = np.array([x, y])
-            assert found[i, j] == pytest.approx(d @ np.linalg.solve(covariance, d))
+            assert distances[i, j] == pytest.approx(d @ np.linalg.solve(covariance, d))
 
 
 def test_the_log_ratio_is_zero_where_both_are_equal_and_finite_where_one_is_empty() -> None:
-    it = gaussian(GRID, (4, 3), 1.0)
-    assert log_ratio(it, it) is not None
-    assert not np.any(log_ratio(it, it))
+    here = gaussian(GRID, (4, 3), 1.0)
+    assert log_ratio(here, here) is not None
+    assert not np.any(log_ratio(here, here))
     other = gaussian(GRID, (5, 3), 1.0)
-    logs = log_ratio(other, it)
+    logs = log_ratio(other, here)
     assert logs is not None
-    held = np.minimum(it.p, other.p) > 1e-3
-    assert logs[held] == pytest.approx(np.log(other.p / it.p)[held], abs=0.001)
-    half = it.p * (np.arange(9) < 5)[:, None]
-    cut = log_ratio(Belief(GRID, half / half.sum()), it)
+    held = np.minimum(here.p, other.p) > 1e-3
+    assert logs[held] == pytest.approx(np.log(other.p / here.p)[held], abs=0.001)
+    half = here.p * (np.arange(9) < 5)[:, None]
+    cut = log_ratio(Belief(GRID, half / half.sum()), here)
     assert cut is not None
     assert np.isfinite(cut).all()
     assert cut[8, 3] < -3

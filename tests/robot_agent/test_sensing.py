@@ -42,8 +42,8 @@ def test_the_printed_sigma_by_distance(distance: float, printed: float) -> None:
 def test_a_right_model_is_the_worlds_physics(distance: float, gain: float) -> None:
     """Written twice on purpose; here they must agree."""
     truth = vision_sigma(distance, gain, 0.5)
-    found = position_sigma(np.array([distance]), VisionSection(gain=gain, floor=0.5))[0]
-    assert found == pytest.approx(math.inf if truth is None else truth)
+    sigma = position_sigma(np.array([distance]), VisionSection(gain=gain, floor=0.5))[0]
+    assert sigma == pytest.approx(math.inf if truth is None else truth)
 
 
 def test_the_likelihood_of_a_seen_position_is_a_density() -> None:
@@ -66,9 +66,9 @@ SLANTED = np.array([[0.5, -0.3], [-0.3, 0.4]])
 def test_where_sigma_is_constant_an_uncertain_mate_counts_as_the_sum_of_both_covariances() -> None:
     vision = VisionSection(gain=1e-9, floor=0.4)
     whole = SLANTED + 0.4**2 * np.eye(2)
-    inverse, seen = np.linalg.inv(whole), np.array([4.5, 1.0])
+    inverse, sight = np.linalg.inv(whole), np.array([4.5, 1.0])
     for place in ((5.0, 1.2), (4.0, 2.0), (6.0, -0.5)):
-        away = np.array(place) - seen
+        away = np.array(place) - sight
         exact = math.exp(-0.5 * away @ inverse @ away) / (2 * math.pi * math.sqrt(np.linalg.det(whole)))
         dx, dy = np.array([[place[0]]]), np.array([[place[1]]])
         assert uncertain_likelihood(dx, dy, (4.5, 1.0), SLANTED, vision)[0, 0] == pytest.approx(exact, rel=1e-9)
@@ -85,8 +85,8 @@ def test_where_sigma_rises_an_uncertain_mate_counts_as_the_mean_over_its_distanc
         sigma = position_sigma(np.hypot(x, y), vision)
         away = (x - dx) ** 2 + (y - dy) ** 2
         exact = (np.exp(-0.5 * away / sigma**2) / (2 * math.pi * sigma**2)).mean()
-        found = uncertain_likelihood(np.array([[dx]]), np.array([[dy]]), (dx, dy), covariance, vision)[0, 0]
-        assert found == pytest.approx(exact, rel=0.05)
+        likelihood = uncertain_likelihood(np.array([[dx]]), np.array([[dy]]), (dx, dy), covariance, vision)[0, 0]
+        assert likelihood == pytest.approx(exact, rel=0.05)
 
 
 def test_an_uncertain_mate_counts_by_the_formula_at_any_distance() -> None:
@@ -103,9 +103,9 @@ def test_an_uncertain_mate_counts_by_the_formula_at_any_distance() -> None:
                 away = np.array([dx - 0.8, dy - 0.6])
                 density = math.exp(-0.5 * away @ np.linalg.inv(whole) @ away)
                 expected += weight * density / (2 * math.pi * math.sqrt(np.linalg.det(whole)))
-        found = uncertain_likelihood(np.array([[dx]]), np.array([[dy]]), (0.8, 0.6), SLANTED, vision)[0, 0]
-        assert found == pytest.approx(expected, rel=1e-9)
-        assert found > 0
+        likelihood = uncertain_likelihood(np.array([[dx]]), np.array([[dy]]), (0.8, 0.6), SLANTED, vision)[0, 0]
+        assert likelihood == pytest.approx(expected, rel=1e-9)
+        assert likelihood > 0
 
 
 MODEL = OdometrySection(distance_scale=0.9, turn_scale=1.1, along=0.2, across=0.05, turn=0.02, standing=0.3)
@@ -116,9 +116,9 @@ MODEL = OdometrySection(distance_scale=0.9, turn_scale=1.1, along=0.2, across=0.
     [(0.5, 0.1, 1.0), (0.5, 0.0, 1.0), (0.0, -0.1, 1.0), (-0.5, 0.0, 1.0), (0.0, 0.0, 0.09), (1e-10, -1e-10, 0.09)],
 )
 def test_motion_is_scaled_and_its_noise_grows_with_time(distance: float, turn: float, share: float) -> None:
-    found = motion(Odometry(distance=distance, turn=turn, dt=0.5), MODEL)
-    assert (found.distance, found.turn, found.dt) == pytest.approx((0.9 * distance, 1.1 * turn, 0.5))
-    variances = [found.along, found.across, found.heading]
+    moved = motion(Odometry(distance=distance, turn=turn, dt=0.5), MODEL)
+    assert (moved.distance, moved.turn, moved.dt) == pytest.approx((0.9 * distance, 1.1 * turn, 0.5))
+    variances = [moved.along, moved.across, moved.heading]
     assert variances == pytest.approx([0.04 * 0.5 * share, 0.0025 * 0.5 * share, 0.0004 * 0.5 * share])
 
 
@@ -138,6 +138,6 @@ def test_the_motion_since_a_sighting_is_its_share_of_the_tick() -> None:
 
 @given(angle=st.floats(-50, 50))
 def test_wrapping_keeps_the_direction(angle: float) -> None:
-    found = float(wrap(np.array(angle)))
-    assert -math.pi <= found < math.pi
-    assert math.cos(found - angle) == pytest.approx(1.0)
+    wrapped = float(wrap(np.array(angle)))
+    assert -math.pi <= wrapped < math.pi
+    assert math.cos(wrapped - angle) == pytest.approx(1.0)

@@ -47,15 +47,15 @@ def measured(before: Moments, rng: np.random.Generator, rank: int) -> Moments:
 def evidence(
     state: Moments | None = None, increment: Increment | None = None, motion: Motion | None = None
 ) -> PackedEvidence:
-    seen = Relative("robot/r1", "robot/r2", 3.3, 0.3, 0.1, 0.01, 0.1, (Bias(0.1, 100.0),), "g", PROFILE)
-    return pack_evidence(0, motion or Motion(), Nuisance(0.9, 0.95, (0.1,) * 9), state, increment, (seen,))
+    relative = Relative("robot/r1", "robot/r2", 3.3, 0.3, 0.1, 0.01, 0.1, (Bias(0.1, 100.0),), "g", PROFILE)
+    return pack_evidence(0, motion or Motion(), Nuisance(0.9, 0.95, (0.1,) * 9), state, increment, (relative,))
 
 
 def moved(before: Moments, increment: Increment) -> Moments:
     joint = Joint()
     joint.add("robot/r1", before)
-    it = likelihood(joint, "robot/r1", increment)
-    correct(joint, present(it))
+    factor = likelihood(joint, "robot/r1", increment)
+    correct(joint, present(factor))
     return joint.moments("robot/r1")
 
 
@@ -69,13 +69,13 @@ def test_an_increment_says_nearly_the_same_and_nothing_where_it_said_nothing(see
     assert whole is not None
     packed = shorter(evidence(after, whole))
     unpack("r1", 1, 0.2, packed)  # boards refuse what is no likelihood
-    told = unpack_increment(present(packed.increment))
-    there, here = moved(before, whole), moved(before, told)
+    unpacked = unpack_increment(present(packed.increment))
+    there, here = moved(before, whole), moved(before, unpacked)
     assert np.abs((here.mean - there.mean) / np.sqrt(np.diag(there.covariance))).max() < 0.1
     assert np.diag(here.covariance) == pytest.approx(np.diag(there.covariance), rel=0.06)
     joint = Joint()
     joint.add("robot/r1", before)
-    first, second = (likelihood(joint, "robot/r1", it) for it in (whole, told))
+    first, second = (likelihood(joint, "robot/r1", increment) for increment in (whole, unpacked))
     assert len(present(second).residual) <= len(
         present(first).residual
     )  # no direction is added: the gate's degrees of freedom stay
@@ -97,12 +97,12 @@ def test_a_state_only_grows_wider(seed: int, sharp: int) -> None:
     rng = np.random.default_rng(seed)
     state = measured(block(rng), rng, sharp) if sharp else block(rng)
     packed = shorter(evidence(state))
-    told = unpack_state(present(packed.state))  # Refused, were it no covariance
+    unpacked = unpack_state(present(packed.state))  # Refused, were it no covariance
     scale = np.sqrt(np.diag(state.covariance))
-    grown = np.linalg.eigvalsh((told.covariance - state.covariance) / np.outer(scale, scale))
+    grown = np.linalg.eigvalsh((unpacked.covariance - state.covariance) / np.outer(scale, scale))
     assert grown[0] > 0
     assert grown[-1] < 2 * WIDER
-    assert told.mean == pytest.approx(state.mean, rel=1e-6)
+    assert unpacked.mean == pytest.approx(state.mean, rel=1e-6)
 
 
 def test_sums_never_shrink() -> None:

@@ -33,8 +33,8 @@ RATED = SCENARIO.changed("time", seconds=6.0).changed("board", fusion="joint").c
 def evidence(time: float, turn: float, values: tuple[float, ...], kind: str, epoch: int = 0) -> PackedEvidence:
     """What a robot says that turned so far, and sees a ball now."""
     spread = {"range": [0.01], "bearing": [0.001], "position": [0.01, 0.0, 0.02], "pose": [0.01, 0, 0, 0.02, 0, 0.001]}
-    seen = measured(kind, "robot/r1", "object/ball", values, spread[kind])  # type: ignore[arg-type]
-    return pack_evidence(epoch, Motion(turn=turn, dt=time, moving=time), Nuisance(), None, None, [seen])
+    sighting = measured(kind, "robot/r1", "object/ball", values, spread[kind])  # type: ignore[arg-type]
+    return pack_evidence(epoch, Motion(turn=turn, dt=time, moving=time), Nuisance(), None, None, [sighting])
 
 
 @given(
@@ -57,49 +57,51 @@ def test_the_mean_of_what_was_seen_on_an_even_way_is_what_is_seen_at_its_mean_ti
         values = {"range": (apart,), "bearing": (angle,), "position": position}
         its = values.get(kind, (*position, math.remainder(heading - turned, math.tau)))
         expected = its if tick == 1 else expected
-        told = evidence(TICK * tick, turned, its, kind)
+        packed = evidence(TICK * tick, turned, its, kind)
         if tick < 2:
-            slots.wait(TICK * tick, told)
-    (found,) = slots.told(2 * TICK, told).seen
-    assert found.age == pytest.approx(TICK, abs=1e-6)
-    off = np.subtract(found.values, expected)
+            slots.wait(TICK * tick, packed)
+    (sighting,) = slots.told(2 * TICK, packed).seen
+    assert sighting.age == pytest.approx(TICK, abs=1e-6)
+    off = np.subtract(sighting.values, expected)
     if kind in ("bearing", "pose"):
         off[-1] = math.remainder(off[-1], math.tau)
     assert off == pytest.approx(np.zeros(len(expected)), abs=2e-3)
-    trace = [found.covariance[0]] if len(expected) == 1 else [found.covariance[0], found.covariance[len(expected)]]
-    alone = [told.seen[0].covariance[0]] if len(expected) == 1 else [0.01, 0.02]
+    trace = (
+        [sighting.covariance[0]] if len(expected) == 1 else [sighting.covariance[0], sighting.covariance[len(expected)]]
+    )
+    alone = [packed.seen[0].covariance[0]] if len(expected) == 1 else [0.01, 0.02]
     assert sum(trace) == pytest.approx(sum(alone) / 3, rel=1e-4)
 
 
 def test_what_was_seen_before_a_filter_began_anew_is_not_told() -> None:
     slots = Slots(2.0)
     slots.wait(0.0, evidence(0.0, 0.0, (1.0, 0.0), "position"))
-    told = slots.told(TICK, evidence(TICK, 0.0, (3.0, 0.0), "position", epoch=7))
-    assert told.seen[0].values == pytest.approx((3.0, 0.0))
+    packed = slots.told(TICK, evidence(TICK, 0.0, (3.0, 0.0), "position", epoch=7))
+    assert packed.seen[0].values == pytest.approx((3.0, 0.0))
     slots.wait(TICK, None)
     assert slots.told(TICK, evidence(TICK, 0.0, (3.0, 0.0), "position")).seen[0].values == pytest.approx((3.0, 0.0))
 
 
 def test_several_sightings_of_one_moment_are_different_things_and_have_no_mean() -> None:
-    slots, one, other = (
+    slots, first, other = (
         Slots(2.0),
         evidence(0.0, 0.0, (1.0, 0.0), "position"),
         evidence(0.0, 0.0, (5.0, 0.0), "position"),
     )
-    both = one.model_copy(update={"seen": [*one.seen, *other.seen]})
-    slots.wait(0.0, one)
-    told = slots.told(TICK, both.model_copy(update={"travelled": evidence(TICK, 0.0, (0, 0), "position").travelled}))
-    assert [it.values for it in told.seen] == [(1.0, 0.0), (5.0, 0.0)]
+    both = first.model_copy(update={"seen": [*first.seen, *other.seen]})
+    slots.wait(0.0, first)
+    packed = slots.told(TICK, both.model_copy(update={"travelled": evidence(TICK, 0.0, (0, 0), "position").travelled}))
+    assert [sighting.values for sighting in packed.seen] == [(1.0, 0.0), (5.0, 0.0)]
 
 
 def test_of_a_class_the_newest_is_told_because_the_one_before_may_be_another_thing() -> None:
-    def unnamed(told: PackedEvidence) -> PackedEvidence:
-        return told.model_copy(update={"seen": [told.seen[0].model_copy(update={"subject": "robot/?"})]})
+    def unnamed(named: PackedEvidence) -> PackedEvidence:
+        return named.model_copy(update={"seen": [named.seen[0].model_copy(update={"subject": "robot/?"})]})
 
     slots = Slots(2.0)
     slots.wait(0.0, unnamed(evidence(0.0, 0.0, (1.0, 0.0), "position")))
-    told = slots.told(TICK, unnamed(evidence(TICK, 0.0, (5.0, 0.0), "position")))
-    assert [(it.values, it.age) for it in told.seen] == [((5.0, 0.0), 0.0)]
+    packed = slots.told(TICK, unnamed(evidence(TICK, 0.0, (5.0, 0.0), "position")))
+    assert [(sighting.values, sighting.age) for sighting in packed.seen] == [((5.0, 0.0), 0.0)]
 
 
 def test_a_sighting_is_told_once() -> None:
@@ -134,8 +136,8 @@ def test_a_team_says_no_more_than_its_rate_in_datagrams_and_knows_where_all_are(
 def test_where_boards_pool_opinions_all_subjects_have_their_turn() -> None:
     team, subjects = Team(RATED.changed("board", fusion="opinions").changed("time", seconds=8.0)), list[str]()
     team.bus.spies.append(
-        lambda it: subjects.extend(
-            parts["subject"] for parts in [keys.REPORT.match(it.key)] if parts and parts["source"] == "r1"
+        lambda envelope: subjects.extend(
+            parts["subject"] for parts in [keys.REPORT.match(envelope.key)] if parts and parts["source"] == "r1"
         )
     )
     team.run()
@@ -159,10 +161,10 @@ def test_without_a_world_statuses_count_too() -> None:
         now = NOW + 0.1 * tick
         out += robot.receive(readings(tick, time=now), now)
         out += robot.wake(now + 0.05)
-    found = [open_envelope(it)[2] for it in out]
-    statuses = [it for it in found if isinstance(it, Status)]
-    reports = [it for it in found if isinstance(it, Report)]
-    assert len(statuses) + len(reports) == len(found) <= 20 * 10.0 / 5 + 2
+    messages = [open_envelope(envelope)[2] for envelope in out]
+    statuses = [message for message in messages if isinstance(message, Status)]
+    reports = [message for message in messages if isinstance(message, Report)]
+    assert len(statuses) + len(reports) == len(messages) <= 20 * 10.0 / 5 + 2
     assert len(reports) >= 20 * (10.0 / 5 - 0.1) - 1
     assert 2 <= len(statuses) <= 3
     assert robot.wake_at(now) > now

@@ -76,8 +76,8 @@ def test_nothing_that_is_held_is_bounded_by_the_whole_grid() -> None:
 @given(x=st.floats(-40, 120), y=st.floats(-40, 120), reach=st.floats(0, 50))
 def test_around_holds_all_cells_within_reach_and_at_most_one_more(x: float, y: float, reach: float) -> None:
     grid = Grid((24, 18), 0.5, (-3.0, 2.0))
-    found = around(grid, (x, y), (reach, 2 * reach))
-    for axis, (at, far, ends) in enumerate(((x, reach, found[:2]), (y, 2 * reach, found[2:]))):
+    window = around(grid, (x, y), (reach, 2 * reach))
+    for axis, (at, far, ends) in enumerate(((x, reach, window[:2]), (y, 2 * reach, window[2:]))):
         away = np.abs(grid.centres(axis) - at)
         inside = np.zeros(grid.shape[axis], dtype=bool)
         inside[ends[0] : ends[1]] = True
@@ -101,9 +101,9 @@ def test_a_gaussian_is_computed_where_it_matters(
     d = np.stack(np.broadcast_arrays(x - mean[0], y - mean[1]), axis=-1)
     logs = -0.5 * (d * np.linalg.solve(covariance, d[..., None])[..., 0]).sum(axis=-1)
     relative = np.exp(logs - logs.max())
-    it = gaussian_evidence(lambda window: relative[window.slices], GRID, mean, covariance, floor)
-    assert relative[it.peak.slices].max() == 1.0
-    for window, most in ((it.support, floor * 2.0**-53), (it.peak, 1.001 * floor)):
+    evidence = gaussian_evidence(lambda window: relative[window.slices], GRID, mean, covariance, floor)
+    assert relative[evidence.peak.slices].max() == 1.0
+    for window, most in ((evidence.support, floor * 2.0**-53), (evidence.peak, 1.001 * floor)):
         outside = relative.copy()
         outside[window.slices] = 0.0
         assert outside.max() <= most
@@ -165,17 +165,17 @@ class Slow:
     def see(self, sighting: Sighting, heading: float, place: Array, covariance: Array, section: RobotSection) -> None:
         angle = heading + sighting.bearing
         sight = np.array([math.cos(angle), math.sin(angle)])
-        seen = sighting.range * sight
+        sight_end = sighting.range * sight
         dx, dy = self.away(place)
         vision = section.vision
         if self.vision == "position":
-            likelihood = place_likelihood(dx, dy, (seen[0], seen[1]), covariance, vision)
+            likelihood = place_likelihood(dx, dy, (sight_end[0], sight_end[1]), covariance, vision)
         else:
             aside = np.array([-sight[1], sight[0]])
             along = vision.frames * (vision.range_floor**2 + (vision.range_share * sighting.range) ** 2)
             across = vision.frames * (sighting.range * vision.bearing) ** 2
             noise = along * np.outer(sight, sight) + across * np.outer(aside, aside) + covariance + np.eye(2) / 12
-            d = np.stack(np.broadcast_arrays(dx - seen[0], dy - seen[1]), axis=-1)
+            d = np.stack(np.broadcast_arrays(dx - sight_end[0], dy - sight_end[1]), axis=-1)
             likelihood = np.exp(-0.5 * (d * np.linalg.solve(noise, d[..., None])[..., 0]).sum(axis=-1))
         self.weigh(likelihood + math.exp(-vision.misread) * likelihood.max())
 
@@ -233,18 +233,18 @@ def test_in_its_window_a_belief_is_that_on_all_cells(vision, begins, at, other, 
         sigma = 0.3 if begins == "sharp" else 2.0
         p = gaussian(GRID, true.tolist(), sigma).p
         p = 0.5 * p + 0.5 * gaussian(GRID, place_of(other).tolist(), sigma).p if begins == "two" else p
-    it = replace(PositionLocalizer.unknown(robot, GRID), p=p)
+    localizer = replace(PositionLocalizer.unknown(robot, GRID), p=p)
     slow, folded = Slow(vision, p, np.zeros(2), np.zeros((2, 2))), 0.0
     for step in course:
         heading, moved = step["heading"], TickMotion(step["distance"], 0.0, 1.0, step["along"], step["across"], 0.0)
-        it = it.predict(moved, heading)
+        localizer = localizer.predict(moved, heading)
         slow.predict(moved, heading)
         true = np.clip(true + moved.distance * np.array([math.cos(heading), math.sin(heading)]), LOW, HIGH)
         off = np.array(step["off"])
         if step["event"] == "far fix":
             true = place_of(step["to"])
         if step["event"].endswith("fix"):
-            it = it.update_with_fix(Fix(position=(true + off).tolist(), sigma=1.0))
+            localizer = localizer.update_with_fix(Fix(position=(true + off).tolist(), sigma=1.0))
             slow.fix(true + off, 1.0)
         elif step["event"]:
             distance, angle = step["sight"]
@@ -255,10 +255,10 @@ def test_in_its_window_a_belief_is_that_on_all_cells(vision, begins, at, other, 
                 bearing=math.remainder(angle - heading + 0.05 * off[1], 2 * math.pi),
             )
             covariance = VAGUE if step["event"] == "mate" else EXACT
-            it = it.update_with_sighting(sighting, moved, place, covariance)
+            localizer = localizer.update_with_sighting(sighting, moved, place, covariance)
             slow.see(sighting, heading, place, covariance, robot)
-        folded = FOLDED if it.window == whole(GRID.shape) else folded
-    assert np.abs(it.marginal().p - slow.marginal()).sum() < slow.left_out + folded
+        folded = FOLDED if localizer.window == whole(GRID.shape) else folded
+    assert np.abs(localizer.marginal().p - slow.marginal()).sum() < slow.left_out + folded
 
 
 # --- what the window is for, and what it must not cost ---------------------------------------------------------------------
@@ -275,30 +275,34 @@ def sighting_of(true: Array, place: Array, heading: float) -> Sighting:
 @pytest.mark.parametrize("vision", ["position", "range-bearing"])
 def test_a_robot_that_was_carried_off_finds_itself_by_what_it_sees(vision: str) -> None:
     """Where nothing of its belief is left, as many sightings are needed as FILL has to be raised by: e^misread each."""
-    it = PositionLocalizer.unknown(section(vision), GRID).update_with_fix(Fix(position=(10.0, 15.0), sigma=1.0))
-    it = it.predict(STEP, 0.0)
-    assert it.p.size < SMALL
+    localizer = PositionLocalizer.unknown(section(vision), GRID).update_with_fix(Fix(position=(10.0, 15.0), sigma=1.0))
+    localizer = localizer.predict(STEP, 0.0)
+    assert localizer.p.size < SMALL
     true = np.array([60.0, 60.0])
     for _ in range(8):
-        it, true = it.predict(STEP, 0.0), true + [1.0, 0.0]
-        it = it.update_with_sighting(sighting_of(true, true + [5.0, 5.0], 0.0), STEP, true + [5.0, 5.0], EXACT)
-    assert it.marginal().mean() == pytest.approx(true, abs=0.3)
+        localizer, true = localizer.predict(STEP, 0.0), true + [1.0, 0.0]
+        localizer = localizer.update_with_sighting(
+            sighting_of(true, true + [5.0, 5.0], 0.0), STEP, true + [5.0, 5.0], EXACT
+        )
+    assert localizer.marginal().mean() == pytest.approx(true, abs=0.3)
 
 
 def test_a_team_that_knows_better_brings_a_robot_back() -> None:
     """Most of the agreed belief is elsewhere, so that both still meet."""
-    it = PositionLocalizer.unknown(section("position"), GRID).update_with_fix(Fix(position=(10.0, 15.0), sigma=1.0))
+    localizer = PositionLocalizer.unknown(section("position"), GRID).update_with_fix(
+        Fix(position=(10.0, 15.0), sigma=1.0)
+    )
     for _ in range(10):
-        it = it.predict(STEP, math.pi / 2)
-        here, there = it.marginal(), gaussian(GRID, (60.0, 60.0), 1.5)
-        it = it.fold(Belief(GRID, 0.1 * here.p + 0.9 * there.p), here)
-    assert it.marginal().p[55:75, 50:70].sum() > 0.85
+        localizer = localizer.predict(STEP, math.pi / 2)
+        here, there = localizer.marginal(), gaussian(GRID, (60.0, 60.0), 1.5)
+        localizer = localizer.fold(Belief(GRID, 0.1 * here.p + 0.9 * there.p), here)
+    assert localizer.marginal().p[55:75, 50:70].sum() > 0.85
 
 
 @pytest.mark.parametrize("vision", ["position", "range-bearing"])
 def test_a_projection_from_a_window_is_that_of_the_whole_grid(vision: str) -> None:
-    it = PositionLocalizer.unknown(section(vision), GRID).update_with_fix(Fix(position=(3.0, 78.0), sigma=1.5))
-    small = it.predict(STEP, 0.3)
+    localizer = PositionLocalizer.unknown(section(vision), GRID).update_with_fix(Fix(position=(3.0, 78.0), sigma=1.5))
+    small = localizer.predict(STEP, 0.3)
     p = np.zeros(GRID.shape)
     p[small.window.slices] = small.p
     sighting = Sighting(subject="object/ball", range=6.0, bearing=-1.2)
@@ -308,17 +312,21 @@ def test_a_projection_from_a_window_is_that_of_the_whole_grid(vision: str) -> No
 
 
 def test_a_robot_that_knows_its_place_works_in_a_window_and_a_small_grid_is_left_whole() -> None:
-    it = PositionLocalizer.unknown(section("position"), GRID).update_with_fix(Fix(position=(40.0, 40.0), sigma=1.0))
+    localizer = PositionLocalizer.unknown(section("position"), GRID).update_with_fix(
+        Fix(position=(40.0, 40.0), sigma=1.0)
+    )
     for _ in range(30):
-        it = it.predict(STEP, 0.5).update_with_fix(Fix(position=(60.0, 60.0), sigma=1.0))
-        assert it.p.size <= 2 * SMALL
-        x, y = it.window.slices
-        left = it.marginal().p.copy()
+        localizer = localizer.predict(STEP, 0.5).update_with_fix(Fix(position=(60.0, 60.0), sigma=1.0))
+        assert localizer.p.size <= 2 * SMALL
+        x, y = localizer.window.slices
+        left = localizer.marginal().p.copy()
         left[max(0, x.start - 1) : x.stop + 1, max(0, y.start - 1) : y.stop + 1] = 0.0
         assert left.max() <= FAINT
     small = Grid((64, 64))
-    it = PositionLocalizer.unknown(section("position"), small).update_with_fix(Fix(position=(40.0, 40.0), sigma=1.0))
-    assert it.predict(STEP, 0.5).window == whole(small.shape)
+    localizer = PositionLocalizer.unknown(section("position"), small).update_with_fix(
+        Fix(position=(40.0, 40.0), sigma=1.0)
+    )
+    assert localizer.predict(STEP, 0.5).window == whole(small.shape)
 
 
 def test_mass_between_no_walls_goes_on() -> None:
@@ -343,5 +351,5 @@ def test_a_belief_to_a_power_lets_a_robot_that_was_carried_away_be_found() -> No
     wide = known.tempered(0.2)
     assert wide.p.shape == GRID.shape
     assert wide.p.min() > 0
-    found = wide.update_with_fix(Fix(position=(70.0, 60.0), sigma=1.0)).marginal()
-    assert found.mean() == pytest.approx([70.0, 60.0], abs=1.0)
+    belief = wide.update_with_fix(Fix(position=(70.0, 60.0), sigma=1.0)).marginal()
+    assert belief.mean() == pytest.approx([70.0, 60.0], abs=1.0)
