@@ -13,7 +13,7 @@ from blackboard.net.settings import LinkConfig
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from tests.access.doors import Enter, Shut, alive, denied, gets_through, put
-from tests.board.reports import at, board, report
+from tests.board.reports import at, new_board, report
 from tests.processes import Letters, program, wait_until
 
 pytestmark = [pytest.mark.team, pytest.mark.xdist_group("door")]  # one directory of keys, and one router
@@ -165,7 +165,7 @@ def test_nobody_can_replay_what_another_said(let_in: Enter) -> None:
 
 def test_what_a_robot_says_again_itself_is_refused_or_changes_nothing() -> None:
     old, new = (report("r1", at(x, 10, 2.0), time=time, tick=tick) for x, time, tick in ((5, 1.0, 5), (30, 8.0, 40)))
-    hears, replayed = board(), board()
+    hears, replayed = new_board(), new_board()
     for one in (hears, replayed):
         one.hear(new, 8.0)
     replayed.hear(old, 8.1)

@@ -32,7 +32,7 @@ class Desk:
     def __init__(self, world: bool = True, members: TeamSection | None = None, **settings: object) -> None:
         """A board with no robot yet; a world is there unless `world` is False. `members`: as a scenario names them."""
         chosen = BoardSection.model_validate(settings)
-        self.it = BoardService(team="t", sub_team="a", board="a", grid=GRID, settings=chosen, members=members)
+        self.service = BoardService(team="t", sub_team="a", board="a", grid=GRID, settings=chosen, members=members)
         self.now = NOW
         self.said: list[Envelope] = []
         if world:
@@ -40,8 +40,8 @@ class Desk:
 
     def tell(self, *envelopes: Envelope) -> list[Envelope]:
         """One batch of messages, after which the board is woken if that is due, as by the loop."""
-        said = [it for envelope in envelopes for it in self.it.receive(envelope, self.now)]
-        return self._noted(said + (self._wake() if self.it.wake_at(self.now) == self.now else []))
+        said = [answer for envelope in envelopes for answer in self.service.receive(envelope, self.now)]
+        return self._noted(said + (self._wake() if self.service.wake_at(self.now) == self.now else []))
 
     def wait(self, seconds: float) -> list[Envelope]:
         self.now += seconds
@@ -49,14 +49,14 @@ class Desk:
 
     def _wake(self) -> list[Envelope]:
         """Wake the board, which then has nothing more to do at once: else its process would spin."""
-        said, due = self.it.wake(self.now), self.it.wake_at(self.now)
+        said, due = self.service.wake(self.now), self.service.wake_at(self.now)
         assert due is None or due > self.now
         return said
 
     def _noted(self, out: list[Envelope]) -> list[Envelope]:
         """What the board said, and that its invariants hold."""
-        self.it.check()
-        said = [it for it in out if keys.MEMORY.match(it.key) is None]
+        self.service.check()
+        said = [envelope for envelope in out if keys.MEMORY.match(envelope.key) is None]
         self.said += said
         return said
 
@@ -65,8 +65,8 @@ class Desk:
 
     def status(self) -> Status:
         self.wait(1.5)
-        found = [decode(Status, e.payload) for e in self.said if "/status/" in e.key]
-        return found[-1]
+        statuses = [decode(Status, e.payload) for e in self.said if "/status/" in e.key]
+        return statuses[-1]
 
 
 def clock(tick: int, *robots: str, run: str = "one", mode: str = "lockstep", **more: object) -> Envelope:

@@ -35,9 +35,9 @@ def report(
 
 def sees(source: str, own: Belief, things: Sequence[tuple[str, Belief]], tick: int, step: float = 1.0) -> Report:
     """What a robot reports of itself where it sees things of some classes, a tick each `step` seconds."""
-    unnamed = [UnnamedBelief(kind=kind, belief=pack(it), mark=mark) for mark, (kind, it) in enumerate(things)]
-    it = report(source, own, tick * step, subject=f"robot/{source}", tick=tick)
-    return it.model_copy(update={"unnamed": unnamed})
+    unnamed = [UnnamedBelief(kind=kind, belief=pack(belief), mark=mark) for mark, (kind, belief) in enumerate(things)]
+    message = report(source, own, tick * step, subject=f"robot/{source}", tick=tick)
+    return message.model_copy(update={"unnamed": unnamed})
 
 
 def at(x: float, y: float, sigma: float) -> Belief:
@@ -49,7 +49,7 @@ def fine(x: float, y: float, sigma: float) -> Belief:
     return unpack(pack(gaussian(FINE, (x, y), sigma)))
 
 
-def board(sub_team: str = "a", *, grid: Grid = GRID, name: str | None = None, **settings: object) -> Board:
+def new_board(sub_team: str = "a", *, grid: Grid = GRID, name: str | None = None, **settings: object) -> Board:
     return Board(sub_team, name or f"board-{sub_team}", grid, BoardSection.model_validate(settings))
 
 
@@ -73,6 +73,6 @@ def said_by(
     tick: int = 0,
 ) -> Consensus:
     """The consensus of one board on a subject, from one robot of its sub-team."""
-    it = board(sub_team, grid=belief.grid, name=name)
-    it.hear(report(f"robot-{sub_team}", belief, time, tick=tick, subject=subject), time)
-    return only(it.settle(tick, time))
+    board = new_board(sub_team, grid=belief.grid, name=name)
+    board.hear(report(f"robot-{sub_team}", belief, time, tick=tick, subject=subject), time)
+    return only(board.settle(tick, time))

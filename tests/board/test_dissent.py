@@ -57,9 +57,9 @@ def test_as_long_as_nobody_disagrees_nothing_is_changed_to_the_bit() -> None:
     dissent = DissentJudge("consensus")
     for second in range(60):
         opinions = said(HONEST, seed=second)
-        one, other = fused(dissent, opinions, float(second)), fused(None, opinions, float(second))
-        assert np.array_equal(one.belief.p, other.belief.p)
-        assert [share.weight for share in one.shares] == [share.weight for share in other.shares]
+        judged, plain = fused(dissent, opinions, float(second)), fused(None, opinions, float(second))
+        assert np.array_equal(judged.belief.p, plain.belief.p)
+        assert [share.weight for share in judged.shares] == [share.weight for share in plain.shares]
     assert dissent.told() == []
     assert {dissent.weight(source) for source in HONEST} == {1.0}
 
@@ -69,10 +69,10 @@ def test_one_liar_of_five_is_named_after_some_seconds_and_the_others_are_not() -
     lived(dissent, LIAR, FIRM)
     assert dissent.told() == []
     lived(dissent, LIAR, 20, FIRM)
-    (told,) = dissent.told()
-    assert (told.level, told.source, told.weight) == ("consensus", "r5", LEAST_WEIGHT)
-    assert told.since == FIRM
-    assert told.sigmas == pytest.approx(10 / np.hypot(1.5, 1.5 / 4**0.2), rel=0.35)  # the others multiply a little
+    (liar,) = dissent.told()
+    assert (liar.level, liar.source, liar.weight) == ("consensus", "r5", LEAST_WEIGHT)
+    assert liar.since == FIRM
+    assert liar.sigmas == pytest.approx(10 / np.hypot(1.5, 1.5 / 4**0.2), rel=0.35)  # the others multiply a little
     assert dissent.told({"r1", "r2"}) == []
 
 
@@ -80,9 +80,9 @@ def test_who_is_named_counts_for_less() -> None:
     dissent = DissentJudge("consensus")
     now = lived(dissent, LIAR, 20)
     two = said({"r1": TRUTH, "r5": (24.0, 20.0)}, sigma=1.5, seed=99)
-    one, other = fused(dissent, two, now), fused(None, two, now)
-    assert abs(one.belief.mean()[0] - two[0].belief.mean()[0]) < 0.1 * abs(
-        other.belief.mean()[0] - two[0].belief.mean()[0]
+    judged, plain = fused(dissent, two, now), fused(None, two, now)
+    assert abs(judged.belief.mean()[0] - two[0].belief.mean()[0]) < 0.1 * abs(
+        plain.belief.mean()[0] - two[0].belief.mean()[0]
     )
 
 
@@ -111,7 +111,7 @@ def test_it_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
 def test_two_that_collude_against_three_are_named() -> None:
     dissent = DissentJudge("consensus")
     lived(dissent, {"r1": TRUTH, "r2": TRUTH, "r3": TRUTH, "r4": (30.0, 20.0), "r5": (30.0, 20.0)}, 20)
-    assert [it.source for it in dissent.told()] == ["r4", "r5"]
+    assert [named.source for named in dissent.told()] == ["r4", "r5"]
 
 
 @pytest.mark.parametrize("size", [2, 3])
@@ -120,8 +120,8 @@ def test_of_two_camps_nobody_is_named_and_both_are_told_with_their_weights(size:
     places = {name: TRUTH if k < size else (30.0, 20.0) for k, name in enumerate(names)}
     lived(dissent, places, 20, sigma=0.7)
     assert dissent.told() == []
-    found = fused(dissent, said(places, 0.7, 20), 20.0)
-    camps = dissent.told_camps(SUBJECT, {share.opinion.source: share.weight for share in found.shares})
+    pooled = fused(dissent, said(places, 0.7, 20), 20.0)
+    camps = dissent.told_camps(SUBJECT, {share.opinion.source: share.weight for share in pooled.shares})
     assert sorted(camp.sources for camp in camps) == [names[:size], names[size:]]
     assert sum(camp.weight for camp in camps) == pytest.approx(1.0)
     lived(dissent, dict.fromkeys(names, TRUTH), 2, 21, sigma=0.7)
@@ -141,7 +141,7 @@ def test_an_over_confident_source_is_named_too() -> None:
         place = (20 + rng.normal(0, 6.0), 20 + rng.normal(0, 6.0))
         sharp = Opinion("r5", gaussian(GRID, place, 0.7), {"r5": 0.0})
         fused(dissent, [*said(HONEST, seed=second), sharp], float(second))
-    assert [it.source for it in dissent.told()] == ["r5"]
+    assert [named.source for named in dissent.told()] == ["r5"]
 
 
 def test_with_the_paper_s_feedback_everything_is_as_printed() -> None:
@@ -175,11 +175,11 @@ def moments(x: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def judge(
-    dissent: DissentJudge, seconds: int, told: Mapping[str, float], trust: Trust, taken: bool = True, start: int = 0
+    dissent: DissentJudge, seconds: int, places: Mapping[str, float], trust: Trust, taken: bool = True, start: int = 0
 ) -> None:
-    believed = {name: moments(0.0) for name in told}
+    believed = {name: moments(0.0) for name in places}
     hear = partial(
-        dissent.judge_robots, told={name: moments(x) for name, x in told.items()}, believed=believed, trust=trust
+        dissent.judge_robots, told={name: moments(x) for name, x in places.items()}, believed=believed, trust=trust
     )
     for tick in range(5 * start, 5 * (start + seconds)):
         hear(tick / 5, verdicts=[Verdict("robot/r3", "robot/r3", "increment", 99.0, 3, taken)])
@@ -188,10 +188,10 @@ def judge(
 def test_in_a_joint_who_says_that_it_is_elsewhere_is_named_with_the_share_that_was_taken() -> None:
     dissent = DissentJudge("agreed", joint=True)
     judge(dissent, 20, {"r1": 0.3, "r2": 0.1, "r3": 9.0}, Trust(), taken=False)
-    (told,) = dissent.told()
-    assert (told.level, told.source, told.since) == ("agreed", "r3", FIRM)
-    assert told.sigmas == pytest.approx(9 / np.sqrt(2))
-    assert told.weight < 0.01
+    (named,) = dissent.told()
+    assert (named.level, named.source, named.since) == ("agreed", "r3", FIRM)
+    assert named.sigmas == pytest.approx(9 / np.sqrt(2))
+    assert named.weight < 0.01
 
 
 def test_in_a_joint_where_half_the_robots_are_elsewhere_nobody_is_named() -> None:
@@ -206,14 +206,14 @@ def test_who_is_left_out_of_a_joint_is_named_at_once_and_until_it_is_taken_back(
 
     def see(agrees: bool, times: int) -> None:
         for _ in range(times):
-            for one in names:
-                for other in names:
-                    if one < other:
-                        trust.judge(one, other, agrees=agrees or "robot/r3" not in (one, other))
+            for observer in names:
+                for observed in names:
+                    if observer < observed:
+                        trust.judge(observer, observed, agrees=agrees or "robot/r3" not in (observer, observed))
 
     see(False, 10)
     judge(dissent, 2, dict.fromkeys(("r1", "r2", "r3"), 0.0), trust)
-    assert [(it.source, it.weight, it.since) for it in dissent.told()] == [("r3", 0.0, 0.0)]
+    assert [(named.source, named.weight, named.since) for named in dissent.told()] == [("r3", 0.0, 0.0)]
     see(True, 30)
     judge(dissent, 3, dict.fromkeys(("r1", "r2", "r3"), 0.0), trust, start=2)
     assert dissent.told() == []
@@ -223,12 +223,15 @@ def test_opposed_camps_of_a_joint_are_told_about_their_members() -> None:
     dissent, trust = DissentJudge("agreed", joint=True), Trust()
     camps = ({"robot/r1", "robot/r2"}, {"robot/r3", "robot/r4"})
     for _ in range(10):
-        for one in sorted(set.union(*camps)):
-            for other in sorted(set.union(*camps)):
-                if one < other:
-                    trust.judge(one, other, agrees=any({one, other} <= camp for camp in camps))
+        for observer in sorted(set.union(*camps)):
+            for observed in sorted(set.union(*camps)):
+                if observer < observed:
+                    trust.judge(observer, observed, agrees=any({observer, observed} <= camp for camp in camps))
     judge(dissent, 1, {}, trust)
     assert dissent.told() == []
-    told = dissent.camps_about("robot/r1", ["robot/r1", "robot/r2", "robot/r3"])
-    assert [(camp.sources, round(camp.weight, 3)) for camp in told] == [(["r1", "r2"], 0.667), (["r3", "r4"], 0.333)]
+    told_camps = dissent.camps_about("robot/r1", ["robot/r1", "robot/r2", "robot/r3"])
+    assert [(camp.sources, round(camp.weight, 3)) for camp in told_camps] == [
+        (["r1", "r2"], 0.667),
+        (["r3", "r4"], 0.333),
+    ]
     assert dissent.camps_about("robot/r9", []) == []

@@ -38,23 +38,23 @@ def test_a_sharp_one_that_contradicts_what_others_saw_moves_nothing(
     """By more than 99 % of honest distances: their sigma is 2. One that saw it is enough."""
     said = [opinion(name, CENTRE) for name in NAMES[:honest]]
     lie = informed("r4", off(by, angle), sigma)
-    calm, found = fused(said, rule), fused([*said, lie], rule)
-    assert found.belief.p.tobytes() == calm.belief.p.tobytes()
-    assert found.conflict
-    assert [(share.opinion.source, share.weight) for share in found.shares if share.how == "overlapping"] == [
+    calm, pooled = fused(said, rule), fused([*said, lie], rule)
+    assert pooled.belief.p.tobytes() == calm.belief.p.tobytes()
+    assert pooled.conflict
+    assert [(share.opinion.source, share.weight) for share in pooled.shares if share.how == "overlapping"] == [
         ("r4", 0.0)
     ]
-    assert found.ancestors == calm.ancestors
+    assert pooled.ancestors == calm.ancestors
 
 
 def test_one_that_agrees_is_pooled_as_before() -> None:
     said = [opinion(name, CENTRE) for name in NAMES[:3]]
-    found = fused([*said, informed("r4", off(1.0, 0.0), 0.5)])
-    assert not found.conflict
-    assert [share.weight > 0 for share in found.shares if share.how == "overlapping"] == [True]
+    pooled = fused([*said, informed("r4", off(1.0, 0.0), 0.5)])
+    assert not pooled.conflict
+    assert [share.weight > 0 for share in pooled.shares if share.how == "overlapping"] == [True]
 
 
 def test_what_several_are_informed_of_is_believed_against_one_that_is_lost() -> None:
-    told = [informed(name, CENTRE, 1.0) for name in NAMES[1:]]
-    found = fused([opinion("r1", off(12.0, 0.0), 0.5), *told])
-    assert sum(share.weight for share in found.shares if share.how == "overlapping") > 0.3
+    claims = [informed(name, CENTRE, 1.0) for name in NAMES[1:]]
+    pooled = fused([opinion("r1", off(12.0, 0.0), 0.5), *claims])
+    assert sum(share.weight for share in pooled.shares if share.how == "overlapping") > 0.3

@@ -15,18 +15,18 @@ from tests.board.seat import SILENT, Seat
 def test_a_board_alone_leads_at_once_and_tells_nobody() -> None:
     seat = Seat()
     assert not seat.here()
-    assert (seat.it.leads, seat.it.leader, seat.it.changes_at()) == (True, "x", math.inf)
+    assert (seat.lead.leads, seat.lead.leader, seat.lead.changes_at()) == (True, "x", math.inf)
 
 
 def test_a_board_that_starts_waits_for_the_others_and_follows_who_leads() -> None:
     seat = Seat(since=8.0)
     assert seat.here("w", "z")
-    assert seat.it.role is BoardRole.UNKNOWN
-    assert seat.it.changes_at() == seat.now + HOLD
+    assert seat.lead.role is BoardRole.UNKNOWN
+    assert seat.lead.changes_at() == seat.now + HOLD
     seat.hear("z", follows=True)
-    assert seat.it.role is BoardRole.UNKNOWN
+    assert seat.lead.role is BoardRole.UNKNOWN
     assert seat.hear("w")
-    assert (seat.it.role, seat.it.leader) == (BoardRole.FOLLOWS, "w")
+    assert (seat.lead.role, seat.lead.leader) == (BoardRole.FOLLOWS, "w")
     assert not seat.hear("w", tick=1)
 
 
@@ -42,16 +42,16 @@ def test_where_nobody_leads_the_one_that_settles_for_longest_does_then_the_first
         seat.here(*others)
         for board, since in others.items():
             seat.hear(board, follows=True, since=since, phase="idle")
-        assert seat.it.leads is leads, others
+        assert seat.lead.leads is leads, others
 
 
 def test_who_says_nothing_at_all_is_not_waited_for_longer_than_its_first_status_may_take() -> None:
     seat = Seat()
     seat.here("w")
     seat.wait(HOLD - 0.25)
-    assert seat.it.role is BoardRole.UNKNOWN
+    assert seat.lead.role is BoardRole.UNKNOWN
     assert seat.wait(0.5)
-    assert seat.it.leads
+    assert seat.lead.leads
 
 
 def test_a_board_that_waits_for_two_is_due_once_the_second_wait_is_over() -> None:
@@ -62,8 +62,8 @@ def test_a_board_that_waits_for_two_is_due_once_the_second_wait_is_over() -> Non
     seat.here("y")
     until = seat.now + HOLD
     seat.wait(0.75)
-    assert seat.it.role is BoardRole.UNKNOWN
-    assert seat.it.changes_at() == until
+    assert seat.lead.role is BoardRole.UNKNOWN
+    assert seat.lead.changes_at() == until
 
 
 def test_the_one_that_leads_goes_on_whoever_comes() -> None:
@@ -71,7 +71,7 @@ def test_the_one_that_leads_goes_on_whoever_comes() -> None:
     seat.here()
     assert seat.here("w"), "it is told at once"
     assert seat.hear("w", follows=True, since=None)
-    assert seat.it.leads
+    assert seat.lead.leads
 
 
 def test_of_two_that_lead_the_one_that_took_over_stays_then_the_older_then_the_first_name() -> None:
@@ -85,7 +85,7 @@ def test_of_two_that_lead_the_one_that_took_over_stays_then_the_older_then_the_f
         seat.here()
         seat.here("w")
         seat.hear("w", **part)
-        assert seat.it.leads is leads, part
+        assert seat.lead.leads is leads, part
 
 
 def test_the_death_of_the_leader_is_followed_by_what_it_did_not_say() -> None:
@@ -97,9 +97,9 @@ def test_the_death_of_the_leader_is_followed_by_what_it_did_not_say() -> None:
         seat.settle(tick)
     seat.hear("w", tick=2, phase="consensus")
     seat.here("w", kind=Kind.GONE)
-    assert seat.it.role is BoardRole.FOLLOWS
+    assert seat.lead.role is BoardRole.FOLLOWS
     assert seat.wait(0.75)
-    assert (seat.it.leads, seat.it.term) == (True, 1)
+    assert (seat.lead.leads, seat.lead.term) == (True, 1)
     assert seat.kept() == [(2, "agreed")]
     assert seat.kept() == []
 
@@ -109,17 +109,17 @@ def test_a_leader_that_lives_and_says_nothing_new_is_given_up() -> None:
     seat.here("w")
     seat.hear("w")
     seat.wait(10.0)
-    assert seat.it.role is BoardRole.FOLLOWS, "nothing was settled"
+    assert seat.lead.role is BoardRole.FOLLOWS, "nothing was settled"
     seat.settle(1)
-    assert seat.it.changes_at() == seat.now + SILENT
+    assert seat.lead.changes_at() == seat.now + SILENT
     for _ in range(4):
         seat.wait(1.0)
         seat.hear("w")  # the same again
-    assert seat.it.role is BoardRole.FOLLOWS
+    assert seat.lead.role is BoardRole.FOLLOWS
     seat.wait(1.25)
-    assert (seat.it.leads, seat.it.term) == (True, 1)
+    assert (seat.lead.leads, seat.lead.term) == (True, 1)
     seat.hear("w", tick=1)
-    assert seat.it.leads, "the one before comes back with the older term"
+    assert seat.lead.leads, "the one before comes back with the older term"
 
 
 def test_a_board_that_was_frozen_is_as_one_that_starts() -> None:
@@ -127,14 +127,14 @@ def test_a_board_that_was_frozen_is_as_one_that_starts() -> None:
     seat.here("w")
     seat.hear("w", follows=True)
     seat.hear("w", follows=True, since=3.0)
-    assert seat.it.leads
+    assert seat.lead.leads
     seat.now += 3.0
-    assert seat.it.look(seat.now)
-    assert (seat.it.role, seat.it.since) == (BoardRole.UNKNOWN, None)
+    assert seat.lead.look(seat.now)
+    assert (seat.lead.role, seat.lead.since) == (BoardRole.UNKNOWN, None)
     seat.hear("w", follows=True, since=3.0)  # from before it took over
-    assert seat.it.role is BoardRole.FOLLOWS
+    assert seat.lead.role is BoardRole.FOLLOWS
     seat.hear("w", term=1, since=3.0)
-    assert seat.it.leader == "w"
+    assert seat.lead.leader == "w"
 
 
 def test_a_status_of_another_run_drops_nothing() -> None:
@@ -142,7 +142,7 @@ def test_a_status_of_another_run_drops_nothing() -> None:
     seat.here("w")
     seat.settle(1)
     status = Status(process="w", kind="board", tick=9, time=50.0, phase="agreed")
-    seat.it.hear_status(status, seat.now, 1.2, any_tick=False)
+    seat.lead.hear_status(status, seat.now, 1.2, any_tick=False)
     assert seat.kept() == [(1, "agreed")]
 
 
@@ -160,7 +160,7 @@ def test_nothing_older_is_said_than_what_the_leader_said() -> None:
     seat.hear("w", tick=10)
     seat.here("w", kind=Kind.GONE)
     seat.wait(0.75)
-    assert (seat.it.may_say(1.9), seat.it.may_say(2.0)) == (False, True)
+    assert (seat.lead.may_say(1.9), seat.lead.may_say(2.0)) == (False, True)
 
 
 # --- in a board process -------------------------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ def test_without_a_world_a_follower_publishes_its_status_alone_until_the_leader_
     times = [decode(Consensus, e.payload).time for e in said if "/agreed/" in e.key]
     assert times == sorted(times)
     assert not desk.status().follows
-    assert desk.it.counters["late"] == 0
+    assert desk.service.counters["late"] == 0
 
 
 def test_a_follower_answers_a_repeated_clock_with_its_statuses() -> None:

@@ -47,8 +47,8 @@ def test_each_row_is_walked(part: BoardRole, fact: Fact) -> None:
     *before, last = WALKS[part, fact]
     for action in before:
         action(seat)
-        seat.it.check()
-    assert seat.it.role is part
+        seat.lead.check()
+    assert seat.lead.role is part
     last(seat)
-    seat.it.check()
-    assert seat.it.role is fact.value.then
+    seat.lead.check()
+    assert seat.lead.role is fact.value.then

@@ -29,21 +29,21 @@ from blackboard.wire.messages import Consensus, Learned
 from tests.board.desk import ANOTHER_WORLD, Desk, clock
 from tests.board.desk import report as sent
 from tests.board.opinions import CENTRE, opinion, stream
-from tests.board.reports import GRID, at, board, only, report
+from tests.board.reports import GRID, at, new_board, only, report
 
 LEARN = BoardSection.model_validate({"independence": "learn"})
 
 
 def taught(ticks: int = 40, n: int = 5, **how: Any) -> Learner:
-    it = Learner()
+    learner = Learner()
     for second, opinions in enumerate(stream(n, ticks, **how)):
-        it.compare_opinions("object/ball", float(second), opinions)
-    return it
+        learner.compare_opinions("object/ball", float(second), opinions)
+    return learner
 
 
-def exponents(it: Learner, n: int = 5) -> list[float]:
+def exponents(learner: Learner, n: int = 5) -> list[float]:
     """What each of n opinions is taken to where all agree: weight / variance."""
-    advice = it.advice([f"s{i}" for i in range(n)], [2.0] * n)
+    advice = learner.advice([f"s{i}" for i in range(n)], [2.0] * n)
     return [float(p) * n ** (advice.independence - 1.0) for p in advice.powers]
 
 
@@ -51,9 +51,9 @@ def exponents(it: Learner, n: int = 5) -> list[float]:
 
 
 def test_escort_moments_of_a_gaussian_are_its_own_and_withstand_a_floor() -> None:
-    it = gaussian(GRID, (20.3, 14.1), (2.0, 3.0))
-    with_floor = Belief(GRID, 0.99 * it.p + 0.01 / GRID.size)
-    for belief in (it, with_floor):
+    exact = gaussian(GRID, (20.3, 14.1), (2.0, 3.0))
+    with_floor = Belief(GRID, 0.99 * exact.p + 0.01 / GRID.size)
+    for belief in (exact, with_floor):
         mean, covariance = escort_moments(belief)
         np.testing.assert_allclose(mean, [20.3, 14.1], atol=0.02)
         np.testing.assert_allclose(covariance, np.diag([4.0, 9.0]) + np.eye(2) / 12, atol=0.1)
@@ -102,31 +102,31 @@ def test_independent_sources_come_to_be_multiplied() -> None:
 
 
 def test_the_weight_of_one_liar_falls() -> None:
-    found = exponents(taught(liar=12.0))
-    assert found[0] < 0.15
-    assert min(found[1:]) > 0.5
-    (it,) = taught(liar=12.0).learned(["s0"])
-    assert it.variance > 5
-    assert it.since is not None
-    assert it.echo is None
+    powers = exponents(taught(liar=12.0))
+    assert powers[0] < 0.15
+    assert min(powers[1:]) > 0.5
+    (learned,) = taught(liar=12.0).learned(["s0"])
+    assert learned.variance > 5
+    assert learned.since is not None
+    assert learned.echo is None
 
 
 def test_echoes_of_one_source_count_about_once() -> None:
-    it = taught(echoes=3)
-    found = exponents(it)
-    assert found[0] + found[1] + found[2] + found[4] == pytest.approx(1.0, abs=0.25)  # s4 and who repeats it
-    assert found[3] > 0.6
-    told = {one.source: one for one in it.learned()}
-    assert told["s0"].echo in ("s1", "s2", "s4")
-    assert told["s0"].since is not None
-    assert told["s3"].echo is None
-    assert told["s3"].since is None
+    learner = taught(echoes=3)
+    powers = exponents(learner)
+    assert powers[0] + powers[1] + powers[2] + powers[4] == pytest.approx(1.0, abs=0.25)  # s4 and who repeats it
+    assert powers[3] > 0.6
+    learned = {entry.source: entry for entry in learner.learned()}
+    assert learned["s0"].echo in ("s1", "s2", "s4")
+    assert learned["s0"].since is not None
+    assert learned["s3"].echo is None
+    assert learned["s3"].since is None
 
 
 def test_sources_that_claim_half_their_sigma_are_found_out_together() -> None:
-    it = taught(50, factor=2.0)
-    assert all(2.0 < one.variance < 6.0 for one in it.learned())
-    assert max(exponents(it)) < 0.5
+    learner = taught(50, factor=2.0)
+    assert all(2.0 < entry.variance < 6.0 for entry in learner.learned())
+    assert max(exponents(learner)) < 0.5
 
 
 def test_samples_that_follow_each_other_count_less() -> None:
@@ -136,11 +136,11 @@ def test_samples_that_follow_each_other_count_less() -> None:
 
 
 def test_a_source_that_mends_is_believed_again() -> None:
-    it = taught(40, liar=12.0)
+    learner = taught(40, liar=12.0)
     for second, opinions in enumerate(stream(5, 60, seed=2), start=40):
-        it.compare_opinions("object/ball", float(second), opinions)
-    assert exponents(it)[0] > 0.5
-    assert it.learned(["s0"])[0].since is None
+        learner.compare_opinions("object/ball", float(second), opinions)
+    assert exponents(learner)[0] > 0.5
+    assert learner.learned(["s0"])[0].since is None
 
 
 def test_with_correlated_errors_the_sharp_opinion_gets_more() -> None:
@@ -154,47 +154,47 @@ def test_with_correlated_errors_the_sharp_opinion_gets_more() -> None:
 
 def test_the_order_of_arrival_changes_nothing() -> None:
     rng = np.random.default_rng(3)
-    one, other = Learner(), Learner()
+    in_order, shuffled = Learner(), Learner()
     for second, opinions in enumerate(stream(5, 20, liar=8.0)):
-        one.compare_opinions("object/ball", float(second), opinions)
-        other.compare_opinions("object/ball", float(second), [opinions[i] for i in rng.permutation(5)])
-    assert exponents(one) == exponents(other)
-    assert one.learned() == other.learned()
+        in_order.compare_opinions("object/ball", float(second), opinions)
+        shuffled.compare_opinions("object/ball", float(second), [opinions[i] for i in rng.permutation(5)])
+    assert exponents(in_order) == exponents(shuffled)
+    assert in_order.learned() == shuffled.learned()
 
 
 def test_what_shares_ancestors_is_not_compared() -> None:
-    it = Learner()
-    for second, (one, other, *_) in enumerate(stream(5, 20)):
+    learner = Learner()
+    for second, (first, other, *_) in enumerate(stream(5, 20)):
         shared = Opinion(other.source, other.belief, {"s0": 0.0, "s1": 0.0})
-        it.compare_opinions("object/ball", float(second), [one, shared])
-    assert it.learned() == []
+        learner.compare_opinions("object/ball", float(second), [first, shared])
+    assert learner.learned() == []
 
 
 def test_what_follows_too_soon_or_is_old_is_not_compared() -> None:
-    it = Learner()
+    learner = Learner()
     for second, opinions in enumerate(stream(5, 20)):
-        it.compare_opinions("object/ball", float(second), opinions)
-        it.compare_opinions("object/ball", second + 0.5, opinions)  # within a second of the one before
-        it.compare_opinions(
+        learner.compare_opinions("object/ball", float(second), opinions)
+        learner.compare_opinions("object/ball", second + 0.5, opinions)  # within a second of the one before
+        learner.compare_opinions(
             "object/can", float(second), [*opinions[:1], *(opinion(o.source, CENTRE, age=2.0) for o in opinions[1:])]
         )
-    assert exponents(it) == exponents(taught(20))
+    assert exponents(learner) == exponents(taught(20))
 
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of sources and subjects, with smaller bounds, so that few opinions are needed; of samples with the real one."""
     monkeypatch.setattr(believed, "MAX_SOURCES", 6)
     monkeypatch.setattr("blackboard.board.learning.MAX_SUBJECTS", 4)
-    it = Learner()
+    learner = Learner()
     for second in range(12):
         names = [f"n{(second * 3 + i) % 11}" for i in range(4)]
-        it.compare_opinions(f"object/o{second}", float(second), [opinion(name, CENTRE) for name in names])
-    it.compare_opinions("object/all", 20.0, [opinion(f"n{i}", CENTRE) for i in range(9)])
-    assert len(it.heard) == 6
-    assert len(it.last) == 4
-    assert len(it.samples) <= 6 * 5 // 2
-    assert it.samples.keys() == it._pairings.keys()
-    assert all(len(means) <= 6 for _, means in it.last.values())
+        learner.compare_opinions(f"object/o{second}", float(second), [opinion(name, CENTRE) for name in names])
+    learner.compare_opinions("object/all", 20.0, [opinion(f"n{i}", CENTRE) for i in range(9)])
+    assert len(learner.heard) == 6
+    assert len(learner.last) == 4
+    assert len(learner.samples) <= 6 * 5 // 2
+    assert learner.samples.keys() == learner._pairings.keys()
+    assert all(len(means) <= 6 for _, means in learner.last.values())
     assert all(len(window) <= PAIR_WINDOW for window in taught(PAIR_WINDOW + 5).samples.values())
 
 
@@ -211,21 +211,21 @@ masses = st.one_of(
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.lists(masses, min_size=3, max_size=3), min_size=1, max_size=8))
 def test_no_belief_makes_it_fail(ticks: list[list[list[float]]]) -> None:
-    it = Learner()
+    learner = Learner()
     for second in range(12):
         ps = [np.reshape(p, SMALL.shape) / sum(p) for p in ticks[second % len(ticks)]]
         opinions = [Opinion(f"s{i}", Belief(SMALL, p), {f"s{i}": 0.0}) for i, p in enumerate(ps)]
-        it.compare_opinions("object/ball", float(second), opinions)
-        advice = it.advice([o.source for o in opinions], [width(o.belief) for o in opinions])
+        learner.compare_opinions("object/ball", float(second), opinions)
+        advice = learner.advice([o.source for o in opinions], [width(o.belief) for o in opinions])
         assert 0 <= advice.independence <= 1
         assert np.all((advice.powers > 0) & (advice.powers <= 1))
         assert np.all((advice.weights > 0) & (advice.weights <= 1))
         rule, stack = as_advised(Coalition(), np.stack(ps), advice)
         assert np.isfinite(fuse(rule, stack, SMALL).p).all()
-        for told in it.learned():
-            assert math.isfinite(told.variance)
-            assert 0 <= told.correlation <= 1
-            assert told.variance >= 1
+        for learned in learner.learned():
+            assert math.isfinite(learned.variance)
+            assert 0 <= learned.correlation <= 1
+            assert learned.variance >= 1
 
 
 @settings(max_examples=40, deadline=None)
@@ -234,27 +234,27 @@ def test_weights_of_equally_wide_opinions_are_those_of_the_formula(n: int, corre
     """(1 + l) (R + l I)^-1 1 with equal correlations is (1 + l) / (1 + l + (n - 1) rho) for each."""
     matrix = np.full((n, n), correlation)
     np.fill_diagonal(matrix, 1.0)
-    told = (1 + RIDGE) / (1 + RIDGE + (n - 1) * correlation)
-    np.testing.assert_allclose(weights_of(matrix, np.full(n, 3.0)), told, atol=1e-9)
+    weight = (1 + RIDGE) / (1 + RIDGE + (n - 1) * correlation)
+    np.testing.assert_allclose(weights_of(matrix, np.full(n, 3.0)), weight, atol=1e-9)
 
 
 # --- the board ----------------------------------------------------------------------------------------------------------
 
 
 def test_the_board_tells_what_it_learned_and_what_it_used() -> None:
-    it = board(independence="learn")
+    board = new_board(independence="learn")
     for second, opinions in enumerate(stream(5, 40, liar=12.0)):
-        for one in opinions:
-            it.hear(report(one.source, one.belief, time=float(second), tick=second), float(second))
-        consensus = only(it.settle(second, float(second)))
+        for said in opinions:
+            board.hear(report(said.source, said.belief, time=float(second), tick=second), float(second))
+        consensus = only(board.settle(second, float(second)))
     weights = {used.source: used.weight for used in consensus.used}
     assert weights["s0"] < 0.3 < min(weight for source, weight in weights.items() if source != "s0")
-    told = {one.source: one for one in consensus.learned}
-    assert told["s0"].variance > 3
-    assert told["s0"].level == "consensus"
-    assert set(told) == set(weights)
+    learned = {entry.source: entry for entry in consensus.learned}
+    assert learned["s0"].variance > 3
+    assert learned["s0"].level == "consensus"
+    assert set(learned) == set(weights)
     assert consensus.parameters["independence"] > 0.5  # type: ignore[operator]
-    assert it.believed()["learned"] == consensus.learned
+    assert board.believed()["learned"] == consensus.learned
     assert decode(Consensus, encode(consensus)) == consensus
 
 
@@ -268,36 +268,38 @@ def test_a_fusion_is_done_again_by_what_is_published_of_it(by: str) -> None:
         learner, settings = taught(liar=12.0), LEARN
     else:
         dissent = DissentJudge("consensus", standings={"s0": Standing(Verdicts(0.7, 9), since=0.0)})
-    found = fuse_opinions([*opinions, informed], GRID, settings, "object/ball", learner, 99.0, dissent)
-    powers = {(share.opinion.source, share.how): share.power for share in found.shares}
+    pooled = fuse_opinions([*opinions, informed], GRID, settings, "object/ball", learner, 99.0, dissent)
+    powers = {(share.opinion.source, share.how): share.power for share in pooled.shares}
     assert powers["s0", "independent"] < 0.7
     assert (powers["s0", "overlapping"] < 0.7) == (by == "dissent")
-    in_force = BoardSection.model_validate(found.rule.in_force())
+    in_force = BoardSection.model_validate(pooled.rule.in_force())
     again = fuse_opinions([*opinions, informed], GRID, in_force, "object/ball", powers=powers)
-    np.testing.assert_allclose(again.belief.p, found.belief.p, rtol=1e-9)
+    np.testing.assert_allclose(again.belief.p, pooled.belief.p, rtol=1e-9)
     forgot = fuse_opinions([*opinions, informed], GRID, in_force, "object/ball")
-    assert not np.allclose(forgot.belief.p, found.belief.p)
+    assert not np.allclose(forgot.belief.p, pooled.belief.p)
 
 
 def test_older_messages_without_the_field_are_taken() -> None:
-    it = board()
-    it.hear(report("s1", at(10, 10, 2)), 0.0)
-    consensus = only(it.settle(0, 0.0))
+    board = new_board()
+    board.hear(report("s1", at(10, 10, 2)), 0.0)
+    consensus = only(board.settle(0, 0.0))
     assert consensus.learned == []
     older = Consensus.model_validate({k: v for k, v in consensus.model_dump().items() if k != "learned"})
     assert older == consensus
 
 
 def test_the_exchange_learns_of_sub_teams() -> None:
-    it = board(independence="learn")
+    board = new_board(independence="learn")
     for second, opinions in enumerate(stream(3, 20)):
-        for one in opinions:
-            other = board()
-            other.hear(report(one.source, one.belief, time=float(second)), float(second))
-            theirs = only(other.settle(second, float(second))).model_copy(update={"sub_team": one.source})
-            it.hear_consensus(theirs, float(second))
-        it.exchange(second, float(second))
-    assert {one.source: one.level for one in it.believed()["learned"]} == dict.fromkeys(("s0", "s1", "s2"), "agreed")
+        for said in opinions:
+            other = new_board()
+            other.hear(report(said.source, said.belief, time=float(second)), float(second))
+            theirs = only(other.settle(second, float(second))).model_copy(update={"sub_team": said.source})
+            board.hear_consensus(theirs, float(second))
+        board.exchange(second, float(second))
+    assert {entry.source: entry.level for entry in board.believed()["learned"]} == dict.fromkeys(
+        ("s0", "s1", "s2"), "agreed"
+    )
 
 
 def test_the_status_of_a_board_shows_what_it_learned_until_a_new_run_begins() -> None:
@@ -306,10 +308,10 @@ def test_the_status_of_a_board_shows_what_it_learned_until_a_new_run_begins() ->
     for tick in range(0, 60, 5):
         desk.tell(clock(tick, mode="realtime"), sent("r1", tick), sent("r2", tick))
         desk.wait(0.3)
-    told = desk.status()
-    assert told.settings["independence"] == "learn"
-    assert {one.source for one in told.learned} == {"r1", "r2"}
-    assert all(isinstance(one, Learned) for one in told.learned)
+    status = desk.status()
+    assert status.settings["independence"] == "learn"
+    assert {entry.source for entry in status.learned} == {"r1", "r2"}
+    assert all(isinstance(entry, Learned) for entry in status.learned)
     desk.tell(*ANOTHER_WORLD, clock(0, mode="realtime", run="two"))
     desk.wait(0.3)
     assert desk.status().learned == []
@@ -324,8 +326,8 @@ def test_a_single_opinion_is_fused_as_by_the_rule_with_the_independence_that_is_
     fused = fuse_opinions([only], GRID, LEARN, "robot/r1", taught(), 41.0, DissentJudge("consensus"), lambda _: mine)
     cautious = BoardSection.model_validate({"independence": 0.2})
     plain = fuse_opinions([only], GRID, cautious, "robot/r1", counts=lambda _: mine)
-    for told, belief in ((fused.belief, plain.belief), (fused.firsthand, plain.firsthand)):
-        assert np.array_equal(told.p, belief.p)
+    for fused_belief, plain_belief in ((fused.belief, plain.belief), (fused.firsthand, plain.firsthand)):
+        assert np.array_equal(fused_belief.p, plain_belief.p)
     for name in (
         "ancestors",
         "firsthand_ancestors",
@@ -337,4 +339,4 @@ def test_a_single_opinion_is_fused_as_by_the_rule_with_the_independence_that_is_
         "rule",
     ):
         assert getattr(fused, name) == getattr(plain, name), name
-    assert [it.source for it in fused.learned] == (["s1"] if known else [])
+    assert [entry.source for entry in fused.learned] == (["s1"] if known else [])

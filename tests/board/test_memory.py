@@ -30,7 +30,7 @@ EMPTY = PackedMemory(learner=PackedLearner())
 
 
 def pool(opinions: Any) -> Belief:
-    return Belief(GRID, fuse_belief(Coalition(), np.stack([it.belief.p for it in opinions]), GRID))
+    return Belief(GRID, fuse_belief(Coalition(), np.stack([heard.belief.p for heard in opinions]), GRID))
 
 
 def hear(learner: Learner, dissent: DissentJudge, time: float, opinions: list[Opinion]) -> None:
@@ -60,9 +60,9 @@ def test_who_goes_on_from_a_memory_does_the_same_to_the_bit(handed_on: int) -> N
     assert heirs is not None
     assert packed_memory(*heirs) == packed_memory(learner, dissent)
     assert heirs[0].learned() == learner.learned()
-    one, other = (it.advice([f"s{i}" for i in range(5)], [2.0] * 5) for it in (learner, heirs[0]))
-    assert (one.independence, one.powers.tolist()) == (other.independence, other.powers.tolist())
-    assert one.independence != 0.2
+    advice, expected = (heir.advice([f"s{i}" for i in range(5)], [2.0] * 5) for heir in (learner, heirs[0]))
+    assert (advice.independence, advice.powers.tolist()) == (expected.independence, expected.powers.tolist())
+    assert advice.independence != 0.2
     assert heirs[1].told() == dissent.told() != []
 
 
@@ -163,11 +163,11 @@ def test_whatever_a_memory_says_within_its_bounds_the_advice_is_sound(
         "samples": np.array(samples[: sum(counts)], SAMPLE).tobytes(),
     }
     packed = PackedMemory.model_validate({"learner": learner})
-    it, _ = remembered(packed, "consensus", 0.0, 2)
-    advice = it.advice(["s0", "s1", "s2"], [1.0, 2.0, 3.0])
+    heir, _ = remembered(packed, "consensus", 0.0, 2)
+    advice = heir.advice(["s0", "s1", "s2"], [1.0, 2.0, 3.0])
     assert 0 <= advice.independence <= 1
     assert ((advice.powers > 0) & (advice.powers <= 1)).all()
-    it.compare_opinions(
+    heir.compare_opinions(
         "object/ball", 5.0, [Opinion(f"s{i}", gaussian(GRID, (10, 10 + i), 2.0), {f"s{i}": 5.0}) for i in range(3)]
     )
-    assert all(math.isfinite(one.variance) for one in it.learned())
+    assert all(math.isfinite(entry.variance) for entry in heir.learned())

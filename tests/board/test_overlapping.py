@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.belief import Belief
 from blackboard.wire.messages import Consensus
-from tests.board.reports import at, board, only, report
+from tests.board.reports import at, new_board, only, report
 
 PRODUCT = {"independence": 1.0, "gate": 50.0}
 OPINIONS = {
@@ -33,22 +33,22 @@ def home(cover: Cover, robot: str) -> str:
 
 def agreed(cover: Cover, opinions: Mapping[str, Belief] = OPINIONS, **rule: object) -> Consensus:
     """What the boards of a cover agree on, which is the same at each of them."""
-    boards = {s: board(s, **rule) for s in cover}
+    boards = {s: new_board(s, **rule) for s in cover}
     for sub_team, robots in cover.items():
         for robot in robots:
             boards[sub_team].hear(report(robot, opinions[robot]), 0.0)
     said = [
         consensus
-        for sub_team, it in boards.items()
-        for consensus in it.settle(0, 0.0, lambda robot, s=sub_team: home(cover, robot) == s)  # type: ignore[misc]
+        for sub_team, board in boards.items()
+        for consensus in board.settle(0, 0.0, lambda robot, s=sub_team: home(cover, robot) == s)  # type: ignore[misc]
     ]
-    found = []
-    for it in boards.values():
+    agreed_on = []
+    for board in boards.values():
         for consensus in said:
-            it.hear_consensus(consensus, 0.0)
-        found.append(only(it.exchange(0, 0.0)).model_copy(update={"board": "", "sub_team": ""}))
-    assert all(one == found[0] for one in found)
-    return found[0]
+            board.hear_consensus(consensus, 0.0)
+        agreed_on.append(only(board.exchange(0, 0.0)).model_copy(update={"board": "", "sub_team": ""}))
+    assert all(other == agreed_on[0] for other in agreed_on)
+    return agreed_on[0]
 
 
 def partition(cover: Cover) -> Cover:
@@ -57,9 +57,9 @@ def partition(cover: Cover) -> Cover:
     return {sub_team: robots for sub_team, robots in kept.items() if robots}
 
 
-def first_hand(it: Consensus) -> tuple[object, object]:
-    part = it.firsthand
-    return (it.belief, set(it.ancestors)) if part is None else (part.belief, set(part.ancestors))
+def first_hand(consensus: Consensus) -> tuple[object, object]:
+    part = consensus.firsthand
+    return (consensus.belief, set(consensus.ancestors)) if part is None else (part.belief, set(part.ancestors))
 
 
 def test_the_evidence_of_a_robot_beside_a_shared_one_is_not_lost() -> None:
@@ -90,11 +90,11 @@ covers = st.dictionaries(
 @settings(max_examples=25, deadline=None)
 @given(covers, st.sampled_from([{}, PRODUCT, {"rule": "logarithmic"}]))
 def test_any_cover_agrees_as_its_partition_does(cover: Cover, rule: dict[str, object]) -> None:
-    found, apart = agreed(cover, **rule), agreed(partition(cover), **rule)
-    assert first_hand(found)[1] == first_hand(apart)[1]
+    overlapping, apart = agreed(cover, **rule), agreed(partition(cover), **rule)
+    assert first_hand(overlapping)[1] == first_hand(apart)[1]
     if len(cover) > 1 and len(partition(cover)) > 1:
-        assert first_hand(found) == first_hand(apart)
-    assert found.entropy <= apart.entropy + 0.02
+        assert first_hand(overlapping) == first_hand(apart)
+    assert overlapping.entropy <= apart.entropy + 0.02
     if rule:
         everybody = {"a": tuple(sorted({robot for robots in cover.values() for robot in robots}))}
-        assert found.entropy == pytest.approx(agreed(everybody, **rule).entropy, abs=0.05)
+        assert overlapping.entropy == pytest.approx(agreed(everybody, **rule).entropy, abs=0.05)

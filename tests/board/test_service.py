@@ -56,22 +56,22 @@ def test_a_board_that_is_asked_tells_what_it_lacks_and_repeats_only_what_it_is_a
     me = "board/a/a"
     desk.tell(clock(0, "r1", "r2"), report("r1", 0), reported("r1", 0, "object/ball"))
     assert asked(asked=["robot/r2"]) == []
-    (told,) = asked(asked=[me])
-    assert decode(Status, told.payload).lacks == ["robot/r2"]
+    (answer,) = asked(asked=[me])
+    assert decode(Status, answer.payload).lacks == ["robot/r2"]
     said = desk.tell(report("r2", 0), reported("r2", 0, "object/ball"))
-    (told,) = asked(asked=[me])
-    assert decode(Status, told.payload).lacks == []
+    (answer,) = asked(asked=[me])
+    assert decode(Status, answer.payload).lacks == []
     assert asked(again=[me]) == said
 
 
 def test_when_the_speed_of_a_robot_elsewhere_arrives_changes_no_bit() -> None:
     """A board does not wait for robots of other sub-teams, so what they say in a tick counts from the next one on."""
-    found = []
+    payloads = []
     for order in (1, -1):
         desk = Desk(patience=2.0)
-        seen = decode(Report, report("r1", 0).payload).model_copy(update={"subject": "robot/r4"})
+        message = decode(Report, report("r1", 0).payload).model_copy(update={"subject": "robot/r4"})
         key = keys.REPORT.key(team="t", sub_team="a", source="r1", subject="robot/r4")
-        desk.tell(clock(0, "r1", b=["r4"]), Envelope(key, encode(seen)), reported("r1", 0, "robot/r4"))
+        desk.tell(clock(0, "r1", b=["r4"]), Envelope(key, encode(message)), reported("r1", 0, "robot/r4"))
         for tick in (1, 2):
             desk.wait(2.5)
             said = [
@@ -85,10 +85,10 @@ def test_when_the_speed_of_a_robot_elsewhere_arrives_changes_no_bit() -> None:
                 )
                 for robot, sub_team, fields in said[::order]
             ]
-            told = desk.tell(clock(tick, "r1", b=["r4"]), *statuses)
-            found.append([it.payload for it in told if "/consensus/robot/r4" in it.key])
-    assert found[:2] == found[2:]
-    assert found[0] != found[1]
+            answers = desk.tell(clock(tick, "r1", b=["r4"]), *statuses)
+            payloads.append([envelope.payload for envelope in answers if "/consensus/robot/r4" in envelope.key])
+    assert payloads[:2] == payloads[2:]
+    assert payloads[0] != payloads[1]
 
 
 def test_a_dead_robot_is_not_waited_for() -> None:
@@ -106,9 +106,9 @@ def test_the_exchange_waits_for_the_other_sub_team() -> None:
     desk.tell(board_of("b"), clock(0, "r1", b=["r4"]))
     assert levels(desk.tell(report("r1", 0), reported("r1", 0, "object/ball"))) == ["consensus"]
     assert levels(desk.tell(settled("b", 0, "object/ball"))) == []
-    told = desk.tell(theirs("b", 0))
-    assert levels(told) == ["agreed"]
-    assert set(decode(Consensus, told[0].payload).ancestors) == {"r1", "r4"}
+    answers = desk.tell(theirs("b", 0))
+    assert levels(answers) == ["agreed"]
+    assert set(decode(Consensus, answers[0].payload).ancestors) == {"r1", "r4"}
 
 
 def test_a_new_run_forgets_the_old_one() -> None:
@@ -229,9 +229,11 @@ def test_only_a_robot_of_the_sub_team_that_has_reported_withdraws_what_it_does_n
     desk.tell(clock(1, "r1", "r2"))
     said = Status(process="r1", kind=kind, tick=1, time=0.2, phase=phase, subjects=[])  # type: ignore[arg-type]
     desk.tell(put(said, sub_team=sub_team))
-    told = desk.wait(2.1)
-    assert levels(told) == ["consensus", "agreed"]
-    assert [used.source for used in decode(Consensus, told[0].payload).used] == (["r2"] if withdrawn else ["r1", "r2"])
+    answers = desk.wait(2.1)
+    assert levels(answers) == ["consensus", "agreed"]
+    assert [used.source for used in decode(Consensus, answers[0].payload).used] == (
+        ["r2"] if withdrawn else ["r1", "r2"]
+    )
 
 
 def test_a_clock_without_a_world_is_logged_once_and_counted_each_time(caplog: pytest.LogCaptureFixture) -> None:

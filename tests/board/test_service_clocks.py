@@ -36,15 +36,15 @@ def test_without_a_world_it_settles_once_all_robots_have_told_a_step() -> None:
     desk = Desk(world=False, period=0.8)
     desk.register("r1", "r2")
     desk.wait(0.03)
-    found, ticks = [], []
+    settlements, ticks = [], []
     for step in range(7, 12):
         for robot, before in (("r1", 0.3), ("r2", 0.12)):
             desk.wait(before)
             desk.tell(report(robot, step, time=desk.now), reported(robot, step, "object/ball"))
             said = desk.wait(0.0)
-            found += [(step, robot)] if levels(said) == ["consensus", "agreed"] else []
-            ticks += [decode(Consensus, it.payload).tick for it in said if "/agreed/" in it.key]
-    assert found == [(7, "r1"), (8, "r1"), (8, "r2"), (9, "r2"), (10, "r2"), (11, "r2")]
+            settlements += [(step, robot)] if levels(said) == ["consensus", "agreed"] else []
+            ticks += [decode(Consensus, envelope.payload).tick for envelope in said if "/agreed/" in envelope.key]
+    assert settlements == [(7, "r1"), (8, "r1"), (8, "r2"), (9, "r2"), (10, "r2"), (11, "r2")]
     assert ticks == sorted(set(ticks))
 
 
@@ -83,9 +83,9 @@ def test_a_report_that_comes_before_its_world_is_refused_for_now_and_counts_late
     desk = Desk(world=False)
     desk.register("r1")
     desk.tell(report("r1", 3))
-    assert desk.it.refused == {"past": 1}
+    assert desk.service.refused == {"past": 1}
     assert levels(desk.tell(clock(3, "r1"), WORLD, reported("r1", 3, "object/ball"))) == ["consensus", "agreed"]
-    assert desk.it.refused == {"past": 1}
+    assert desk.service.refused == {"past": 1}
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
@@ -160,11 +160,11 @@ def test_it_asks_to_be_woken_only_for_what_time_can_change() -> None:
         desk.tell(*start)
         wakes = 0
         while desk.now < NOW + 20.0:
-            due = desk.it.wake_at(desk.now)
+            due = desk.service.wake_at(desk.now)
             assert due is not None
             desk.now = max(desk.now, due)
             desk.tell()
-            desk.said += desk.it.wake(desk.now)
+            desk.said += desk.service.wake(desk.now)
             wakes += 1
             if wakes == 3:
                 desk.tell(*(Envelope(e.key, kind=Kind.GONE) for e in start if e is WORLD))

@@ -70,5 +70,5 @@ def test_an_exchange_is_not_cut_short_by_the_next_clock() -> None:
     assert levels(desk.said) == ["consensus"]
     desk.now += 0.3
     desk.tell(*tick(2))
-    found = list(zip(levels(desk.said), ticks(desk.said), strict=True))
-    assert [it for it in found if it[1] == 1] == [("consensus", 1), ("agreed", 1)]
+    steps = list(zip(levels(desk.said), ticks(desk.said), strict=True))
+    assert [step for step in steps if step[1] == 1] == [("consensus", 1), ("agreed", 1)]

@@ -38,7 +38,7 @@ def test_without_a_world_a_consensus_needs_a_token_as_well() -> None:
     agreed = [decode(Consensus, e.payload) for e in desk.said if "/agreed/" in e.key]
     assert agreed
     assert {u.source for consensus in agreed for u in consensus.used} == {"a"}
-    assert desk.it.refused == {"unregistered": 2}
+    assert desk.service.refused == {"unregistered": 2}
 
 
 def test_an_empty_list_of_a_board_that_just_started_is_nothing_to_refuse() -> None:

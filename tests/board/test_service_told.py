@@ -34,12 +34,12 @@ def free(*robots: str) -> Desk:
 def test_a_robot_is_told_what_of_it_was_refused_and_why() -> None:
     desk = free("r1")
     desk.tell(report("r1", 1, gaussian(Grid((9, 9)), (3, 3), 1.0), time=desk.now))
-    (it,) = refusals(desk.said)
-    assert (it.board, it.sub_team, it.robot, it.subject, it.reason, it.count) == (
+    (refusal,) = refusals(desk.said)
+    assert (refusal.board, refusal.sub_team, refusal.robot, refusal.subject, refusal.reason, refusal.count) == (
         "a", "a", "r1", "object/ball", "grid", 1,
     )  # fmt: skip
-    assert "(9, 9)" in it.text
-    assert in_words(it).startswith("a refused the report about object/ball of r1 (grid: a belief on (9, 9) cells")
+    assert "(9, 9)" in refusal.text
+    assert in_words(refusal).startswith("a refused the report about object/ball of r1 (grid: a belief on (9, 9) cells")
     (envelope,) = [e for e in desk.said if keys.REFUSED.match(e.key)]
     assert envelope.key == "cop/t/a/refused/r1"
 
@@ -50,7 +50,7 @@ def test_a_robot_without_a_token_is_told_once_it_had_time_to_come() -> None:
     desk.wait(0.5)
     assert refusals(desk.said) == []
     desk.wait(1.0)
-    assert [it.reason for it in refusals(desk.said)] == ["unregistered"]
+    assert [refusal.reason for refusal in refusals(desk.said)] == ["unregistered"]
 
 
 def test_a_robot_whose_token_came_later_than_its_report_is_told_nothing() -> None:

@@ -15,19 +15,19 @@ NOW = 1_000_000.0
 PERIOD = 0.1  # seconds between two steps of a robot
 
 
-def ends(steps: Steps, told: list[tuple[float, str]], early: bool = False) -> list[tuple[float, str]]:
+def ends(steps: Steps, said: list[tuple[float, str]], early: bool = False) -> list[tuple[float, str]]:
     """At whose steps, and when, a board settles that does so whenever it has reason; `early`: once in the midst of them."""
-    found, ticks = [], Counter[str]()
-    for number, (at, robot) in enumerate(sorted(told)):
+    settlements, ticks = [], Counter[str]()
+    for number, (at, robot) in enumerate(sorted(said)):
         ticks[robot] += 1
         steps.hear(robot, ticks[robot], NOW + at)
         steps.check()
         if steps.are_told or (early and number == 1):
-            found.append((at, robot))
+            settlements.append((at, robot))
             steps.begin_tick()
             steps.check()
             assert not steps.are_told
-    return found
+    return settlements
 
 
 def steady(phases: list[float], rounds: int) -> list[tuple[float, str]]:
@@ -39,9 +39,9 @@ def steady(phases: list[float], rounds: int) -> list[tuple[float, str]]:
 def test_robots_that_step_equally_often_are_settled_once_in_each_of_their_steps(
     phases: list[float], early: bool
 ) -> None:
-    found = ends(Steps(), steady(phases, 30), early)
+    settlements = ends(Steps(), steady(phases, 30), early)
     for n in range(5, 28):
-        assert len([at for at, _ in found if n * PERIOD <= at < (n + 1) * PERIOD - 1e-9]) == 1
+        assert len([at for at, _ in settlements if n * PERIOD <= at < (n + 1) * PERIOD - 1e-9]) == 1
 
 
 @given(st.lists(st.floats(0.0, 0.2), min_size=1, max_size=5), st.booleans())
@@ -49,15 +49,15 @@ def test_robots_that_step_shortly_after_each_other_are_settled_after_the_last_on
     phases: list[float], early: bool
 ) -> None:
     """Also where a period ended in the midst of their steps."""
-    told = steady(phases, 30)
-    last = [max((at, robot) for at, robot in told if n <= at / PERIOD + 1e-9 < n + 1) for n in range(30)]
-    assert ends(Steps(), told, early)[-20:] == last[-20:]
+    said = steady(phases, 30)
+    last = [max((at, robot) for at, robot in said if n <= at / PERIOD + 1e-9 < n + 1) for n in range(30)]
+    assert ends(Steps(), said, early)[-20:] == last[-20:]
 
 
 @given(st.lists(st.tuples(st.sampled_from(ROBOTS), st.integers(0, 3), st.floats(0.0, 1.0)), max_size=60))
-def test_nobody_is_waited_for_longer_than_another_one_tells_two_steps(told: list[tuple[str, int, float]]) -> None:
+def test_nobody_is_waited_for_longer_than_another_one_tells_two_steps(said: list[tuple[str, int, float]]) -> None:
     steps, newest, since, now = Steps(), dict[str, int](), Counter[str](), NOW
-    for robot, tick, wait in told:
+    for robot, tick, wait in said:
         now += wait
         since[robot] += newest.get(robot) != tick
         newest[robot] = tick
@@ -71,8 +71,8 @@ def test_nobody_is_waited_for_longer_than_another_one_tells_two_steps(told: list
 
 
 def test_who_falls_silent_delays_one_settlement_by_one_step_of_another() -> None:
-    told = steady([0.0, 0.1], 5) + [(n * PERIOD, "r0") for n in range(5, 9)]
-    assert [at for at, _ in ends(Steps(), told) if at > 0.42] == [n * PERIOD for n in (6, 7, 8)]
+    said = steady([0.0, 0.1], 5) + [(n * PERIOD, "r0") for n in range(5, 9)]
+    assert [at for at, _ in ends(Steps(), said) if at > 0.42] == [n * PERIOD for n in (6, 7, 8)]
 
 
 def test_strangers_are_forgotten() -> None:

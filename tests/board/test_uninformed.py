@@ -41,9 +41,9 @@ def fused(some: list[Opinion], independence: float | str = "learn", **settings: 
 def test_uniform_opinions_change_no_belief(
     places: list[tuple[float, float, float]], more: int, independence: float | str
 ) -> None:
-    told = opinions(places)
-    without = fused(told, independence)
-    beside = fused([*told, *(uninformed(f"u{i}", 1e-12) for i in range(more))], independence)
+    said = opinions(places)
+    without = fused(said, independence)
+    beside = fused([*said, *(uninformed(f"u{i}", 1e-12) for i in range(more))], independence)
     assert np.array_equal(beside.belief.p, without.belief.p)
     assert np.array_equal(beside.firsthand.p, without.firsthand.p)
     assert beside.outcome == without.outcome
@@ -55,46 +55,46 @@ def test_uniform_opinions_change_no_belief(
 
 def test_their_sources_stay_among_the_ancestors() -> None:
     """That somebody saw nothing is evidence too, so it is not taken for independent of what rests on it."""
-    found = fused([*opinions([(2.0, 2.0, 1.0)]), uninformed("u")])
-    assert found.ancestors == found.firsthand_ancestors == {"r0": 1.0, "u": 1.0}
-    assert found.is_firsthand
+    pooled = fused([*opinions([(2.0, 2.0, 1.0)]), uninformed("u")])
+    assert pooled.ancestors == pooled.firsthand_ancestors == {"r0": 1.0, "u": 1.0}
+    assert pooled.is_firsthand
 
 
 def test_one_of_another_sub_team_is_no_part_of_what_is_first_hand_here() -> None:
     some = [*opinions([(2.0, 2.0, 1.0)]), uninformed("u")]
-    found = fuse_opinions(some, GRID, BoardSection(), "object/ball", Learner(), 1.0, counts=lambda robot: robot != "u")
-    assert (found.firsthand_ancestors, found.is_firsthand) == ({"r0": 1.0}, False)
-    assert np.array_equal(found.firsthand.p, found.belief.p)
+    pooled = fuse_opinions(some, GRID, BoardSection(), "object/ball", Learner(), 1.0, counts=lambda robot: robot != "u")
+    assert (pooled.firsthand_ancestors, pooled.is_firsthand) == ({"r0": 1.0}, False)
+    assert np.array_equal(pooled.firsthand.p, pooled.belief.p)
 
 
 def test_where_nobody_knows_anything_the_belief_is_uniform() -> None:
-    found = fused([uninformed("u"), uninformed("v")])
-    assert found.belief.p == pytest.approx(uniform(GRID).p)
-    assert {share.opinion.source for share in found.shares if share.weight > 0} == {"u", "v"}
+    pooled = fused([uninformed("u"), uninformed("v")])
+    assert pooled.belief.p == pytest.approx(uniform(GRID).p)
+    assert {share.opinion.source for share in pooled.shares if share.weight > 0} == {"u", "v"}
 
 
 def test_an_informed_belief_beside_a_uniform_first_hand_one_is_not_multiplied() -> None:
     """It may contain what the others said, so it still overlaps with its own source's first-hand belief."""
     informed = Opinion("u", gaussian(GRID, (2.0, 2.0), 1.0), {"u": 1.0, "r0": 1.0})
-    found = fused([*opinions([(2.0, 2.0, 1.0)]), uninformed("u"), informed])
-    assert found.belief.p == pytest.approx(informed.belief.p, abs=1e-6)
-    assert ("u", "overlapping") in {(share.opinion.source, share.how) for share in found.shares}
+    pooled = fused([*opinions([(2.0, 2.0, 1.0)]), uninformed("u"), informed])
+    assert pooled.belief.p == pytest.approx(informed.belief.p, abs=1e-6)
+    assert ("u", "overlapping") in {(share.opinion.source, share.how) for share in pooled.shares}
 
 
 @pytest.mark.parametrize("rule", ["cooperative", "linear", "logarithmic", "median-log", "clique"])
 def test_under_every_rule_of_a_board(rule: str) -> None:
-    told = opinions([(2.0, 2.0, 1.0), (2.2, 2.1, 0.8)])
+    said = opinions([(2.0, 2.0, 1.0), (2.2, 2.1, 0.8)])
     settings = BoardSection(rule=rule)
-    without = fuse_opinions(told, GRID, settings, "object/ball").belief.p
-    beside = fuse_opinions([*told, uninformed("u")], GRID, settings, "object/ball").belief.p
+    without = fuse_opinions(said, GRID, settings, "object/ball").belief.p
+    beside = fuse_opinions([*said, uninformed("u")], GRID, settings, "object/ball").belief.p
     assert np.array_equal(beside, without)
 
 
 def test_nearly_uniform_ones_and_those_of_the_paper_count() -> None:
-    told = opinions([(2.0, 2.0, 1.0)])
-    without = fused(told).belief.p
-    assert fused([*told, uninformed("u", 0.01)]).belief.p.max() < 0.9 * without.max()
-    assert fused([*told, uninformed("u")], feedback="paper").belief.p.max() < 0.9 * without.max()
+    said = opinions([(2.0, 2.0, 1.0)])
+    without = fused(said).belief.p
+    assert fused([*said, uninformed("u", 0.01)]).belief.p.max() < 0.9 * without.max()
+    assert fused([*said, uninformed("u")], feedback="paper").belief.p.max() < 0.9 * without.max()
 
 
 def test_a_rule_with_a_parameter_that_cannot_be_hashed() -> None:
@@ -102,7 +102,7 @@ def test_a_rule_with_a_parameter_that_cannot_be_hashed() -> None:
     class Own(Coalition):
         notes: list[str]
 
-    told = opinions([(2.0, 2.0, 1.0), (2.2, 2.1, 0.8)])
+    said = opinions([(2.0, 2.0, 1.0), (2.2, 2.1, 0.8)])
     advice = Advice(independence=0.5, powers=np.ones(2), weights=np.ones(2))
-    rule, _ = as_advised(Own(notes=["a"]), np.stack([one.belief.p for one in told]), advice)
+    rule, _ = as_advised(Own(notes=["a"]), np.stack([opinion.belief.p for opinion in said]), advice)
     assert rule.independence == 0.5

@@ -13,24 +13,24 @@ from blackboard.board.board import Board
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.bell import width
 from blackboard.wire.arrays import unpack
-from tests.board.reports import at, board, report
+from tests.board.reports import at, new_board, report
 
 MATE, OWN, SHARPEST = "robot/r1", 2.0, 0.5
 BESIDE = math.hypot(OWN, SHARPEST)  # the least sigma of a mate's place, seen from a place that is known to OWN
 
 
-def told(by: str, sigma: float, *, own: float = OWN, off: float = 2.0, **settings: object) -> Belief:
+def held_to_be(by: str, sigma: float, *, own: float = OWN, off: float = 2.0, **settings: object) -> Belief:
     """Where r1 is held to be, which says so itself, and whom `by` sees elsewhere."""
-    it = board(sharpest=SHARPEST, **settings)
-    it.hear(report("r1", at(20, 15, OWN), subject=MATE), 0.0)
-    it.hear(report(by, at(10, 15, own), subject=f"robot/{by}"), 0.0)
-    it.hear(report(by, at(20 + off, 15, sigma), subject=MATE), 0.0)
-    return about(it, MATE)
+    board = new_board(sharpest=SHARPEST, **settings)
+    board.hear(report("r1", at(20, 15, OWN), subject=MATE), 0.0)
+    board.hear(report(by, at(10, 15, own), subject=f"robot/{by}"), 0.0)
+    board.hear(report(by, at(20 + off, 15, sigma), subject=MATE), 0.0)
+    return about(board, MATE)
 
 
-def about(it: Board, subject: str) -> Belief:
-    (found,) = [unpack(one.belief) for one in it.settle(0, 0.0) if one.subject == subject]
-    return found
+def about(board: Board, subject: str) -> Belief:
+    (belief,) = [unpack(consensus.belief) for consensus in board.settle(0, 0.0) if consensus.subject == subject]
+    return belief
 
 
 @settings(deadline=None, max_examples=25)
@@ -43,28 +43,30 @@ def about(it: Board, subject: str) -> Belief:
 def test_a_mate_seen_from_a_place_is_known_no_better_than_that_place(
     by: str, rule: str, sigma: float, off: float
 ) -> None:
-    lie, honest = (told(by, it, off=off, rule=rule) for it in (sigma, BESIDE))
+    lie, honest = (held_to_be(by, claimed, off=off, rule=rule) for claimed in (sigma, BESIDE))
     assert abs(lie.mean()[0] - 20) <= abs(honest.mean()[0] - 20) + 0.3  # of a cell: what lies between cells is not told
 
 
 def test_who_claims_to_know_its_own_place_better_than_the_sharpest_sensor_does_not() -> None:
-    assert told("r2", 0.01, own=0.01).mean() == pytest.approx(told("r2", math.hypot(0.5, 0.5), own=0.5).mean(), abs=0.1)
+    assert held_to_be("r2", 0.01, own=0.01).mean() == pytest.approx(
+        held_to_be("r2", math.hypot(0.5, 0.5), own=0.5).mean(), abs=0.1
+    )
 
 
 @pytest.mark.parametrize("subject", ["object/ball", "robot/r2", "robot/r1"])
 def test_one_place_is_known_as_well_as_the_sharpest_sensor_could(subject: str) -> None:
-    it = board(sharpest=2.0)
-    it.hear(report("r2", at(20, 15, 0.1), subject=subject), 0.0)
-    assert width(about(it, subject)) == pytest.approx(2.0, rel=0.05)
+    board = new_board(sharpest=2.0)
+    board.hear(report("r2", at(20, 15, 0.1), subject=subject), 0.0)
+    assert width(about(board, subject)) == pytest.approx(2.0, rel=0.05)
 
 
 @pytest.mark.parametrize("sigma", [BESIDE + 0.1, 4.0])
 def test_what_sensors_can_know_is_taken_as_it_is_told(sigma: float) -> None:
-    bounded, free = told("r2", sigma), told("r2", sigma, feedback="paper")
+    bounded, free = held_to_be("r2", sigma), held_to_be("r2", sigma, feedback="paper")
     assert np.array_equal(bounded.p, free.p)
 
 
 def test_where_the_place_of_an_observer_is_not_known_the_sensor_alone_decides() -> None:
-    it = board(sharpest=1.0)
-    it.hear(report("camera", at(20, 15, 1.2), subject=MATE), 0.0)
-    assert width(about(it, MATE)) == pytest.approx(1.2, rel=0.05)
+    board = new_board(sharpest=1.0)
+    board.hear(report("camera", at(20, 15, 1.2), subject=MATE), 0.0)
+    assert width(about(board, MATE)) == pytest.approx(1.2, rel=0.05)

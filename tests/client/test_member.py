@@ -35,7 +35,7 @@ class One:
         self.agreed: list[Agreed] = []
         self.raises = raises
         self.refused: list[Refusal] = []
-        self.it = Member(
+        self.member = Member(
             team="t",
             sub_teams=sub_teams or ("a",),
             robot="r1",
@@ -51,14 +51,14 @@ class One:
             raise KeyError("of the program's own")
 
     def tell(self, *envelopes: Envelope, now: float = NOW) -> list[Message]:
-        answers = opened(answer for it in envelopes for answer in self.it.receive(it, now))
-        self.it.check()
+        answers = opened(answer for it in envelopes for answer in self.member.receive(it, now))
+        self.member.check()
         return answers
 
     def report(
         self, subject: str = "robot/r1", belief: Belief = PLACE, now: float = NOW, **more: object
     ) -> list[Message]:
-        return opened(self.it.report(subject, belief, now, **more))
+        return opened(self.member.report(subject, belief, now, **more))
 
 
 def opened(envelopes: Iterable[Envelope]) -> list[Message]:
@@ -119,7 +119,7 @@ def test_what_was_stamped_by_another_clock_is_forgotten_with_it() -> None:
     assert kinds(robot.tell(clock(3, "r1"))) == ["Solo", "Status"]
     robot.report()
     robot.tell(replace(WORLD, kind=Kind.GONE))
-    (status,) = opened(robot.it.wake(NOW + 99))
+    (status,) = opened(robot.member.wake(NOW + 99))
     assert isinstance(status, Status)
     assert (status.phase, status.subjects) == ("idle", [])
 
@@ -128,15 +128,15 @@ def test_what_is_withdrawn_is_not_listed_any_more_and_boards_forget_it() -> None
     robot = One()
     board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
     board.receive(board_of("a", name="board-a"), NOW)
-    board.receive(Envelope(robot.it.tokens[0], kind=Kind.ALIVE), NOW)
+    board.receive(Envelope(robot.member.tokens[0], kind=Kind.ALIVE), NOW)
     for subject in ("object/ball", "robot/r1"):
-        for envelope in robot.it.report(subject, PLACE, NOW):
+        for envelope in robot.member.report(subject, PLACE, NOW):
             board.receive(envelope, NOW)
     assert settled(board, NOW + 0.3) == ["object/ball", "robot/r1"]
-    for envelope in robot.it.withdraw("object/ball", NOW):
+    for envelope in robot.member.withdraw("object/ball", NOW):
         board.receive(envelope, NOW)
     assert settled(board, NOW + 0.6) == ["robot/r1"]
-    assert robot.it.withdraw("object/ball", NOW) == []
+    assert robot.member.withdraw("object/ball", NOW) == []
 
 
 def test_a_program_that_starts_again_withdraws_what_it_said_before() -> None:
@@ -144,8 +144,8 @@ def test_a_program_that_starts_again_withdraws_what_it_said_before() -> None:
     board.receive(board_of("a", name="board-a"), NOW)
     before, after = One(), One()
     for n, (robot, subject) in enumerate([(before, "object/ball"), (before, "object/ball"), (after, "robot/r1")]):
-        board.receive(Envelope(robot.it.tokens[0], kind=Kind.ALIVE), NOW)
-        for envelope in robot.it.report(subject, PLACE, NOW + 0.1 * n):
+        board.receive(Envelope(robot.member.tokens[0], kind=Kind.ALIVE), NOW)
+        for envelope in robot.member.report(subject, PLACE, NOW + 0.1 * n):
             board.receive(envelope, NOW + 0.1 * n)
     assert settled(board, NOW + 0.5) == ["robot/r1"]
 
@@ -179,7 +179,7 @@ def test_it_refuses_what_a_board_would_and_says_nothing(reason: str, given: dict
     with pytest.raises(Refused) as refusal:
         robot.report(**given)
     assert refusal.value.reason == reason
-    (status,) = opened(robot.it.wake(NOW + 1))
+    (status,) = opened(robot.member.wake(NOW + 1))
     assert isinstance(status, Status)
     assert (status.tick, status.subjects) == (1000 * NOW, ["robot/r1"])  # of the report that was taken
 
@@ -202,14 +202,14 @@ def test_it_hears_what_a_real_board_agrees_on_also_where_a_callback_raises(raise
     robot = One(raises=raises)
     board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
     board.receive(board_of("a", name="board-a"), NOW)
-    board.receive(Envelope(robot.it.tokens[0], kind=Kind.ALIVE), NOW)
-    out = [e for it in robot.it.report("robot/r1", PLACE, NOW) for e in board.receive(it, NOW)]
+    board.receive(Envelope(robot.member.tokens[0], kind=Kind.ALIVE), NOW)
+    out = [e for it in robot.member.report("robot/r1", PLACE, NOW) for e in board.receive(it, NOW)]
     for n in range(1, 20):
         out += board.wake(NOW + 0.2 * n)
     for envelope in out:
         if keys.AGREED.match(envelope.key):
-            robot.it.receive(envelope, NOW)
-    assert robot.it.intake.counters["failed"] == (len(robot.agreed) if raises else 0)
+            robot.member.receive(envelope, NOW)
+    assert robot.member.intake.counters["failed"] == (len(robot.agreed) if raises else 0)
     newest = robot.agreed[-1]
     assert newest.subject == "robot/r1"
     assert newest.belief.mean() == pytest.approx((10, 10), abs=0.05)

@@ -26,7 +26,7 @@ from blackboard.wire.messages import Informed, Report, Status
 from blackboard.wire.raw import MAX_BYTES, MAX_TOTAL
 from blackboard.wire.types import MAX_OPINIONS, capped
 from tests.board.desk import Desk, clock, report
-from tests.board.reports import at, board, only
+from tests.board.reports import at, new_board, only
 from tests.holdings import grown, holdings
 
 TINY = Grid((3,))
@@ -55,7 +55,7 @@ def test_statuses_of_invented_robots_and_boards_leave_nothing_behind(world: bool
     desk.register("r1")
     if world:
         desk.tell(clock(0, "r1", b=["r4"]))
-    before = holdings(desk.it.reception, "reception")
+    before = holdings(desk.service.reception, "reception")
     for i in range(1200):
         kind = ("robot", "board")[i % 2]
         subjects = [] if i % 3 else [f"object/o{j}" for j in range(20)]
@@ -63,7 +63,7 @@ def test_statuses_of_invented_robots_and_boards_leave_nothing_behind(world: bool
         said = Status(process=f"x{i}", kind=kind, tick=0, time=0.0, phase=phase, subjects=subjects)  # type: ignore[arg-type]
         sub_team = "a" if kind == "robot" else f"z{i}"
         desk.tell(Envelope(keys.STATUS.key(team="t", sub_team=sub_team, process=f"x{i}"), encode(said)))
-    held = grown(before, holdings(desk.it.reception, "reception"))
+    held = grown(before, holdings(desk.service.reception, "reception"))
     assert {path for path in held if "intake" not in path} == set()
 
 
@@ -169,7 +169,7 @@ def test_a_board_takes_no_word_for_whose_information_a_report_is() -> None:
         ({"x": 0.0}, {"r2": 0.0}),
         ({f"x{i}": 0.0 for i in range(256)}, {"r2": 0.0}),
     ):
-        it = board()
+        it = new_board()
         for robot, x in (("r1", 10.0), ("r2", 11.0)):
             said = Report(
                 source=robot, subject="object/ball", tick=0, time=0.0, belief=pack(at(x, 10, 2)), ancestors=belief

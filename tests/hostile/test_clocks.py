@@ -32,8 +32,8 @@ def test_who_sends_a_clock_from_before_the_world_began_is_not_followed_when_it_b
         desk.tell(clock(i if goes_on else 0, "r1", run="false"))
         if i > 20:
             desk.tell(clock(i - 20, "r1", run="true"))
-            assert desk.it.clock.followed is not None
-            assert (desk.it.clock.followed.run, desk.it.clock.tick) == ("true", i - 20)
+            assert desk.service.clock.followed is not None
+            assert (desk.service.clock.followed.run, desk.service.clock.tick) == ("true", i - 20)
         desk.wait(0.25)
 
 
@@ -44,8 +44,8 @@ def test_a_clock_whose_token_comes_very_late_is_followed_after_a_while() -> None
             desk.tell(WORLD)
         desk.tell(clock(i, "r1", run="true"))
         desk.wait(0.25)
-    assert desk.it.clock.followed is not None
-    assert desk.it.clock.tick == 59
+    assert desk.service.clock.followed is not None
+    assert desk.service.clock.tick == 59
 
 
 @pytest.mark.parametrize("token", [keys.MEMBER.key(team="t", sub_team="a", robot="r1"), keys.WORLD.key(team="t")])

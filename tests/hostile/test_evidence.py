@@ -15,7 +15,7 @@ from blackboard.opinion.gaussian.joint import FARTHEST, Moments, squared_distanc
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire.evidence import PackedEvidence, PackedRelative
 from blackboard.wire.gaussians import pack_evidence
-from tests.board.joint.desks import MAKE, absurd, at, desk, means, wild
+from tests.board.joint.desks import MAKE, absurd, at, means, new_desk, wild
 
 PLACES = {"r1": (10.0, 10.0), "r2": (15.0, 10.0), "r3": (20.0, 10.0)}
 #: Of 1060 seeds those that ended a tick of the joint for everybody, made it begin anew, moved an honest robot, or had one left out.
@@ -108,7 +108,7 @@ def test_nor_do_those_of_one_that_begins_anew_each_tick(seed: int, caplog: pytes
 
 
 def lives_through(seed: int, caplog: pytest.LogCaptureFixture, *, anew: bool = False) -> None:
-    rng, it, liar = np.random.default_rng(seed), desk(), ("r0", "r9")[seed % 2]
+    rng, it, liar = np.random.default_rng(seed), new_desk(), ("r0", "r9")[seed % 2]
     for tick in range(20):
         for name in PLACES:
             it.take_evidence(name, tick, 0.2 * tick, honest(tick, name), own=True)
@@ -130,7 +130,7 @@ def test_a_robot_with_absurd_readings_says_what_a_message_can_hold_and_is_refuse
         0, Motion(distance=-1e15, along=1e20), Nuisance(), far, Increment(far.mean, far.covariance, far.mean), []
     )
     with pytest.raises(Refused, match="fields"):
-        desk().take_evidence("r1", 0, 0.0, said, own=True)
+        new_desk().take_evidence("r1", 0, 0.0, said, own=True)
 
 
 def test_claims_without_any_error_and_huge_ones_are_compared_without_an_exception() -> None:

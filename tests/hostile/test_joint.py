@@ -8,7 +8,7 @@ from blackboard.errors import Degenerate, Refused
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.wire import keys
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence
-from tests.board.joint.desks import MAKE, at, desk, means
+from tests.board.joint.desks import MAKE, at, means, new_desk
 from tests.hostile.attack import Attack
 from tests.scenarios import JOINT
 
@@ -42,7 +42,7 @@ def breaking(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_member_that_breaks_the_joint_every_tick_is_left_out_and_the_others_are_not(
     liar: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    it = desk()
+    it = new_desk()
     for tick in range(10):
         for i, robot in enumerate(ROBOTS):
             it.take_evidence(robot, tick, float(tick), broken(13) if robot == liar else at(10 + i, 10), own=True)
@@ -53,7 +53,7 @@ def test_a_member_that_breaks_the_joint_every_tick_is_left_out_and_the_others_ar
 
 
 def test_who_was_left_out_may_return_and_is_left_out_at_once_if_it_breaks_the_joint_again() -> None:
-    it = desk()
+    it = new_desk()
     for tick in range(5):
         it.take_evidence("r1", tick, float(tick), broken(13), own=True)
         it.settle(float(tick), MAKE)
@@ -65,7 +65,7 @@ def test_who_was_left_out_may_return_and_is_left_out_at_once_if_it_breaks_the_jo
 def test_a_fault_of_ours_costs_a_robot_that_tick_and_is_logged_once_with_its_traceback(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    it = desk()
+    it = new_desk()
     for tick in range(10):
         epoch = 14 if 2 <= tick < 7 else 3 * tick
         it.take_evidence("r1", tick, float(tick), at(10, 10).model_copy(update={"epoch": epoch}), own=True)
@@ -79,7 +79,7 @@ def test_a_fault_of_ours_costs_a_robot_that_tick_and_is_logged_once_with_its_tra
 
 
 def test_where_no_robot_is_to_blame_the_joint_begins_anew() -> None:
-    it = desk()
+    it = new_desk()
     for tick in range(6):
         it.take_evidence("r1", tick, float(tick), at(10, 10).model_copy(update={"epoch": 5 * tick}), own=True)
         told = means(it.settle(float(tick), MAKE))
@@ -88,7 +88,7 @@ def test_where_no_robot_is_to_blame_the_joint_begins_anew() -> None:
 
 
 def test_a_board_may_not_speak_for_a_robot_of_another_sub_team() -> None:
-    it = desk()
+    it = new_desk()
     it.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
     forged = at(40, 40).model_copy(update={"epoch": 900})
     evidence = [

@@ -36,8 +36,8 @@ def test_a_board_without_a_world_survives_any_status(seed: int) -> None:
         desk.tell(Envelope(key, msgpack.packb(fields, default=str)) if _packs(fields) else Envelope(key, b"\xc1"))
         desk.tell(report("r1", i, time=desk.now))
         desk.wait(0.1)
-    assert desk.it.counters["failed"] == 0
-    assert max(holdings(desk.it.clocks.offsets, "offsets").values()) <= MAX_SOURCES
+    assert desk.service.counters["failed"] == 0
+    assert max(holdings(desk.service.clocks.offsets, "offsets").values()) <= MAX_SOURCES
 
 
 def _packs(fields: object) -> bool:

@@ -21,7 +21,7 @@ class Ear:
 
     def __init__(self) -> None:
         self.heard: list[ClockNews | Message] = []
-        self.it = Listener("t", self.hear)
+        self.listener = Listener("t", self.hear)
 
     def hear(self, it: ClockNews | Message, now: float) -> list[Envelope]:
         self.heard.append(it)
@@ -29,15 +29,15 @@ class Ear:
 
     def tell(self, *envelopes: Envelope) -> None:
         for envelope in envelopes:
-            assert self.it.receive(envelope, NOW) == []
-            self.it.check()
+            assert self.listener.receive(envelope, NOW) == []
+            self.listener.check()
 
 
 def test_it_holds_no_token_and_says_nothing() -> None:
     ear = Ear()
-    assert (ear.it.tokens, ear.it.wake(NOW + 99.0)) == ((), [])
-    assert ear.it.listens == ("cop/t/world/clock", "cop/t/*/agreed/**")
-    assert ear.it.watches == ("cop/t/world/alive", "cop/t/*/board/*")
+    assert (ear.listener.tokens, ear.listener.wake(NOW + 99.0)) == ((), [])
+    assert ear.listener.listens == ("cop/t/world/clock", "cop/t/*/agreed/**")
+    assert ear.listener.watches == ("cop/t/world/alive", "cop/t/*/board/*")
 
 
 def test_it_hears_the_boards_of_all_sub_teams_that_hold_their_token() -> None:
@@ -48,7 +48,7 @@ def test_it_hears_the_boards_of_all_sub_teams_that_hold_their_token() -> None:
     ear.tell(token(keys.BOARD, "late", sub_team="b"))
     assert ear.heard == [AGREED, other]
     ear.tell(token(keys.BOARD, "a", kind=Kind.GONE))
-    ear.it.wake(NOW + 1.0)
+    ear.listener.wake(NOW + 1.0)
     ear.tell(put(AGREED))
     assert len(ear.heard) == 2
 
@@ -59,9 +59,9 @@ def test_it_hands_on_the_news_of_the_clock_with_the_clock() -> None:
     ear.tell(token(keys.WORLD), *map(put, clocks), put(clocks[1]), token(keys.WORLD, kind=Kind.GONE))
     news = [News.RUN, News.TICK, News.REPEATED]
     assert ear.heard == [ClockNews(one, clock) for one, clock in zip(news, [*clocks, clocks[1]], strict=True)]
-    due = ear.it.wake_at(NOW)
+    due = ear.listener.wake_at(NOW)
     assert NOW < due <= NOW + WORLD_SILENT
-    ear.it.wake(NOW + WORLD_SILENT + 1.0)
+    ear.listener.wake(NOW + WORLD_SILENT + 1.0)
     assert ear.heard[3:] == [ClockNews(News.FREE)]
 
 
@@ -76,5 +76,5 @@ def test_what_cannot_be_read_is_counted() -> None:
     ear = Ear()
     ear.tell(token(keys.BOARD, "a"), Envelope(put(AGREED).key, b"\xc1"))
     assert ear.heard == []
-    assert ear.it.intake.refused.total() == 1
+    assert ear.listener.intake.refused.total() == 1
     assert isinstance(AGREED, Consensus)

@@ -28,7 +28,7 @@ class Robot:
 
     def __init__(self, *sub_teams: str, **more: Any) -> None:
         self.heard: list[Cue | Message] = []
-        self.it = Peer("t", sub_teams or ("a",), "r1", self.hear, settings={"client": "test"}, **more)
+        self.peer = Peer("t", sub_teams or ("a",), "r1", self.hear, settings={"client": "test"}, **more)
         self.tell(token(keys.BOARD, "board-a"))
 
     def hear(self, it: Cue | Message, now: float) -> list[Envelope]:
@@ -36,21 +36,21 @@ class Robot:
         return []
 
     def tell(self, *envelopes: Envelope, now: float = NOW) -> list[Message]:
-        answers = [answer for it in envelopes for answer in self.it.receive(it, now)]
-        self.it.check()
+        answers = [answer for it in envelopes for answer in self.peer.receive(it, now)]
+        self.peer.check()
         return opened(answers)
 
     def say(self, tick: int, run: str = "x", now: float = NOW) -> list[Message]:
         """Do a tick of a run on readings."""
-        if self.it.run != run:
-            self.it.begin(run)
+        if self.peer.run != run:
+            self.peer.begin(run)
         time = 0.2 * tick
         report = Report(source="r1", subject="robot/r1", tick=tick, time=time, belief=pack(PLACE))
         solo = Solo(robot="r1", tick=tick, time=time, beliefs={})
-        return opened(self.it.say(Answers(tick, time, [report], solo), now))
+        return opened(self.peer.say(Answers(tick, time, [report], solo), now))
 
     def status(self, now: float = NOW) -> Status:
-        said = opened(self.it.statuses(now))[0]
+        said = opened(self.peer.statuses(now))[0]
         assert isinstance(said, Status)
         return said
 
@@ -88,7 +88,7 @@ def in_place(news: News, place: Place) -> Robot:
     robot.heard.clear()
     if news is News.FREE:
         robot.tell(world(Kind.GONE))
-        robot.it.wake(NOW + WORLD_SILENT + 1.0)
+        robot.peer.wake(NOW + WORLD_SILENT + 1.0)
     return robot
 
 
@@ -99,9 +99,9 @@ def test_each_news_is_followed_by_what_the_table_says(news: News, place: Place) 
     cues = REACTIONS[news, place]
     assert robot.heard == [cue for cue in cues if cue is not Cue.REPEAT]
     assert kinds(said) == (["Report", "Solo", "Status"] if Cue.REPEAT in cues else [])
-    assert robot.it.intake.counters["repeated"] == (Cue.REPEAT in cues)
-    assert robot.it.intake.counters["failed"] == 0
-    assert robot.it.run == "x"
+    assert robot.peer.intake.counters["repeated"] == (Cue.REPEAT in cues)
+    assert robot.peer.intake.counters["failed"] == 0
+    assert robot.peer.run == "x"
 
 
 def test_another_run_forgets_what_was_said() -> None:
@@ -138,7 +138,7 @@ def test_the_last_clock_of_a_run_begins_no_tick_and_asks_for_nothing() -> None:
 
 def test_it_says_all_in_each_sub_team_and_what_it_holds() -> None:
     robot = Robot("a", "b")
-    assert robot.it.tokens == ("cop/t/a/member/r1", "cop/t/b/member/r1")
+    assert robot.peer.tokens == ("cop/t/a/member/r1", "cop/t/b/member/r1")
     assert kinds(robot.say(0)) == ["Report", "Report", "Status", "Status"]  # a solo belief only where a world reads it
     robot.tell(world())
     assert kinds(robot.say(1)) == ["Report", "Report", "Solo", "Status", "Status"]
@@ -156,20 +156,20 @@ def test_the_token_of_a_world_is_answered_with_a_status_which_is_idle_until_its_
 def test_a_status_comes_once_a_second() -> None:
     robot = Robot()
     robot.say(0)
-    assert robot.it.wake(NOW + 0.5) == []
-    assert robot.it.wake_at(NOW) == pytest.approx(NOW + 1.0)
-    assert kinds(opened(robot.it.wake(NOW + 1.0))) == ["Status"]
+    assert robot.peer.wake(NOW + 0.5) == []
+    assert robot.peer.wake_at(NOW) == pytest.approx(NOW + 1.0)
+    assert kinds(opened(robot.peer.wake(NOW + 1.0))) == ["Status"]
 
 
 def test_the_size_of_a_report_is_what_it_takes_on_the_wire() -> None:
     robot = Robot("a", "b", brief=True)
     robot.say(0)
-    report = robot.it.answers.reports[0]
-    sent = [it for it in robot.it.say(robot.it.answers, NOW) if keys.REPORT.match(it.key)]
-    assert robot.it.size(report) == sum(len(it.key) + len(it.payload) for it in sent)
+    report = robot.peer.answers.reports[0]
+    sent = [it for it in robot.peer.say(robot.peer.answers, NOW) if keys.REPORT.match(it.key)]
+    assert robot.peer.size(report) == sum(len(it.key) + len(it.payload) for it in sent)
     plain = Robot("a", "b")
     plain.say(0)
-    assert robot.it.size(report) < plain.it.size(report)
+    assert robot.peer.size(report) < plain.peer.size(report)
 
 
 def test_on_a_poor_link_only_some_statuses_have_counters() -> None:
@@ -202,7 +202,7 @@ def test_a_board_is_believed_once_its_token_is_there() -> None:
     robot = Robot()
     robot.tell(agreed(board="late"), refusal("grid", board="late"))
     assert robot.heard == []
-    assert robot.it.intake.refused == {"unregistered": 2}
+    assert robot.peer.intake.refused == {"unregistered": 2}
     robot.tell(token(keys.BOARD, "late"))
     assert kinds([it for it in robot.heard if isinstance(it, Message)]) == ["Consensus", "Refusal"]
 
@@ -213,17 +213,17 @@ def test_each_reason_of_a_refusal_is_logged_once_in_one_line(caplog: pytest.LogC
     assert [record.getMessage().split(";")[0] for record in caplog.records] == [
         f"board-a refused the report about object/ball of r1 ({reason}: no\\nlines)" for reason in ("grid", "past")
     ]
-    assert robot.it.intake.counters["told_refused"] == len(robot.heard) == 3
+    assert robot.peer.intake.counters["told_refused"] == len(robot.heard) == 3
 
 
 def test_what_was_agreed_in_a_tick_that_has_not_begun_is_refused() -> None:
     robot = Robot()
     robot.tell(world(), clock(20))
     robot.tell(agreed(20), agreed(21))
-    assert robot.it.intake.refused == {"future": 1}
+    assert robot.peer.intake.refused == {"future": 1}
     robot.say(20)  # ahead of the next Clock
     robot.tell(agreed(21))
-    assert robot.it.intake.refused == {"future": 1}
+    assert robot.peer.intake.refused == {"future": 1}
 
 
 def test_a_status_says_the_last_numbers_of_the_tracks_that_were_agreed_on_in_this_run() -> None:

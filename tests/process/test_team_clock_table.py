@@ -31,31 +31,31 @@ class Walk:
     """A clock, and what may happen to it: each action returns its news."""
 
     def __init__(self, period: float | None = None) -> None:
-        self.it = TeamClock(Roster(grace=0.0), period)
+        self.clock = TeamClock(Roster(grace=0.0), period)
         self.now, self.tick = NOW, 0
 
     def do(self, action: tuple[Any, ...]) -> list[News]:
         name, *arguments = action
         found: list[News] = getattr(self, f"_{name}")(*arguments)
-        self.it.check()
+        self.clock.check()
         return found
 
     def _token(self, kind: Kind) -> list[News]:
-        self.it.roster.hear_token(Envelope(WORLD, kind=kind), self.now)
-        self.it.roster.forget(self.now)
+        self.clock.roster.hear_token(Envelope(WORLD, kind=kind), self.now)
+        self.clock.roster.forget(self.now)
         return []
 
     def _clock(self, run: str, ticks: int) -> list[News]:
         """A Clock that is so many ticks after the one before."""
         self.tick = max(0, self.tick + ticks)
         clock = Clock(run=run, tick=self.tick, time=0.2 * self.tick, mode="lockstep")
-        one = self.it.hear_clock(clock, self.now)
+        one = self.clock.hear_clock(clock, self.now)
         return [] if one is News.NOTHING else [one]
 
     def _wait(self, seconds: float) -> list[News]:
         self.now += seconds
-        self.it.roster.forget(self.now)
-        return list(iter(lambda: self.it.look(self.now), News.NOTHING))
+        self.clock.roster.forget(self.now)
+        return list(iter(lambda: self.clock.look(self.now), News.NOTHING))
 
 
 ALIVE, GONE, CLOCK, AGAIN = ("token", Kind.ALIVE), ("token", Kind.GONE), ("clock", "one", 1), ("clock", "one", 0)
@@ -99,9 +99,9 @@ def test_each_row_is_walked(state: State, event: ClockEvent) -> None:
     *before, last = WALKS[state, event]
     for action in before:
         walk.do(action)
-    assert walk.it.state is state
+    assert walk.clock.state is state
     row = event.value
-    assert (walk.do(last), walk.it.state) == ([] if row.news is None else [row.news], row.then or state)
+    assert (walk.do(last), walk.clock.state) == ([] if row.news is None else [row.news], row.then or state)
 
 
 actions = st.sampled_from(
@@ -114,4 +114,4 @@ def test_whatever_happens_the_table_knows_it(done: list[tuple[Any, ...]]) -> Non
     walk = Walk(0.5)
     for action in done:
         walk.do(action)
-        assert (walk.it.pace is Pace.FREE) == (walk.it.state is State.FREE)
+        assert (walk.clock.pace is Pace.FREE) == (walk.clock.state is State.FREE)

@@ -21,7 +21,7 @@ GRID = Grid((30, 30))
 MAKE = partial(Consensus, board="board-a", sub_team="a", level="agreed", tick=0, time=0.0)
 
 
-def desk(**settings: object) -> JointDesk:
+def new_desk(**settings: object) -> JointDesk:
     return JointDesk(GRID, BoardSection.model_validate({"fusion": "joint", **settings}), Counter())
 
 
@@ -36,8 +36,8 @@ def sighting(subject: str, distance: float) -> PackedRelative:
     return PackedRelative(subject=subject, range=distance, bearing=0.0, range_variance=0.04, bearing_variance=0.0004)
 
 
-def means(found: list[Consensus]) -> dict[str, tuple[float, float]]:
-    return {c.subject: tuple(np.round(unpack(c.belief).mean(), 1)) for c in found}
+def means(consensuses: list[Consensus]) -> dict[str, tuple[float, float]]:
+    return {c.subject: tuple(np.round(unpack(c.belief).mean(), 1)) for c in consensuses}
 
 
 def wild(rng: np.random.Generator, size: int | None = None) -> np.ndarray:

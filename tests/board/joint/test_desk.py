@@ -19,19 +19,19 @@ from blackboard.wire.gaussians import pack_evidence, velocity_of
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
-from tests.board.joint.desks import MAKE, at, desk, means, sighting
+from tests.board.joint.desks import MAKE, at, means, new_desk, sighting
 from tests.robot_agent.robots import readings
 
 PLACED = Seen(subject="object/ball", kind="position", values=(5.0, 2.0), covariance=(0.04, 0.01, 0.04))
 
 
 def test_robots_enter_by_their_states_and_objects_by_their_sightings() -> None:
-    it = desk()
-    it.take_evidence("r1", 0, 0.0, at(10, 10, sees=sighting("object/ball", 5.0)), own=True)
-    it.take_evidence("r2", 0, 0.0, at(20, 10), own=True)
-    found = it.settle(0.0, MAKE)
-    assert means(found) == {"object/ball": (15.0, 10.0), "robot/r1": (10.0, 10.0), "robot/r2": (20.0, 10.0)}
-    ball, r1, _ = found
+    desk = new_desk()
+    desk.take_evidence("r1", 0, 0.0, at(10, 10, sees=sighting("object/ball", 5.0)), own=True)
+    desk.take_evidence("r2", 0, 0.0, at(20, 10), own=True)
+    consensuses = desk.settle(0.0, MAKE)
+    assert means(consensuses) == {"object/ball": (15.0, 10.0), "robot/r1": (10.0, 10.0), "robot/r2": (20.0, 10.0)}
+    ball, r1, _ = consensuses
     assert [used.source for used in ball.used] == ["r1"]
     assert (ball.rule, ball.state, ball.conflict) == ("joint", None, False)
     assert r1.state is not None
@@ -39,36 +39,38 @@ def test_robots_enter_by_their_states_and_objects_by_their_sightings() -> None:
 
 
 def test_of_an_unnamed_sighting_a_consensus_says_whose_it_may_be() -> None:
-    it, seen = desk(), sighting("robot/?", 10.0).model_copy(update={"mark": 4})
-    for tick, sees in enumerate((None, seen, seen.model_copy(update={"range": 25.0}))):
-        it.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sees), own=True)
-        it.take_evidence("r2", tick, 0.2 * tick, at(20, 10), own=True)
-        found = {one.subject: one for one in it.settle(0.2 * tick, MAKE)}
-        odds = [(one.source, one.time, one.mark, one.probability > 0.9) for one in found["robot/r2"].unnamed]
+    desk, unnamed_mate = new_desk(), sighting("robot/?", 10.0).model_copy(update={"mark": 4})
+    for tick, sees in enumerate((None, unnamed_mate, unnamed_mate.model_copy(update={"range": 25.0}))):
+        desk.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sees), own=True)
+        desk.take_evidence("r2", tick, 0.2 * tick, at(20, 10), own=True)
+        consensuses = {consensus.subject: consensus for consensus in desk.settle(0.2 * tick, MAKE)}
+        odds = [
+            (share.source, share.time, share.mark, share.probability > 0.9) for share in consensuses["robot/r2"].unnamed
+        ]
         assert odds == ([("r1", 0.2, 4, True)] if tick == 1 else [])
-        assert found["robot/r1"].unnamed == []
-    assert it.counters["unnamed_strange"] == 1
-    assert it.counters["unnamed_taken"] + it.counters["unnamed_ambiguous"] == 1
+        assert consensuses["robot/r1"].unnamed == []
+    assert desk.counters["unnamed_strange"] == 1
+    assert desk.counters["unnamed_taken"] + desk.counters["unnamed_ambiguous"] == 1
 
 
 def test_what_several_see_and_nobody_names_is_told_of_with_how_likely_it_is_there() -> None:
-    it = desk()
+    desk = new_desk()
     for tick in range(4):
         for robot, x in (("r1", 5.0), ("r2", 10.0)):
             sees = sighting("person/?", 20.0 - x).model_copy(update={"mark": 0})
-            it.take_evidence(robot, tick, 0.2 * tick, at(x, 10, sees=sees if tick else None), own=True)
-        found = {one.subject: one for one in it.settle(0.2 * tick, MAKE)}
-    person = found["person/1"]
+            desk.take_evidence(robot, tick, 0.2 * tick, at(x, 10, sees=sees if tick else None), own=True)
+        consensuses = {consensus.subject: consensus for consensus in desk.settle(0.2 * tick, MAKE)}
+    person = consensuses["person/1"]
     assert unpack(person.belief).mean() == pytest.approx((20.0, 10.0), abs=0.5)
     assert person.existence is not None
     assert person.existence > 0.99
     assert {used.source for used in person.used} == {"r1", "r2"}
-    assert found["robot/r1"].existence is None
-    assert it.counters["tracks_born"] == 1
+    assert consensuses["robot/r1"].existence is None
+    assert desk.counters["tracks_born"] == 1
 
 
 def test_the_same_evidence_counts_once_whoever_passes_it_on() -> None:
-    plain, echoed = desk(), desk()
+    plain, echoed = new_desk(), new_desk()
     for tick in range(4):
         evidence = at(10, 10, travelled=float(tick), sees=sighting("object/ball", 5.0))
         plain.take_evidence("r1", tick, 0.2 * tick, evidence, own=True)
@@ -83,7 +85,7 @@ def test_the_same_evidence_counts_once_whoever_passes_it_on() -> None:
 
 
 def test_what_arrives_late_is_settled_in_the_order_of_its_ticks() -> None:
-    prompt, late = desk(), desk()
+    prompt, late = new_desk(), new_desk()
     for tick in range(3):
         evidence = at(10, 10, travelled=float(tick))
         prompt.take_evidence("r1", tick, 0.2 * tick, evidence, own=True)
@@ -93,130 +95,130 @@ def test_what_arrives_late_is_settled_in_the_order_of_its_ticks() -> None:
 
 
 def test_evidence_is_forwarded_once_and_only_that_of_the_own_robots() -> None:
-    it = desk()
-    it.take_evidence("r2", 0, 0.0, at(10, 10), own=True)
-    it.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
-    it.take_evidence("r3", 0, 0.0, at(10, 10), own=False)
-    assert [(one.robot, one.tick) for one in it.forward(0.0)] == [("r1", 0), ("r2", 0)]
-    assert it.forward(0.0) == []
+    desk = new_desk()
+    desk.take_evidence("r2", 0, 0.0, at(10, 10), own=True)
+    desk.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
+    desk.take_evidence("r3", 0, 0.0, at(10, 10), own=False)
+    assert [(passed.robot, passed.tick) for passed in desk.forward(0.0)] == [("r1", 0), ("r2", 0)]
+    assert desk.forward(0.0) == []
 
 
 def test_a_silent_robot_is_believed_less_and_then_not_published() -> None:
-    it = desk(max_age=3.0, drift=1.0)
-    it.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
-    widths = [float(np.trace(unpack(it.settle(time, MAKE)[0].belief).covariance())) for time in (0.0, 1.0, 3.0)]
+    desk = new_desk(max_age=3.0, drift=1.0)
+    desk.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
+    widths = [float(np.trace(unpack(desk.settle(time, MAKE)[0].belief).covariance())) for time in (0.0, 1.0, 3.0)]
     assert np.diff(widths) == pytest.approx([2.0, 4.0], rel=0.05)
-    assert it.settle(3.1, MAKE) == []
-    it.take_evidence("r1", 9, 3.2, at(10, 10, travelled=1.0), own=True)
-    assert means(it.settle(3.2, MAKE)) == {"robot/r1": (11.0, 10.0)}
+    assert desk.settle(3.1, MAKE) == []
+    desk.take_evidence("r1", 9, 3.2, at(10, 10, travelled=1.0), own=True)
+    assert means(desk.settle(3.2, MAKE)) == {"robot/r1": (11.0, 10.0)}
 
 
 def test_a_robot_that_was_heard_lately_is_believed_to_have_gone_on_as_it_went() -> None:
-    it = desk(max_age=5.0, drift=1.0)
+    desk = new_desk(max_age=5.0, drift=1.0)
 
     def say(tick: int, time: float, way: float) -> None:
-        told = at(10, 10, travelled=way)
-        travelled = told.travelled.model_copy(update={"time": time})
-        it.take_evidence("r1", tick, time, told.model_copy(update={"travelled": travelled}), own=True)
+        evidence = at(10, 10, travelled=way)
+        travelled = evidence.travelled.model_copy(update={"time": time})
+        desk.take_evidence("r1", tick, time, evidence.model_copy(update={"travelled": travelled}), own=True)
 
     for tick in range(5):
         say(tick, 0.5 * tick, 1.0 * tick)
-        it.settle(0.5 * tick, MAKE)
-    beliefs = [unpack(it.settle(time, MAKE)[0].belief) for time in (2.0, 2.25, 2.5, 4.0)]
+        desk.settle(0.5 * tick, MAKE)
+    beliefs = [unpack(desk.settle(time, MAKE)[0].belief) for time in (2.0, 2.25, 2.5, 4.0)]
     assert [float(belief.mean()[0]) for belief in beliefs[:3]] == pytest.approx([14.0, 14.5, 15.0], abs=0.1)
     widths = [float(np.trace(belief.covariance())) for belief in beliefs]
     assert widths == sorted(widths)
     say(9, 4.1, 4.0)  # it had stopped after all
-    assert means(it.settle(4.1, MAKE)) == {"robot/r1": (14.0, 10.0)}
+    assert means(desk.settle(4.1, MAKE)) == {"robot/r1": (14.0, 10.0)}
 
 
 def test_who_contradicts_the_joint_is_named_with_the_reason() -> None:
-    it = desk()
-    it.take_evidence("r1", 0, 0.0, at(10, 10, sees=sighting("robot/r2", 5.0)), own=True)
-    it.take_evidence("r2", 0, 0.0, at(15, 10), own=True)
-    it.settle(0.0, MAKE)
-    it.take_evidence("r1", 1, 0.2, at(10, 10, sees=sighting("robot/r2", 15.0)), own=True)
-    it.take_evidence("r2", 1, 0.2, at(15, 10), own=True)
-    (consensus,) = (c for c in it.settle(0.2, MAKE) if c.subject == "robot/r2")
+    desk = new_desk()
+    desk.take_evidence("r1", 0, 0.0, at(10, 10, sees=sighting("robot/r2", 5.0)), own=True)
+    desk.take_evidence("r2", 0, 0.0, at(15, 10), own=True)
+    desk.settle(0.0, MAKE)
+    desk.take_evidence("r1", 1, 0.2, at(10, 10, sees=sighting("robot/r2", 15.0)), own=True)
+    desk.take_evidence("r2", 1, 0.2, at(15, 10), own=True)
+    (consensus,) = (c for c in desk.settle(0.2, MAKE) if c.subject == "robot/r2")
     assert consensus.conflict
     (out,) = consensus.left_out
     assert out.source == "r1"
-    found = re.fullmatch(r"its sighting is (.*) sigmas from what the team believes \(limit 3.7\)", out.reason)
-    assert found is not None
-    assert float(found[1]) > 3.7
+    reason = re.fullmatch(r"its sighting is (.*) sigmas from what the team believes \(limit 3.7\)", out.reason)
+    assert reason is not None
+    assert float(reason[1]) > 3.7
 
 
 def test_what_is_kept_is_bounded() -> None:
-    it = desk()
+    desk = new_desk()
     for i in range(MAX_ROBOTS):
-        it.take_evidence(f"r{i}", 0, 0.0, at(10, 10), own=False)
+        desk.take_evidence(f"r{i}", 0, 0.0, at(10, 10), own=False)
     with pytest.raises(Refused, match="too-many"):
-        it.take_evidence("another", 0, 0.0, at(10, 10), own=False)
+        desk.take_evidence("another", 0, 0.0, at(10, 10), own=False)
     for tick in range(1, MAX_WAITING + 5):
-        it.take_evidence("r1", tick, 0.0, at(10, 10), own=True)
-    assert it.counters["joint_dropped"] == 5
-    assert len(it.forward(0.0)) == MAX_WAITING
+        desk.take_evidence("r1", tick, 0.0, at(10, 10), own=True)
+    assert desk.counters["joint_dropped"] == 5
+    assert len(desk.forward(0.0)) == MAX_WAITING
 
 
 def test_a_sighting_of_a_kind_that_is_not_known_is_left_out_and_counted() -> None:
-    it = desk()
-    told = [Seen(subject="object/ball", kind="doppler", values=(1.0,)), PLACED]
-    it.take_evidence("r1", 0, 0.0, at(10, 10).model_copy(update={"seen": told}), own=True)
-    assert means(it.settle(0.0, MAKE)) == {"robot/r1": (10.0, 10.0), "object/ball": (15.0, 12.0)}
-    assert it.counters["unknown_kinds"] == 1
+    desk = new_desk()
+    sightings = [Seen(subject="object/ball", kind="doppler", values=(1.0,)), PLACED]
+    desk.take_evidence("r1", 0, 0.0, at(10, 10).model_copy(update={"seen": sightings}), own=True)
+    assert means(desk.settle(0.0, MAKE)) == {"robot/r1": (10.0, 10.0), "object/ball": (15.0, 12.0)}
+    assert desk.counters["unknown_kinds"] == 1
 
 
 def test_an_object_that_ranges_leave_in_two_places_is_agreed_to_be_in_one_of_them() -> None:
-    it = desk(objects_drift=0.1)
+    desk = new_desk(objects_drift=0.1)
     for tick in range(5):
         for name, x in (("r1", 8.0), ("r2", 20.0)):
-            told = Seen(subject="object/ball", kind="range", values=(10.0,), covariance=(0.01,))
-            it.take_evidence(name, tick, 0.2 * tick, at(x, 15.0).model_copy(update={"seen": [told]}), own=True)
-        found = {consensus.subject: consensus for consensus in it.settle(0.2 * tick, MAKE)}
-    ball = unpack(found["object/ball"].belief)
+            ranged = Seen(subject="object/ball", kind="range", values=(10.0,), covariance=(0.01,))
+            desk.take_evidence(name, tick, 0.2 * tick, at(x, 15.0).model_copy(update={"seen": [ranged]}), own=True)
+        consensuses = {consensus.subject: consensus for consensus in desk.settle(0.2 * tick, MAKE)}
+    ball = unpack(consensuses["object/ball"].belief)
     assert ball.p[11:17, 20:26].sum() == pytest.approx(0.5, abs=0.1)
     assert ball.p[11:17, 4:10].sum() == pytest.approx(0.5, abs=0.1)
-    assert found["object/ball"].parameters == {"places": 2.0}
+    assert consensuses["object/ball"].parameters == {"places": 2.0}
 
 
 def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    it = desk()
+    desk = new_desk()
     monkeypatch.setattr("blackboard.board.joint.desk.MAX_OBJECTS", 6)
     for tick in range(16):
-        it.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sighting(f"object/o{tick}", 5.0)), own=True)
-        found = it.settle(0.2 * tick, MAKE)
-    assert len([c for c in found if c.subject.startswith("object/")]) == 6
-    assert it.counters == {"joint_dropped": 10}
+        desk.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sighting(f"object/o{tick}", 5.0)), own=True)
+        consensuses = desk.settle(0.2 * tick, MAKE)
+    assert len([c for c in consensuses if c.subject.startswith("object/")]) == 6
+    assert desk.counters == {"joint_dropped": 10}
 
 
 def test_what_a_greedy_robot_invents_leaves_room_for_what_others_see_and_its_newest_go_first() -> None:
-    it = desk()
+    desk = new_desk()
     for tick in range(4):
         time = 0.2 * tick
         invented = [sighting(f"object/a{tick}-{i}", 2.0 + 0.1 * i) for i in range(64)]
-        it.take_evidence("liar", tick, time, at(10, 10).model_copy(update={"relatives": invented}), own=True)
-        it.take_evidence("r1", tick, time, at(20, 20, sees=sighting("object/ball", 5.0)), own=True)
+        desk.take_evidence("liar", tick, time, at(10, 10).model_copy(update={"relatives": invented}), own=True)
+        desk.take_evidence("r1", tick, time, at(20, 20, sees=sighting("object/ball", 5.0)), own=True)
         if tick == 3:
-            it.take_evidence("r2", tick, time, at(20, 10, sees=sighting("object/can", 5.0)), own=True)
-        found = {c.subject for c in it.settle(time, MAKE)}
-    assert {"object/ball", "object/can"} <= found
-    it.take_evidence("liar", 4, 0.8, at(10, 10).model_copy(update={"relatives": invented}), own=True)
-    it.take_evidence("r1", 4, 0.8, at(20, 20), own=True)
-    last = [c for c in it.settle(0.8, MAKE) if c.subject.startswith("object/a")]
+            desk.take_evidence("r2", tick, time, at(20, 10, sees=sighting("object/can", 5.0)), own=True)
+        subjects = {c.subject for c in desk.settle(time, MAKE)}
+    assert {"object/ball", "object/can"} <= subjects
+    desk.take_evidence("liar", 4, 0.8, at(10, 10).model_copy(update={"relatives": invented}), own=True)
+    desk.take_evidence("r1", 4, 0.8, at(20, 20), own=True)
+    last = [c for c in desk.settle(0.8, MAKE) if c.subject.startswith("object/a")]
     assert all(c.subject.startswith("object/a0-") for c in last)
 
 
 def test_an_object_that_nobody_has_seen_for_long_makes_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    it = desk()
+    desk = new_desk()
     monkeypatch.setattr("blackboard.board.joint.desk.MAX_OBJECTS", 1)
     for tick, name in enumerate(["object/first", "object/second"]):
-        time = tick * (it.team.objects.kept + 1)
-        it.take_evidence("r1", tick, time, at(10, 10, sees=sighting(name, 5.0)), own=True)
-        assert name in means(it.settle(time, MAKE))
+        time = tick * (desk.team.objects.kept + 1)
+        desk.take_evidence("r1", tick, time, at(10, 10, sees=sighting(name, 5.0)), own=True)
+        assert name in means(desk.settle(time, MAKE))
 
 
 def test_invented_objects_with_new_lasting_errors_in_every_tick_do_not_make_the_joint_grow() -> None:
-    it = desk()
+    desk = new_desk()
     sizes = []
     for tick in range(12):
         biases = [(0.1, 10.0**12), (0.1, 1.0), (0.2, 2.0), (0.2, 10.0**9)]
@@ -224,114 +226,116 @@ def test_invented_objects_with_new_lasting_errors_in_every_tick_do_not_make_the_
             sighting(f"object/o{i}", 2.0 + 0.1 * i).model_copy(update={"biases": biases, "group": f"{tick}-{i}"})
             for i in range(64)
         ]
-        it.take_evidence("liar", tick, 0.2 * tick, at(10, 10).model_copy(update={"relatives": invented}), own=True)
-        it.take_evidence("r1", tick, 0.2 * tick, at(20, 20), own=True)
-        found = means(it.settle(0.2 * tick, MAKE))
-        assert found["robot/r1"] == (20.0, 20.0)
-        sizes.append(len(it.team.joint.mean))
+        desk.take_evidence("liar", tick, 0.2 * tick, at(10, 10).model_copy(update={"relatives": invented}), own=True)
+        desk.take_evidence("r1", tick, 0.2 * tick, at(20, 20), own=True)
+        places = means(desk.settle(0.2 * tick, MAKE))
+        assert places["robot/r1"] == (20.0, 20.0)
+        sizes.append(len(desk.team.joint.mean))
     assert max(sizes) <= 2 * STATES + 2 * MAX_OBJECTS + MAX_ERRORS
-    assert it.counters["joint_restarts"] == it.counters["joint_left_out"] == 0
+    assert desk.counters["joint_restarts"] == desk.counters["joint_left_out"] == 0
 
 
 def test_numbers_that_would_break_the_joint_are_refused_and_the_others_are_taken() -> None:
-    it = desk()
-    it.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
-    it.settle(0.0, MAKE)
+    desk = new_desk()
+    desk.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
+    desk.settle(0.0, MAKE)
     wild = at(10, 10, travelled=1e12)
     moved = wild.travelled.model_copy(update={"turn": 1e12, "along": 1e12, "across": 1e12, "heading": 1e12})
     for broken in ({"travelled": moved, "state": None}, {"epoch": 400}):
         with pytest.raises(Refused, match="fields"):
-            it.take_evidence("r1", 1, 0.4, wild.model_copy(update=broken), own=True)
-    it.settle(0.2, MAKE)
-    it.take_evidence("r2", 2, 0.4, at(20, 20), own=True)
-    assert "robot/r2" in means(it.settle(0.4, MAKE))
+            desk.take_evidence("r1", 1, 0.4, wild.model_copy(update=broken), own=True)
+    desk.settle(0.2, MAKE)
+    desk.take_evidence("r2", 2, 0.4, at(20, 20), own=True)
+    assert "robot/r2" in means(desk.settle(0.4, MAKE))
 
 
 def test_a_robot_with_one_joint_of_its_own_agrees_with_its_filter() -> None:
     """With one robot, what the increments make of the joint is what its own filter believes (but for linearisation)."""
-    own, it = FirstHand("robot/r1", sensors_of(RobotSection())), desk()
+    own, desk = FirstHand("robot/r1", sensors_of(RobotSection())), new_desk()
     for tick in range(12):
-        told = own.step(readings(tick, fix=(10, 10 + 0.1 * tick) if tick % 4 == 0 else None))
+        result = own.step(readings(tick, fix=(10, 10 + 0.1 * tick) if tick % 4 == 0 else None))
         nuisance = own.sensors.wheels.nuisance
-        packed = pack_evidence(told.epoch, told.travelled, nuisance, told.belief, told.increment, told.relatives)
-        it.take_evidence("r1", tick, 0.5 * tick, packed, own=True)
-        it.settle(0.5 * tick, MAKE)
+        packed = pack_evidence(
+            result.epoch, result.travelled, nuisance, result.belief, result.increment, result.relatives
+        )
+        desk.take_evidence("r1", tick, 0.5 * tick, packed, own=True)
+        desk.settle(0.5 * tick, MAKE)
         assert own.belief is not None
-        assert it.team.pose("robot/r1").mean == pytest.approx(own.belief.mean, abs=1e-3)
-        assert it.team.pose("robot/r1").covariance == pytest.approx(own.belief.covariance, abs=2e-3)
+        assert desk.team.pose("robot/r1").mean == pytest.approx(own.belief.mean, abs=1e-3)
+        assert desk.team.pose("robot/r1").covariance == pytest.approx(own.belief.covariance, abs=2e-3)
 
 
 def test_sums_that_shrink_and_epochs_to_come_are_refused() -> None:
     """A robot whose process was started again and that counts from the same epoch would have gone backwards in time."""
-    it = desk()
-    it.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
+    desk = new_desk()
+    desk.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
     shrunk = at(10, 10).travelled.model_copy(update={"along": 0.001})
     with pytest.raises(Refused, match="backwards"):
-        it.take_evidence("r1", 1, 0.2, at(10, 10).model_copy(update={"travelled": shrunk}), own=True)
+        desk.take_evidence("r1", 1, 0.2, at(10, 10).model_copy(update={"travelled": shrunk}), own=True)
     with pytest.raises(Refused, match="future"):
-        it.take_evidence("r1", 1, 0.2, at(10, 10).model_copy(update={"epoch": 1 << 40}), own=True)
-    it.take_evidence("r1", 1, 0.2, at(12, 10).model_copy(update={"travelled": shrunk, "epoch": 200}), own=True)
-    assert means(it.settle(0.2, MAKE)) == {"robot/r1": (12.0, 10.0)}
+        desk.take_evidence("r1", 1, 0.2, at(10, 10).model_copy(update={"epoch": 1 << 40}), own=True)
+    desk.take_evidence("r1", 1, 0.2, at(12, 10).model_copy(update={"travelled": shrunk, "epoch": 200}), own=True)
+    assert means(desk.settle(0.2, MAKE)) == {"robot/r1": (12.0, 10.0)}
 
 
 def test_a_robot_whose_clock_was_set_back_counts_again_and_what_it_said_before_counts_once() -> None:
     """Epochs are numbered by the robot's own clock, which was 3 s ahead; the times are those of the board's."""
-    it = desk()
+    desk = new_desk()
     ahead, right = (at(x, 10).model_copy(update={"epoch": epoch}) for x, epoch in ((10, 3000), (20, 500)))
-    it.take_evidence("r1", 0, 0.0, ahead, own=True, skew=30.0)
-    it.settle(0.0, MAKE)
+    desk.take_evidence("r1", 0, 0.0, ahead, own=True, skew=30.0)
+    desk.settle(0.0, MAKE)
     for tick, time in enumerate((0.5, 1.0)):
-        it.take_evidence("r1", tick, time, right, own=True)
-        assert means(it.settle(time, MAKE)) == {"robot/r1": (20.0, 10.0)}
-    it.take_evidence("r1", 0, 1.5, ahead, own=True, skew=30.0)
-    it.take_evidence("r1", 2, 0.9, right.model_copy(update={"epoch": 400}), own=True)
-    assert means(it.settle(1.5, MAKE)) == {"robot/r1": (20.0, 10.0)}
-    assert [(one.tick, one.evidence.epoch) for one in it.forward(1.5)] == [(0, 3000), (0, 500), (1, 500)]
+        desk.take_evidence("r1", tick, time, right, own=True)
+        assert means(desk.settle(time, MAKE)) == {"robot/r1": (20.0, 10.0)}
+    desk.take_evidence("r1", 0, 1.5, ahead, own=True, skew=30.0)
+    desk.take_evidence("r1", 2, 0.9, right.model_copy(update={"epoch": 400}), own=True)
+    assert means(desk.settle(1.5, MAKE)) == {"robot/r1": (20.0, 10.0)}
+    assert [(passed.tick, passed.evidence.epoch) for passed in desk.forward(1.5)] == [(0, 3000), (0, 500), (1, 500)]
 
 
 def test_a_robot_that_goes_back_to_an_epoch_it_left_is_not_heard() -> None:
     """Each change of the epoch lets a robot enter anew, so that one that alternates would be corrected by nobody."""
-    it = desk()
+    desk = new_desk()
     first, second = (at(x, 10).model_copy(update={"epoch": epoch}) for x, epoch in ((10, 0), (20, 200)))
     for tick, said in enumerate((first, second, first, first)):
-        it.take_evidence("r1", tick, 0.2 * tick, said, own=True)
-        told = means(it.settle(0.2 * tick, MAKE))
-    assert told == {"robot/r1": (20.0, 10.0)}
-    assert [one.tick for one in it.forward(0.6)] == [0, 1]
+        desk.take_evidence("r1", tick, 0.2 * tick, said, own=True)
+        places = means(desk.settle(0.2 * tick, MAKE))
+    assert places == {"robot/r1": (20.0, 10.0)}
+    assert [passed.tick for passed in desk.forward(0.6)] == [0, 1]
 
 
 def test_one_refused_robot_does_not_cost_the_others_of_a_forward() -> None:
-    it = desk()
+    desk = new_desk()
     bad = Forwarded(robot="r1", tick=0, evidence=at(5, 5).model_copy(update={"epoch": 1 << 40}))
     good = Forwarded(robot="r2", tick=0, evidence=at(20, 10))
     with pytest.raises(Refused, match="future"):
-        it.hear_forward(Forward(board="board-b", sub_team="b", tick=0, time=0.0, evidence=[bad, good]))
-    assert means(it.settle(0.0, MAKE)) == {"robot/r2": (20.0, 10.0)}
+        desk.hear_forward(Forward(board="board-b", sub_team="b", tick=0, time=0.0, evidence=[bad, good]))
+    assert means(desk.settle(0.0, MAKE)) == {"robot/r2": (20.0, 10.0)}
 
 
 def test_another_board_knows_when_the_evidence_that_is_passed_on_was_gathered() -> None:
-    first, second = desk(), desk()
+    first, second = new_desk(), new_desk()
     first.take_evidence("r1", 0, 100.3, at(10, 10), own=True)
     (forwarded,) = first.forward(100.5)
     assert forwarded.age == pytest.approx(0.2)
     second.hear_forward(Forward(board="b", sub_team="b", tick=0, time=100.5, evidence=[forwarded]))
-    (found,) = second.settle(100.6, MAKE)
-    assert found.ancestors == {"r1": pytest.approx(100.3)}
+    (consensus,) = second.settle(100.6, MAKE)
+    assert consensus.ancestors == {"r1": pytest.approx(100.3)}
 
 
 def test_what_is_agreed_about_a_robot_has_its_velocity_while_it_is_heard() -> None:
-    it = desk()
+    desk = new_desk()
     for tick in range(3):
         evidence = at(10, 10)
         moved = evidence.travelled.model_copy(update={"distance": 0.4 * tick, "time": 0.2 * tick, "turn": 0.02 * tick})
-        it.take_evidence("r1", tick, 0.2 * tick, evidence.model_copy(update={"travelled": moved}), own=True)
-        (found,) = it.settle(0.2 * tick, MAKE)
-    velocity = velocity_of(found.velocity)
+        desk.take_evidence("r1", tick, 0.2 * tick, evidence.model_copy(update={"travelled": moved}), own=True)
+        (consensus,) = desk.settle(0.2 * tick, MAKE)
+    velocity = velocity_of(consensus.velocity)
     assert velocity is not None
     assert velocity.mean == pytest.approx([2.0 * math.cos(0.04), 2.0 * math.sin(0.04), 0.1])
     # along: the error of the way, 0.1 in 0.2 s at first and nothing since; across: 2 per second at a heading known to 0.05 rad
     assert velocity.covariance[1, 1] == pytest.approx((2.0 * 0.05) ** 2, rel=0.1)
-    (silent,) = it.settle(2.0, MAKE)
+    (silent,) = desk.settle(2.0, MAKE)
     assert silent.velocity is None
 
 
@@ -343,14 +347,14 @@ def test_a_velocity_that_is_none_is_refused_or_left_out() -> None:
 
 
 def test_a_robot_that_the_others_see_elsewhere_is_told_to_be_lost_rather_than_they() -> None:
-    it = desk()
+    desk = new_desk()
     places, seen_at = {"r1": (10, 10), "r2": (20, 10), "r3": (10, 20)}, np.array([15, 14])
     for tick in range(8):
         for robot, place in places.items():
             x, y = seen_at - place
             there = sighting("robot/r2", math.hypot(x, y)).model_copy(update={"bearing": math.atan2(y, x)})
-            it.take_evidence(robot, tick, float(tick), at(*place, sees=None if robot == "r2" else there), own=True)
-        it.settle(float(tick), MAKE)
-    told = [it.lost(f"robot/{robot}") or 0.0 for robot in places]
-    assert told[1] > 0.2 > max(told[0], told[2])
-    assert it.lost("object/ball") is None
+            desk.take_evidence(robot, tick, float(tick), at(*place, sees=None if robot == "r2" else there), own=True)
+        desk.settle(float(tick), MAKE)
+    lost = [desk.lost(f"robot/{robot}") or 0.0 for robot in places]
+    assert lost[1] > 0.2 > max(lost[0], lost[2])
+    assert desk.lost("object/ball") is None
