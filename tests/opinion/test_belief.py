@@ -96,9 +96,9 @@ def test_blur_conserves_mass_and_never_sharpens(opinions: Array, sigma: float) -
 @pytest.mark.parametrize("sigma", [0.1, 1 / 3, 1.0, 4.0])
 def test_blur_adds_its_variance_however_small(sigma: float) -> None:
     grid = Grid((81,))
-    one = np.zeros(81)
-    one[40] = 1.0
-    blurred = Belief(grid, blur(one, sigma))
+    p = np.zeros(81)
+    p[40] = 1.0
+    blurred = Belief(grid, blur(p, sigma))
     assert blurred.mean() == pytest.approx([40.5])
     assert blurred.covariance()[0, 0] == pytest.approx(sigma**2, rel=1e-9)
 
@@ -120,9 +120,9 @@ def test_blurs_add_up_and_know_their_axis() -> None:
 
 def test_a_wide_blur_looks_like_a_gaussian() -> None:
     grid = Grid((61, 61))
-    one = np.zeros(grid.shape)
-    one[30, 30] = 1.0
-    assert blur(one, 5.0) == pytest.approx(gaussian(grid, (30.5, 30.5), 5.0).p, abs=2e-4)
+    p = np.zeros(grid.shape)
+    p[30, 30] = 1.0
+    assert blur(p, 5.0) == pytest.approx(gaussian(grid, (30.5, 30.5), 5.0).p, abs=2e-4)
 
 
 @few

@@ -42,8 +42,8 @@ def test_no_weight_gives_less_entropy(opinions: Array) -> None:
 @given(stacks(("random", "near-zero"), least=2, most=2))
 def test_the_two_may_change_places(opinions: Array) -> None:
     first, second = opinions
-    one, other = chernoff(first, second)[0], chernoff(second, first)[0]
-    assert entropy(one) == pytest.approx(entropy(other), abs=1e-3)
+    forward, backward = chernoff(first, second)[0], chernoff(second, first)[0]
+    assert entropy(forward) == pytest.approx(entropy(backward), abs=1e-3)
 
 
 def test_crossed_gaussians_are_sharper_together() -> None:
@@ -113,11 +113,11 @@ PAIRS = [((0.5 + 0.25 * i, 3.0), (3.0 - 0.2 * j, 0.5 + 0.15 * i)) for i in range
 
 def finest(first: Array, second: Array, low: float = 0.0, high: float = 1.0) -> tuple[float, float]:
     """The least entropy of the mean of two, and its weight to 1e-4, by looking everywhere, then closer."""
-    found = min((entropy(mean(first, second, w)), w) for w in np.linspace(low, high, 21))
+    finest_pair = min((entropy(mean(first, second, w)), w) for w in np.linspace(low, high, 21))
     width = (high - low) / 20
     if width < 1e-4:
-        return found
-    return finest(first, second, max(0.0, found[1] - width), min(1.0, found[1] + width))
+        return finest_pair
+    return finest(first, second, max(0.0, finest_pair[1] - width), min(1.0, finest_pair[1] + width))
 
 
 @pytest.mark.parametrize("sigmas", PAIRS)

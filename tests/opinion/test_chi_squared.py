@@ -25,5 +25,5 @@ def test_a_quantile_is_exceeded_by_what_is_left_of_all(share: float, freedom: in
 
 
 def test_between_whole_degrees_of_freedom_quantiles_grow() -> None:
-    found = [wilson_hilferty(GATE, 1 + f / 10) for f in range(100)]
-    assert found == sorted(found)
+    quantiles = [wilson_hilferty(GATE, 1 + f / 10) for f in range(100)]
+    assert quantiles == sorted(quantiles)

@@ -51,8 +51,8 @@ def whole(rule: Rule, opinions: Array, monkeypatch: pytest.MonkeyPatch) -> tuple
     """Pooled with every cell and every component."""
     with monkeypatch.context() as patch:
         patch.setattr("blackboard.opinion.considered.SMALL", 10**9)
-        it = fuse(rule, opinions, GRID)
-        return it.p, it.weights, it.components, it.claim()
+        pooled = fuse(rule, opinions, GRID)
+        return pooled.p, pooled.weights, pooled.components, pooled.claim()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -63,12 +63,12 @@ def test_leaving_out_what_cannot_matter_changes_nothing(kind: str, n: int, monke
     for table in RULES:
         rule = read_rule(table)
         p, weights, components, claim = whole(rule, opinions, monkeypatch)
-        it = fuse(rule, opinions, GRID)
-        assert np.abs(it.p - p).max() <= 1e-13 * p.max(), table
-        assert np.abs(it.claim() - claim).max() <= 1e-13 * claim.max(), table
-        assert it.components == pytest.approx(components, abs=1e-13), table
-        assert it.weights == pytest.approx(weights, abs=1e-9), table
-        assert np.array_equal(fuse_belief(rule, opinions, GRID), it.p), table
+        pooled = fuse(rule, opinions, GRID)
+        assert np.abs(pooled.p - p).max() <= 1e-13 * p.max(), table
+        assert np.abs(pooled.claim() - claim).max() <= 1e-13 * claim.max(), table
+        assert pooled.components == pytest.approx(components, abs=1e-13), table
+        assert pooled.weights == pytest.approx(weights, abs=1e-9), table
+        assert np.array_equal(fuse_belief(rule, opinions, GRID), pooled.p), table
 
 
 @pytest.mark.parametrize("n", [2, 3, 6, 11])
@@ -80,37 +80,39 @@ def test_the_last_components_alone_are_those_of_the_whole_recursion(n: int, deca
     weights = rng.random(n) + 0.01
     every = log_components(p, weights)
     for first in range(1, n + 1):
-        found = log_components(p, weights, first=first)
-        assert np.array_equal(np.isneginf(found), np.isneginf(every[first - 1 :]))
+        components = log_components(p, weights, first=first)
+        assert np.array_equal(np.isneginf(components), np.isneginf(every[first - 1 :]))
         np.testing.assert_allclose(
-            np.exp(found - np.where(np.isneginf(found), 0.0, every[first - 1 :])), np.isfinite(found), rtol=1e-11
+            np.exp(components - np.where(np.isneginf(components), 0.0, every[first - 1 :])),
+            np.isfinite(components),
+            rtol=1e-11,
         )
 
 
 def test_the_belief_is_the_sum_over_all_subsets_on_a_large_grid() -> None:
     opinions = stack("sent", 4)
     slow, shares = oracles.cooperative(oracles.cooperative_terms(opinions, [1.0] * 4, alphas(4).tolist()))
-    it = read_rule({"rule": "cooperative"}).pool(opinions)
-    assert np.abs(it.p.ravel() - slow).max() <= 1e-12
-    assert it.components == pytest.approx(shares, abs=1e-12)
+    pooled = read_rule({"rule": "cooperative"}).pool(opinions)
+    assert np.abs(pooled.p.ravel() - slow).max() <= 1e-12
+    assert pooled.components == pytest.approx(shares, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_component_is_above_its_bound_and_few_cells_are_left_where_all_agree(kind: str) -> None:
     p = stack(kind, 6).reshape(6, -1)
-    found = bounds(p, None, alphas(6))
+    bound = bounds(p, None, alphas(6))
     with np.errstate(divide="ignore"):
-        most = found.subsets[:, np.newaxis] + np.arange(1, 7)[:, np.newaxis] * np.log(found.top)
+        most = bound.subsets[:, np.newaxis] + np.arange(1, 7)[:, np.newaxis] * np.log(bound.top)
     logs = log_components(p, None)
     assert (logs <= most + 1e-9).all()
-    assert (found.reached <= logs.max(axis=1) + 1e-9).all()
-    chosen = found.top >= found.heavy()
+    assert (bound.reached <= logs.max(axis=1) + 1e-9).all()
+    chosen = bound.top >= bound.heavy()
     assert chosen.any()
     if kind in ("near", "sent"):
         assert np.count_nonzero(chosen) < 0.3 * GRID.size
     cells = unlike(p)
-    top = cells.of(found.top[np.newaxis])[0]
-    for some in (cells, cells.only(np.flatnonzero(top >= 0)), cells.only(np.flatnonzero(top < found.heavy()))):
+    top = cells.of(bound.top[np.newaxis])[0]
+    for some in (cells, cells.only(np.flatnonzero(top >= 0)), cells.only(np.flatnonzero(top < bound.heavy()))):
         values = some.of(p)[2]
         where = np.arange(GRID.size) if some.where is None else some.where
         there = np.isin(np.arange(GRID.size), np.append(where, some.others))

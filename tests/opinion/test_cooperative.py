@@ -40,8 +40,8 @@ def test_it_is_the_sum_over_all_subsets_with_any_parameters(
     assert (
         np.abs(cooperative_pool(opinions, weights, gamma=gamma, cell_ratio=cell_ratio).ravel() - pool).max() <= rounding
     )
-    found = Cooperative(gamma=gamma).pool(opinions, weights, cell_ratio=cell_ratio).components
-    assert np.abs(found - shares).max() <= rounding
+    components = Cooperative(gamma=gamma).pool(opinions, weights, cell_ratio=cell_ratio).components
+    assert np.abs(components - shares).max() <= rounding
 
 
 def test_products_far_below_the_smallest_float_still_decide() -> None:
@@ -158,8 +158,8 @@ def test_coalition_mixes_the_components_by_their_mass_in_cop(independence: float
     for q, (mass, component) in enumerate(zip(masses, components, strict=True), start=1):
         part = component ** (1.0 / q) if independence == 0 else component ** (q ** -(1 - independence))
         expected += mass * part / part.sum()
-    found = POOLS["coalition"](opinions, weights, gamma=0.5, independence=independence)
-    assert found.ravel() == pytest.approx(expected, abs=1e-12)
+    mixed = POOLS["coalition"](opinions, weights, gamma=0.5, independence=independence)
+    assert mixed.ravel() == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -83,11 +83,11 @@ def test_grids_of_one_and_three_axes() -> None:
 @few
 @given(middle, middle, sigma, st.floats(0.1, 10))
 def test_a_mixture_is_the_weighted_sum(
-    one: tuple[float, float], two: tuple[float, float], s: float, weight: float
+    first: tuple[float, float], second: tuple[float, float], s: float, weight: float
 ) -> None:
     c, d = covariance(s, 1.0, 0.5), np.eye(2)
-    mixed = Belief.from_mixture(GRID, [one, two], [c, d], [weight, 1.0])
-    parts = [Belief.from_gaussian(GRID, one, c).p, Belief.from_gaussian(GRID, two, d).p]
+    mixed = Belief.from_mixture(GRID, [first, second], [c, d], [weight, 1.0])
+    parts = [Belief.from_gaussian(GRID, first, c).p, Belief.from_gaussian(GRID, second, d).p]
     assert mixed.p == pytest.approx((weight * parts[0] + parts[1]) / (weight + 1), abs=1e-12)
 
 
@@ -109,8 +109,8 @@ def test_particles_have_their_moments_and_the_bandwidth_s(n: int, seed: int, ban
 
 
 def test_one_particle_is_a_gaussian_and_one_at_the_border_loses_nothing() -> None:
-    one = Belief.from_particles(GRID, [(9.1, 8.2)], bandwidth=(1.5, 0.8))
-    assert one.p == pytest.approx(Belief.from_gaussian(GRID, (9.1, 8.2), np.diag([1.5**2, 0.8**2])).p, abs=1e-5)
+    single = Belief.from_particles(GRID, [(9.1, 8.2)], bandwidth=(1.5, 0.8))
+    assert single.p == pytest.approx(Belief.from_gaussian(GRID, (9.1, 8.2), np.diag([1.5**2, 0.8**2])).p, abs=1e-5)
     corner = Belief.from_particles(GRID, [(-5, -3), (9, 8)], bandwidth=0.5)
     assert corner.p[:10, :10].sum() == pytest.approx(0.5)
 
@@ -153,10 +153,10 @@ def test_a_range_alone_is_a_ring_and_a_bearing_alone_a_ray() -> None:
 
 
 def test_an_uncertain_observer_sees_less_sharply() -> None:
-    seen: dict[str, Any] = {"distance": 6, "bearing": 0, "distance_sigma": 0.3, "bearing_sigma": 0.05}
-    sharp = Belief.from_range_bearing(GRID, (10, 9.5), 0.3, **seen)
-    heading = Belief.from_range_bearing(GRID, (10, 9.5), 0.3, **seen, heading_sigma=0.2)
-    position = Belief.from_range_bearing(GRID, (10, 9.5), 0.3, **seen, position_sigma=1.0)
+    arguments: dict[str, Any] = {"distance": 6, "bearing": 0, "distance_sigma": 0.3, "bearing_sigma": 0.05}
+    sharp = Belief.from_range_bearing(GRID, (10, 9.5), 0.3, **arguments)
+    heading = Belief.from_range_bearing(GRID, (10, 9.5), 0.3, **arguments, heading_sigma=0.2)
+    position = Belief.from_range_bearing(GRID, (10, 9.5), 0.3, **arguments, position_sigma=1.0)
     areas = [float(np.linalg.det(b.covariance())) for b in (sharp, heading, position)]
     assert areas[0] < min(areas[1:])
     assert position.covariance() == pytest.approx(sharp.covariance() + np.eye(2), abs=0.2)
@@ -210,8 +210,8 @@ def test_what_errors_lead_across_the_border_is_a_belief() -> None:
 
 @pytest.mark.parametrize("bearing", [0.0, None])
 def test_what_is_seen_outside_the_grid_tells_nothing_of_a_place_on_it(bearing: float | None) -> None:
-    seen = Belief.from_range_bearing(GRID, (3, 3), 0, distance=99, bearing=bearing, distance_sigma=1)
-    assert np.ptp(seen.p) == 0
+    belief = Belief.from_range_bearing(GRID, (3, 3), 0, distance=99, bearing=bearing, distance_sigma=1)
+    assert np.ptp(belief.p) == 0
 
 
 # --- what is no belief -------------------------------------------------------------------------------------------------

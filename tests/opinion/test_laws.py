@@ -174,17 +174,17 @@ def test_a_board_pools_with_entropy_weights_where_the_rule_does(name: str) -> No
     opinions = make("random", 4, SHAPES[1], np.random.default_rng(2))
     grid = Grid(SHAPES[1], 2.0)
     board, weighted_by = {"k": 3.0, "reference_cell": 1.0}, 0.25  # (1 / 2)^2 cells
-    it = model(name)
+    pooling = model(name)
     if name == "clique-cooperative":
-        assert np.array_equal(fuse(it, opinions, grid).p, pool(name, opinions))
-    elif isinstance(it, EntropyWeighted):
-        it = read_rule({**it.in_force(), **board})
-        arguments = {key: value for key, value in it.in_force().items() if key not in ("rule", *board)}
+        assert np.array_equal(fuse(pooling, opinions, grid).p, pool(name, opinions))
+    elif isinstance(pooling, EntropyWeighted):
+        pooling = read_rule({**pooling.in_force(), **board})
+        arguments = {key: value for key, value in pooling.in_force().items() if key not in ("rule", *board)}
         ratio = {} if rule == "linear" else {"cell_ratio": weighted_by}
         weights = entropy_weights(opinions, 3.0, cell_ratio=weighted_by)
-        assert np.array_equal(fuse(it, opinions, grid).p, POOLS[rule](opinions, weights, **arguments, **ratio))
+        assert np.array_equal(fuse(pooling, opinions, grid).p, POOLS[rule](opinions, weights, **arguments, **ratio))
     else:
-        assert np.array_equal(fuse(it, opinions, grid).p, pool(name, opinions))
+        assert np.array_equal(fuse(pooling, opinions, grid).p, pool(name, opinions))
 
 
 def test_every_rule_of_the_table_is_under_the_laws() -> None:

@@ -82,10 +82,10 @@ def test_the_lab_compares_a_plug_in_and_tune_tries_its_parameters(
     assert comparison.contenders(GRID)["trimmed"].in_force()["rule"] == "trimmed"
     assert tuning.spaces()["trimmed"] == {"drop": (0, 1, 2)}
     (case,) = (TRIALS["independent"](np.random.default_rng(1)) for _ in range(1))
-    found = tuning.try_all("trimmed", [[case]])
-    assert found.log_scores.shape == (1, 3)
+    tried = tuning.try_all("trimmed", [[case]])
+    assert tried.log_scores.shape == (1, 3)
     judged = comparison.judge([(0, [case])], {"x": read_rule({"rule": "trimmed", "drop": 2})}, lambda: 0.0)
-    assert found.log_scores[0, 2] == pytest.approx(judged["x"].score.log_scores[0])
+    assert tried.log_scores[0, 2] == pytest.approx(judged["x"].score.log_scores[0])
 
 
 def test_a_plug_in_that_cannot_be_loaded_is_named(package: Path) -> None:

@@ -35,9 +35,9 @@ def test_the_median_of_equals_is_the_median_of_logarithms(opinions: Array) -> No
 @given(stacks(("random",)), st.lists(st.integers(1, 3), min_size=5, max_size=5))
 def test_a_weight_of_two_is_saying_it_twice(opinions: Array, counts: list[int]) -> None:
     counts = counts[: len(opinions)]
-    told = np.repeat(opinions, counts, axis=0)
-    assert POOLS["median-log"](opinions, counts) == pytest.approx(POOLS["median-log"](told), abs=1e-12)
-    assert POOLS["geometric-median"](opinions, counts) == pytest.approx(POOLS["geometric-median"](told), abs=1e-9)
+    repeated = np.repeat(opinions, counts, axis=0)
+    assert POOLS["median-log"](opinions, counts) == pytest.approx(POOLS["median-log"](repeated), abs=1e-12)
+    assert POOLS["geometric-median"](opinions, counts) == pytest.approx(POOLS["geometric-median"](repeated), abs=1e-9)
 
 
 @few
@@ -107,7 +107,7 @@ def test_any_rule_can_pool_the_largest_clique() -> None:
         behind = POOLS["clique"](everybody, inner=rule)
         assert behind == pytest.approx(POOLS["clique"](honest, inner=rule), abs=1e-12)
         given = POOLS["clique"](everybody, weights, inner=rule)
-        own = {key: it for key, it in read_rule({"rule": rule}).in_force().items() if key not in ("rule", "k")}
+        own = {key: value for key, value in read_rule({"rule": rule}).in_force().items() if key not in ("rule", "k")}
         assert given == pytest.approx(POOLS[rule](honest, weights[1:], **own), abs=1e-12)
 
 
@@ -122,16 +122,16 @@ def test_the_channel_filter_takes_out_what_both_knew() -> None:
     """Two robots update one prior with readings of their own: the product counts the prior twice, the filter once."""
     prior = gaussian(GRID, (20, 20), 5).p
     readings = [gaussian(GRID, (18, 21), 4).p, gaussian(GRID, (22, 19), 3).p]
-    told = [POOLS["logarithmic"](np.stack([prior, reading])) for reading in readings]
+    posteriors = [POOLS["logarithmic"](np.stack([prior, reading])) for reading in readings]
     exact = POOLS["logarithmic"](np.stack([prior, *readings]))
-    assert POOLS["channel-filter"](np.stack(told), common=prior[np.newaxis]) == pytest.approx(exact, abs=1e-12)
-    assert np.abs(POOLS["logarithmic"](np.stack(told)) - exact).max() > 1e-3
+    assert POOLS["channel-filter"](np.stack(posteriors), common=prior[np.newaxis]) == pytest.approx(exact, abs=1e-12)
+    assert np.abs(POOLS["logarithmic"](np.stack(posteriors)) - exact).max() > 1e-3
 
 
 def test_the_channel_filter_revives_no_cell() -> None:
-    prior, told = np.array([0.0, 0.5, 0.5]), np.array([[0.0, 0.8, 0.2], [0.0, 0.4, 0.6]])
-    assert POOLS["channel-filter"](told, common=[prior]) == pytest.approx([0, 0.32 / 0.44, 0.12 / 0.44])
-    assert POOLS["channel-filter"](told + np.array([0.1, -0.1, 0.0]), common=[prior])[0] == 0.0
+    prior, posteriors = np.array([0.0, 0.5, 0.5]), np.array([[0.0, 0.8, 0.2], [0.0, 0.4, 0.6]])
+    assert POOLS["channel-filter"](posteriors, common=[prior]) == pytest.approx([0, 0.32 / 0.44, 0.12 / 0.44])
+    assert POOLS["channel-filter"](posteriors + np.array([0.1, -0.1, 0.0]), common=[prior])[0] == 0.0
 
 
 def test_two_opinions_nearly_alike_have_a_geometric_median_between_them() -> None:

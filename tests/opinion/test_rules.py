@@ -51,10 +51,10 @@ def test_the_rules_have_these_defaults() -> None:
 
 @pytest.mark.parametrize("name", POOLS)
 def test_what_tune_tries_is_within_the_bounds_and_rises(name: str) -> None:
-    for it in dataclasses.fields(find(name)):  # type: ignore[arg-type]
-        tried = it.metadata.get("tried", ())
+    for field in dataclasses.fields(find(name)):  # type: ignore[arg-type]
+        tried = field.metadata.get("tried", ())
         assert list(tried) == sorted(set(tried))
-        assert [read_rule({"rule": name, it.name: value}).in_force()[it.name] for value in tried] == list(tried)
+        assert [read_rule({"rule": name, field.name: value}).in_force()[field.name] for value in tried] == list(tried)
 
 
 @pytest.mark.parametrize("name", POOLS)

@@ -81,8 +81,8 @@ def test_log_score_has_a_floor() -> None:
 
 
 def test_errors_by_hand() -> None:
-    told = errors([0.0, 1.0, 2.0, 3.0, 4.0])
-    assert told == {"rmse": pytest.approx(math.sqrt(6)), "mean": 2.0, "p95": pytest.approx(3.8), "max": 4.0}
+    scored = errors([0.0, 1.0, 2.0, 3.0, 4.0])
+    assert scored == {"rmse": pytest.approx(math.sqrt(6)), "mean": 2.0, "p95": pytest.approx(3.8), "max": 4.0}
 
 
 def test_the_summary_is_the_scorecards_block() -> None:
@@ -111,12 +111,12 @@ def test_an_empty_score_says_so() -> None:
 
 
 def test_scores_can_be_merged() -> None:
-    one, other, both = Score(), Score(), Score()
+    first, second, both = Score(), Score(), Score()
     for i, truth in enumerate([(10.1, 20.1), (11.2, 20.3), (11.7, 20.6)]):
-        (one if i else other).add(Belief(GRID, P), truth)
+        (first if i else second).add(Belief(GRID, P), truth)
         both.add(Belief(GRID, P), truth)
-    assert other.merge(one).summary() == both.summary()
-    assert (len(one.errors), len(other.errors)) == (2, 1)
+    assert second.merge(first).summary() == both.summary()
+    assert (len(first.errors), len(second.errors)) == (2, 1)
 
 
 def test_an_honest_belief_is_covered_as_often_as_it_claims() -> None:

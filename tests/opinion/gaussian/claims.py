@@ -22,7 +22,7 @@ def own(at: Array) -> Claim:
     return Claim(at, np.eye(2) * PLACE**2, NOTHING)
 
 
-def seen(at: Array) -> Claim:
+def seen_at(at: Array) -> Claim:
     return Claim(at, np.eye(2) * PLACE**2, np.eye(2) * SIGHTING**2)
 
 
@@ -39,7 +39,7 @@ def contradictions(lie: Callable[[int], float], seed: int, seconds: int) -> list
 
     `lie` is how far off the robot says that it is, by the second.
     """
-    chance, contacts, found = np.random.default_rng(seed), Contacts(), []
+    chance, contacts, contradicted = np.random.default_rng(seed), Contacts(), []
     errors = {name: chance.normal(0, PLACE, 2) for name in ("liar", "witness")}
     for second in range(seconds):
         for name in errors if second else ():
@@ -48,8 +48,8 @@ def contradictions(lie: Callable[[int], float], seed: int, seconds: int) -> list
         for _ in range(5):
             claims = {
                 "liar": own(errors["liar"] + [lie(second), 0.0]),
-                "witness": seen(errors["witness"] + chance.normal(0, SIGHTING, 2)),
+                "witness": seen_at(errors["witness"] + chance.normal(0, SIGHTING, 2)),
             }
             contacts.judge(claims)
-            found.append(contacts.contradict("witness", "liar"))
-    return found
+            contradicted.append(contacts.contradict("witness", "liar"))
+    return contradicted

@@ -41,13 +41,15 @@ class Own:
         prediction = self.joint.moments(self.name)
         fix = self.place + self.chance.normal(0, 0.5, 2)
         self.fixed = [fix] if self.chance.random() < 0.5 else []
-        for told in self.fixed:
-            residual = told - self.joint.moments(self.name).mean[AXES]
+        for measured in self.fixed:
+            residual = measured - self.joint.moments(self.name).mean[AXES]
             self.joint.update(Factor(residual, {self.name: np.eye(STATES)[AXES]}, np.eye(2) * 0.25))
         belief = self.joint.moments(self.name)
-        seen = tuple(self.see(other) for other in others if other is not self and self.chance.random() < 0.7)
+        relatives = tuple(self.see(other) for other in others if other is not self and self.chance.random() < 0.7)
         increment = gained(prediction, belief)
-        return Evidence(self.name, self.epoch, tick, self.travelled, NUISANCE, belief, increment, seen, float(tick))
+        return Evidence(
+            self.name, self.epoch, tick, self.travelled, NUISANCE, belief, increment, relatives, float(tick)
+        )
 
     def see(self, other: Own) -> Relative:
         dx, dy = other.place - self.place + self.chance.normal(0, 0.2, 2)
@@ -60,7 +62,7 @@ def team(number: int, seed: int) -> list[Own]:
     return [Own(f"robot/r{k}", np.array([0.0, 3.0 * k]), chance) for k in range(number)]
 
 
-def told(robots: Sequence[Own], tick: int) -> list[Evidence]:
+def reports_of(robots: Sequence[Own], tick: int) -> list[Evidence]:
     """What all robots report of a tick, once all have moved."""
     alone = [robot.tick(tick, []) for robot in robots]
     return [
@@ -69,7 +71,7 @@ def told(robots: Sequence[Own], tick: int) -> list[Evidence]:
     ]
 
 
-def furthest_slope(joint: Joint, seen: Relative, factor: Factor) -> float:
+def furthest_slope(joint: Joint, relative: Relative, factor: Factor) -> float:
     """How far the derivatives of a sighting's factor are from numeric ones, at most; 1e-5 of themselves is granted."""
     joint.begin(factor.priors)
     mean, off = joint.mean.copy(), 0.0
@@ -80,7 +82,7 @@ def furthest_slope(joint: Joint, seen: Relative, factor: Factor) -> float:
             for step in (1e-6, -1e-6):
                 joint.mean = mean.copy()
                 joint.mean[k] += step
-                ends.append(linearise(joint, seen, {}).residual)
+                ends.append(linearise(joint, relative, {}).residual)
             said = -jacobian[:, k - place.start]
             off = max(off, float((np.abs((ends[0] - ends[1]) / 2e-6 - said) - 1e-5 * np.abs(said)).max()))
     return off

@@ -18,10 +18,10 @@ SPREAD = 0.3  # the variance of a place with which each robot enters
 FIX = 3.0  # the sigma of what each robot is told of its place in each tick
 
 
-def says(robot: str, tick: int, seen: tuple[Relative, ...] = ()) -> Evidence:
+def says(robot: str, tick: int, relatives: tuple[Relative, ...] = ()) -> Evidence:
     """A robot that stands, entered near to where it is, and is told its place without an error in each tick."""
     mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
     mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
     belief = Moments(mean, np.diag([SPREAD, SPREAD, *[1e-4] * (STATES - 2)]))
     increment = Increment(mean, information, np.zeros(STATES)) if tick else None
-    return Evidence(robot, 0, tick, Motion(), Nuisance(), belief if not tick else None, increment, seen)
+    return Evidence(robot, 0, tick, Motion(), Nuisance(), belief if not tick else None, increment, relatives)

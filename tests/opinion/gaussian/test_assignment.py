@@ -20,7 +20,7 @@ WEIGHTS = st.one_of(st.just(0.0), st.floats(1e-3, 1e6))
 def one_by_one(weights: Array) -> Array:
     """Every way to give each row a column of its own, or none."""
     rows, columns = weights.shape
-    total, found = 0.0, np.zeros_like(weights)
+    total, odds = 0.0, np.zeros_like(weights)
     for given_to in itertools.product([None, *range(columns)], repeat=rows):
         taken = [column for column in given_to if column is not None]
         if len(set(taken)) < len(taken):
@@ -29,8 +29,8 @@ def one_by_one(weights: Array) -> Array:
         weight = float(np.prod([weights[pair] for pair in pairs]))
         total += weight
         for pair in pairs:
-            found[pair] += weight
-    return found / total
+            odds[pair] += weight
+    return odds / total
 
 
 @given(st.tuples(st.integers(0, 4), st.integers(0, 5)).flatmap(lambda shape: arrays(float, shape, elements=WEIGHTS)))
@@ -40,9 +40,9 @@ def test_it_is_what_all_assignments_together_say(weights: Array) -> None:
 
 
 def test_two_sightings_are_not_of_one_thing() -> None:
-    found = posterior(np.array([[1e6, 1e3], [1e6, 0.0]]))
-    assert found[0] == pytest.approx([0.0, 1.0], abs=0.002)
-    assert found[1, 0] > 0.99
+    odds = posterior(np.array([[1e6, 1e3], [1e6, 0.0]]))
+    assert odds[0] == pytest.approx([0.0, 1.0], abs=0.002)
+    assert odds[1, 0] > 0.99
 
 
 def crowd(rows: int, columns: int, seed: int = 1) -> Array:
@@ -55,27 +55,27 @@ def crowd(rows: int, columns: int, seed: int = 1) -> Array:
 
 def test_in_a_crowd_the_odds_are_nearly_those_of_all_assignments(monkeypatch: pytest.MonkeyPatch) -> None:
     crowds = [crowd(7, 7, seed) for seed in range(30)]
-    exact = [posterior(it) for it in crowds]
+    exact = [posterior(weights) for weights in crowds]
     monkeypatch.setattr(assignment, "MAX_CLUSTER", 0)
-    errors = np.array([np.abs(posterior(it) - right) for it, right in zip(crowds, exact, strict=True)])
+    errors = np.array([np.abs(posterior(weights) - right) for weights, right in zip(crowds, exact, strict=True)])
     assert errors.max() < 0.2
     assert errors.mean() < 0.02
 
 
 @pytest.mark.parametrize("weights", [crowd(16, 64), np.full((16, 64), MOST), np.eye(16) * MOST + 1.0])
 def test_a_crowd_of_any_size_has_odds_and_no_sighting_counts_twice(weights: Array) -> None:
-    found = posterior(weights)
-    assert ((found >= 0) & (found <= 1)).all()
-    assert found.sum(axis=1).max() <= 1 + 1e-9
+    odds = posterior(weights)
+    assert ((odds >= 0) & (odds <= 1)).all()
+    assert odds.sum(axis=1).max() <= 1 + 1e-9
 
 
 def test_what_is_clear_is_clear_in_a_crowd_too_and_what_is_apart_is_not_in_it() -> None:
     weights = np.full((MAX_CLUSTER + 3, MAX_CLUSTER + 3), 0.01)
     np.fill_diagonal(weights, 1e6)
     weights[-1], weights[:, -1], weights[-1, -1] = 0.0, 0.0, 99.0
-    found = posterior(weights)
-    assert np.diag(found)[:-1].min() > 0.99
-    assert found[-1, -1] == pytest.approx(0.99)
+    odds = posterior(weights)
+    assert np.diag(odds)[:-1].min() > 0.99
+    assert odds[-1, -1] == pytest.approx(0.99)
 
 
 def test_how_often_strangers_are_seen_is_found_out() -> None:

@@ -56,12 +56,12 @@ def any_sighting(chance: np.random.Generator) -> Relative:
 @given(seed=SEEDS)
 def test_sightings_that_are_linearised_at_once_are_what_each_is_alone(seed: int) -> None:
     chance = np.random.default_rng(seed)
-    joint, seen = team(chance), [any_sighting(chance) for _ in range(12)]
+    joint, sightings = team(chance), [any_sighting(chance) for _ in range(12)]
     motions = {robot: Motion(0.3, 0.1, 0.2, 0.2, 0.01, 0.01, 0.001) for robot in ROBOTS[:3]}
-    at_once = linearise_all(joint, seen, motions)
+    at_once = linearise_all(joint, sightings, motions)
     innovations = joint.innovations(at_once)
-    for it, factor, found in zip(seen, at_once, innovations, strict=True):
-        alone = linearise(joint, it, motions)
+    for sighting, factor, innovation in zip(sightings, at_once, innovations, strict=True):
+        alone = linearise(joint, sighting, motions)
         assert factor.jacobians.keys() == alone.jacobians.keys()
         assert factor.priors.keys() == alone.priors.keys()
         assert factor.anchors.keys() == alone.anchors.keys()
@@ -69,13 +69,13 @@ def test_sightings_that_are_linearised_at_once_are_what_each_is_alone(seed: int)
             assert np.allclose(factor.jacobians[block], part, rtol=1e-12, atol=1e-12)
         assert np.allclose(factor.residual, alone.residual, rtol=1e-12, atol=1e-12)
         assert np.allclose(factor.noise, alone.noise, rtol=1e-12, atol=1e-12)
-        assert np.allclose(found.covariance, joint.innovation(alone).covariance, rtol=1e-9)
+        assert np.allclose(innovation.covariance, joint.innovation(alone).covariance, rtol=1e-9)
 
 
 def plain(chance: np.random.Generator, joint: Joint) -> Factor:
     """A linear measurement of two blocks, which does not care where it was linearised."""
-    one, other = chance.permutation(ROBOTS)[:2].tolist()
-    rows = {block: chance.normal(size=(2, STATES)) for block in (one, other)}
+    observer, observed = chance.permutation(ROBOTS)[:2].tolist()
+    rows = {block: chance.normal(size=(2, STATES)) for block in (observer, observed)}
     root = chance.normal(size=(2, 3))
     return Factor(chance.normal(size=2), rows, root @ root.T)
 
@@ -93,9 +93,9 @@ def test_a_chain_says_and_leaves_what_one_after_the_other_does(seed: int) -> Non
     factors = [plain(chance, joint) for _ in range(6)]
     one_by_one, chain = joint.copy(), Chain(joint, factors)
     for factor in factors:
-        found, alone = chain.next(), moved(factor, one_by_one, joint.mean)
-        assert np.allclose(found.residual, alone.residual, rtol=1e-6, atol=1e-8)
-        assert np.allclose(found.covariance, one_by_one.innovation(alone).covariance, rtol=1e-6, atol=1e-8)
+        innovation, alone = chain.next(), moved(factor, one_by_one, joint.mean)
+        assert np.allclose(innovation.residual, alone.residual, rtol=1e-6, atol=1e-8)
+        assert np.allclose(innovation.covariance, one_by_one.innovation(alone).covariance, rtol=1e-6, atol=1e-8)
         if chance.random() < 0.7:
             wider = float(chance.choice([1.0, 3.0]))
             chain.take(factor.widened(wider))

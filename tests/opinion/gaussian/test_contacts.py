@@ -9,7 +9,7 @@ from blackboard.opinion.gaussian.contacts import MISREAD, Contacts
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Nuisance, entering
-from tests.opinion.gaussian.claims import PLACE, contradictions, corrected, own, seen
+from tests.opinion.gaussian.claims import PLACE, contradictions, corrected, own, seen_at
 
 
 def test_honest_pairs_hardly_ever_contradict_each_other() -> None:
@@ -26,7 +26,7 @@ def test_what_lasts_does_not_become_certain_by_being_repeated() -> None:
     """Two robots that stay off by 2.5 sigma together, and learn nothing, say the same a hundred times."""
     contacts = Contacts()
     for _ in range(100):
-        contacts.judge({"one": own(np.array([2.5 * PLACE * 2**0.5, 0.0])), "other": seen(np.zeros(2))})
+        contacts.judge({"one": own(np.array([2.5 * PLACE * 2**0.5, 0.0])), "other": seen_at(np.zeros(2))})
     assert not contacts.contradict("one", "other")
 
 
@@ -34,14 +34,14 @@ def test_what_lasts_does_not_become_certain_by_being_repeated() -> None:
 def test_misread_sightings_of_a_pair_that_agrees_change_nothing(claims: int) -> None:
     contacts = Contacts()
     for at in [0.0] * 5 + [30.0] * claims + [0.0] * 5:
-        contacts.judge({"one": own(np.zeros(2)), "other": seen(np.array([at, 0.0]))})
+        contacts.judge({"one": own(np.zeros(2)), "other": seen_at(np.array([at, 0.0]))})
         assert not contacts.contradict("one", "other")
 
 
 def test_a_robot_that_begins_to_lie_is_found_out_and_both_are_named_once() -> None:
     contacts, parted = Contacts(), []
     for at in [0.0] * 20 + [12.0] * 10:
-        parted.append(contacts.judge({"one": own(np.array([at, 0.0])), "other": seen(np.zeros(2))}))
+        parted.append(contacts.judge({"one": own(np.array([at, 0.0])), "other": seen_at(np.zeros(2))}))
     assert parted.count({"one", "other"}) == 1
     assert sum(map(len, parted)) == 2
     assert contacts.contradict("other", "one")
@@ -49,14 +49,14 @@ def test_a_robot_that_begins_to_lie_is_found_out_and_both_are_named_once() -> No
 
 def test_a_pair_that_contradicts_from_the_first_has_spoilt_nothing() -> None:
     contacts = Contacts()
-    assert contacts.judge({"one": own(np.array([30.0, 0.0])), "other": seen(np.zeros(2))}) == set()
+    assert contacts.judge({"one": own(np.array([30.0, 0.0])), "other": seen_at(np.zeros(2))}) == set()
     assert contacts.contradict("one", "other")
 
 
 def test_a_robot_that_begins_anew_is_believed_again_once_it_agrees_for_long() -> None:
     """Else it would begin anew after each lie."""
     contacts = Contacts()
-    apart = {"one": own(np.array([30.0, 0.0])), "other": seen(np.zeros(2)), "third": seen(np.zeros(2))}
+    apart = {"one": own(np.array([30.0, 0.0])), "other": seen_at(np.zeros(2)), "third": seen_at(np.zeros(2))}
     contacts.judge(apart)
     contacts.begin("one")
     assert contacts.contradict("one", "other")
@@ -72,7 +72,7 @@ def test_a_pair_is_judged_once_by_all_that_both_spoke_of_in_a_tick() -> None:
     """One robot's tick that contradicts in one thing and agrees in the next has parted nobody."""
     sigma, contacts = PLACE * 2**0.5, Contacts()
     before, far, near = (
-        {"one": own(np.zeros(2)), "other": seen(np.array([at * sigma, 0.0]))} for at in (2.6, 4.6, 1.2)
+        {"one": own(np.zeros(2)), "other": seen_at(np.array([at * sigma, 0.0]))} for at in (2.6, 4.6, 1.2)
     )
     contacts.judge(before)
     contacts.begin("one")
@@ -81,13 +81,13 @@ def test_a_pair_is_judged_once_by_all_that_both_spoke_of_in_a_tick() -> None:
     assert contacts.judge(far, near) == set()
 
 
-def told(contradicting: str, agreeing: str) -> Contacts:
+def contacts_of(contradicting: str, agreeing: str) -> Contacts:
     """Robots a to z, of which pairs such as "ab" contradict each other or agree."""
     contacts = Contacts()
     for pairs, apart in ((contradicting, 30.0), (agreeing, 0.0)):
         for pair in pairs.split():
-            one, other = pair[0], pair[1]
-            contacts.judge({one: own(np.zeros(2)), other: seen(np.array([apart, 0.0]))})
+            first, second = pair[0], pair[1]
+            contacts.judge({first: own(np.zeros(2)), second: seen_at(np.array([apart, 0.0]))})
     return contacts
 
 
@@ -107,7 +107,7 @@ def told(contradicting: str, agreeing: str) -> Contacts:
 def test_who_is_contradicted_by_better_confirmed_robots_is_left_out(
     contradicting: str, agreeing: str, out: str
 ) -> None:
-    assert told(contradicting, agreeing).left_out() == set(out)
+    assert contacts_of(contradicting, agreeing).left_out() == set(out)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_who_is_contradicted_by_better_confirmed_robots_is_left_out(
 def test_nobody_is_left_out_because_a_doubted_robot_contradicts_it(
     contradicting: str, agreeing: str, doubted: str, out: str
 ) -> None:
-    assert told(contradicting, agreeing).left_out(doubted) == set(out)
+    assert contacts_of(contradicting, agreeing).left_out(doubted) == set(out)
 
 
 def believed(sigma: float) -> Moments:
@@ -142,11 +142,11 @@ def test_a_robot_whose_place_is_corrected_again_and_again_is_a_witness(gain: flo
 
 def test_a_robot_that_goes_by_its_odometry_is_none_until_it_is_corrected() -> None:
     contacts = Contacts()
-    found = []
+    reckoned = []
     for sigma in (1.0, 1.5, 1.9, 2.1, 3.0):
         contacts.correct("one", believed(sigma), None)
-        found.append(contacts.is_reckoned("one"))
-    assert found == [False, False, False, True, True]
+        reckoned.append(contacts.is_reckoned("one"))
+    assert reckoned == [False, False, False, True, True]
     corrected(contacts, "one", 0.1)
     assert not contacts.is_reckoned("one")
     assert not contacts.is_reckoned("nobody")

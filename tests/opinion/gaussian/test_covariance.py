@@ -31,52 +31,52 @@ def of_size(states: int, chance: np.random.Generator) -> Array:
     return np.asarray(root @ root.T / states + np.eye(states))
 
 
-def change(it: Covariance | AtOnce, blocks: int, seed: int) -> None:
+def change(matrix: Covariance | AtOnce, blocks: int, seed: int) -> None:
     """Many changes of both kinds."""
     chance = np.random.default_rng(seed)
     for _ in range(60):
         rows = chance.normal(scale=0.01, size=(chance.integers(1, 4), blocks * BLOCK))
-        it.subtract(rows)
+        matrix.subtract(rows)
         heading = BLOCK * chance.permutation(blocks)[: blocks // 2] + 2
         to, by = np.concatenate([heading - 2, heading - 1]), np.concatenate([heading, heading])
-        it.shear(to, by, chance.normal(scale=0.1, size=len(to)))
+        matrix.shear(to, by, chance.normal(scale=0.1, size=len(to)))
 
 
 @pytest.mark.parametrize("blocks", [3, LARGE // BLOCK + 2], ids=["small", "large"])
 @pytest.mark.parametrize("seed", range(4))
 def test_what_waits_counts_at_once(blocks: int, seed: int) -> None:
     matrix = of_size(blocks * BLOCK, np.random.default_rng(seed))
-    it, plain = Covariance(matrix.copy()), AtOnce(matrix)
-    for one in (it, plain):
-        change(one, blocks, seed)
+    covariance, plain = Covariance(matrix.copy()), AtOnce(matrix)
+    for changed in (covariance, plain):
+        change(changed, blocks, seed)
     some = [slice(BLOCK * k, BLOCK * (k + 1)) for k in (2, 0)]
     index = np.concatenate([np.arange(place.start, place.stop) for place in some])
     parts = [np.random.default_rng(seed).normal(size=(2, BLOCK)) for _ in some]
     expected = sum(part @ plain.matrix[place] for place, part in zip(some, parts, strict=True))
     close = {"rtol": 1e-9, "atol": 1e-9 * np.abs(plain.matrix).max()}
-    assert np.allclose(it.among(index), plain.matrix[np.ix_(index, index)], **close)
-    assert np.allclose(it.rows(list(zip(some, parts, strict=True))), expected, **close)
-    assert np.allclose(it.diagonal(), plain.matrix.diagonal(), **close)
-    assert np.allclose(it.matrix, plain.matrix, **close)
-    assert np.array_equal(it.matrix, it.matrix.T)
+    assert np.allclose(covariance.among(index), plain.matrix[np.ix_(index, index)], **close)
+    assert np.allclose(covariance.rows(list(zip(some, parts, strict=True))), expected, **close)
+    assert np.allclose(covariance.diagonal(), plain.matrix.diagonal(), **close)
+    assert np.allclose(covariance.matrix, plain.matrix, **close)
+    assert np.array_equal(covariance.matrix, covariance.matrix.T)
 
 
 def test_equal_changes_give_equal_bits_whatever_is_asked_for_in_between() -> None:
     blocks = LARGE // BLOCK + 2
     matrix = of_size(blocks * BLOCK, np.random.default_rng(1))
-    one, other = Covariance(matrix.copy()), Covariance(matrix.copy())
+    first, second = Covariance(matrix.copy()), Covariance(matrix.copy())
     for seed in (3, 4):
-        other.diagonal(), other.among(np.arange(BLOCK)), other.rows([(slice(0, BLOCK), np.eye(BLOCK))])
-        change(one, blocks, seed), change(other, blocks, seed)
-    assert np.array_equal(one.matrix, other.matrix)
+        second.diagonal(), second.among(np.arange(BLOCK)), second.rows([(slice(0, BLOCK), np.eye(BLOCK))])
+        change(first, blocks, seed), change(second, blocks, seed)
+    assert np.array_equal(first.matrix, second.matrix)
 
 
 @pytest.mark.parametrize("blocks", [3, LARGE // BLOCK + 2], ids=["small", "large"])
 def test_what_would_cancel_a_variance_is_refused_and_changes_nothing(blocks: int) -> None:
-    it = Covariance(np.eye(blocks * BLOCK))
+    covariance = Covariance(np.eye(blocks * BLOCK))
     rows = np.zeros((1, blocks * BLOCK))
     rows[0, 5] = 1.0
-    assert not it.subtract(rows)
-    assert np.array_equal(it.matrix, np.eye(blocks * BLOCK))
-    assert it.subtract(0.9 * rows)
-    assert it.diagonal()[5] == pytest.approx(0.19)
+    assert not covariance.subtract(rows)
+    assert np.array_equal(covariance.matrix, np.eye(blocks * BLOCK))
+    assert covariance.subtract(0.9 * rows)
+    assert covariance.diagonal()[5] == pytest.approx(0.19)

@@ -28,7 +28,7 @@ PLACES = {f"robot/r{k}": 10.0 * np.array([math.cos(k), math.sin(k)]) for k in ra
 FIX, SIGMA = 3.0, 0.5  # what each robot is told of its place in each tick; what a sighting claims
 
 
-def seen(
+def sightings_of(
     team: TeamJoint, observer: str, whom: str, aside: float = 0.0, kind: Kind = "range-bearing"
 ) -> tuple[Relative, ...]:
     """A subject `aside` of where the team has it, as seen from where the observer is by its own evidence; nothing of an unknown one."""
@@ -59,21 +59,21 @@ def run(lies: Callable[[TeamJoint], list[tuple[Relative, ...]]]) -> TeamJoint:
     for tick in range(END):
         if tick < BEGIN:
             away, bearing = [8.0, 2.0] + chance.normal(size=2) * [SIGMA, 0.05]
-            told: dict[str, tuple[Relative, ...]] = {
+            sightings: dict[str, tuple[Relative, ...]] = {
                 "robot/r0": (Relative("robot/r0", BALL, away, bearing, SIGMA**2, 0.05**2),)
             }
         else:
-            told = {LIAR: sum(lies(team), ())}
-        team.settle(tick, DT, [says(it, tick, told.get(it, ())) for it in PLACES])
+            sightings = {LIAR: sum(lies(team), ())}
+        team.settle(tick, DT, [says(robot, tick, sightings.get(robot, ())) for robot in PLACES])
     return team
 
 
 @pytest.mark.parametrize("kind", ["range-bearing", "range", "bearing"])
 def test_who_sees_its_mates_where_the_team_has_them_makes_it_no_surer(kind: Kind) -> None:
     """Before, a mate's standard deviation fell to .6 of what it is without the liar."""
-    told = run(lambda team: [seen(team, LIAR, it, kind=kind) for it in MATES])
+    lied_to = run(lambda team: [sightings_of(team, LIAR, whom, kind=kind) for whom in MATES])
     for mate in MATES:
-        sigmas = [math.sqrt(np.trace(it.marginal(mate).covariance)) for it in (told, run(lambda _: []))]
+        sigmas = [math.sqrt(np.trace(team.marginal(mate).covariance)) for team in (lied_to, run(lambda _: []))]
         assert sigmas[0] > 0.95 * sigmas[1]
 
 
@@ -81,22 +81,22 @@ def test_who_sees_its_mates_where_the_team_has_them_makes_it_no_surer(kind: Kind
 def test_who_is_found_out_to_see_a_mate_always_as_far_aside_has_not_taken_it_along(aside: float) -> None:
     """What was taken of it before is taken back; before, the mate went by .7 of `aside` and more."""
     mate = MATES[0]
-    away = run(lambda team: [seen(team, LIAR, mate, aside)]).marginal(mate).mean - PLACES[mate]
+    away = run(lambda team: [sightings_of(team, LIAR, mate, aside)]).marginal(mate).mean - PLACES[mate]
     assert np.hypot(*away) < 0.2 * aside
 
 
 def test_who_is_found_out_moves_nobody_neither_by_what_it_sees_nor_by_being_seen() -> None:
     """Before, a mate that saw it was led to where the liar had moved itself."""
-    one, another, third = MATES
+    first, second, third = MATES
     team, tick = TeamJoint(), 0
     while not team.doubts(LIAR):
-        told = seen(team, LIAR, one, 1.0)
-        team.settle(tick, DT, [says(it, tick, told if it == LIAR else ()) for it in PLACES])
+        lie = sightings_of(team, LIAR, first, 1.0)
+        team.settle(tick, DT, [says(robot, tick, lie if robot == LIAR else ()) for robot in PLACES])
         tick += 1
     places = []
-    for sightings in ({}, {LIAR: seen(team, LIAR, third, 1.0), another: seen(team, another, LIAR, 1.0)}):
+    for sightings in ({}, {LIAR: sightings_of(team, LIAR, third, 1.0), second: sightings_of(team, second, LIAR, 1.0)}):
         after = team.copy()
-        after.settle(tick, DT, [says(it, tick, sightings.get(it, ())) for it in PLACES])
+        after.settle(tick, DT, [says(robot, tick, sightings.get(robot, ())) for robot in PLACES])
         places.append([after.marginal(mate) for mate in MATES])
     for without, with_it in zip(*places, strict=True):
         assert with_it.mean == pytest.approx(without.mean)
@@ -105,7 +105,7 @@ def test_who_is_found_out_moves_nobody_neither_by_what_it_sees_nor_by_being_seen
 
 def test_an_object_is_not_taken_along_by_one_that_sees_it_aside_of_where_the_team_has_it_in_each_tick() -> None:
     """Before, it went 13 units in 7 s."""
-    before, after = run(lambda _: []), run(lambda team: [seen(team, LIAR, BALL, 2.0)])
+    before, after = run(lambda _: []), run(lambda team: [sightings_of(team, LIAR, BALL, 2.0)])
     assert np.hypot(*(after.marginal(BALL).mean - before.marginal(BALL).mean)) < 1.0
     assert after.drift_of(BALL) < 2 * DRIFT
 
@@ -114,10 +114,10 @@ def test_an_exact_sensor_of_robots_that_stand_is_taken_for_no_liar() -> None:
     """Somebody's first simulator: what is seen is the same in each tick, and true."""
     team, mate, true = TeamJoint(), MATES[0], PLACES[MATES[0]] + [1.0, 0.0]
     away = true - PLACES[LIAR]
-    seen = Relative(LIAR, mate, math.hypot(*away), math.atan2(away[1], away[0]), 0.01, 0.0001)
+    sighting = Relative(LIAR, mate, math.hypot(*away), math.atan2(away[1], away[0]), 0.01, 0.0001)
     for tick in range(END):
-        told = {LIAR: (seen,)} if tick else {}
-        team.settle(tick, DT, [says(it, tick, told.get(it, ()), moving=False) for it in PLACES])
+        sightings = {LIAR: (sighting,)} if tick else {}
+        team.settle(tick, DT, [says(robot, tick, sightings.get(robot, ()), moving=False) for robot in PLACES])
     assert team.marginal(mate).mean[0] - PLACES[mate][0] > 0.4, "its own fixes say 0, what is seen says 1"
 
 
@@ -136,9 +136,9 @@ def test_of_those_with_half_the_noise_that_they_claim_or_more_hardly_any_is_held
     """However far aside they see it: only the differences count."""
     chance, freshness, held = np.random.default_rng(seed), Freshness(), 0
     for _ in range(200):
-        sighting, it = factor(offset + wider * SIGMA * chance.normal(size=2))
+        sighting, evidence = factor(offset + wider * SIGMA * chance.normal(size=2))
         freshness.pass_time(DT)
-        freshness.hear(sighting, it)
+        freshness.hear(sighting, evidence)
         held += freshness.doubts(sighting.observer)
     assert held <= 50, "two false alarms"
 
@@ -146,9 +146,9 @@ def test_of_those_with_half_the_noise_that_they_claim_or_more_hardly_any_is_held
 def test_who_begins_to_say_anew_what_it_sees_is_believed_again_and_who_declares_lasting_errors_all_the_time() -> None:
     chance, freshness = np.random.default_rng(3), Freshness()
     for tick in range(20 + round(2 * HELD / DT)):
-        sighting, it = factor(np.array([2.0, 0.0]) if tick < 20 else SIGMA * chance.normal(size=2))
+        sighting, evidence = factor(np.array([2.0, 0.0]) if tick < 20 else SIGMA * chance.normal(size=2))
         freshness.pass_time(DT)
-        freshness.hear(sighting, it)
+        freshness.hear(sighting, evidence)
         if tick == 19:
             assert freshness.doubts(sighting.observer)
     assert not freshness.doubts(sighting.observer)

@@ -138,8 +138,8 @@ def test_a_covariance_stays_symmetric_to_the_bit(seed: int) -> None:
         robot = f"robot/r{chance.integers(3)}"
         motion = Motion(chance.uniform(), chance.normal(), 1.0, 1.0, 0.01, 0.01, 0.001)
         drive(joint, robot, motion, NUISANCE)
-        seen = linearise(joint, sighting(biases=(Bias(0.1, 7.0),)), {robot: motion})  # type: ignore[arg-type]
-        correct(joint, seen)
+        factor = linearise(joint, sighting(biases=(Bias(0.1, 7.0),)), {robot: motion})  # type: ignore[arg-type]
+        correct(joint, factor)
         forget_biases(joint, 1.0)
         assert np.array_equal(joint.covariance, joint.covariance.T)
         assert np.linalg.eigvalsh(joint.covariance).min() > -1e-12 * np.abs(joint.covariance).max()
@@ -224,9 +224,9 @@ def test_a_robot_that_lags_is_where_its_odometry_was() -> None:
 
 
 def test_sums_of_motions_give_back_their_parts() -> None:
-    one, two = Motion(0.1, 0.2, 1.0, 1.0, 0.01, 0.02, 0.03), Motion(0.3, -0.1, 2.0, 0.0, 0.04, 0.05, 0.06)
-    back = one.plus(two).since(one)
-    assert all(getattr(back, n) == pytest.approx(getattr(two, n)) for n in Motion.__dataclass_fields__)
+    first, second = Motion(0.1, 0.2, 1.0, 1.0, 0.01, 0.02, 0.03), Motion(0.3, -0.1, 2.0, 0.0, 0.04, 0.05, 0.06)
+    back = first.plus(second).since(first)
+    assert all(getattr(back, n) == pytest.approx(getattr(second, n)) for n in Motion.__dataclass_fields__)
 
 
 def test_a_standing_robot_with_sensors_without_errors_stays_exactly_where_it_is() -> None:
@@ -254,11 +254,11 @@ def test_sightings_of_each_other_tell_nothing_about_where_the_team_is_or_how_it_
     before = told_about_the_whole()
     for _ in range(6):
         observer, subject = chance.permutation(3)[:2]
-        seen = Relative(
+        relative = Relative(
             f"robot/r{observer}", f"robot/r{subject}", chance.uniform(1, 3), chance.uniform(-1, 1), 0.05, 0.05
         )
-        it = linearise(joint, seen, {})
-        correct(joint, it)
+        factor = linearise(joint, relative, {})
+        correct(joint, factor)
     assert np.allclose(told_about_the_whole(), before, rtol=1e-5)
 
 
@@ -272,11 +272,11 @@ def test_a_sighting_has_the_derivatives_that_it_says(wide: bool, seed: int) -> N
     joint = team(seed, scale=3.0 if wide else 0.01)
     joint.covariance[HEADING, HEADING] = 1e-4 if wide else 0.01
     joint.mean[joint.blocks["robot/r1"]][AXES] = joint.mean[AXES] + [2.0, 0.5]
-    seen = sighting(2.0, chance.uniform(-1, 1), age=0.4, biases=(Bias(0.1, 7.0),))  # type: ignore[arg-type]
-    it = linearise(joint, seen, {})
+    relative = sighting(2.0, chance.uniform(-1, 1), age=0.4, biases=(Bias(0.1, 7.0),))  # type: ignore[arg-type]
+    factor = linearise(joint, relative, {})
     # Across the line of sight the polar residual is an angle times the distance: its size does not matter.
-    slack = 1e-4 + 2.0 * float(np.abs(it.residual).max()) * (not wide)
-    assert furthest_slope(joint, seen, it) < slack
+    slack = 1e-4 + 2.0 * float(np.abs(factor.residual).max()) * (not wide)
+    assert furthest_slope(joint, relative, factor) < slack
 
 
 @given(seed=SEEDS)
@@ -287,12 +287,12 @@ def test_a_sighting_is_compared_with_a_joint_and_leaves_it_as_it_was(seed: int) 
         joint.covariance[AXES, :] = joint.covariance[:, AXES] = 0.0
         joint.covariance[AXES, AXES] = np.eye(2) * FLAT
     biases = (Bias(0.1, 7.0), Bias(0.3, 100.0))
-    seen = [
+    relatives = [
         Relative("robot/r0", str(chance.choice(["robot/r1", "object/ball"])), d, 0.3, 0.04, 0.01, 0.0, biases, "g")
         for d in (2.0, 3.0)
     ]
     before = joint.copy()
-    factors = [linearise(joint, one, {}) for one in seen]
+    factors = [linearise(joint, relative, {}) for relative in relatives]
     apart, together = [joint.innovation(factor) for factor in factors], joint.innovation(*factors)
     assert joint.blocks == before.blocks
     assert np.array_equal(joint.mean, before.mean)
@@ -313,21 +313,21 @@ def test_a_sighting_is_compared_with_a_joint_and_leaves_it_as_it_was(seed: int) 
 
 def test_where_to_linearise_is_no_evidence() -> None:
     joint = team(5, robots=1, scale=0.001)
-    seen = Relative("robot/r0", "landmark/6", 2.0, 0.3, 0.01, 0.0004)
+    relative = Relative("robot/r0", "landmark/6", 2.0, 0.3, 0.01, 0.0004)
     place = joint.mean[AXES] + [1.0, 1.5]
-    exact = linearise(joint, seen, {}, place)
-    near = linearise(joint, seen, {}, place, at=joint.mean + 1e-6)
+    exact = linearise(joint, relative, {}, place)
+    near = linearise(joint, relative, {}, place, at=joint.mean + 1e-6)
     assert np.allclose(exact.residual, near.residual, atol=1e-8)
 
 
 def test_a_profile_is_averaged_over_where_the_subject_may_be() -> None:
     profile = ((1.0, 1.0), (2.0, 1.0), (3.0, 9.0))
     joint = team(5, robots=1, scale=1e-4)
-    seen = Relative("robot/r0", "landmark/6", 2.0, 0.0, 0.0, 0.0, profile=profile)
-    sharp = linearise(joint, seen, {}, joint.mean[AXES] + [2.0, 0.0])
+    relative = Relative("robot/r0", "landmark/6", 2.0, 0.0, 0.0, 0.0, profile=profile)
+    sharp = linearise(joint, relative, {}, joint.mean[AXES] + [2.0, 0.0])
     assert sharp.noise[0, 0] == pytest.approx(1.0, abs=0.01)
     joint.covariance[AXES, AXES] = np.eye(2)
-    wide = linearise(joint, seen, {}, joint.mean[AXES] + [2.0, 0.0])
+    wide = linearise(joint, relative, {}, joint.mean[AXES] + [2.0, 0.0])
     assert np.trace(wide.noise) > 3.0
 
 
@@ -348,8 +348,8 @@ def test_an_increment_gives_a_belief_back_to_its_own_prediction(seed: int) -> No
     increment = gained(prediction, joint.moments("robot/r0"))
     assert increment is not None
     assert np.linalg.eigvalsh(increment.information).min() > -1e-9 * np.linalg.norm(increment.information)
-    it = likelihood(other, "robot/r0", increment)
-    other.update(present(it))
+    factor = likelihood(other, "robot/r0", increment)
+    other.update(present(factor))
     assert np.allclose(other.mean, joint.mean, atol=1e-6)
     assert np.allclose(other.covariance, joint.covariance, atol=1e-7)
 
@@ -362,8 +362,8 @@ def test_an_increment_is_the_same_evidence_on_any_belief(seed: int) -> None:
     prediction = private.moments("robot/r0")
     evidence(private, seed)
     increment = gained(prediction, private.moments("robot/r0"))
-    it = likelihood(elsewhere, "robot/r0", present(increment))
-    elsewhere.update(present(it))
+    factor = likelihood(elsewhere, "robot/r0", present(increment))
+    elsewhere.update(present(factor))
     chance = np.random.default_rng(seed)
     rows = chance.normal(size=(2, STATES))
     residual = chance.normal(size=2) * 0.1 + rows @ (prediction.mean - direct.mean[:STATES])

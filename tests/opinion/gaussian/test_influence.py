@@ -27,11 +27,11 @@ BOUND = math.sqrt(FARTHEST * SPREAD)  # no farther than honest sightings move a 
 
 def drawn(rng: np.random.Generator) -> tuple[str, Factor]:
     """A sighting of one robot by another, or a fix of its own, by who tells it."""
-    one, other = rng.choice(ROBOTS, 2, replace=False)
+    observer, observed = rng.choice(ROBOTS, 2, replace=False)
     rows = np.zeros((2, STATES))
     rows[:, AXES] = rng.normal(size=(2, 2))
-    seen = {str(one): rows} if rng.random() < 0.3 else {str(one): -rows, str(other): rows}
-    return str(one), Factor(rng.normal(size=2), seen, np.diag(rng.uniform(0.1, 2.0, 2)))
+    jacobians = {str(observer): rows} if rng.random() < 0.3 else {str(observer): -rows, str(observed): rows}
+    return str(observer), Factor(rng.normal(size=2), jacobians, np.diag(rng.uniform(0.1, 2.0, 2)))
 
 
 def beginning() -> Joint:
@@ -45,9 +45,9 @@ def beginning() -> Joint:
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 10_000))
 def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(seed: int) -> None:
-    rng, joint, it, others = np.random.default_rng(seed), beginning(), Influence(), beginning().mean
+    rng, joint, influence, others = np.random.default_rng(seed), beginning(), Influence(), beginning().mean
     begun = Factor(np.zeros(2), {LIAR: np.zeros((2, STATES))}, np.eye(2))
-    it.take(it.after(joint, LIAR, begun, joint.expected(begun)))
+    influence.take(influence.after(joint, LIAR, begun, joint.expected(begun)))
     errors = np.kron(np.ones((2, 2)), joint.covariance)  # of both means
     for _ in range(12):
         robot, factor = drawn(rng)
@@ -63,10 +63,10 @@ def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(
         heard = np.kron(np.diag([1.0, float(robot != LIAR)]), left - np.eye(len(left))) + np.eye(2 * len(left))
         noisy = np.vstack([gain, gain * (robot != LIAR)])
         errors = heard @ errors @ heard.T + noisy @ factor.noise @ noisy.T
-        it.take(it.after(joint, robot, factor, expected))
+        influence.take(influence.after(joint, robot, factor, expected))
         joint.update(factor)
     apart = np.hstack([np.eye(len(others)), -np.eye(len(others))])
-    moved, honest = it.moved(LIAR)
+    moved, honest = influence.moved(LIAR)
     places = [joint.blocks[robot].start + axis for robot in ROBOTS for axis in (0, 1)]
     assert moved == pytest.approx((joint.mean - others)[places], abs=1e-9)
     assert honest == pytest.approx((apart @ errors @ apart.T)[np.ix_(places, places)], abs=1e-9)
@@ -75,15 +75,15 @@ def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 10_000))
 def test_what_is_taken_back_leaves_others_as_uncertain_as_they_were_without(seed: int) -> None:
-    rng, joint, it = np.random.default_rng(seed), beginning(), Influence()
+    rng, joint, influence = np.random.default_rng(seed), beginning(), Influence()
     before = joint.copy()
     for _ in range(6):
         _, factor = drawn(rng)
-        it.take(it.after(joint, LIAR, factor, joint.expected(factor)))
+        influence.take(influence.after(joint, LIAR, factor, joint.expected(factor)))
         joint.update(factor)
-    own, before_own = slice(2 * ROBOTS.index(LIAR), 2 * ROBOTS.index(LIAR) + 2), it.moved(LIAR)
-    it.take_back(joint, LIAR)
-    moved, honest = it.moved(LIAR)
+    own, before_own = slice(2 * ROBOTS.index(LIAR), 2 * ROBOTS.index(LIAR) + 2), influence.moved(LIAR)
+    influence.take_back(joint, LIAR)
+    moved, honest = influence.moved(LIAR)
     assert np.linalg.eigvalsh(honest).min() > -1e-9
     assert (moved[own], honest[own, own]) == (pytest.approx(before_own[0][own]), pytest.approx(before_own[1][own, own]))
     for robot in set(ROBOTS) - {LIAR}:
@@ -94,36 +94,36 @@ def test_what_is_taken_back_leaves_others_as_uncertain_as_they_were_without(seed
 
 def test_what_rounding_adds_does_not_grow_with_the_evidence() -> None:
     """Before, what was not symmetric grew by each sighting, and after a minute at 10 Hz an honest robot broke the joint."""
-    rng, joint, it = np.random.default_rng(1), beginning(), Influence()
+    rng, joint, influence = np.random.default_rng(1), beginning(), Influence()
     for _ in range(3000):
         robot, factor = drawn(rng)
-        it.take(it.after(joint, robot, factor, joint.expected(factor)))
+        influence.take(influence.after(joint, robot, factor, joint.expected(factor)))
         joint.update(factor)
-        for one in ROBOTS:  # they drive on
-            place = joint.blocks[one]
+        for mate in ROBOTS:  # they drive on
+            place = joint.blocks[mate]
             joint.covariance[place, place][AXES, AXES] += np.eye(2)
-        it.pass_time(0.02)
+        influence.pass_time(0.02)
     for robot in ROBOTS:
-        _, honest = it.moved(robot)
+        _, honest = influence.moved(robot)
         assert honest == pytest.approx(honest.T, abs=1e-9)
         assert np.linalg.eigvalsh(honest).min() > -1e-9
 
 
 def anything(rng: np.random.Generator, team: TeamJoint) -> tuple[Increment | None, tuple[Relative, ...]]:
     """What a liar may say in a tick: of itself, and of mates it sees aside of where the team has them or anywhere."""
-    seen = []
+    relatives = []
     for mate in sorted((PLACES.keys() & team.subjects()) - {LIAR}):
         if rng.random() < 0.7:
             x, y = team.marginal(mate).mean + rng.normal(size=2) * 10.0 ** rng.uniform(-2, 1.5) - PLACES[LIAR]
             variances = 10.0 ** rng.uniform(-6, 2, 2)
-            seen.append(Relative(LIAR, mate, math.hypot(x, y), math.atan2(y, x), *variances))
+            relatives.append(Relative(LIAR, mate, math.hypot(x, y), math.atan2(y, x), *variances))
     if rng.random() < 0.5:
-        return None, tuple(seen)
+        return None, tuple(relatives)
     information = np.zeros((STATES, STATES))
     information[AXES, AXES] = np.eye(2) * 10.0 ** rng.uniform(-3, 9)
     mean = np.zeros(STATES)
     mean[AXES] = PLACES[LIAR] + rng.normal(size=2) * 10.0 ** rng.uniform(-2, 1.5)
-    return Increment(mean, information, np.zeros(STATES)), tuple(seen)
+    return Increment(mean, information, np.zeros(STATES)), tuple(relatives)
 
 
 @settings(deadline=None, max_examples=40)
@@ -137,10 +137,10 @@ def test_whatever_one_of_six_says_its_mates_are_no_farther_off_than_an_honest_on
     for tick in range(TICKS):
         if tick == BEGIN or (tick > BEGIN and not same):
             lies = anything(rng, team)
-        said = [says(it, tick) for it in PLACES if it != LIAR]
-        increment, seen = lies
-        mine = says(LIAR, tick, seen)
+        said = [says(robot, tick) for robot in PLACES if robot != LIAR]
+        increment, relatives = lies
+        mine = says(LIAR, tick, relatives)
         team.settle(tick, 0.2, [*said, mine if increment is None else replace(mine, increment=increment)])
-        away: list[Array] = [team.marginal(it).mean - at for it, at in PLACES.items() if it != LIAR]
-        farthest = max(farthest, *(float(np.hypot(*it)) for it in away))
+        away: list[Array] = [team.marginal(robot).mean - at for robot, at in PLACES.items() if robot != LIAR]
+        farthest = max(farthest, *(float(np.hypot(*offset)) for offset in away))
     assert farthest <= BOUND * math.exp((TICKS - BEGIN) * 0.2 / MEMORY)

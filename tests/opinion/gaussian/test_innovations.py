@@ -19,29 +19,29 @@ CAMERA = ("robot/r1", "relative")
 def test_the_noise_that_is_seen_is_a_multiple_of_what_was_claimed_and_never_less(
     truth: float, low: float, high: float
 ) -> None:
-    chance, it = np.random.default_rng(3), Innovations()
+    chance, innovations = np.random.default_rng(3), Innovations()
     for squared in truth * chance.chisquare(2, WINDOW):
-        it.judge(CAMERA, float(squared), 2)
-    assert low <= it.variance(CAMERA) <= high
+        innovations.judge(CAMERA, float(squared), 2)
+    assert low <= innovations.variance(CAMERA) <= high
 
 
 def test_a_source_is_believed_until_enough_is_known() -> None:
-    it = Innovations()
+    innovations = Innovations()
     for _ in range(ENOUGH - 1):
-        it.judge(CAMERA, 1e9, 2)
-    assert it.variance(CAMERA) == 1.0
-    it.judge(CAMERA, 1e9, 2)
-    assert it.variance(CAMERA) == MOST_NOISE
-    assert it.variance(("robot/r1", "increment")) == 1.0
-    assert (it.samples(CAMERA), it.samples(("robot/r1", "increment"))) == (ENOUGH, 0)
+        innovations.judge(CAMERA, 1e9, 2)
+    assert innovations.variance(CAMERA) == 1.0
+    innovations.judge(CAMERA, 1e9, 2)
+    assert innovations.variance(CAMERA) == MOST_NOISE
+    assert innovations.variance(("robot/r1", "increment")) == 1.0
+    assert (innovations.samples(CAMERA), innovations.samples(("robot/r1", "increment"))) == (ENOUGH, 0)
 
 
 def squared_distances(seed: int, claims: float) -> tuple[list[float], float]:
     """Of all robots in all ticks but the first ones, where robot r1 claims a share of its camera's and its fixes' sigma."""
     robots = driving.team(4, seed)
-    it, found = TeamJoint(), []
+    team, squared = TeamJoint(), []
     for tick in range(80):
-        reports = driving.told(robots, tick)
+        reports = driving.reports_of(robots, tick)
         reports[1] = replace(
             reports[1],
             relatives=tuple(
@@ -49,19 +49,19 @@ def squared_distances(seed: int, claims: float) -> tuple[list[float], float]:
                 for r in reports[1].relatives
             ),
         )
-        it.settle(tick, 1.0, reports)
+        team.settle(tick, 1.0, reports)
         if tick >= 30:
             for robot in robots:
-                marginal = it.marginal(robot.name)
+                marginal = team.marginal(robot.name)
                 apart = marginal.mean - robot.place
-                found.append(float(apart @ np.linalg.solve(marginal.covariance, apart)))
-    return found, it.innovations.variance(("robot/r1", "relative"))
+                squared.append(float(apart @ np.linalg.solve(marginal.covariance, apart)))
+    return squared, team.innovations.variance(("robot/r1", "relative"))
 
 
 @pytest.mark.team
 def test_a_camera_that_claims_a_quarter_of_its_noise_is_found_out() -> None:
     honest, learned = squared_distances(5, 1.0)
     assert learned < 1.7
-    told, learned = squared_distances(5, 0.25)
+    claimed, learned = squared_distances(5, 0.25)
     assert learned > 1.8
-    assert np.mean(told) < 1.6 * np.mean(honest), "and the team is hardly too sure of itself"
+    assert np.mean(claimed) < 1.6 * np.mean(honest), "and the team is hardly too sure of itself"

@@ -36,17 +36,17 @@ def two_robots(chance: np.random.Generator, scale: float = 0.01) -> Joint:
 
 def truly(joint: Joint, kind: Kind, off: Array) -> list[float]:
     """What a sighting of r1 by r0 would measure if the means were true, and its error."""
-    one, other = (joint.mean[joint.blocks[f"robot/r{k}"]] for k in (0, 1))
-    away, camera = (other - one)[AXES], one[HEADING] - one[BEARING]
+    observer, observed = (joint.mean[joint.blocks[f"robot/r{k}"]] for k in (0, 1))
+    away, camera = (observed - observer)[AXES], observer[HEADING] - observer[BEARING]
     c, s = math.cos(camera), math.sin(camera)
     x, y = np.array([[c, s], [-s, c]]) @ away
-    found = {
+    values = {
         "range": [math.hypot(x, y)],
         "bearing": [math.atan2(y, x)],
         "position": [x, y],
-        "pose": [x, y, wrap(other[HEADING] - camera)],
+        "pose": [x, y, wrap(observed[HEADING] - camera)],
     }[kind]
-    return [float(a + b) for a, b in zip(found, off, strict=False)]
+    return [float(a + b) for a, b in zip(values, off, strict=False)]
 
 
 def covariance_of(kind: Kind, chance: np.random.Generator) -> tuple[float, ...]:
@@ -55,7 +55,7 @@ def covariance_of(kind: Kind, chance: np.random.Generator) -> tuple[float, ...]:
     return tuple(((root @ root.T) + 1e-4 * np.eye(size))[UPPER[size]].tolist())
 
 
-def seen(joint: Joint, kind: Kind, chance: np.random.Generator, off: float = 0.01) -> Relative:
+def drawn(joint: Joint, kind: Kind, chance: np.random.Generator, off: float = 0.01) -> Relative:
     values = truly(joint, kind, chance.normal(0, off, 3))
     biases = (Bias(0.1, 7.0),) if kind != "bearing" else ()
     return measured(kind, "robot/r0", "robot/r1", values, covariance_of(kind, chance), 0.0, biases)
@@ -66,11 +66,11 @@ def seen(joint: Joint, kind: Kind, chance: np.random.Generator, off: float = 0.0
 def test_each_kind_has_the_derivatives_that_it_says(kind: Kind, seed: int) -> None:
     chance = np.random.default_rng(seed)
     joint = two_robots(chance, scale=1e-3)
-    it = seen(joint, kind, chance, off=0.0)
-    factor = linearise(joint, it, {})
+    relative = drawn(joint, kind, chance, off=0.0)
+    factor = linearise(joint, relative, {})
     assert len(factor.residual) == NUMBERS[kind]
     assert np.abs(factor.residual).max() < 1e-3  # a millimetre is the second-order term
-    assert furthest_slope(joint, it, factor) < 2e-3
+    assert furthest_slope(joint, relative, factor) < 2e-3
 
 
 @pytest.mark.parametrize("wide", [False, True], ids=["polar", "cartesian"])
@@ -88,17 +88,17 @@ def test_a_position_is_a_range_and_a_bearing_where_its_errors_lie_along_and_acro
     covariance = (frame * [0.04, distance**2 * 0.01]) @ frame.T
     place = [distance * c, distance * s]
     other = measured("position", "robot/r0", "robot/r1", place, covariance[UPPER[2]].tolist(), biases=(Bias(0.1, 7.0),))
-    one, same = linearise(joint, polar, {}), linearise(joint, other, {})
-    assert np.allclose(one.residual, same.residual)
-    assert np.allclose(one.noise, same.noise)
-    assert {block: np.allclose(rows, same.jacobians[block]) for block, rows in one.jacobians.items()} == dict.fromkeys(
-        one.jacobians, True
-    )
+    first, second = linearise(joint, polar, {}), linearise(joint, other, {})
+    assert np.allclose(first.residual, second.residual)
+    assert np.allclose(first.noise, second.noise)
+    assert {
+        block: np.allclose(rows, second.jacobians[block]) for block, rows in first.jacobians.items()
+    } == dict.fromkeys(first.jacobians, True)
 
 
 def test_ranges_whose_errors_grow_with_them_pull_nobody_nearer() -> None:
     """Errors of a fifth of the range: weighed by what was measured, 50 of them put a robot 8 % too near."""
-    chance, place, share, found = np.random.default_rng(5), np.array([4.0, 0.0]), 0.2, []
+    chance, place, share, residuals = np.random.default_rng(5), np.array([4.0, 0.0]), 0.2, []
     for _ in range(30):
         joint = Joint()
         mean = np.zeros(STATES)
@@ -107,10 +107,12 @@ def test_ranges_whose_errors_grow_with_them_pull_nobody_nearer() -> None:
         for _ in range(50):
             measured_range = 4.0 * (1 + share * chance.normal())
             bias = (Bias(0.01 * measured_range, 100.0),)
-            it = Relative("robot/r0", "landmark/1", measured_range, 0.0, (share * measured_range) ** 2, 1e-4, 0.0, bias)
-            joint.update(linearise(joint, it, {}, place))
-        found.append(joint.mean[0])
-    assert np.mean(found) == pytest.approx(0.0, abs=0.06), "0.02 is the sigma of the mean"
+            relative = Relative(
+                "robot/r0", "landmark/1", measured_range, 0.0, (share * measured_range) ** 2, 1e-4, 0.0, bias
+            )
+            joint.update(linearise(joint, relative, {}, place))
+        residuals.append(joint.mean[0])
+    assert np.mean(residuals) == pytest.approx(0.0, abs=0.06), "0.02 is the sigma of the mean"
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -118,9 +120,9 @@ def test_ranges_whose_errors_grow_with_them_pull_nobody_nearer() -> None:
 def test_what_was_measured_is_told_again_as_it_was(kind: Kind, seed: int) -> None:
     chance = np.random.default_rng(seed)
     values, covariance = tuple(chance.uniform(0.1, 3, NUMBERS[kind]).tolist()), covariance_of(kind, chance)
-    told = measured(kind, "robot/r0", "robot/r1", values, covariance).numbers()
-    assert np.allclose(told[0], values)
-    assert told[1] == pytest.approx(covariance)
+    numbers = measured(kind, "robot/r0", "robot/r1", values, covariance).numbers()
+    assert np.allclose(numbers[0], values)
+    assert numbers[1] == pytest.approx(covariance)
 
 
 @pytest.mark.parametrize("kind", ["range", "bearing"])
@@ -131,8 +133,8 @@ def test_what_a_line_misses_of_a_ring_is_expected_and_added_to_the_noise(kind: K
     joint.add("robot/r0", Moments(np.zeros(STATES), np.zeros((STATES, STATES))))
     root = sigma * np.array([[1.0, 0.0], [0.5, 0.8]])
     joint.add("object/ball", Moments(np.array([2.0, 0.0]), root @ root.T))
-    it = measured(kind, "robot/r0", "object/ball", [2.0 if kind == "range" else 0.0], [1e-12])
-    factor, places = linearise(joint, it, {}), np.array([2.0, 0.0]) + chance.normal(size=(400_000, 2)) @ root.T
+    relative = measured(kind, "robot/r0", "object/ball", [2.0 if kind == "range" else 0.0], [1e-12])
+    factor, places = linearise(joint, relative, {}), np.array([2.0, 0.0]) + chance.normal(size=(400_000, 2)) @ root.T
     distances, angles = np.hypot(*places.T), np.arctan2(places[:, 1], places[:, 0])
     samples = distances - 2.0 if kind == "range" else 2.0 * angles
     expected, spread = -float(factor.residual[0]), float(joint.innovation(factor).covariance[0, 0])
@@ -144,11 +146,11 @@ def test_a_pose_tells_the_heading_of_a_mate() -> None:
     joint = two_robots(np.random.default_rng(3), scale=0.05)
     its = joint.blocks["robot/r1"].start + HEADING
     joint.covariance[its, its] += 1.0
-    it = measured(
+    relative = measured(
         "pose", "robot/r0", "robot/r1", truly(joint, "pose", np.array([0.0, 0.0, 0.1])), (0.01, 0, 0, 0.01, 0, 1e-4)
     )
     before = joint.mean[its]
-    correct(joint, linearise(joint, it, {}))
+    correct(joint, linearise(joint, relative, {}))
     assert wrap(joint.mean[its] - before) == pytest.approx(0.1, abs=0.02)
     assert joint.covariance[its, its] < 0.1
 

@@ -17,7 +17,7 @@ from blackboard.opinion.gaussian.limits import ROUGHLY, Limits
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, entering
-from tests.opinion.gaussian.driving import team, told
+from tests.opinion.gaussian.driving import reports_of, team
 
 SHARPEST = 0.5
 SURE = st.floats(1e-6, 1e12)  # information
@@ -51,12 +51,12 @@ claims = st.builds(claim, SURE, SURE, st.floats(0, 3))
 def test_what_a_robot_says_of_itself_is_never_worth_more_than_the_sharpest_sensor(
     said: list[tuple[Increment, bool, float]],
 ) -> None:
-    it, epoch = limited(), 0
+    team_joint, epoch = limited(), 0
     for tick, (increment, anew, sure) in enumerate(said):
         epoch += anew
         belief = began((0.0, 0.0), 1 / sure)
-        it.settle(tick, 0.2, [Evidence(LIAR, epoch, tick, Motion(), Nuisance(), belief, increment)])
-        least = np.linalg.eigvalsh(it.marginal(LIAR).covariance)[0]
+        team_joint.settle(tick, 0.2, [Evidence(LIAR, epoch, tick, Motion(), Nuisance(), belief, increment)])
+        least = np.linalg.eigvalsh(team_joint.marginal(LIAR).covariance)[0]
         assert least >= SHARPEST**2 * (1 - 1e-3)
 
 
@@ -64,11 +64,11 @@ def test_what_a_robot_says_of_itself_is_never_worth_more_than_the_sharpest_senso
 @given(st.lists(claims, min_size=1, max_size=8), st.floats(0.3, 30), st.floats(0.3, 30))
 def test_nor_much_more_than_the_belief_that_it_tells_beside_it(said: list[Increment], x: float, y: float) -> None:
     """Its increments say how far its mates are moved, its belief is what they hold against it: so the two must fit."""
-    it, belief = limited(), began((0.0, 0.0), 1.0)
+    team_joint, belief = limited(), began((0.0, 0.0), 1.0)
     belief.covariance[AXES, AXES] = np.diag([x, y])
     for tick, increment in enumerate(said):
-        it.settle(tick, 0.2, [Evidence(LIAR, 0, tick, Motion(), Nuisance(), belief, increment)])
-    assert np.linalg.eigvalsh(it.marginal(LIAR).covariance - ROUGHLY * np.diag([x, y]))[0] >= -1e-3
+        team_joint.settle(tick, 0.2, [Evidence(LIAR, 0, tick, Motion(), Nuisance(), belief, increment)])
+    assert np.linalg.eigvalsh(team_joint.marginal(LIAR).covariance - ROUGHLY * np.diag([x, y]))[0] >= -1e-3
 
 
 @settings(deadline=None, max_examples=60)
@@ -76,12 +76,14 @@ def test_nor_much_more_than_the_belief_that_it_tells_beside_it(said: list[Increm
 def test_no_sighting_tells_a_place_better_than_the_sharpest_sensor(
     along: float, turn: float, distance: float, profile: list[float]
 ) -> None:
-    spread = tuple((float(n), 1 / it) for n, it in enumerate(profile))
-    seen = Limits(SHARPEST).sighting(Relative(LIAR, MATE, distance, 0.0, 1 / along, 1 / turn, profile=spread), distance)
+    spread = tuple((float(n), 1 / information) for n, information in enumerate(profile))
+    sighting = Limits(SHARPEST).sighting(
+        Relative(LIAR, MATE, distance, 0.0, 1 / along, 1 / turn, profile=spread), distance
+    )
     least = SHARPEST**2 * (1 - 1e-9)
-    assert seen.range_variance >= least
-    assert seen.bearing_variance * max(distance, SHARPEST) ** 2 >= least
-    assert all(variance >= least for _, variance in seen.profile)
+    assert sighting.range_variance >= least
+    assert sighting.bearing_variance * max(distance, SHARPEST) ** 2 >= least
+    assert all(variance >= least for _, variance in sighting.profile)
 
 
 @given(SURE, SURE, st.floats(-1, 1), st.sampled_from(["position", "pose"]))
@@ -90,21 +92,23 @@ def test_nor_does_a_position_or_a_pose_that_is_seen(
 ) -> None:
     both = share * (1 / x / y) ** 0.5
     spread = (1 / x, both, 1 / y) if kind == "position" else (1 / x, both, 0.0, 1 / y, 0.0, 0.1)
-    seen = Limits(SHARPEST).sighting(Relative(LIAR, MATE, 1.0, 0.0, 1.0, 1.0, kind=kind, spread=spread), 1.0).spread
-    first, cross, second = (seen[0], seen[1], seen[2 if kind == "position" else 3])
+    limited_spread = (
+        Limits(SHARPEST).sighting(Relative(LIAR, MATE, 1.0, 0.0, 1.0, 1.0, kind=kind, spread=spread), 1.0).spread
+    )
+    first, cross, second = (limited_spread[0], limited_spread[1], limited_spread[2 if kind == "position" else 3])
     assert np.linalg.eigvalsh([[first, cross], [cross, second]])[0] >= SHARPEST**2 * (1 - 1e-9)
 
 
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 1000), st.integers(2, 4))
 def test_evidence_within_the_limits_is_taken_as_it_is_to_the_bit(seed: int, number: int) -> None:
-    free, it, robots = TeamJoint(), TeamJoint(limits=Limits(0.05)), team(number, seed)
+    free, bounded, robots = TeamJoint(), TeamJoint(limits=Limits(0.05)), team(number, seed)
     for tick in range(8):
-        reports = told(robots, tick)
+        reports = reports_of(robots, tick)
         free.settle(tick, 1.0, reports)
-        it.settle(tick, 1.0, reports)
-    assert it.joint.mean.tobytes() == free.joint.mean.tobytes()
-    assert it.joint.covariance.tobytes() == free.joint.covariance.tobytes()
+        bounded.settle(tick, 1.0, reports)
+    assert bounded.joint.mean.tobytes() == free.joint.mean.tobytes()
+    assert bounded.joint.covariance.tobytes() == free.joint.covariance.tobytes()
 
 
 @settings(deadline=None, max_examples=20)
@@ -113,27 +117,29 @@ def test_a_robot_that_begins_anew_each_tick_does_not_drag_its_mates_along(
     variance: float, noise: float, standing: bool
 ) -> None:
     """A mate that knows its place up to 1 stays where it is, up to what three opinions of the sharpest kind could do."""
-    it, place = limited(), 0.0
+    team_joint, place = limited(), 0.0
     for tick in range(100):
         place += 0.05
-        seen = Relative(LIAR, MATE, 5.0, 0.0, noise, noise)
+        relative = Relative(LIAR, MATE, 5.0, 0.0, noise, noise)
         epoch = 1 if standing else tick
-        liar = Evidence(LIAR, epoch, tick, Motion(), Nuisance(), began((place - 5.0, 0.0), variance), None, (seen,))
+        liar = Evidence(LIAR, epoch, tick, Motion(), Nuisance(), began((place - 5.0, 0.0), variance), None, (relative,))
         mate = Evidence(MATE, 1, tick, Motion(), Nuisance(), began((0.0, 0.0), 1.0))
-        it.settle(tick, 0.2, [liar, mate])
-    share = 1 - it.marginal(MATE).covariance[0, 0]
+        team_joint.settle(tick, 0.2, [liar, mate])
+    share = 1 - team_joint.marginal(MATE).covariance[0, 0]
     assert share <= 1 - 1 / (1 + 5 / SHARPEST**2)
-    assert abs(it.marginal(MATE).mean[0]) < 2.0
+    assert abs(team_joint.marginal(MATE).mean[0]) < 2.0
 
 
 def driven(objects: int) -> float:
     """How far a robot gets that drives 20 cells with so many objects that stay where they are beside it."""
-    it, travelled = limited(), Motion()
+    team_joint, travelled = limited(), Motion()
     for tick in range(100):
         travelled = travelled.plus(Motion(0.2, 0.0, 0.2, 0.2, along=0.01, across=0.001))
-        seen = [Relative(LIAR, f"object/{i:02}", 3.0 + i, 0.1 * i, 0.01, 0.01) for i in range(objects)]
-        it.settle(tick, 0.2, [Evidence(LIAR, 0, tick, travelled, Nuisance(), began((0, 0), 1.0), None, tuple(seen))])
-    return float(it.marginal(LIAR).mean[0])
+        relatives = [Relative(LIAR, f"object/{i:02}", 3.0 + i, 0.1 * i, 0.01, 0.01) for i in range(objects)]
+        team_joint.settle(
+            tick, 0.2, [Evidence(LIAR, 0, tick, travelled, Nuisance(), began((0, 0), 1.0), None, tuple(relatives))]
+        )
+    return float(team_joint.marginal(LIAR).mean[0])
 
 
 def test_sixty_objects_that_nobody_else_sees_tell_their_observer_no_more_than_four() -> None:
@@ -141,25 +147,25 @@ def test_sixty_objects_that_nobody_else_sees_tell_their_observer_no_more_than_fo
 
 
 def test_an_increment_of_what_is_known_as_well_as_can_be_is_worth_nothing() -> None:
-    it = Limits(SHARPEST)
-    it.entering(LIAR, began((0.0, 0.0), SHARPEST**2))
-    assert it.increment(LIAR, claim(1.0, 1.0, 0.0), 1.0) is None
-    copy = it.copy()
+    limits = Limits(SHARPEST)
+    limits.entering(LIAR, began((0.0, 0.0), SHARPEST**2))
+    assert limits.increment(LIAR, claim(1.0, 1.0, 0.0), 1.0) is None
+    copy = limits.copy()
     copy.drive(LIAR, Motion(1.0, 0.0, 1.0, 1.0, along=1.0, across=1.0), Nuisance())
     assert copy.increment(LIAR, claim(1.0, 1.0, 0.0), 1.0) is not None
-    assert it.increment(LIAR, claim(1.0, 1.0, 0.0), 1.0) is None
+    assert limits.increment(LIAR, claim(1.0, 1.0, 0.0), 1.0) is None
 
 
 def test_the_record_of_a_robot_outlives_its_epochs() -> None:
-    it, robots = TeamJoint(), team(4, 1)
+    bounded, robots = TeamJoint(), team(4, 1)
     for tick in range(40):
-        reports = told(robots, tick)
+        reports = reports_of(robots, tick)
         epoch = tick if tick > 5 else 0
         liar = reports[0]
         off = np.zeros(STATES)
         off[0] = 6.0
         assert liar.belief is not None
         lie = replace(liar, epoch=epoch, belief=Moments(liar.belief.mean + off, liar.belief.covariance))
-        it.settle(tick, 1.0, [lie, *reports[1:]])
+        bounded.settle(tick, 1.0, [lie, *reports[1:]])
         robots[0].epoch = epoch
-    assert it.subjects() == ["robot/r1", "robot/r2", "robot/r3"]
+    assert bounded.subjects() == ["robot/r1", "robot/r2", "robot/r3"]

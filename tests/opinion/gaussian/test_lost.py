@@ -10,7 +10,7 @@ from blackboard.opinion.gaussian.lost import Lost
 ROBOTS = ("robot/r1", "robot/r2", "robot/r3")
 
 
-def seen(source: str, subject: str, squared: float) -> Verdict:
+def verdict(source: str, subject: str, squared: float) -> Verdict:
     return Verdict(f"robot/{source}", subject, "relative", squared, 2, taken=True)
 
 
@@ -20,33 +20,33 @@ def heard(lost: Lost, seconds: range, verdicts: list[Verdict], own: dict[str, fl
     return lost
 
 
-def told(lost: Lost) -> list[float]:
+def probabilities(lost: Lost) -> list[float]:
     return [lost.probability(robot) for robot in ROBOTS]
 
 
 def test_who_is_seen_far_off_by_two_is_lost_and_they_are_not() -> None:
-    verdicts = [seen("r1", "robot/r2", 60.0), seen("r3", "robot/r2", 60.0), seen("r1", "robot/r3", 1.4)]
-    r1, r2, r3 = told(heard(Lost(), range(30), verdicts))
+    verdicts = [verdict("r1", "robot/r2", 60.0), verdict("r3", "robot/r2", 60.0), verdict("r1", "robot/r3", 1.4)]
+    r1, r2, r3 = probabilities(heard(Lost(), range(30), verdicts))
     assert max(r1, r3) < 0.25
     assert r2 > 0.4
 
 
 def test_who_is_seen_where_it_is_believed_to_be_is_hardly_lost() -> None:
-    verdicts = [seen("r1", "robot/r2", 1.4), seen("r2", "robot/r3", 1.4), seen("r3", "robot/r1", 1.4)]
-    assert max(told(heard(Lost(), range(60), verdicts))) < 0.05
+    verdicts = [verdict("r1", "robot/r2", 1.4), verdict("r2", "robot/r3", 1.4), verdict("r3", "robot/r1", 1.4)]
+    assert max(probabilities(heard(Lost(), range(60), verdicts))) < 0.05
 
 
 def test_one_sighting_says_less_than_many_and_who_is_found_is_placed_again() -> None:
-    far, near = [seen("r1", "robot/r2", 60.0), seen("r3", "robot/r2", 60.0)], [seen("r1", "robot/r2", 1.0)]
+    far, near = [verdict("r1", "robot/r2", 60.0), verdict("r3", "robot/r2", 60.0)], [verdict("r1", "robot/r2", 1.0)]
     lost = Lost()
     once = heard(lost, range(1), far).probability("robot/r2")
     often = heard(lost, range(1, 30), far).probability("robot/r2")
-    found = heard(lost, range(30, 120), near + [seen("r3", "robot/r2", 1.0)]).probability("robot/r2")
-    assert found < once < often
+    probability = heard(lost, range(30, 120), near + [verdict("r3", "robot/r2", 1.0)]).probability("robot/r2")
+    assert probability < once < often
 
 
 def test_what_is_said_many_times_in_a_second_counts_once() -> None:
-    verdicts = [seen("r1", "robot/r2", 60.0)]
+    verdicts = [verdict("r1", "robot/r2", 60.0)]
     slow, fast = heard(Lost(), range(10), verdicts), Lost()
     for tick in range(100):
         fast.hear(tick / 10, ROBOTS, verdicts, {})
@@ -65,6 +65,6 @@ def test_whatever_is_heard_it_is_a_probability() -> None:
         squared = float(10.0 ** rng.uniform(-12, 12))
         names = rng.choice(["robot/r1", "robot/r2", "robot/new", "object/ball"], 2)
         kind = "relative" if names[0] != names[1] else "increment"
-        it = Verdict(str(names[0]), str(names[1]), kind, squared, int(rng.integers(1, 10)), taken=False)
-        lost.hear(float(rng.uniform(0, 1e6)), ROBOTS, [it], {"robot/r1": squared})
-        assert all(0.0 < probability < 1.0 for probability in told(lost))
+        heard_verdict = Verdict(str(names[0]), str(names[1]), kind, squared, int(rng.integers(1, 10)), taken=False)
+        lost.hear(float(rng.uniform(0, 1e6)), ROBOTS, [heard_verdict], {"robot/r1": squared})
+        assert all(0.0 < probability < 1.0 for probability in probabilities(lost))

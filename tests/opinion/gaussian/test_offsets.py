@@ -22,9 +22,11 @@ from tests.opinion.gaussian.standing import LIAR, PLACES, says
 BEGIN, END = 5, 40
 
 
-def told(team: TeamJoint, robot: str, at: Array, lie: float) -> tuple[Relative, ...]:
+def shifted(team: TeamJoint, robot: str, at: Array, lie: float) -> tuple[Relative, ...]:
     """It sees every mate `lie` to the side of where the team has it, from where it is by its own evidence."""
-    apart = {it: team.marginal(it).mean + [lie, 0.0] - at for it in sorted((PLACES.keys() & team.subjects()) - {robot})}
+    apart = {
+        mate: team.marginal(mate).mean + [lie, 0.0] - at for mate in sorted((PLACES.keys() & team.subjects()) - {robot})
+    }
     return tuple(
         Relative(robot, mate, math.hypot(x, y), math.atan2(y, x), 0.25, 0.0025) for mate, (x, y) in apart.items()
     )
@@ -34,12 +36,12 @@ def worst(lie: float, ticks: int = END, names: bool = True) -> tuple[float, set[
     """How far the farthest mate of a liar was taken along, and who was doubted. Without `names` it says that robots were seen."""
     team, farthest, doubted = TeamJoint(), 0.0, set[str]()
     for tick in range(ticks):
-        lies = told(team, LIAR, PLACES[LIAR], lie) if tick >= BEGIN else ()
+        lies = shifted(team, LIAR, PLACES[LIAR], lie) if tick >= BEGIN else ()
         if not names:
-            lies = tuple(replace(it, subject="robot/?", mark=mark) for mark, it in enumerate(lies))
-        team.settle(tick, 0.2, [says(it, tick, lies if it == LIAR else ()) for it in PLACES])
-        doubted |= {it for it in PLACES if team.offsets.doubts(it)}
-        away = [float(np.hypot(*(team.marginal(it).mean - at))) for it, at in PLACES.items() if it != LIAR]
+            lies = tuple(replace(relative, subject="robot/?", mark=mark) for mark, relative in enumerate(lies))
+        team.settle(tick, 0.2, [says(robot, tick, lies if robot == LIAR else ()) for robot in PLACES])
+        doubted |= {robot for robot in PLACES if team.offsets.doubts(robot)}
+        away = [float(np.hypot(*(team.marginal(mate).mean - at))) for mate, at in PLACES.items() if mate != LIAR]
         farthest = max(farthest, *away)
     return farthest, doubted
 
@@ -73,11 +75,11 @@ def heard(offsets: Offsets, *apart: float) -> bool:
     joint = Joint.of(
         {LIAR: Moments(np.zeros(2), np.eye(2)), **dict.fromkeys(MATES, Moments(np.zeros(2), np.zeros((2, 2))))}
     )
-    seen = [
-        (mate, Factor(np.array([it, 0.0]), {LIAR: -np.eye(2), mate: np.eye(2)}, 0.01 * np.eye(2)))
-        for mate, it in zip(MATES, apart, strict=True)
+    factors = [
+        (mate, Factor(np.array([aside, 0.0]), {LIAR: -np.eye(2), mate: np.eye(2)}, 0.01 * np.eye(2)))
+        for mate, aside in zip(MATES, apart, strict=True)
     ]
-    offsets.hear(LIAR, joint, seen)
+    offsets.hear(LIAR, joint, factors)
     return offsets.doubts(LIAR)
 
 
@@ -110,17 +112,17 @@ def test_who_is_doubted_keeps_no_other_from_saying_where_an_object_is() -> None:
     team, ball, witness, far = TeamJoint(), "object/ball", "robot/r0", np.array([6.0, 0.0])
 
     def said(robot: str, tick: int) -> Evidence:
-        it = says(robot, tick)
+        evidence = says(robot, tick)
         (x, y), observes = far * (robot == LIAR) - PLACES[robot], robot == LIAR or (robot == witness and tick >= BEGIN)
-        seen = (Relative(robot, ball, math.hypot(x, y), math.atan2(y, x), 0.25, 0.0025),) if observes else ()
-        return replace(it, belief=says(robot, 0).belief, relatives=seen)
+        relatives = (Relative(robot, ball, math.hypot(x, y), math.atan2(y, x), 0.25, 0.0025),) if observes else ()
+        return replace(evidence, belief=says(robot, 0).belief, relatives=relatives)
 
     for tick in range(END // 2):
         if tick == BEGIN:
             heard(team.offsets, 4.2, 4.2, 4.2)
-        team.settle(tick, 0.2, [said(it, tick) for it in PLACES])
+        team.settle(tick, 0.2, [said(robot, tick) for robot in PLACES])
         assert team.doubts(LIAR) == (tick >= BEGIN)
-    assert {(it.source, it.taken) for it in team.tally.verdicts if it.subject == ball} == {
+    assert {(verdict.source, verdict.taken) for verdict in team.tally.verdicts if verdict.subject == ball} == {
         (LIAR, False),
         (witness, True),
     }
@@ -132,20 +134,20 @@ def rolling(doubted: int, aside: int = END) -> list[bool]:
 
     From a tick on the robot is doubted; from another on it sees the ball 2 units farther on.
     """
-    team, ball, found = TeamJoint(), "object/ball", list[bool]()
+    team, ball, doubted_at = TeamJoint(), "object/ball", list[bool]()
 
     def said(robot: str, tick: int) -> Evidence:
         way = [0.4 * max(0, tick - BEGIN) + 2.0 * (tick >= aside), 0.0]
         x, y = way - PLACES[robot]
-        seen = (Relative(robot, ball, math.hypot(x, y), math.atan2(y, x), 0.01, 1e-4),)
-        return replace(says(robot, tick), relatives=seen if robot == LIAR or tick < BEGIN else ())
+        relatives = (Relative(robot, ball, math.hypot(x, y), math.atan2(y, x), 0.01, 1e-4),)
+        return replace(says(robot, tick), relatives=relatives if robot == LIAR or tick < BEGIN else ())
 
     for tick in range(END):
         if tick == doubted:
             heard(team.offsets, 9.0, 9.0, 9.0)
-        team.settle(tick, 0.2, [said(it, tick) for it in PLACES])
-        found.append(team.velocity(ball) is not None)
-    return found
+        team.settle(tick, 0.2, [said(robot, tick) for robot in PLACES])
+        doubted_at.append(team.velocity(ball) is not None)
+    return doubted_at
 
 
 def test_who_is_doubted_tells_nobody_how_an_object_moves() -> None:
@@ -154,24 +156,24 @@ def test_who_is_doubted_tells_nobody_how_an_object_moves() -> None:
 
 
 def test_of_who_is_found_out_it_is_forgotten_how_objects_move_though_its_newest_sightings_were_refused() -> None:
-    found = rolling(doubted=25, aside=23)
-    assert found[24]
-    assert not any(found[25:])
+    doubted = rolling(doubted=25, aside=23)
+    assert doubted[24]
+    assert not any(doubted[25:])
 
 
 def test_of_honest_robots_none_is_doubted() -> None:
     for seed in range(3):
         robots, team = driving.team(4, seed), TeamJoint()
         for tick in range(60):
-            team.settle(tick, 1.0, driving.told(robots, tick))
+            team.settle(tick, 1.0, driving.reports_of(robots, tick))
             assert not [robot.name for robot in robots if team.offsets.doubts(robot.name)]
 
 
 def test_one_that_stops_is_believed_again() -> None:
     team, doubts = TeamJoint(), []
     for tick in range(END + round(5 * 5 * MEMORY)):
-        lies = told(team, LIAR, PLACES[LIAR], 3.5) if BEGIN <= tick < END else ()
-        team.settle(tick, 0.2, [says(it, tick, lies if it == LIAR else ()) for it in PLACES])
+        lies = shifted(team, LIAR, PLACES[LIAR], 3.5) if BEGIN <= tick < END else ()
+        team.settle(tick, 0.2, [says(robot, tick, lies if robot == LIAR else ()) for robot in PLACES])
         doubts.append(team.offsets.doubts(LIAR))
     assert any(doubts)
     assert not doubts[-1]

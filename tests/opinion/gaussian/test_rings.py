@@ -34,10 +34,10 @@ def test_it_is_where_the_sightings_of_observers_around_it_meet(kind: Kind, seed:
     for angle in (0.0, 2.0, 4.0, 5.0):
         place = THERE + 3.0 * np.array([math.cos(angle), math.sin(angle)]) + chance.normal(size=2) * 0.3
         ring.add(line(place, THERE, kind, chance.normal() * 0.01))
-    (found,) = ring.places()
-    off = found.moments.mean - THERE
-    assert off @ np.linalg.solve(found.moments.covariance, off) < 23.0  # 99.999 %
-    assert math.sqrt(np.trace(found.moments.covariance)) < 0.1
+    (crossing,) = ring.places()
+    off = crossing.moments.mean - THERE
+    assert off @ np.linalg.solve(crossing.moments.covariance, off) < 23.0  # 99.999 %
+    assert math.sqrt(np.trace(crossing.moments.covariance)) < 0.1
 
 
 @given(seed=st.integers(0, 10_000))
@@ -45,9 +45,9 @@ def test_observers_on_one_line_leave_two_mirror_images_of_one_weight(seed: int) 
     chance, ring = np.random.default_rng(seed), Ring()
     for x in (0.0, 1.5, 4.0, 5.0):
         ring.add(line(np.array([x, 0.0]), THERE, "range", chance.normal() * 0.01))
-    found = ring.places()
-    assert [place.weight for place in found] == pytest.approx([0.5, 0.5], abs=0.01)
-    assert sorted(float(place.moments.mean[1]) for place in found) == pytest.approx([-3.0, 3.0], abs=0.1)
+    places = ring.places()
+    assert [place.weight for place in places] == pytest.approx([0.5, 0.5], abs=0.01)
+    assert sorted(float(place.moments.mean[1]) for place in places) == pytest.approx([-3.0, 3.0], abs=0.1)
     ring.add(line(np.array([2.0, 1.0]), THERE, "range"))
     assert ring.places()[0].weight > SURE
     assert ring.places()[0].moments.mean == pytest.approx(THERE, abs=0.1)
@@ -67,16 +67,16 @@ def test_numbers_of_any_size_are_a_place_or_none(seed: int) -> None:
     for _ in range(6):
         size = 10.0 ** chance.uniform(-12, 12, 5)
         ring.add(Line(size[:2], size[2], size[3], size[4], bool(chance.integers(2)), 0.0))
-        assert all(np.isfinite(it.moments.covariance).all() for it in ring.places())
+        assert all(np.isfinite(place.moments.covariance).all() for place in ring.places())
 
 
 def test_what_is_known_of_the_observers_is_the_least_error_of_the_place() -> None:
     ring = Ring()
     for angle in np.arange(20) * 0.3:
-        one = line(THERE + 3.0 * np.array([math.cos(angle), math.sin(angle)]), THERE, "range")
-        ring.add(Line(one.place, one.value, one.variance, 0.04, True, 0.0))
-    (found,) = ring.places()
-    assert np.linalg.eigvalsh(found.moments.covariance)[0] >= 0.04
+        constraint = line(THERE + 3.0 * np.array([math.cos(angle), math.sin(angle)]), THERE, "range")
+        ring.add(Line(constraint.place, constraint.value, constraint.variance, 0.04, True, 0.0))
+    (place,) = ring.places()
+    assert np.linalg.eigvalsh(place.moments.covariance)[0] >= 0.04
 
 
 def standing(robot: str, place: Array, tick: int, kind: Kind, chance: np.random.Generator) -> Evidence:
@@ -85,8 +85,8 @@ def standing(robot: str, place: Array, tick: int, kind: Kind, chance: np.random.
     mean = np.zeros(STATES)
     mean[:5] = [*place, 0.0, 1.0, 1.0]
     belief = Moments(mean, np.diag([1e-4] * STATES))
-    seen = measured(kind, robot, "object/ball", [value + chance.normal() * 0.02], [4e-4])
-    return Evidence(robot, 0, tick, Motion(), Nuisance(), belief, relatives=(seen,))
+    relative = measured(kind, robot, "object/ball", [value + chance.normal() * 0.02], [4e-4])
+    return Evidence(robot, 0, tick, Motion(), Nuisance(), belief, relatives=(relative,))
 
 
 @pytest.mark.parametrize("kind", ["range", "bearing"])
@@ -100,9 +100,9 @@ def test_an_object_that_is_measured_by_ranges_or_bearings_alone_enters_once_they
     for tick in range(3, 12):
         team.settle(tick, 0.2, [standing(robot, place, tick, kind, chance) for robot, place in robots.items()])
     assert team.knows("object/ball")
-    found = team.marginal("object/ball")
-    assert found.mean == pytest.approx(THERE, abs=0.15)
-    assert math.sqrt(np.trace(found.covariance)) < 0.2
+    marginal = team.marginal("object/ball")
+    assert marginal.mean == pytest.approx(THERE, abs=0.15)
+    assert math.sqrt(np.trace(marginal.covariance)) < 0.2
 
 
 def test_an_object_in_one_of_two_places_is_in_doubt_and_no_part_of_the_joint() -> None:

@@ -26,24 +26,28 @@ def rolled(seconds: float, speed: float = 1.0, wide: float = 8.0) -> np.ndarray:
 
 
 def follow(
-    walks: Walks, places: np.ndarray, told: float, model: Model = "learn", seed: int = 1
+    walks: Walks, places: np.ndarray, drift: float, model: Model = "learn", seed: int = 1
 ) -> list[Moments | None]:
     """The velocity after each step, of a ball that is seen in two of five."""
-    rng, found = np.random.default_rng(seed), []
+    rng, velocities = np.random.default_rng(seed), []
     for place in places:
-        walks.pass_time(BALL, told, DT, model)
+        walks.pass_time(BALL, drift, DT, model)
         if rng.random() < 0.4:
             walks.judge(BALL, Moments(place[:2] + SIGMA * rng.normal(size=2), SIGMA**2 * np.eye(2)))
-        found.append(walks.velocity(BALL))
-    return found
+        velocities.append(walks.velocity(BALL))
+    return velocities
 
 
-@pytest.mark.parametrize("told", [0.1, 0.3, 1.0])
-def test_a_ball_that_rolls_and_bounces_is_known_by_its_velocity_honestly(told: float) -> None:
+@pytest.mark.parametrize("drift", [0.1, 0.3, 1.0])
+def test_a_ball_that_rolls_and_bounces_is_known_by_its_velocity_honestly(drift: float) -> None:
     truth = rolled(60.0)
-    found = follow(Walks(), truth, told)[100:]
-    errors = [(it.mean - there[2:], it.covariance) for it, there in zip(found, truth[100:], strict=True) if it]
-    assert len(errors) > 0.9 * len(found)
+    velocities = follow(Walks(), truth, drift)[100:]
+    errors = [
+        (velocity.mean - there[2:], velocity.covariance)
+        for velocity, there in zip(velocities, truth[100:], strict=True)
+        if velocity
+    ]
+    assert len(errors) > 0.9 * len(velocities)
     held = [error @ np.linalg.solve(covariance, error) < 5.99 for error, covariance in errors]
     assert 0.85 <= np.mean(held) <= 1.0  # one run, whose errors are alike for seconds
     assert np.median([np.hypot(*error) for error, _ in errors]) < 0.35
@@ -53,8 +57,8 @@ def test_a_ball_that_rolls_and_bounces_is_known_by_its_velocity_honestly(told: f
 def test_what_stands_or_walks_at_random_has_no_velocity(drift: float) -> None:
     rng = np.random.default_rng(3)
     places = np.cumsum(drift * math.sqrt(DT) * rng.normal(size=(600, 2)), axis=0)
-    found = follow(Walks(), places, 0.3)
-    assert sum(it is not None for it in found) < 0.02 * len(found)
+    velocities = follow(Walks(), places, 0.3)
+    assert sum(velocity is not None for velocity in velocities) < 0.02 * len(velocities)
 
 
 def test_what_is_said_to_have_no_drift_neither_walks_nor_rolls() -> None:
@@ -75,9 +79,9 @@ def test_the_scenario_may_say_which_it_is() -> None:
 
 def test_what_is_stopped_stands_again() -> None:
     truth = np.vstack([rolled(20.0), np.tile([*rolled(20.0)[-1, :2], 0.0, 0.0], (600, 1))])
-    found = follow(Walks(), truth, 0.3)
-    assert found[199] is not None
-    assert found[-1] is None or np.hypot(*found[-1].mean) < 0.1
+    velocities = follow(Walks(), truth, 0.3)
+    assert velocities[199] is not None
+    assert velocities[-1] is None or np.hypot(*velocities[-1].mean) < 0.1
 
 
 def test_a_copy_goes_its_own_way() -> None:
@@ -99,11 +103,11 @@ SIGHTINGS = st.lists(
 @given(SIGHTINGS, st.floats(0.05, 2))
 @settings(max_examples=60, deadline=None)
 def test_the_bank_mixes_and_weighs_filters_as_the_textbook_does(
-    sightings: list[tuple[float, float, float, float]], told: float
+    sightings: list[tuple[float, float, float, float]], drift: float
 ) -> None:
     """The oracle: one member at a time, without the bound of a velocity that is forgotten."""
     k = len(WILDNESS)
-    rolling = Rolling.begun(Moments(np.zeros(2), np.eye(2)), told)
+    rolling = Rolling.begun(Moments(np.zeros(2), np.eye(2)), drift)
     weights, members = (
         rolling.weights,
         [(m.copy(), c.copy()) for m, c in zip(rolling.means, rolling.covariances, strict=True)],
@@ -123,8 +127,8 @@ def test_the_bank_mixes_and_weighs_filters_as_the_textbook_does(
                 share * (c + np.outer(m - mean, m - mean)) for share, (m, c) in zip(shares, members, strict=True)
             )
             walk = np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-            covariance = step @ spread @ step.T + (wild * told) ** 2 * np.kron(walk, np.eye(2))
-            if max(covariance[2, 2], covariance[3, 3]) > (8 * told) ** 2:
+            covariance = step @ spread @ step.T + (wild * drift) ** 2 * np.kron(walk, np.eye(2))
+            if max(covariance[2, 2], covariance[3, 3]) > (8 * drift) ** 2:
                 return
             mixed.append((step @ mean, covariance))
         at, logs, members = np.array([x, y]), [], []

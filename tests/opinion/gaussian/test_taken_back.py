@@ -15,7 +15,7 @@ from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 from tests.opinion.gaussian.claims import contradictions
-from tests.opinion.gaussian.driving import team, told
+from tests.opinion.gaussian.driving import reports_of, team
 
 LIAR = "robot/r2"
 WITHIN = (
@@ -33,27 +33,27 @@ def lying(evidence: Evidence, offset: Array) -> Evidence:
         evidence,
         belief=replace(belief, mean=belief.mean + away),
         increment=None if increment is None else replace(increment, reference=increment.reference + away),
-        relatives=tuple(moved(it, offset) for it in evidence.relatives),
+        relatives=tuple(moved(relative, offset) for relative in evidence.relatives),
     )
 
 
-def moved(it: Relative, offset: Array) -> Relative:
-    x, y = it.range * it.along() + offset
-    return replace(it, range=float(np.hypot(x, y)), bearing=float(np.arctan2(y, x)))
+def moved(relative: Relative, offset: Array) -> Relative:
+    x, y = relative.range * relative.along() + offset
+    return replace(relative, range=float(np.hypot(x, y)), bearing=float(np.arctan2(y, x)))
 
 
 def left_out(lie: Callable[[int], float], seed: int, ticks: int = 55) -> tuple[list[bool], TeamJoint, float]:
     """For each tick whether the joint leaves the liar out of five robots; the joint; how far off it has the liar at last."""
-    robots, joint, found = team(5, seed), TeamJoint(), []
+    robots, joint, left_out_at = team(5, seed), TeamJoint(), []
     for tick in range(ticks):
         reports = [
             lying(report, np.array([lie(tick), 0.0])) if report.robot == LIAR else report
-            for report in told(robots, tick)
+            for report in reports_of(robots, tick)
         ]
         joint.settle(tick, 1.0, reports)
-        found.append(LIAR not in joint.subjects())
+        left_out_at.append(LIAR not in joint.subjects())
     true = next(robot.place for robot in robots if robot.name == LIAR)
-    return found, joint, float(np.hypot(*(joint.marginal(LIAR).mean - true)))
+    return left_out_at, joint, float(np.hypot(*(joint.marginal(LIAR).mean - true)))
 
 
 @pytest.mark.parametrize("size", [4.0, 8.0, 15.0])

@@ -71,11 +71,11 @@ def test_where_all_is_linear_it_is_the_plain_joint_kalman_filter(seed: int) -> N
             for fix in own.fixed:
                 update(np.eye(6)[2 * k : 2 * k + 2], fix, np.eye(2) * 0.25)
         for k, report in enumerate(reports):
-            for seen in sorted(report.relatives, key=lambda r: r.subject):
+            for relative in sorted(report.relatives, key=lambda r: r.subject):
                 row = np.zeros((2, 6))
-                other = ROBOTS.index(seen.subject)
+                other = ROBOTS.index(relative.subject)
                 row[:, 2 * other : 2 * other + 2], row[:, 2 * k : 2 * k + 2] = np.eye(2), -np.eye(2)
-                update(row, seen.range * seen.along(), np.eye(2) * 0.04)
+                update(row, relative.range * relative.along(), np.eye(2) * 0.04)
     if team.tally.gated == 0 and not doubted:  # what is gated, or doubted as one in a thousand, is not the oracle's
         for k, name in enumerate(ROBOTS):
             got = team.marginal(name)
@@ -187,9 +187,9 @@ def test_a_robot_without_a_position_gets_one_when_a_mate_sees_it() -> None:
     known = entering(Moments(np.array([3.0, 4.0, 0.0]), np.diag([0.01, 0.01, 0.0001])), NUISANCE)
     flat = entering(Moments(np.zeros(3), np.diag([1e6, 1e6, 0.001])), NUISANCE)
     team = TeamJoint()
-    seen = (Relative("robot/r1", "robot/r2", 2.0, math.pi / 2, 0.01, 0.001),)
+    relatives = (Relative("robot/r1", "robot/r2", 2.0, math.pi / 2, 0.01, 0.001),)
     reports = [
-        Evidence("robot/r1", 0, 0, Motion(), NUISANCE, known, None, seen),
+        Evidence("robot/r1", 0, 0, Motion(), NUISANCE, known, None, relatives),
         Evidence("robot/r2", 0, 0, Motion(), NUISANCE, flat),
     ]
     team.settle(0, 1.0, reports)
@@ -200,9 +200,9 @@ def test_a_robot_without_a_position_gets_one_when_a_mate_sees_it() -> None:
 
 def test_an_object_enters_where_it_is_seen_spreads_and_is_forgotten() -> None:
     belief = entering(Moments(np.array([1.0, 1.0, 0.0]), np.diag([0.01, 0.01, 0.0])), NUISANCE)
-    seen = (Relative("robot/r1", "object/ball", 2.0, 0.0, 0.01, 0.0025),)
+    relatives = (Relative("robot/r1", "object/ball", 2.0, 0.0, 0.01, 0.0025),)
     team = TeamJoint(Objects(drift=0.5, kept=3.0))
-    team.settle(0, 1.0, [Evidence("robot/r1", 0, 0, Motion(), NUISANCE, belief, None, seen)])
+    team.settle(0, 1.0, [Evidence("robot/r1", 0, 0, Motion(), NUISANCE, belief, None, relatives)])
     assert team.marginal("object/ball").mean == pytest.approx((3.0, 1.0), abs=1e-4)
     first = team.marginal("object/ball").covariance[0, 0]
     assert first == pytest.approx(0.02, rel=0.01)
@@ -215,9 +215,9 @@ def test_an_object_enters_where_it_is_seen_spreads_and_is_forgotten() -> None:
 
 def test_an_object_that_is_said_to_stand_hardly_spreads() -> None:
     belief = entering(Moments(np.array([1.0, 1.0, 0.0]), np.diag([0.01, 0.01, 0.0])), NUISANCE)
-    seen = tuple(Relative("robot/r1", f"object/{name}", 2.0, 0.0, 0.01, 0.0025) for name in ("ball", "can"))
+    relatives = tuple(Relative("robot/r1", f"object/{name}", 2.0, 0.0, 0.01, 0.0025) for name in ("ball", "can"))
     team = TeamJoint(Objects(drift=0.5, drifts={"can": 0.0}))
-    team.settle(0, 1.0, [Evidence("robot/r1", 0, 0, Motion(), NUISANCE, belief, None, seen)])
+    team.settle(0, 1.0, [Evidence("robot/r1", 0, 0, Motion(), NUISANCE, belief, None, relatives)])
     before = {name: team.marginal(f"object/{name}").covariance.copy() for name in ("ball", "can")}
     team.settle(1, 1.0, [])
     assert team.marginal("object/can").covariance == pytest.approx(
@@ -231,8 +231,8 @@ def test_an_object_that_stood_is_followed_within_two_seconds_when_it_is_kicked()
     team = TeamJoint(Objects(drift=0.5, drifts={"can": 0.0}))
     for tick in range(100):
         distance = 2.0 if tick < 80 else 7.0
-        seen = (Relative("robot/r1", "object/can", distance, 0.0, 0.01, 0.0025),)
-        team.settle(tick, 0.2, [Evidence("robot/r1", 0, tick, Motion(), NUISANCE, belief, None, seen)])
+        relatives = (Relative("robot/r1", "object/can", distance, 0.0, 0.01, 0.0025),)
+        team.settle(tick, 0.2, [Evidence("robot/r1", 0, tick, Motion(), NUISANCE, belief, None, relatives)])
         if tick == 79:
             assert team.drift_of("object/can") < 0.05
         if tick == 90:
@@ -249,13 +249,15 @@ def biased(observer: str, seconds: float, group: str = "", distance: float = 2.0
     return Relative(observer, subject, distance, bearing, 0.01, 0.001, 0.0, (Bias(0.1, seconds),), group)
 
 
-def watching(seen: Sequence[Relative], tick: int) -> list[Evidence]:
+def watching(relatives: Sequence[Relative], tick: int) -> list[Evidence]:
     """Robot r1 at (0, 0) and r2 at (0, 2), with what they say that they see."""
     places = {"robot/r1": (0.0, 0.0), "robot/r2": (0.0, 2.0)}
     poses = {name: Moments(np.array([*place, 0.0]), np.diag([0.01, 0.01, 1e-4])) for name, place in places.items()}
     beliefs = {name: entering(pose, NUISANCE) for name, pose in poses.items()}
     return [
-        Evidence(name, 0, tick, Motion(), NUISANCE, beliefs[name], None, tuple(r for r in seen if r.observer == name))
+        Evidence(
+            name, 0, tick, Motion(), NUISANCE, beliefs[name], None, tuple(r for r in relatives if r.observer == name)
+        )
         for name in places
     ]
 
@@ -311,12 +313,12 @@ def test_a_robot_that_was_moved_is_opened_up_until_its_evidence_is_believed() ->
     reports = story(10, ticks=3)
     team = settled(reports)
     e = reports[2][0]
-    told = np.zeros((STATES, STATES))
-    told[0, 0] = told[1, 1] = 100.0
+    gain = np.zeros((STATES, STATES))
+    gain[0, 0] = gain[1, 1] = 100.0
     there = team.pose("robot/r1").mean.copy()
     there[:2] += 4.0
     for tick in range(3, 3 + 8 * PATIENCE):
-        increment = Increment(there, told, np.zeros(STATES))
+        increment = Increment(there, gain, np.zeros(STATES))
         team.settle(tick, 1.0, [replace(e, tick=tick, increment=increment, relatives=())])
     assert team.tally.gated >= PATIENCE
     assert team.marginal("robot/r1").mean == pytest.approx(there[:2], abs=0.1)

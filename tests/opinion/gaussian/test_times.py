@@ -44,7 +44,7 @@ def world(seed: int, seconds: float) -> Iterator[Part]:
     poses = {name: np.array([3.0 * k, 2.0 * k % 3, 2.0 * k]) for k, name in enumerate(NAMES)}
     for number in range(1, round(seconds / PART) + 1):
         steps, fixes = dict[str, tuple[float, float]](), dict[str, Array]()
-        seen: dict[str, dict[str, tuple[float, float]]] = {}
+        sightings: dict[str, dict[str, tuple[float, float]]] = {}
         for k, name in enumerate(NAMES):
             time = number * PART + k
             way, turn = PART * (0.9 + 0.5 * math.sin(time)), PART * (0.5 + 0.5 * math.sin(0.7 * time))
@@ -55,14 +55,14 @@ def world(seed: int, seconds: float) -> Iterator[Part]:
         for name in [name for name in NAMES if (number - PHASES[name]) % TICK == 0]:
             if name == NAMES[0]:
                 fixes[name] = poses[name][AXES] + chance.normal(size=2) * FIX
-            seen[name] = {}
+            sightings[name] = {}
             for other in NAMES:
                 if other != name:
                     dx, dy = (poses[other] - poses[name])[AXES]
                     noise = chance.normal(size=2) * [RANGE, BEARING]
                     bearing = math.atan2(dy, dx) - poses[name][2] + noise[1]
-                    seen[name][other] = math.hypot(dx, dy) + noise[0], wrap(bearing)
-        yield Part(steps, dict(poses), fixes, seen)
+                    sightings[name][other] = math.hypot(dx, dy) + noise[0], wrap(bearing)
+        yield Part(steps, dict(poses), fixes, sightings)
 
 
 class Oracle:
@@ -123,12 +123,12 @@ class Robot:
             off = part.fixes[self.name] - prediction.mean[AXES]
             correct(self.joint, Factor(off, {self.name: np.eye(STATES)[AXES]}, np.eye(2) * FIX**2))
             increment = gained(prediction, self.joint.moments(self.name))
-        seen = tuple(
+        relatives = tuple(
             Relative(self.name, other, distance, bearing, RANGE**2, BEARING**2)
             for other, (distance, bearing) in part.seen[self.name].items()
         )
         belief = self.joint.moments(self.name)
-        return Evidence(self.name, 0, self.tick, self.travelled, NUISANCE, belief, increment, seen, time)
+        return Evidence(self.name, 0, self.tick, self.travelled, NUISANCE, belief, increment, relatives, time)
 
 
 def errors(seed: int, *, timed: bool) -> tuple[Array, Array]:
@@ -136,7 +136,7 @@ def errors(seed: int, *, timed: bool) -> tuple[Array, Array]:
     oracle, team, robots = Oracle(), TeamJoint(), [Robot(name) for name in NAMES]
     batch: dict[str, Evidence] = {}
     expected: dict[str, tuple[Array, Array]] = {}  # truth, and what the oracle believed
-    found: list[tuple[float, float]] = []
+    squared: list[tuple[float, float]] = []
     for number, part in enumerate(world(seed, 30.0), 1):
         oracle.take(part)
         for k, robot in enumerate(robots):
@@ -146,17 +146,19 @@ def errors(seed: int, *, timed: bool) -> tuple[Array, Array]:
                 expected[robot.name] = part.poses[robot.name][AXES], oracle.mean[3 * k : 3 * k + 2].copy()
         if number % TICK == TICK - 1 and len(batch) == len(NAMES):  # the board settles every tenth of a second
             tick = team.tick + 1
-            team.settle(tick, TICK * PART, [replace(it, tick=tick) for it in batch.values()])
+            team.settle(tick, TICK * PART, [replace(said, tick=tick) for said in batch.values()])
             for name, (true, believed) in expected.items():
                 ours, its = team.marginal(name).mean - true, believed - true
-                found.append((float(ours @ ours), float(its @ its)))
-    ours, its = np.array(found).T
+                squared.append((float(ours @ ours), float(its @ its)))
+    ours, its = np.array(squared).T
     return ours, its
 
 
 def compared(seeds: int, *, timed: bool) -> float:
     """The RMSE of the joint over that of the oracle."""
-    ours, its = (np.concatenate(it) for it in zip(*(errors(seed, timed=timed) for seed in range(seeds)), strict=True))
+    ours, its = (
+        np.concatenate(parts) for parts in zip(*(errors(seed, timed=timed) for seed in range(seeds)), strict=True)
+    )
     return math.sqrt(float(ours.mean() / its.mean()))
 
 

@@ -15,12 +15,12 @@ from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.grid import Array
-from tests.opinion.gaussian.driving import Own, team, told
+from tests.opinion.gaussian.driving import Own, reports_of, team
 
 SIGMA = 0.2
 
 
-def seen(robot: Own, place: Array, kind: str = "person/?") -> Relative:
+def sight_of(robot: Own, place: Array, kind: str = "person/?") -> Relative:
     """What a robot, which looks along x, sees of something at a place."""
     dx, dy = place - robot.place + robot.chance.normal(0, SIGMA, 2)
     distance = math.hypot(dx, dy)
@@ -29,22 +29,22 @@ def seen(robot: Own, place: Array, kind: str = "person/?") -> Relative:
 
 def with_people(robots: Sequence[Own], tick: int, people: Mapping[str, Sequence[Array]]) -> list[Evidence]:
     """What all robots report of a tick; `people` are those that each sees, by robot."""
-    found = []
-    for own, report in zip(robots, told(robots, tick), strict=True):
-        unnamed = [replace(seen(own, it), mark=mark) for mark, it in enumerate(people.get(own.name, ()))]
-        found.append(replace(report, relatives=(*report.relatives, *unnamed)))
-    return found
+    reports = []
+    for own, report in zip(robots, reports_of(robots, tick), strict=True):
+        unnamed = [replace(sight_of(own, place), mark=mark) for mark, place in enumerate(people.get(own.name, ()))]
+        reports.append(replace(report, relatives=(*report.relatives, *unnamed)))
+    return reports
 
 
 def walked(joint: TeamJoint, robots: Sequence[Own], ticks: range, *offsets: Sequence[float]) -> None:
     """Everybody sees people that walk in front of the first robot."""
     for tick in ticks:
-        places = [robots[0].place + [1.0, 0.0] + np.array(it) for it in offsets]
-        joint.settle(tick, 1.0, with_people(robots, tick, {it.name: places for it in robots}))
+        places = [robots[0].place + [1.0, 0.0] + np.array(offset) for offset in offsets]
+        joint.settle(tick, 1.0, with_people(robots, tick, {robot.name: places for robot in robots}))
 
 
 def tracks(joint: TeamJoint) -> list[str]:
-    return [it for it in joint.subjects() if it.startswith("person/")]
+    return [subject for subject in joint.subjects() if subject.startswith("person/")]
 
 
 def a_team(number: int = 3, seed: int = 1) -> tuple[TeamJoint, list[Own]]:
@@ -58,19 +58,19 @@ def test_who_is_seen_by_several_is_told_of_soon_and_where_it_is(seed: int) -> No
     assert tracks(joint) == ["person/1", "person/2"]
     walked(joint, robots, range(3, 12), [4.0, -2.0], [6.0, 3.0])
     assert tracks(joint) == ["person/1", "person/2"]
-    places = sorted(joint.marginal(it).mean.tolist() for it in tracks(joint))
-    for found, offset in zip(places, ([4.0, -2.0], [6.0, 3.0]), strict=True):
-        assert found == pytest.approx(robots[0].place + offset, abs=1.0)
+    places = sorted(joint.marginal(track).mean.tolist() for track in tracks(joint))
+    for place, offset in zip(places, ([4.0, -2.0], [6.0, 3.0]), strict=True):
+        assert place == pytest.approx(robots[0].place + offset, abs=1.0)
         assert joint.tracks.existence("person/1") == pytest.approx(1.0, abs=0.01)
 
 
 def test_unnamed_landmarks_are_for_the_robot_that_has_a_map_and_begin_no_tracks() -> None:
     joint, robots = a_team()
     for tick in range(10):
-        post = replace(seen(robots[0], robots[0].place + [4.0, 1.0], "landmark/?"), mark=0)
-        reports = told(robots, tick)
+        post = replace(sight_of(robots[0], robots[0].place + [4.0, 1.0], "landmark/?"), mark=0)
+        reports = reports_of(robots, tick)
         joint.settle(tick, 1.0, [replace(reports[0], relatives=(*reports[0].relatives, post)), *reports[1:]])
-    assert not [it for it in joint.subjects() if it.startswith("landmark/")]
+    assert not [subject for subject in joint.subjects() if subject.startswith("landmark/")]
     assert not list(joint.tracks)
 
 
@@ -78,10 +78,10 @@ def test_tracks_tell_no_robot_where_it_stands() -> None:
     joint, robots = a_team()
     alone, others = a_team()
     for tick in range(10):
-        places = [it.place + [5.0, -1.0] for it in robots[:1]]
-        reports = with_people(robots, tick, {it.name: places for it in robots})
+        places = [own.place + [5.0, -1.0] for own in robots[:1]]
+        reports = with_people(robots, tick, {own.name: places for own in robots})
         joint.settle(tick, 1.0, reports)
-        alone.settle(tick, 1.0, [it.named() for it in reports])
+        alone.settle(tick, 1.0, [report.named() for report in reports])
     assert tracks(joint)
     for robot in others:
         assert joint.marginal(robot.name).mean == pytest.approx(alone.marginal(robot.name).mean, abs=1e-9)
@@ -120,7 +120,7 @@ def test_who_goes_on_where_nobody_looks_is_told_of_no_more_and_found_again_by_th
     for tick in range(19):
         place = robots[0].place + [5.0, -0.5 * tick]  # out of what was ever in view, from tick to tick
         hidden = 10 <= tick < 16
-        people = {} if hidden else {it.name: [place] for it in robots}
+        people = {} if hidden else {robot.name: [place] for robot in robots}
         joint.settle(tick, 1.0, with_people(robots, tick, people))
         assert list(joint.tracks) == ["person/1"]
         if tick < 10 or tick > 16:  # the first sightings after a while are not clear yet
@@ -135,8 +135,8 @@ def test_who_may_be_anywhere_is_no_track_any_more() -> None:
     walked(joint, robots, range(5), [4.0, -2.0])
     kept = joint.copy()
     joint.objects = replace(joint.objects, drifts={"1": 30.0}, models={"1": "walk"})
-    for it in (joint, kept):
-        it.settle(5, 1.0, [replace(report, relatives=()) for report in told(robots, 5)])
+    for each in (joint, kept):
+        each.settle(5, 1.0, [replace(report, relatives=()) for report in reports_of(robots, 5)])
     assert list(kept.tracks) == ["person/1"]
     assert list(joint.tracks) == []
 
@@ -146,12 +146,12 @@ def test_two_whose_ways_cross_keep_their_names() -> None:
     for tick in range(21):
         side = 0.3 * (10 - tick)
         places = [robots[0].place + [5.0, side], robots[0].place + [6.0, -side]]
-        joint.settle(tick, 1.0, with_people(robots, tick, {it.name: places for it in robots}))
+        joint.settle(tick, 1.0, with_people(robots, tick, {robot.name: places for robot in robots}))
         if tick == 5:
-            first = {it: joint.marginal(it).mean[1] - robots[0].place[1] > 0 for it in tracks(joint)}
+            first = {track: joint.marginal(track).mean[1] - robots[0].place[1] > 0 for track in tracks(joint)}
     assert len(first) == 2
     assert tracks(joint) == sorted(first)
-    assert {it: joint.marginal(it).mean[1] - robots[0].place[1] < 0 for it in tracks(joint)} == first
+    assert {track: joint.marginal(track).mean[1] - robots[0].place[1] < 0 for track in tracks(joint)} == first
 
 
 def test_a_flood_of_one_finds_its_own_room_and_no_more() -> None:
@@ -163,8 +163,8 @@ def test_a_flood_of_one_finds_its_own_room_and_no_more() -> None:
         joint.settle(tick, 1.0, with_people(robots, tick, {"robot/r0": ghosts, "robot/r1": mine, "robot/r2": mine}))
         left_out += joint.tally.tracks["unnamed_left_out"]
     assert left_out >= 6 * (64 - MOST_SEEN)
-    places = [joint.marginal(it).mean for it in tracks(joint)]
-    assert min(float(np.hypot(*(it - mine[0]))) for it in places) < 1.5, "an honest track finds room beside it"
+    places = [joint.marginal(track).mean for track in tracks(joint)]
+    assert min(float(np.hypot(*(place - mine[0]))) for place in places) < 1.5, "an honest track finds room beside it"
 
 
 def test_who_is_contradicted_by_the_team_begins_nobody() -> None:
@@ -172,7 +172,8 @@ def test_who_is_contradicted_by_the_team_begins_nobody() -> None:
     for tick in range(12):
         reports = with_people(robots, tick, {"robot/r0": [robots[0].place + [4.0, -2.0]]})
         away = tuple(
-            it if it.subject == "person/?" else replace(it, range=it.range + 8.0) for it in reports[0].relatives
+            relative if relative.subject == "person/?" else replace(relative, range=relative.range + 8.0)
+            for relative in reports[0].relatives
         )
         joint.settle(tick, 1.0, [replace(reports[0], relatives=away), *reports[1:]])
     assert "robot/r0" in joint.left_out
@@ -184,12 +185,15 @@ def test_an_unnamed_robot_of_no_team_is_a_track_and_mates_are_none() -> None:
     for tick in range(8):
         stranger = robots[0].place + [5.0, -2.0]
         reports = []
-        for own, report in zip(robots, told(robots, tick), strict=True):
-            mates = [replace(it, subject="robot/?") for it in report.relatives]
-            frame = [replace(it, mark=mark) for mark, it in enumerate((*mates, seen(own, stranger, "robot/?")))]
+        for own, report in zip(robots, reports_of(robots, tick), strict=True):
+            mates = [replace(relative, subject="robot/?") for relative in report.relatives]
+            frame = [
+                replace(relative, mark=mark)
+                for mark, relative in enumerate((*mates, sight_of(own, stranger, "robot/?")))
+            ]
             reports.append(replace(report, relatives=tuple(frame)))
         joint.settle(tick, 1.0, reports)
-    assert joint.subjects() == ["object/robot-1", *(it.name for it in robots)]
+    assert joint.subjects() == ["object/robot-1", *(robot.name for robot in robots)]
     assert joint.marginal("object/robot-1").mean == pytest.approx(stranger, abs=1.0)
 
 
@@ -198,23 +202,27 @@ def test_a_class_that_is_none_of_things_that_move_or_part_of_a_members_name_harm
     for tick in range(6):
         places = [robots[0].place + [4.0, -2.0], robots[0].place + [5.0, 3.0]]
         reports = []
-        for own, report in zip(robots, told(robots, tick), strict=True):
-            unnamed = [seen(own, it, kind) for it, kind in zip(places, ("landmark/?", "robot/x?"), strict=True)]
+        for own, report in zip(robots, reports_of(robots, tick), strict=True):
+            unnamed = [
+                sight_of(own, place, kind) for place, kind in zip(places, ("landmark/?", "robot/x?"), strict=True)
+            ]
             reports.append(replace(report, relatives=(*report.relatives, *unnamed)))
         joint.settle(tick, 1.0, reports)
-    assert joint.subjects() == ["object/robot-x-1", *(it.name for it in robots)]
+    assert joint.subjects() == ["object/robot-x-1", *(robot.name for robot in robots)]
 
 
 def test_the_order_of_arrival_changes_nothing() -> None:
-    one, robots = a_team(4, 5)
-    other = one.copy()
+    in_order, robots = a_team(4, 5)
+    shuffled = in_order.copy()
     for tick in range(10):
         people = [robots[0].place + [4.0, -2.0], robots[0].place + [4.5, -1.5], robots[0].place + [5.0, 4.0]]
-        reports = with_people(robots, tick, {it.name: people for it in robots})
-        one.settle(tick, 1.0, reports)
-        other.settle(tick, 1.0, [replace(it, relatives=it.relatives[::-1]) for it in reports[::-1]])
-        assert one.subjects() == other.subjects()
-        assert [one.tracks.existence(it) for it in one.tracks] == [other.tracks.existence(it) for it in other.tracks]
-    assert len(tracks(one)) == 3
-    assert (one.joint.mean == other.joint.mean).all()
-    assert (one.joint.covariance == other.joint.covariance).all()
+        reports = with_people(robots, tick, {robot.name: people for robot in robots})
+        in_order.settle(tick, 1.0, reports)
+        shuffled.settle(tick, 1.0, [replace(report, relatives=report.relatives[::-1]) for report in reports[::-1]])
+        assert in_order.subjects() == shuffled.subjects()
+        assert [in_order.tracks.existence(track) for track in in_order.tracks] == [
+            shuffled.tracks.existence(track) for track in shuffled.tracks
+        ]
+    assert len(tracks(in_order)) == 3
+    assert (in_order.joint.mean == shuffled.joint.mean).all()
+    assert (in_order.joint.covariance == shuffled.joint.covariance).all()

@@ -33,9 +33,9 @@ def begun(tracks: Tracks, observer: str) -> str:
 
 
 def existing(tracks: Tracks, block: str) -> float:
-    found = tracks.existence(block)
-    assert found is not None
-    return found
+    existence = tracks.existence(block)
+    assert existence is not None
+    return existence
 
 
 def shown(tracks: Tracks, block: str, shares: dict[str, float], seconds: float) -> None:
@@ -80,7 +80,7 @@ def test_what_one_observer_keeps_seeing_becomes_sure_and_has_a_name() -> None:
     assert tracks.to_be_named() == []
     shown(tracks, block, {"robot/r1": 0.99}, 1.0)
     assert tracks.to_be_named() == [block]
-    name = tracks.name(block, lambda it: False)
+    name = tracks.name(block, lambda taken: False)
     assert name == "person/1"
     assert tracks.is_told(name)
     assert list(tracks) == [name]
@@ -108,7 +108,7 @@ def test_what_crosses_the_way_of_all_does_not_end_a_track() -> None:
     tracks = looking("robot/r1")
     name = begun(tracks, "robot/r1")
     shown(tracks, name, {"robot/r1": 0.99}, 3.0)
-    name = tracks.name(name, lambda it: False)
+    name = tracks.name(name, lambda taken: False)
     sure = existing(tracks, name)
     shown(tracks, name, {"robot/r1": 0.0}, HIDDEN / 2)
     assert 0.5 < existing(tracks, name) < sure
@@ -120,7 +120,7 @@ def test_a_pause_of_any_length_ends_all() -> None:
     tracks = looking("robot/r1")
     block = begun(tracks, "robot/r1")
     shown(tracks, block, {"robot/r1": 0.99}, 1.0)
-    block = tracks.name(block, lambda it: False)
+    block = tracks.name(block, lambda taken: False)
     tracks.pass_time(1e6)
     assert existing(tracks, block) < 0.05
     assert tracks.ended() == [block]
@@ -173,22 +173,22 @@ def test_the_few_sightings_that_err_most_leave_a_view_as_large_as_it_is() -> Non
 @given(st.lists(st.sampled_from(["robot/r1", "robot/r2"]), max_size=5 * ROOM))
 def test_nobody_has_more_room_than_its_own(asking: list[str]) -> None:
     tracks = Tracks()
-    given_room = [it for it in asking if tracks.begin(it, KIND) is not None]
+    given_room = [robot for robot in asking if tracks.begin(robot, KIND) is not None]
     for observer in ("robot/r1", "robot/r2"):
         assert given_room.count(observer) == min(asking.count(observer), ROOM)
 
 
 def test_there_is_an_end_of_room_for_all_together() -> None:
     tracks = Tracks()
-    found = [tracks.begin(f"robot/r{k}", KIND) for k in range(2 * MAX_TRACKS)]
-    assert len([it for it in found if it is not None]) == MAX_TRACKS
+    blocks = [tracks.begin(f"robot/r{k}", KIND) for k in range(2 * MAX_TRACKS)]
+    assert len([block for block in blocks if block is not None]) == MAX_TRACKS
 
 
 def test_what_was_lost_is_told_of_again_from_the_second_sighting_on() -> None:
     tracks = looking("robot/r1")
     name = begun(tracks, "robot/r1")
     shown(tracks, name, {"robot/r1": 0.99}, 3.0)
-    name = tracks.name(name, lambda it: False)
+    name = tracks.name(name, lambda taken: False)
     tracks.lose(name, LOST * 10.0 * 0.99)
     assert tracks.is_told(name)
     tracks.lose(name, LOST * 10.0 * 1.01)
@@ -214,7 +214,7 @@ def test_who_stays_out_of_sight_may_be_gone() -> None:
 def test_a_number_is_given_once_also_after_all_began_anew() -> None:
     tracks, names = Tracks(), []
     for _ in range(3):
-        names.append(tracks.name(begun(tracks, "robot/r1"), lambda it: it == "person/2"))
+        names.append(tracks.name(begun(tracks, "robot/r1"), lambda taken: taken == "person/2"))
         tracks.drop(names[-1])
         tracks = tracks.anew()
     assert names == ["person/1", "person/3", "person/4"]
@@ -225,14 +225,14 @@ def test_the_first_number_is_behind_all_that_anybody_has_heard_of() -> None:
     for numbers in ({"person/a-": 7, "person/b-": 40}, {"person/a-": 3, "object/ball-a-": 50}):
         tracks.remember(numbers)
     tracks = tracks.anew().copy()
-    assert tracks.name(begun(tracks, "robot/r1"), lambda it: False) == "person/a-8"
+    assert tracks.name(begun(tracks, "robot/r1"), lambda taken: False) == "person/a-8"
 
 
 @pytest.mark.parametrize("numbers", [{"person/": 10**9}, {"person/": 0}, {"person/1": 5}, {"": 3}], ids=str)
 def test_what_is_no_number_of_a_track_changes_no_name(numbers: dict[str, int]) -> None:
     tracks = Tracks()
     tracks.remember(numbers)
-    assert tracks.name(begun(tracks, "robot/r1"), lambda it: False) == "person/1"
+    assert tracks.name(begun(tracks, "robot/r1"), lambda taken: False) == "person/1"
 
 
 @pytest.mark.parametrize(
@@ -242,14 +242,14 @@ def test_the_name_of_a_track_says_its_class_and_is_no_members(kind: str, name: s
     tracks = Tracks()
     block = tracks.begin("robot/r1", kind)
     assert block is not None
-    assert tracks.name(block, lambda it: False) == name
+    assert tracks.name(block, lambda taken: False) == name
 
 
 def test_what_nobody_sees_any_more_is_over_and_what_has_a_name_stays_longer() -> None:
     tracks = Tracks()
     brief, named = begun(tracks, "robot/r1"), begun(tracks, "robot/r1")
     shown(tracks, named, {"robot/r1": 0.99}, 1.0)
-    named = tracks.name(named, lambda it: False)
+    named = tracks.name(named, lambda taken: False)
     assert tracks.ended() == []
     tracks.pass_time(FLEETING)
     assert tracks.ended() == [brief]

@@ -15,16 +15,16 @@ from blackboard.opinion.gaussian.walks import FACTORS, LOST, MEMORY, PRIOR, Walk
 DT, SIGMA = 0.2, 0.5  # seconds, units
 
 
-def watched(walks: Walks, told: float, places: np.ndarray, rng: np.random.Generator) -> list[float]:
+def watched(walks: Walks, drift: float, places: np.ndarray, rng: np.random.Generator) -> list[float]:
     """The drift after each tick, of an object that is seen at some places, shape (n, 2), in two of five ticks."""
-    found = []
+    drifts = []
     for place in places:
-        walks.pass_time("object/ball", told, DT)
+        walks.pass_time("object/ball", drift, DT)
         if rng.random() < 0.4:
-            seen = place + SIGMA * rng.normal(size=2)
-            walks.judge("object/ball", Moments(seen, SIGMA**2 * np.eye(2)))
-        found.append(walks.drift("object/ball", told))
-    return found
+            measured = place + SIGMA * rng.normal(size=2)
+            walks.judge("object/ball", Moments(measured, SIGMA**2 * np.eye(2)))
+        drifts.append(walks.drift("object/ball", drift))
+    return drifts
 
 
 def test_what_is_told_counts_until_something_is_seen_twice() -> None:
@@ -36,14 +36,14 @@ def test_what_is_told_counts_until_something_is_seen_twice() -> None:
     assert walks.drift("object/ball", 0.3) == 0.3
 
 
-@pytest.mark.parametrize("told", [0.1, 0.5, 2.0])
+@pytest.mark.parametrize("drift", [0.1, 0.5, 2.0])
 @pytest.mark.parametrize("true", [0.1, 0.5, 2.0])
-def test_the_walk_is_found_within_a_factor_of_two_whatever_was_told(true: float, told: float) -> None:
-    rng = np.random.default_rng([int(10 * true), int(10 * told)])
+def test_the_walk_is_found_within_a_factor_of_two_whatever_was_told(true: float, drift: float) -> None:
+    rng = np.random.default_rng([int(10 * true), int(10 * drift)])
     logs = []
     for _ in range(10):
         places = np.cumsum(true * math.sqrt(DT) * rng.normal(size=(300, 2)), axis=0)
-        logs += np.log(watched(Walks(), told, places, rng)[150:]).tolist()
+        logs += np.log(watched(Walks(), drift, places, rng)[150:]).tolist()
     assert 0.5 < math.exp(np.mean(logs)) / true < 2.0
 
 
@@ -72,31 +72,31 @@ SIGHTINGS = st.lists(
 @given(SIGHTINGS, st.floats(0.01, 5))
 @settings(max_examples=100, deadline=None)
 def test_the_bank_is_a_filter_for_each_drift_weighed_by_what_it_expected(
-    sightings: list[tuple[float, float, float, float]], told: float
+    sightings: list[tuple[float, float, float, float]], drift: float
 ) -> None:
     """The oracle: one Kalman filter at a time, in the words of the textbook."""
     walks = Walks()
     members: list[tuple[float, np.ndarray, np.ndarray]] = []
     for x, y, sigma, dt in sightings:
-        seen, noise = np.array([x, y]), sigma**2 * np.eye(2)
-        walks.pass_time("object/ball", told, dt)
-        walks.judge("object/ball", Moments(seen, noise))
+        measured, noise = np.array([x, y]), sigma**2 * np.eye(2)
+        walks.pass_time("object/ball", drift, dt)
+        walks.judge("object/ball", Moments(measured, noise))
         if not members:
-            members = [(0.0, seen, noise) for _ in FACTORS]
+            members = [(0.0, measured, noise) for _ in FACTORS]
             continue
         moved = []
         for (log, mean, covariance), factor in zip(members, FACTORS, strict=True):
-            predicted = covariance + np.eye(2) * (told * factor) ** 2 * dt
+            predicted = covariance + np.eye(2) * (drift * factor) ** 2 * dt
             spread = predicted + noise
-            apart = seen - mean
+            apart = measured - mean
             squared = float(apart @ np.linalg.solve(spread, apart))
             now = log * math.exp(-dt / MEMORY) - 0.5 * (squared + math.log(np.linalg.det(spread)))
             gain = predicted @ np.linalg.inv(spread)
             moved.append((now, mean + gain @ apart, predicted - gain @ predicted))
-        best = max(moved, key=lambda it: it[0])
-        members = [(log - best[0], *(it if log - best[0] >= LOST else best[1:])) for log, *it in moved]
+        best = max(moved, key=lambda member: member[0])
+        members = [(log - best[0], *(filter_ if log - best[0] >= LOST else best[1:])) for log, *filter_ in moved]
         members = [(max(log, LOST), mean, covariance) for log, mean, covariance in members]
     shares = [math.exp(log + prior) for (log, _, _), prior in zip(members, PRIOR, strict=True)]
     mean_square = sum(share * factor**2 for share, factor in zip(shares, FACTORS, strict=True)) / sum(shares)
-    assert walks.drift("object/ball", told) == pytest.approx(told * math.sqrt(mean_square), rel=1e-6)
-    assert told * FACTORS[0] * 0.999 <= walks.drift("object/ball", told) <= told * FACTORS[-1] * 1.001
+    assert walks.drift("object/ball", drift) == pytest.approx(drift * math.sqrt(mean_square), rel=1e-6)
+    assert drift * FACTORS[0] * 0.999 <= walks.drift("object/ball", drift) <= drift * FACTORS[-1] * 1.001
