@@ -31,7 +31,7 @@ def at(x: int, y: int) -> PackedBelief:
     return cells({(x, y): 1.0})
 
 
-def instant(
+def new_instant(
     positions: Mapping[str, tuple[float, float]],
     tick: int = 1,
     teams: Mapping[str, Sequence[str]] = TEAMS,
@@ -44,12 +44,12 @@ def instant(
     return Instant(truth, {sub_team: list(robots) for sub_team, robots in teams.items()})
 
 
-def solo(it: Instant, robot: str, beliefs: Mapping[str, PackedBelief]) -> None:
-    it.hear_message("", Solo(robot=robot, tick=it.truth.tick, time=0.0, beliefs=dict(beliefs)), b"")
+def solo(instant: Instant, robot: str, beliefs: Mapping[str, PackedBelief]) -> None:
+    instant.hear_message("", Solo(robot=robot, tick=instant.truth.tick, time=0.0, beliefs=dict(beliefs)), b"")
 
 
 def consensus(
-    it: Instant,
+    instant: Instant,
     sub_team: str,
     level: str,
     subject: str,
@@ -58,18 +58,18 @@ def consensus(
     **more: object,
 ) -> bytes:
     where = {"board": sub_team, "sub_team": sub_team, "level": level, **more}
-    said = messages.consensus(belief, subject, tick=it.truth.tick, used=list(used), **where)
+    said = messages.consensus(belief, subject, tick=instant.truth.tick, used=list(used), **where)
     payload = encode(said)
-    it.hear_message(sub_team, said, payload)
+    instant.hear_message(sub_team, said, payload)
     return payload
 
 
 def both(
-    it: Instant, sub_team: str, subject: str, consensus_: PackedBelief, agreed: PackedBelief, **more: object
+    instant: Instant, sub_team: str, subject: str, consensus_: PackedBelief, agreed: PackedBelief, **more: object
 ) -> None:
     """Both levels; `more` are fields of what is agreed."""
-    consensus(it, sub_team, "consensus", subject, consensus_)
-    consensus(it, sub_team, "agreed", subject, agreed, **more)
+    consensus(instant, sub_team, "consensus", subject, consensus_)
+    consensus(instant, sub_team, "agreed", subject, agreed, **more)
 
 
 def referee(unnamed: Collection[str] = (), **check: object) -> Referee:

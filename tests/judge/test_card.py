@@ -55,8 +55,8 @@ def test_it_is_the_agreed_json() -> None:
 def test_a_run_that_was_stopped_fails_and_says_why(
     passed: bool, stopped: str, verdict: str, reasons: list[str]
 ) -> None:
-    found = replace(RESULT, stopped=stopped, judgement=replace(JUDGEMENT, passed=passed, reasons=["why"]))
-    card = scorecard(found)
+    result = replace(RESULT, stopped=stopped, judgement=replace(JUDGEMENT, passed=passed, reasons=["why"]))
+    card = scorecard(result)
     assert (card["verdict"], card["reasons"]) == (verdict, reasons)
 
 
@@ -64,15 +64,15 @@ def test_a_pass_says_whose_regions_were_judged_in_too_few_blocks() -> None:
     """However long the run was: an object may be found at its end."""
     honesty = {**JUDGEMENT.honesty, "objects": {"agreed": {"word": "too short", "coverage": {}}}}
     card = scorecard(replace(RESULT, ticks=300, judgement=replace(JUDGEMENT, honesty=honesty)))
-    told = "PASS, but too short to judge the regions of objects agreed: judged in fewer than 3 blocks of 10 s"
-    assert told in text(card).splitlines()
+    line = "PASS, but too short to judge the regions of objects agreed: judged in fewer than 3 blocks of 10 s"
+    assert line in text(card).splitlines()
 
 
 def test_a_pass_says_whose_interval_is_too_wide_to_judge() -> None:
     wide = {"word": "consistent", "coverage": {"50": {"share": 0.3, "low": 0.03, "high": 0.81}}}
     card = scorecard(replace(RESULT, judgement=replace(JUDGEMENT, honesty={"objects": {"agreed": wide}})))
-    told = "PASS, but too short to judge the regions of objects agreed: the 95 % interval of their 50 % regions is wider than 50 points"
-    assert told in text(card).splitlines()
+    line = "PASS, but too short to judge the regions of objects agreed: the 95 % interval of their 50 % regions is wider than 50 points"
+    assert line in text(card).splitlines()
     assert "too short" not in text({**card, "verdict": "FAIL"})
 
 

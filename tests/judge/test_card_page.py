@@ -13,7 +13,7 @@ from blackboard.judge.samples import COLUMNS, GROUPS, LEVELS
 from blackboard.wire.evidence import PackedVelocity
 from blackboard.wire.messages import UnnamedSighting
 from tests.files import page
-from tests.judge.instants import at, both, instant, referee, solo
+from tests.judge.instants import at, both, new_instant, referee, solo
 from tests.judge.results import RESULT
 
 PAGE = page("scorecard.md") + page("fields.md")
@@ -26,18 +26,18 @@ def real_card() -> dict[str, Any]:
     """The scorecard of 30 s in which every block has something."""
     judge = referee(unnamed=["person"])
     for tick in (50, 100, 150):
-        it = instant(
+        instant = new_instant(
             {"robot/r1": (2.5, 2.5), "object/ball": (5.5, 5.5), "person/p1": (8.5, 8.5)},
             tick,
             velocities={"robot/r1": (1, 0)},
             unnamed={"r1": ["object/ball"]},
         )
-        solo(it, "r1", {"robot/r1": at(2, 4), "object/ball": at(5, 5)})
+        solo(instant, "r1", {"robot/r1": at(2, 4), "object/ball": at(5, 5)})
         for subject, place in (("robot/r1", (2, 3)), ("object/ball", (5, 5))):
             velocity = PackedVelocity(mean=(1.0, 0.0), covariance=(1.0, 0.0, 1.0))
-            seen = UnnamedSighting(source="r1", time=it.truth.time, mark=0, probability=0.5)
-            both(it, "a", subject, at(*place), at(*place), velocity=velocity, lost=0.1, unnamed=[seen])
-        judge.judge_instant(it, judged=True)
+            sighting = UnnamedSighting(source="r1", time=instant.truth.time, mark=0, probability=0.5)
+            both(instant, "a", subject, at(*place), at(*place), velocity=velocity, lost=0.1, unnamed=[sighting])
+        judge.judge_instant(instant, judged=True)
     return scorecard(replace(RESULT, judgement=judge.judgement()))
 
 
@@ -75,8 +75,8 @@ def test_the_block_s_is_documented() -> None:
 
 def test_every_column_of_the_table_is_documented() -> None:
     table = PAGE.split("| column |", 1)[1].split("\n\n", 1)[0]
-    told = [name for row in table.splitlines()[2:] for name in re.findall(r"`(\w+)`", row.split("|")[1])]
-    assert sorted(told) == sorted(COLUMNS)
+    names = [name for row in table.splitlines()[2:] for name in re.findall(r"`(\w+)`", row.split("|")[1])]
+    assert sorted(names) == sorted(COLUMNS)
 
 
 def test_every_word_is_explained() -> None:

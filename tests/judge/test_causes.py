@@ -9,7 +9,7 @@ import pytest
 from blackboard.judge.calibration import CAUTIOUS, CONFIDENT, CONSISTENT, MIXED, SHORT, word
 from blackboard.judge.causes import likely_causes
 from blackboard.judge.intervals import Estimate
-from tests.judge.instants import at, both, instant, referee, solo
+from tests.judge.instants import at, both, new_instant, referee, solo
 
 
 def levels(solo: float, agreed: float, n: int = 10) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def causes(
     company: dict[str, float] | None = None,
     asked: dict[str, bool] | None = None,
 ) -> list[str]:
-    honesty = {"robots": {level: {"word": it} for level, it in zip(("solo", "agreed"), words, strict=True)}}
+    honesty = {"robots": {level: {"word": verdict} for level, verdict in zip(("solo", "agreed"), words, strict=True)}}
     scores = {"robots": {"by_name": robots}, "objects": {"by_name": objects or {}}}
     return likely_causes(scores, honesty, missing or {}, company or {}, asked or dict.fromkeys(robots, True), "cell")
 
@@ -38,7 +38,7 @@ def test_nothing_is_named_where_nothing_stands_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("missing", "took_part", "told"),
+    ("missing", "took_part", "text"),
     [
         ({"solo": 9}, False, "r3 never took part"),
         ({"solo": 9, "agreed": 2}, True, "r3 takes part and sends no belief of its own"),
@@ -46,16 +46,16 @@ def test_nothing_is_named_where_nothing_stands_out() -> None:
     ],
 )
 def test_a_robot_that_was_never_judged_is_named_with_what_lacks(
-    missing: dict[str, int], took_part: bool, told: str
+    missing: dict[str, int], took_part: bool, text: str
 ) -> None:
     (cause,) = causes(GOOD, missing={"robot/r3": missing}, asked={"r1": True, "r2": True, "r3": took_part})
-    assert cause.startswith(told)
+    assert cause.startswith(text)
 
 
 def test_an_object_that_nobody_saw_is_told_from_one_that_no_board_took() -> None:
-    found = causes(GOOD, missing={"object/ball": {"solo": 9, "consensus": 9}, "object/can": {"consensus": 9}})
-    assert found[0].startswith("no robot ever saw object/ball")
-    assert found[1].startswith("object/can was seen, but no board")
+    named = causes(GOOD, missing={"object/ball": {"solo": 9, "consensus": 9}, "object/can": {"consensus": 9}})
+    assert named[0].startswith("no robot ever saw object/ball")
+    assert named[1].startswith("object/can was seen, but no board")
 
 
 def test_the_robot_that_is_off_is_named_with_the_level() -> None:
@@ -67,9 +67,9 @@ def test_the_robot_that_is_off_is_named_with_the_level() -> None:
 
 def test_agreed_that_equals_solo_says_whether_anybody_else_spoke() -> None:
     same = {"r1": levels(1.0, 1.0), "r2": levels(1.2, 1.199)}
-    found = causes(same, company={"robot/r1": 0.05, "robot/r2": 0.5})
-    assert found[0].startswith("agreed equals solo for robot/r1: nobody else had anything to say")
-    assert found[1].startswith("agreed equals solo for robot/r2 although others contributed")
+    named = causes(same, company={"robot/r1": 0.05, "robot/r2": 0.5})
+    assert named[0].startswith("agreed equals solo for robot/r1: nobody else had anything to say")
+    assert named[1].startswith("agreed equals solo for robot/r2 although others contributed")
 
 
 def test_overconfidence_is_laid_at_the_door_it_came_in_by() -> None:
@@ -97,21 +97,21 @@ def test_regions_are_called_by_what_their_intervals_leave_out(
 
 def test_the_referee_names_the_causes_of_a_fail_and_none_of_a_pass() -> None:
     judge = referee(entropy=9.0, coverage=0.0)
-    it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
-    solo(it, "r1", {"robot/r1": at(2, 4)})
-    both(it, "a", "robot/r1", at(2, 4), at(2, 4))
-    judge.judge_instant(it, judged=True)
-    found = judge.judgement()
-    assert not found.passed
-    assert [cause.split(":")[0] for cause in found.causes] == [
+    instant = new_instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
+    solo(instant, "r1", {"robot/r1": at(2, 4)})
+    both(instant, "a", "robot/r1", at(2, 4), at(2, 4))
+    judge.judge_instant(instant, judged=True)
+    judgement = judge.judgement()
+    assert not judgement.passed
+    assert [cause.split(":")[0] for cause in judgement.causes] == [
         "r2 never took part",
         "agreed equals solo for robot/r1",
     ]
-    assert found.honesty["robots"]["agreed"] == {"word": SHORT, "coverage": {}}
+    assert judgement.honesty["robots"]["agreed"] == {"word": SHORT, "coverage": {}}
     judge = referee(coverage=0.0)
-    it = instant({"robot/r1": (2.5, 2.5), "robot/r2": (5.5, 5.5)})
+    instant = new_instant({"robot/r1": (2.5, 2.5), "robot/r2": (5.5, 5.5)})
     for robot, sub_team, (x, y) in (("r1", "a", (2, 2)), ("r2", "b", (5, 5))):
-        solo(it, robot, {f"robot/{robot}": at(x, y + 2)})
-        both(it, sub_team, f"robot/{robot}", at(x, y), at(x, y))
-    judge.judge_instant(it, judged=True)
+        solo(instant, robot, {f"robot/{robot}": at(x, y + 2)})
+        both(instant, sub_team, f"robot/{robot}", at(x, y), at(x, y))
+    judge.judge_instant(instant, judged=True)
     assert (judge.judgement().passed, judge.judgement().causes) == (True, [])

@@ -31,17 +31,17 @@ def written(file: Path) -> Path:
 
 def test_csv_gives_the_rows_back(tmp_path: Path) -> None:
     with written(tmp_path / "x.csv").open(encoding="utf-8", newline="") as file:
-        found = list(csv.DictReader(file))
-    assert [(r["name"], int(r["count"]), float(r["size"])) for r in found] == [
+        rows = list(csv.DictReader(file))
+    assert [(r["name"], int(r["count"]), float(r["size"])) for r in rows] == [
         (r["name"], r["count"], r["size"]) for r in ROWS
     ]
-    assert found[0]["known"] == ""
+    assert rows[0]["known"] == ""
 
 
 def test_json_lines_are_json_also_where_a_number_is_not_finite(tmp_path: Path) -> None:
     lines = written(tmp_path / "x.jsonl").read_text(encoding="utf-8").splitlines()
-    found = [json.loads(line, parse_constant=pytest.fail) for line in lines]
-    assert found == [ROWS[0], {**ROWS[1], "size": None}, ROWS[2]]
+    rows = [json.loads(line, parse_constant=pytest.fail) for line in lines]
+    assert rows == [ROWS[0], {**ROWS[1], "size": None}, ROWS[2]]
 
 
 def test_parquet_gives_the_rows_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,16 +18,16 @@ PLACE = st.tuples(st.floats(-5, 5), st.floats(-5, 5))
 
 
 def places(most: int) -> st.SearchStrategy[Array]:
-    return st.lists(PLACE, max_size=most).map(lambda found: np.array(found, dtype=float).reshape(-1, 2))
+    return st.lists(PLACE, max_size=most).map(lambda rows: np.array(rows, dtype=float).reshape(-1, 2))
 
 
 def every_assignment(n: int, m: int) -> list[tuple[tuple[int, int], ...]]:
     """All sets of pairs in which nobody is twice."""
-    found = []
+    assignments = []
     for k in range(min(n, m) + 1):
         for rows in itertools.combinations(range(n), k):
-            found += [tuple(zip(rows, columns, strict=True)) for columns in itertools.permutations(range(m), k)]
-    return found
+            assignments += [tuple(zip(rows, columns, strict=True)) for columns in itertools.permutations(range(m), k)]
+    return assignments
 
 
 def by_hand(things: Array, tracks: Array, power: float) -> float:
@@ -42,21 +42,21 @@ def by_hand(things: Array, tracks: Array, power: float) -> float:
 
 @given(things=places(4), tracks=places(4), power=st.sampled_from([1.0, 2.0]))
 def test_it_is_the_best_of_all_assignments(things: Array, tracks: Array, power: float) -> None:
-    found = gospa(things, tracks, CUT, power)
-    assert found.distance == pytest.approx(by_hand(things, tracks, power), abs=1e-9)
+    score = gospa(things, tracks, CUT, power)
+    assert score.distance == pytest.approx(by_hand(things, tracks, power), abs=1e-9)
     left = CUT**power / 2
-    assert found.missed == pytest.approx(left * (len(things) - len(found.pairs)))
-    assert found.false == pytest.approx(left * (len(tracks) - len(found.pairs)))
+    assert score.missed == pytest.approx(left * (len(things) - len(score.pairs)))
+    assert score.false == pytest.approx(left * (len(tracks) - len(score.pairs)))
 
 
 @given(costs=st.integers(0, 4).flatmap(lambda n: st.integers(0, 5).map(lambda m: (n, m))), seed=st.integers(0, 999))
 def test_an_assignment_is_whole_and_the_cheapest(costs: tuple[int, int], seed: int) -> None:
     n, m = costs
     table = np.random.default_rng(seed).integers(0, 6, (n, m)).astype(float)  # with ties
-    found = assignment(table)
+    pairs = assignment(table)
     whole = [pairs for pairs in every_assignment(n, m) if len(pairs) == min(n, m)]
-    assert len(found) == len({i for i, _ in found}) == len({j for _, j in found}) == min(n, m)
-    assert sum(table[pair] for pair in found) == min(sum(table[pair] for pair in pairs) for pairs in whole)
+    assert len(pairs) == len({i for i, _ in pairs}) == len({j for _, j in pairs}) == min(n, m)
+    assert sum(table[pair] for pair in pairs) == min(sum(table[pair] for pair in pairs) for pairs in whole)
 
 
 @given(a=places(3), b=places(3), c=places(3))
@@ -68,9 +68,9 @@ def test_it_is_a_metric(a: Array, b: Array, c: Array) -> None:
 
 
 def test_a_track_beyond_the_cut_is_a_missed_thing_and_a_false_track() -> None:
-    found = gospa(np.array([[0.0, 0.0], [8.0, 0.0]]), np.array([[1.0, 0.0], [20.0, 0.0]]), CUT)
-    assert found.pairs == ((0, 0),)
-    assert (found.localisation, found.missed, found.false) == (1.0, 4.5, 4.5)
+    score = gospa(np.array([[0.0, 0.0], [8.0, 0.0]]), np.array([[1.0, 0.0], [20.0, 0.0]]), CUT)
+    assert score.pairs == ((0, 0),)
+    assert (score.localisation, score.missed, score.false) == (1.0, 4.5, 4.5)
 
 
 def test_a_cut_of_nothing_is_a_mistake() -> None:

@@ -15,7 +15,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import Score
 from blackboard.wire.arrays import pack
 from tests.holdings import holdings
-from tests.judge.instants import at, both, cells, instant, solo
+from tests.judge.instants import at, both, cells, new_instant, solo
 
 GRID = Grid((40, 40))
 CALM = {"robots": 9.0, "entropy": 9.0, "coverage": 0.0}  # the other checks
@@ -24,9 +24,9 @@ CALM = {"robots": 9.0, "entropy": 9.0, "coverage": 0.0}  # the other checks
 # --- missing samples --------------------------------------------------------------------------------------------------
 
 
-def told(it: Instant, robot: str, sub_team: str) -> None:
-    solo(it, robot, {f"robot/{robot}": cells({(2, 2): 0.5, (2, 4): 0.5})})
-    both(it, sub_team, f"robot/{robot}", at(2, 2), at(2, 2))
+def reported(instant: Instant, robot: str, sub_team: str) -> None:
+    solo(instant, robot, {f"robot/{robot}": cells({(2, 2): 0.5, (2, 4): 0.5})})
+    both(instant, sub_team, f"robot/{robot}", at(2, 2), at(2, 2))
 
 
 def played(
@@ -39,11 +39,11 @@ def played(
     for tick in range(1, ticks + 1):
         there = tick < board_dies or tick >= back
         teams = {"a": ["r1"], **({"b": ["r2"]} if there else {})}
-        it = instant({"robot/r1": (2.5, 2.5), "robot/r2": (2.5, 2.5)}, tick, teams)
-        told(it, "r1", "a")
+        instant = new_instant({"robot/r1": (2.5, 2.5), "robot/r2": (2.5, 2.5)}, tick, teams)
+        reported(instant, "r1", "a")
         if there:
-            told(it, "r2", "b")
-        judge.judge_instant(it, judged=True)
+            reported(instant, "r2", "b")
+        judge.judge_instant(instant, judged=True)
     return judge.verdict(judge.scores())
 
 
@@ -74,13 +74,13 @@ def test_a_guest_that_has_left_owes_nothing_any_more() -> None:
     """Robot r3 is in no scenario; as it leaves, the last belief about it is missing."""
     judge = Referee(Grid((10, 10)), CheckSection.model_validate(CALM | {"calibration": 1.0}), ("r1",))
     for tick in range(1, 150):
-        it = instant(
+        instant = new_instant(
             {"robot/r1": (2.5, 2.5), "robot/r3": (2.5, 2.5)}, tick, {"a": ["r1", "r3"] if tick <= 80 else ["r1"]}
         )
-        told(it, "r1", "a")
+        reported(instant, "r1", "a")
         if tick < 80:
-            told(it, "r3", "a")
-        judge.judge_instant(it, judged=True)
+            reported(instant, "r3", "a")
+        judge.judge_instant(instant, judged=True)
     assert judge.verdict(judge.scores())[0]
 
 
@@ -91,13 +91,15 @@ def test_of_a_robot_under_a_fault_nothing_is_asked() -> None:
 def test_an_object_that_robots_see_and_the_team_does_not_know_is_missing_and_one_that_nobody_sees_is_not() -> None:
     judge = Referee(Grid((10, 10)), CheckSection.model_validate(CALM), ("r1",))
     for tick in range(1, 11):
-        it = instant({"robot/r1": (2.5, 2.5), "object/ball": (4.5, 4.5), "object/can": (1.5, 1.5)}, tick, {"a": ["r1"]})
-        told(it, "r1", "a")
+        instant = new_instant(
+            {"robot/r1": (2.5, 2.5), "object/ball": (4.5, 4.5), "object/can": (1.5, 1.5)}, tick, {"a": ["r1"]}
+        )
+        reported(instant, "r1", "a")
         if tick > 1:
-            solo(it, "r1", {"robot/r1": at(2, 2), "object/ball": at(4, 4)})
+            solo(instant, "r1", {"robot/r1": at(2, 2), "object/ball": at(4, 4)})
         if tick < 7:
-            both(it, "a", "object/ball", at(4, 4), at(4, 4))
-        judge.judge_instant(it, judged=True)
+            both(instant, "a", "object/ball", at(4, 4), at(4, 4))
+        judge.judge_instant(instant, judged=True)
     passed, reasons = judge.verdict(judge.scores())
     assert not passed
     assert reasons == ["object/ball: 44.4 % of its samples are missing (agreed 4, consensus 4, solo 1), at most 20 %"]
@@ -117,7 +119,7 @@ def test_a_gaussian_claims_its_own_sigma_also_above_a_floor(sigma: float) -> Non
 
 def judged(error: float, claimed: float, blocks: int, *, seed: int = 1, correlated: bool = False) -> Calibration:
     """Samples of robots that err with a sigma and claim another, five a second; correlated: one error in each block."""
-    rng, found = np.random.default_rng(seed), Calibration()
+    rng, calibration = np.random.default_rng(seed), Calibration()
     for block in range(blocks):
         off = rng.normal(0, error, 2)
         for second in range(int(BLOCK)):
@@ -126,8 +128,8 @@ def judged(error: float, claimed: float, blocks: int, *, seed: int = 1, correlat
             belief = gaussian(GRID, (truth + off).tolist(), claimed)
             score = Score()
             score.add(belief, truth.tolist())
-            found.add(block * BLOCK + second + 1, score, claimed_error(belief))
-    return found
+            calibration.add(block * BLOCK + second + 1, score, claimed_error(belief))
+    return calibration
 
 
 def width(share: Estimate) -> float:
@@ -150,8 +152,10 @@ def test_of_few_blocks_nothing_is_concluded() -> None:
 
 @pytest.mark.parametrize(("error", "claimed", "off"), [(2.0, 2.0, False), (2.0, 1.2, True), (2.0, 4.0, True)])
 def test_coverage_is_judged_to_both_sides(error: float, claimed: float, off: bool) -> None:
-    found = judged(error, claimed, 20).coverage()
-    assert any(at.is_above(level / 100 + 0.05) or at.is_below(level / 100 - 0.05) for level, at in found.items()) == off
+    coverage = judged(error, claimed, 20).coverage()
+    assert (
+        any(at.is_above(level / 100 + 0.05) or at.is_below(level / 100 - 0.05) for level, at in coverage.items()) == off
+    )
 
 
 def test_sharp_beliefs_that_are_right_hold_the_truth_as_often_as_the_level_says() -> None:
@@ -172,12 +176,12 @@ def run(solo_sigma: float, agreed_sigma: float, error: float = 2.0, **check: flo
     judge = Referee(GRID, CheckSection.model_validate(CALM | check), ("r1",))
     rng = np.random.default_rng(3)
     for tick in range(5, 301, 5):
-        it = instant({"robot/r1": (20.5, 20.5)}, tick, {"a": ["r1"]})
+        instant = new_instant({"robot/r1": (20.5, 20.5)}, tick, {"a": ["r1"]})
         x, y = (float(c) for c in 20.5 + rng.normal(0, error, 2))
-        solo(it, "r1", {"robot/r1": pack(gaussian(GRID, (x, y), solo_sigma))})
+        solo(instant, "r1", {"robot/r1": pack(gaussian(GRID, (x, y), solo_sigma))})
         agreed = pack(gaussian(GRID, (x, y), agreed_sigma))
-        both(it, "a", "robot/r1", agreed, agreed)
-        judge.judge_instant(it, judged=True)
+        both(instant, "a", "robot/r1", agreed, agreed)
+        judge.judge_instant(instant, judged=True)
     passed, reasons = judge.verdict(judge.scores())
     return [] if passed else reasons
 

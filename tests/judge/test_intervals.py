@@ -50,10 +50,10 @@ def test_wilsons_interval_by_the_book(share: float, n: int, low: float, high: fl
 @given(st.integers(0, 40), st.integers(1, 40))
 def test_wilsons_interval_ends_where_the_share_is_z_deviations_away(hits: int, n: int) -> None:
     share = min(hits, n) / n
-    found = wilson(share, n)
-    assert found.within(0.0, 1.0) == found
-    assert holds(Estimate(share, found.low and found.low - 1e-12, found.high and found.high + 1e-12), share)
-    for end in (found.low, found.high):
+    interval = wilson(share, n)
+    assert interval.within(0.0, 1.0) == interval
+    assert holds(Estimate(share, interval.low and interval.low - 1e-12, interval.high and interval.high + 1e-12), share)
+    for end in (interval.low, interval.high):
         if end is not None and 1e-9 < end < 1 - 1e-9:  # (share - p)^2 = Z^2 p (1 - p) / n, the interval's definition
             assert (share - end) ** 2 == pytest.approx(Z**2 * end * (1 - end) / n, abs=1e-12)
 
@@ -64,8 +64,8 @@ def test_students_t_is_that_of_the_tables() -> None:
 
 
 def test_an_interval_is_above_or_below_a_limit_as_a_whole_or_not_at_all() -> None:
-    it = Estimate(0.5, 0.4, 0.6)
-    assert [(it.is_above(limit), it.is_below(limit)) for limit in (0.3, 0.4, 0.5, 0.6, 0.7)] == [
+    estimate = Estimate(0.5, 0.4, 0.6)
+    assert [(estimate.is_above(limit), estimate.is_below(limit)) for limit in (0.3, 0.4, 0.5, 0.6, 0.7)] == [
         (True, False), (False, False), (False, False), (False, False), (False, True),
     ]  # fmt: skip
     assert not Estimate(0.5).is_above(0.0)
@@ -73,8 +73,8 @@ def test_an_interval_is_above_or_below_a_limit_as_a_whole_or_not_at_all() -> Non
 
 
 def test_an_estimate_is_shown_with_its_interval() -> None:
-    it = asdict(Estimate(0.51239, -0.4, 0.6))
-    assert (shown(it), shown(it, 1, sign="+")) == ("0.512 [-0.400, 0.600]", "+0.5 [-0.4, +0.6]")
+    estimate = asdict(Estimate(0.51239, -0.4, 0.6))
+    assert (shown(estimate), shown(estimate, 1, sign="+")) == ("0.512 [-0.400, 0.600]", "+0.5 [-0.4, +0.6]")
     assert shown(asdict(Estimate(0.5)), without=" [-]") == "0.500 [-]"
     assert shown({"value": None, "low": None, "high": None}) == "-"
 
@@ -97,14 +97,14 @@ def slow_effective_samples(hits: Sequence[bool], blocks: Sequence[int]) -> float
         return len(counts)
     away = [of_block - share * count for of_block, count in zip(sums, counts, strict=True)]
     alike = slow_autocorrelation(away)
-    total = sum(one**2 for one in away) * (1 + alike) / (1 - alike)
+    total = sum(off**2 for off in away) * (1 + alike) / (1 - alike)
     variance = len(counts) / (len(counts) - 1) * total / n**2
     return min(n, share * (1 - share) / variance) if variance > 1e-30 else n
 
 
 def slow_autocorrelation(away: Sequence[float]) -> float:
-    found = sum(a * b for a, b in itertools.pairwise(away)) / (sum(a * a for a in away) or 1.0)
-    return min(MAX_AUTOCORRELATION, max(0.0, found))
+    correlation = sum(a * b for a, b in itertools.pairwise(away)) / (sum(a * a for a in away) or 1.0)
+    return min(MAX_AUTOCORRELATION, max(0.0, correlation))
 
 
 BLOCKS = st.lists(st.tuples(st.booleans(), st.integers(0, 5)), min_size=1, max_size=60)
@@ -121,16 +121,16 @@ def test_equal_blocks_that_are_not_alike_count_for_one_each_at_least_and_for_the
     parts: list[list[bool]],
 ) -> None:
     hits = [sum(part) for part in parts]
-    found = effective_samples(hits, [4.0] * len(parts))
+    samples = effective_samples(hits, [4.0] * len(parts))
     alike = slow_autocorrelation([of_part - sum(hits) / len(parts) for of_part in hits])
-    assert (len(parts) - 1) * (1 - alike) / (1 + alike) - 1e-9 <= found <= 4 * len(parts)
+    assert (len(parts) - 1) * (1 - alike) / (1 + alike) - 1e-9 <= samples <= 4 * len(parts)
 
 
 @given(BLOCKS, st.integers(2, 5))
 def test_more_of_the_same_within_a_block_is_no_information(pairs: list[tuple[bool, int]], times: int) -> None:
     hits, blocks = zip(*pairs, strict=True)
-    found = effective_samples(*in_blocks(hits * times, blocks * times))
-    assert min(found, len(hits)) == pytest.approx(effective_samples(*in_blocks(hits, blocks)))
+    samples = effective_samples(*in_blocks(hits * times, blocks * times))
+    assert min(samples, len(hits)) == pytest.approx(effective_samples(*in_blocks(hits, blocks)))
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.7])
@@ -149,8 +149,8 @@ def test_an_interval_holds_the_share_also_where_neighbouring_blocks_are_correlat
 def test_the_mean_of_equal_blocks_has_the_interval_of_batch_means() -> None:
     batches = np.random.default_rng(1).normal(0.5, 0.1, 10)
     half = 2.262 * batches.std(ddof=1) / math.sqrt(10)  # Student's t of 9 degrees of freedom
-    found = mean_of_blocks(7 * batches, np.full(10, 7))
-    assert (found.value, found.low, found.high) == pytest.approx(
+    estimate = mean_of_blocks(7 * batches, np.full(10, 7))
+    assert (estimate.value, estimate.low, estimate.high) == pytest.approx(
         (batches.mean(), batches.mean() - half, batches.mean() + half), rel=1e-4
     )
 
@@ -171,11 +171,11 @@ def test_the_mean_of_blocks_of_unequal_length_is_held_as_often_as_it_says() -> N
 def test_intervals_hold_the_truth_about_as_often_as_they_say(runs: int) -> None:
     """1000 times so many runs, each with a level of its own: the nominal 95 % are 92 to 97 %, also over few runs."""
     rng = np.random.default_rng(5)
-    found = means(rng.standard_normal((runs, 1000)), rng)
-    assert 0.92 <= np.mean([holds(interval, 0.0) for interval in found]) <= 0.97
+    estimates = means(rng.standard_normal((runs, 1000)), rng)
+    assert 0.92 <= np.mean([holds(interval, 0.0) for interval in estimates]) <= 0.97
 
 
 def test_an_interval_over_runs_ends_where_its_number_must() -> None:
-    found = means(np.array([[0.0], [1.0], [1.0], [1.0]]), np.random.default_rng(1), 0.0, 1.0)[0]
-    assert (found.value, found.high) == (0.75, 1.0)
-    assert holds(found, 0.75)
+    estimate = means(np.array([[0.0], [1.0], [1.0], [1.0]]), np.random.default_rng(1), 0.0, 1.0)[0]
+    assert (estimate.value, estimate.high) == (0.75, 1.0)
+    assert holds(estimate, 0.75)

@@ -17,12 +17,12 @@ from tests.wire import envelopes as messages
 
 
 def heard(truth: Truth, said: dict[str, dict[str, object]]) -> Motions:
-    it, judge = Instant(truth, {name: list(robots) for name, robots in TEAMS.items()}), Motions()
+    instant, judge = Instant(truth, {name: list(robots) for name, robots in TEAMS.items()}), Motions()
     for subject, fields in said.items():
         where = {"board": "a", "sub_team": "a", "level": "agreed"}
         message = messages.consensus(at(2, 2), subject, tick=1, **where).model_copy(update=fields)
-        it.hear_message("a", message, b"")
-        judge.judge_subject(it, "a", subject)
+        instant.hear_message("a", message, b"")
+        judge.judge_subject(instant, "a", subject)
     return judge
 
 
@@ -31,11 +31,11 @@ def test_a_heading_is_judged_around_the_circle_and_by_what_it_claims() -> None:
     block = np.zeros(12)
     block[2] = -math.pi + 0.2  # 0.3 rad away
     state = pack_state(Moments(block, np.eye(12) * 0.04))  # 1.5 sigmas: outside of the 50 %, inside of the 90 %
-    found = heard(truth, {"robot/r1": {"state": state}, "robot/r2": {}}).summary()["headings"]["robots"]
-    assert (found["n"], found["rmse"]) == (1, pytest.approx(0.3))
-    assert found["coverage"] == {"50": 0.0, "90": 1.0, "95": 1.0}
-    assert found["log_score"] == pytest.approx(-0.5 * 1.5**2 - math.log(0.2 * math.sqrt(2 * math.pi)))
-    assert list(found["by_name"]) == ["r1"]
+    headings = heard(truth, {"robot/r1": {"state": state}, "robot/r2": {}}).summary()["headings"]["robots"]
+    assert (headings["n"], headings["rmse"]) == (1, pytest.approx(0.3))
+    assert headings["coverage"] == {"50": 0.0, "90": 1.0, "95": 1.0}
+    assert headings["log_score"] == pytest.approx(-0.5 * 1.5**2 - math.log(0.2 * math.sqrt(2 * math.pi)))
+    assert list(headings["by_name"]) == ["r1"]
 
 
 def test_velocities_are_judged_of_robots_and_objects_where_the_truth_is_known() -> None:
@@ -47,10 +47,10 @@ def test_velocities_are_judged_of_robots_and_objects_where_the_truth_is_known() 
         "object/ball": {"velocity": pack_velocity(Moments(np.array([3.0, 2.0]), np.eye(2)))},
         "object/can": {"velocity": pack_velocity(Moments(np.array([3.0, 2.0]), np.eye(2)))},
     }
-    found = heard(truth, fields).summary()["velocities"]
-    assert (found["robots"]["rmse"], found["objects"]["rmse"]) == (0.0, pytest.approx(3.0))
-    assert (found["robots"]["coverage"]["50"], found["objects"]["coverage"]["95"]) == (1.0, 0.0)
-    assert list(found["objects"]["by_name"]) == ["ball"]
+    velocities = heard(truth, fields).summary()["velocities"]
+    assert (velocities["robots"]["rmse"], velocities["objects"]["rmse"]) == (0.0, pytest.approx(3.0))
+    assert (velocities["robots"]["coverage"]["50"], velocities["objects"]["coverage"]["95"]) == (1.0, 0.0)
+    assert list(velocities["objects"]["by_name"]) == ["ball"]
 
 
 def test_where_nothing_was_judged_there_is_nothing() -> None:

@@ -23,19 +23,19 @@ def test_the_interval_is_that_of_the_means_of_blocks() -> None:
     shift = np.repeat(rng.normal(0.5, 0.1, BLOCKS), 10)
     ones = [sample(tick, 1.0) for tick in range(10 * BLOCKS)]
     others = [sample(tick, 1.0 + shift[tick], -shift[tick]) for tick in range(10 * BLOCKS)]
-    found = paired(ones, [*others, sample(5000, 9.0)])["robots"]["agreed"]
-    assert found["n"] == 10 * BLOCKS
+    difference = paired(ones, [*others, sample(5000, 9.0)])["robots"]["agreed"]
+    assert difference["n"] == 10 * BLOCKS
     blocks = shift[::10]
     half = 2.262 * blocks.std(ddof=1) / math.sqrt(BLOCKS)  # Student's t of 9 degrees of freedom
-    assert found["error"] == pytest.approx(
+    assert difference["error"] == pytest.approx(
         {"value": blocks.mean(), "low": blocks.mean() - half, "high": blocks.mean() + half}, rel=1e-4
     )
-    assert found["log_score"]["value"] == pytest.approx(-blocks.mean())
+    assert difference["log_score"]["value"] == pytest.approx(-blocks.mean())
     assert "robots agreed: error +0." in text(paired(ones, others), "cell")
 
 
 def test_a_run_with_too_few_samples_has_no_interval() -> None:
     few = [sample(tick, 1.0) for tick in range(BLOCKS - 1)]
-    found = paired(few, [sample(one.tick, 1.5) for one in few])
-    assert found["robots"]["agreed"]["error"] == {"value": 0.5, "low": None, "high": None}
-    assert "+0.500 (too short for an interval)" in text(found, "cell")
+    differences = paired(few, [sample(first.tick, 1.5) for first in few])
+    assert differences["robots"]["agreed"]["error"] == {"value": 0.5, "low": None, "high": None}
+    assert "+0.500 (too short for an interval)" in text(differences, "cell")

@@ -17,30 +17,30 @@ from blackboard.judge.instant import Instant, who_saw_landmarks
 from blackboard.judge.referee import Referee
 from blackboard.judge.samples import COLUMNS, LEVELS, NEEDED, Sample, read_series, series_file
 from blackboard.wire.messages import Readings, Sighting, Used
-from tests.judge.instants import GRID, at, both, cells, consensus, instant, solo
+from tests.judge.instants import GRID, at, both, cells, consensus, new_instant, solo
 
 SAMPLE = Sample(3, 0.6, "r1", "a", "robot/r1", "agreed", 1.0, 2.0, 1.5, 2.5, -1.0, 0.25, 0.01, 4.0, math.inf)
 FINITE = st.floats(allow_nan=False)
 
 
-def told(*ticks: Instant) -> list[Sample]:
+def samples_of(*ticks: Instant) -> list[Sample]:
     samples: list[Sample] = []
     judge = Referee(GRID, CheckSection(), ("r1",), samples.append)
-    for it in ticks:
-        judge.judge_instant(it, judged=it.truth.tick % 2 == 1)
+    for instant in ticks:
+        judge.judge_instant(instant, judged=instant.truth.tick % 2 == 1)
     return samples
 
 
 def tick(number: int, *, saw: bool) -> Instant:
-    it = instant({"robot/r1": (2.5, 2.5)}, number, teams={"a": ["r1"]})
-    it.landmark_seen = frozenset({"r1"} if saw else ())
-    solo(it, "r1", {"robot/r1": cells({(2, 2): 0.25, (2, 4): 0.75})})
-    both(it, "a", "robot/r1", at(5, 6), at(2, 2))
-    return it
+    instant = new_instant({"robot/r1": (2.5, 2.5)}, number, teams={"a": ["r1"]})
+    instant.landmark_seen = frozenset({"r1"} if saw else ())
+    solo(instant, "r1", {"robot/r1": cells({(2, 2): 0.25, (2, 4): 0.75})})
+    both(instant, "a", "robot/r1", at(5, 6), at(2, 2))
+    return instant
 
 
 def test_a_sample_says_how_each_level_did() -> None:
-    samples = told(tick(1, saw=False))
+    samples = samples_of(tick(1, saw=False))
     assert [sample.level for sample in samples] == list(LEVELS)
     alone, together, agreed = samples
     values = (1, 0.2, "r1", "a", "robot/r1", "solo", 2.5, 2.5, 2.5, 4.0, pytest.approx(math.log(0.25)), 0.75, 0.25, 2.0)
@@ -59,25 +59,25 @@ def test_a_sample_says_how_each_level_did() -> None:
 
 
 def test_a_landmark_counts_from_ticks_that_are_not_judged_too() -> None:
-    samples = told(*(tick(number, saw=number in (2, 5)) for number in range(1, 8)))
+    samples = samples_of(*(tick(number, saw=number in (2, 5)) for number in range(1, 8)))
     ages = [sample.landmark_age for sample in samples if sample.level == "solo"]
     assert ages == [math.inf, pytest.approx(0.2), 0.0, pytest.approx(0.4)]
 
 
 def test_only_what_counts_for_the_scores_is_in_the_series() -> None:
-    it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
-    solo(it, "r1", {"robot/r1": at(2, 2)})
-    consensus(it, "a", "consensus", "robot/r1", at(2, 2))  # and nothing was agreed
-    assert told(it) == []
+    instant = new_instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
+    solo(instant, "r1", {"robot/r1": at(2, 2)})
+    consensus(instant, "a", "consensus", "robot/r1", at(2, 2))  # and nothing was agreed
+    assert samples_of(instant) == []
 
 
 def test_who_saw_a_landmark() -> None:
     landmark = Sighting(subject="landmark/6", range=1.0, bearing=0.0, landmark=(1.0, 2.0))
     mate = Sighting(subject="robot/r2", range=1.0, bearing=0.0)
-    seen = {"r1": [mate, landmark], "r2": [mate], "r3": []}
-    assert who_saw_landmarks(Readings(run="x", robot=r, tick=1, time=1.0, sightings=s) for r, s in seen.items()) == {
-        "r1"
-    }
+    sightings = {"r1": [mate, landmark], "r2": [mate], "r3": []}
+    assert who_saw_landmarks(
+        Readings(run="x", robot=r, tick=1, time=1.0, sightings=s) for r, s in sightings.items()
+    ) == {"r1"}
 
 
 @given(st.lists(st.tuples(FINITE, FINITE, st.floats(0, math.inf))))
@@ -141,16 +141,16 @@ def test_the_sources_are_the_robots_behind_a_belief() -> None:
     def used(*names: str) -> list[Used]:
         return [Used(source=name, weight=1.0, age=0.0, entropy=1.0, how="independent") for name in names]
 
-    it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1", "r2"], "b": ["r3"]})
+    instant = new_instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1", "r2"], "b": ["r3"]})
     for sub_team, level, names in (
         ("a", "consensus", ("r1", "r2", "r1")),
         ("b", "consensus", ("r3",)),
         ("a", "agreed", ("a", "b")),
         ("b", "agreed", ("r3", "r1")),  # of a joint
     ):
-        consensus(it, sub_team, level, "robot/r1", at(2, 2), used(*names))
-    found = {(s, level): it.sources(level, "r1", s, "robot/r1") for s in "ab" for level in LEVELS}
-    assert found == {
+        consensus(instant, sub_team, level, "robot/r1", at(2, 2), used(*names))
+    sources = {(s, level): instant.sources(level, "r1", s, "robot/r1") for s in "ab" for level in LEVELS}
+    assert sources == {
         ("a", "solo"): {"r1"},
         ("b", "solo"): {"r1"},
         ("a", "consensus"): {"r1", "r2"},

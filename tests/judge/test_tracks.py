@@ -15,10 +15,10 @@ CUT = 3.0
 def judged(
     *ticks: tuple[Mapping[str, Place], Mapping[str, Place]], existence: float | None = None
 ) -> dict[str, object]:
-    found = TrackJudge(CUT)
+    judge = TrackJudge(CUT)
     for things, tracks in ticks:
-        found.judge_instant(things, {name: TrackAt(place, existence) for name, place in tracks.items()})
-    return found.summary()
+        judge.judge_instant(things, {name: TrackAt(place, existence) for name, place in tracks.items()})
+    return judge.summary()
 
 
 def passing(at: Sequence[float]) -> list[dict[str, Place]]:
@@ -28,51 +28,51 @@ def passing(at: Sequence[float]) -> list[dict[str, Place]]:
 
 def test_a_perfect_tracker_errs_in_nothing() -> None:
     ways = passing(np.linspace(-8, 8, 33).tolist())
-    found = judged(*[(way, {"person/1": way["person/anna"], "person/2": way["person/ben"]}) for way in ways])
+    summary = judged(*[(way, {"person/1": way["person/anna"], "person/2": way["person/ben"]}) for way in ways])
     errors = ("gospa", "localisation", "missed", "false", "missed_share", "switches", "false_tracks")
-    assert {name: found[name] for name in errors} == dict.fromkeys(errors, 0)
+    assert {name: summary[name] for name in errors} == dict.fromkeys(errors, 0)
 
 
 def test_tracks_that_exchange_their_people_have_switched_once_each() -> None:
     ways = passing(np.linspace(-8, 8, 33).tolist())
     names = ("person/anna", "person/ben")
     before, after = names, names[::-1]
-    told = []
+    ticks = []
     for way in ways:
         first, second = before if way["person/anna"][0] < 0 else after
-        told.append((way, {"person/1": way[first], "person/2": way[second]}))
-    found = judged(*told)
-    assert found["switches"] == 2
-    assert found["gospa"] == 0.0, "at each time some track is where each person is"
+        ticks.append((way, {"person/1": way[first], "person/2": way[second]}))
+    summary = judged(*ticks)
+    assert summary["switches"] == 2
+    assert summary["gospa"] == 0.0, "at each time some track is where each person is"
 
 
 def test_two_who_pass_in_the_noise_have_not_switched() -> None:
     """The best pairing of a tick changes to and fro where both are near to both."""
     rng = np.random.default_rng(1)
-    told = []
+    ticks = []
     for way in passing(np.linspace(-8, 8, 161).tolist()):
         noisy = {name: (x + rng.normal(0, 0.7), y + rng.normal(0, 0.7)) for name, (x, y) in way.items()}
-        told.append((way, {"person/1": noisy["person/anna"], "person/2": noisy["person/ben"]}))
-    assert judged(*told)["switches"] == 0
+        ticks.append((way, {"person/1": noisy["person/anna"], "person/2": noisy["person/ben"]}))
+    assert judged(*ticks)["switches"] == 0
 
 
 def test_a_track_that_dies_and_comes_back_under_another_name_is_a_switch() -> None:
     there = {"person/anna": (0.0, 0.0)}
-    found = judged((there, {"person/1": (0.0, 0.0)}), (there, {}), (there, {"person/2": (0.0, 0.0)}))
-    assert found["switches"] == 1
-    assert found["missed_share"] == pytest.approx(1 / 3)
+    summary = judged((there, {"person/1": (0.0, 0.0)}), (there, {}), (there, {"person/2": (0.0, 0.0)}))
+    assert summary["switches"] == 1
+    assert summary["missed_share"] == pytest.approx(1 / 3)
     assert judged((there, {"person/1": (0.0, 0.0)}), (there, {}), (there, {"person/1": (0.0, 0.0)}))["switches"] == 0
 
 
 def test_who_loses_a_track_to_another_and_gets_theirs_later_has_switched() -> None:
     near, far = {"person/anna": (0.0, 0.0)}, {"person/ben": (9.0, 0.0)}
     apart = {"person/1": (0.0, 0.0), "person/2": (9.0, 0.0)}
-    found = judged(
+    summary = judged(
         (near | far, apart),
         (near | far, {"person/1": (9.0, 0.0)}),
         (near | far, dict(zip(apart, reversed(apart.values()), strict=True))),
     )
-    assert found["switches"] == 2
+    assert summary["switches"] == 2
 
 
 def test_a_ghost_counts_once_however_long_it_lives() -> None:
@@ -85,24 +85,24 @@ def test_a_ghost_counts_once_however_long_it_lives() -> None:
 
 def test_a_track_that_was_once_of_somebody_is_no_ghost() -> None:
     there = {"person/anna": (0.0, 0.0)}
-    found = judged((there, {"person/1": (0.0, 0.0)}), ({}, {"person/1": (0.0, 0.0)}))
-    assert found["false_tracks"] == 0
-    assert found["false"] == pytest.approx(CUT**2 / 2 / 2)
+    summary = judged((there, {"person/1": (0.0, 0.0)}), ({}, {"person/1": (0.0, 0.0)}))
+    assert summary["false_tracks"] == 0
+    assert summary["false"] == pytest.approx(CUT**2 / 2 / 2)
 
 
 def test_the_parts_are_those_of_the_square() -> None:
-    found = judged(
+    summary = judged(
         ({"person/anna": (0.0, 0.0), "person/ben": (9.0, 0.0)}, {"person/1": (0.0, 2.0), "person/2": (-9.0, 0.0)}),
         ({}, {}),
     )
-    assert (found["localisation"], found["missed"], found["false"]) == (2.0, 2.25, 2.25)
-    assert found["gospa"] == pytest.approx(np.sqrt(6.5))
+    assert (summary["localisation"], summary["missed"], summary["false"]) == (2.0, 2.25, 2.25)
+    assert summary["gospa"] == pytest.approx(np.sqrt(6.5))
 
 
 def test_existence_is_judged_by_whether_somebody_is_there() -> None:
     there = {"person/anna": (0.0, 0.0)}
-    found = judged((there, {"person/1": (0.0, 0.0), "person/2": (9.0, 9.0)}), existence=0.8)
-    assert found["existence"]["brier"] == pytest.approx((0.04 + 0.64) / 2)  # type: ignore[index]
+    summary = judged((there, {"person/1": (0.0, 0.0), "person/2": (9.0, 9.0)}), existence=0.8)
+    assert summary["existence"]["brier"] == pytest.approx((0.04 + 0.64) / 2)  # type: ignore[index]
 
 
 def test_nothing_to_judge_is_nothing() -> None:

@@ -9,15 +9,15 @@ import pytest
 from blackboard.config.world import CheckSection
 from blackboard.judge.referee import Referee
 from blackboard.wire.messages import PackedBelief
-from tests.judge.instants import GRID, at, both, cells, instant, referee, solo
+from tests.judge.instants import GRID, at, both, cells, new_instant, referee, solo
 
 
 def verdict(solo_: PackedBelief, agreed: PackedBelief, **check: object) -> tuple[bool, list[str]]:
     judge = Referee(GRID, CheckSection.model_validate(check), ("r1",))
-    it = instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
-    solo(it, "r1", {"robot/r1": solo_})
-    both(it, "a", "robot/r1", solo_, agreed)
-    judge.judge_instant(it, judged=True)
+    instant = new_instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
+    solo(instant, "r1", {"robot/r1": solo_})
+    both(instant, "a", "robot/r1", solo_, agreed)
+    judge.judge_instant(instant, judged=True)
     return judge.verdict(judge.scores())
 
 
@@ -64,21 +64,21 @@ def test_a_robot_that_was_never_judged_is_a_reason() -> None:
 
 def test_objects_that_were_never_judged_are_a_reason() -> None:
     judge = Referee(GRID, CheckSection(), ("r1",))
-    it = instant({"robot/r1": (2.5, 2.5), "object/ball": (4.5, 4.5)}, teams={"a": ["r1"]})
-    solo(it, "r1", {"robot/r1": WIDE})
-    both(it, "a", "robot/r1", WIDE, NEAR)
-    judge.judge_instant(it, judged=True)
+    instant = new_instant({"robot/r1": (2.5, 2.5), "object/ball": (4.5, 4.5)}, teams={"a": ["r1"]})
+    solo(instant, "r1", {"robot/r1": WIDE})
+    both(instant, "a", "robot/r1", WIDE, NEAR)
+    judge.judge_instant(instant, judged=True)
     assert judge.verdict(judge.scores()) == (False, ["no object was ever judged"])
 
 
 def test_objects_have_a_limit_of_their_own() -> None:
     def judged(objects: float) -> tuple[bool, list[str]]:
         judge = Referee(GRID, CheckSection(robots=2.0, objects=objects, coverage=0.0, entropy=5.0), ("r1",))
-        it = instant({"robot/r1": (2.5, 2.5), "object/ball": (4.5, 4.5)}, teams={"a": ["r1"]})
-        solo(it, "r1", {"robot/r1": WIDE, "object/ball": at(4, 6)})
-        both(it, "a", "robot/r1", WIDE, WIDE)
-        both(it, "a", "object/ball", at(4, 5), at(4, 5))
-        judge.judge_instant(it, judged=True)
+        instant = new_instant({"robot/r1": (2.5, 2.5), "object/ball": (4.5, 4.5)}, teams={"a": ["r1"]})
+        solo(instant, "r1", {"robot/r1": WIDE, "object/ball": at(4, 6)})
+        both(instant, "a", "robot/r1", WIDE, WIDE)
+        both(instant, "a", "object/ball", at(4, 5), at(4, 5))
+        judge.judge_instant(instant, judged=True)
         return judge.verdict(judge.scores())
 
     assert judged(0.6)[0]
