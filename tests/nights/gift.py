@@ -25,7 +25,7 @@ def test_night_{number}() -> None:
 def commit() -> str:
     """The commit of the sources, short; with a plus where they were changed since."""
     try:
-        found = subprocess.run(
+        described = subprocess.run(
             ["git", "describe", "--always", "--dirty=+"],
             capture_output=True,
             text=True,
@@ -34,12 +34,12 @@ def commit() -> str:
         )
     except (OSError, subprocess.CalledProcessError):
         return "no commit"
-    return found.stdout.strip()
+    return described.stdout.strip()
 
 
 def wrapped(night: Night, folder: Path) -> str:
     """Shrink a night that fails, write its tape and its test into a folder, and say what they are."""
-    smallest = shrunk(night, lambda it: "" if (broken := lived(it).broken) is None else broken.oracle)
+    smallest = shrunk(night, lambda tried: "" if (broken := lived(tried).broken) is None else broken.oracle)
     broken = lived(smallest).broken
     folder.mkdir(parents=True, exist_ok=True)
     number = night.name.replace("/", "_")

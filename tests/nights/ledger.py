@@ -39,13 +39,13 @@ def watched(tell: Callable[[TeamJoint, Joint, int, float, Sequence[Evidence]], N
     """Call `tell` after every step of a joint in this process: the joint after and before it, tick, seconds and evidence."""
     settle = TeamJoint.settle
 
-    def told(self: TeamJoint, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
+    def settled(self: TeamJoint, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
         batch, before = list(reports), self.joint.copy()
         verdicts = settle(self, tick, dt, batch)
         tell(self, before, tick, dt, batch)
         return verdicts
 
-    TeamJoint.settle = told  # type: ignore[method-assign]
+    TeamJoint.settle = settled  # type: ignore[method-assign]
     try:
         yield
     finally:
@@ -61,30 +61,30 @@ def shadow(before: Joint, batch: Sequence[Evidence], motions: Mapping[str, Motio
 
     `motions` are those of the robots since the step before.
     """
-    it, batch = before.copy(), sorted(batch, key=lambda evidence: evidence.robot)
+    joint, batch = before.copy(), sorted(batch, key=lambda evidence: evidence.robot)
     for evidence in batch:
-        drive(it, evidence.robot, motions[evidence.robot], evidence.nuisance)
+        drive(joint, evidence.robot, motions[evidence.robot], evidence.nuisance)
     for evidence in batch:
-        gained = None if evidence.increment is None else likelihood(it, evidence.robot, evidence.increment)
+        gained = None if evidence.increment is None else likelihood(joint, evidence.robot, evidence.increment)
         if gained is not None:
-            correct(it, gained)
+            correct(joint, gained)
     for evidence in batch:
         for relative in evidence.relatives:
-            if relative.subject in it or not relative.subject.startswith("robot/"):
-                correct(it, linearise(it, relative, motions))
-    return it
+            if relative.subject in joint or not relative.subject.startswith("robot/"):
+                correct(joint, linearise(joint, relative, motions))
+    return joint
 
 
 def named(evidence: Evidence, unnamed: Iterable[Unnamed]) -> Evidence:
     """The evidence with each sighting that has no name as one of whom it was taken for, or of each whom it may be of."""
-    mine = [it for it in unnamed if it.source == evidence.robot]
-    of = {it.mark: [it.taken] if it.taken else sorted(it.odds or ()) for it in mine}
+    mine = [sighting for sighting in unnamed if sighting.source == evidence.robot]
+    of = {sighting.mark: [sighting.taken] if sighting.taken else sorted(sighting.odds or ()) for sighting in mine}
     return replace(
         evidence,
         relatives=tuple(
-            replace(seen, subject=subject)
-            for seen in evidence.relatives
-            for subject in (of.get(seen.mark or 0, []) if is_class(seen.subject) else [seen.subject])
+            replace(relative, subject=subject)
+            for relative in evidence.relatives
+            for subject in (of.get(relative.mark or 0, []) if is_class(relative.subject) else [relative.subject])
         ),
     )
 
@@ -103,7 +103,7 @@ class EvidenceCountsOnce(Oracle):
     def see(self, event: Event) -> None:
         assert isinstance(event, Stepped)
         taken, newest = self._taken.setdefault(event.board, {}), self._newest.setdefault(event.board, {})
-        honest = [it for it in event.batch if it.robot not in self.night.liars]
+        honest = [evidence for evidence in event.batch if evidence.robot not in self.night.liars]
         for piece in map(name_of, honest):
             if taken.setdefault(piece, event.number) != event.number:
                 self.breaks(
@@ -124,7 +124,7 @@ class EvidenceCountsOnce(Oracle):
                 return  # a robot enters, with all that it knows
         if not self.night.is_honest:
             return  # the shadow takes everything, and no arithmetic survives some lies
-        batch = [named(it, event.unnamed) for it in event.batch if it.robot in motions]
+        batch = [named(said, event.unnamed) for said in event.batch if said.robot in motions]
         most = shadow(event.before, batch, motions)
         both = [robot for robot in motions if robot in event.after]
         if any(_apart(event.after, most, robot) > APART for robot in both):
@@ -152,14 +152,14 @@ class SameEvidenceSameBits(Oracle):
         if isinstance(event, Stepped):
             board, before = self._settled.get(event.process, (event.board, 0))
             before = before if board is event.board else 0
-            batch = tuple(sorted((*name_of(it), it.time) for it in event.batch))
+            batch = tuple(sorted((*name_of(evidence), evidence.time) for evidence in event.batch))
             self._settled[event.process] = event.board, hash((before, event.run, event.number, event.dt, batch))
         elif isinstance(event, Said) and isinstance(event.message, Consensus) and event.message.level == "agreed":
             self._compare(event, event.message)
 
-    def _compare(self, event: Said, it: Consensus) -> None:
-        same: list[object] = [("opinions", tuple(map(_opinion, it.used)), tuple(it.parameters.items()))]
-        if it.rule == "joint":
+    def _compare(self, event: Said, consensus: Consensus) -> None:
+        same: list[object] = [("opinions", tuple(map(_opinion, consensus.used)), tuple(consensus.parameters.items()))]
+        if consensus.rule == "joint":
             same = [("joint", self._settled[event.process][1])]
         team = self.night.team
         if (
@@ -170,12 +170,13 @@ class SameEvidenceSameBits(Oracle):
         ):
             same.append("well")
         for what in same:
-            key = what, it.tick, it.time, it.subject
-            process, other = self._agreed.setdefault(key, (event.process, it))
+            key = what, consensus.tick, consensus.time, consensus.subject
+            process, other = self._agreed.setdefault(key, (event.process, consensus))
             # What is drawn of a robot that was not heard spreads by its speed, which not every board needs to have heard.
-            if (other.state or other.belief) != (it.state or it.belief):
+            if (other.state or other.belief) != (consensus.state or consensus.belief):
                 self.breaks(
-                    event.at, f"{process} and {event.process} agree on two beliefs about {it.subject} in tick {it.tick}"
+                    event.at,
+                    f"{process} and {event.process} agree on two beliefs about {consensus.subject} in tick {consensus.tick}",
                 )
 
 

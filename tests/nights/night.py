@@ -127,12 +127,12 @@ class Night:
     @property
     def healed(self) -> float:
         """Seconds after which every fault has ended."""
-        return max((it.end for it in self.faults), default=FIRST)
+        return max((fault.end for fault in self.faults), default=FIRST)
 
     @property
     def well(self) -> float:
         """Seconds after which the team must be well again."""
-        return max((it.end + it.recovery for it in self.faults), default=FIRST)
+        return max((fault.end + fault.recovery for fault in self.faults), default=FIRST)
 
     @property
     def end(self) -> float:
@@ -142,7 +142,7 @@ class Night:
     @property
     def liars(self) -> frozenset[str]:
         """The processes that lie."""
-        return frozenset(name for it in self.faults for name in it.lies())
+        return frozenset(name for fault in self.faults for name in fault.lies())
 
     @property
     def is_honest(self) -> bool:
@@ -150,7 +150,7 @@ class Night:
         return not self.liars
 
     def without(self, fault: Fault) -> Night:
-        return replace(self, faults=tuple(it for it in self.faults if it is not fault))
+        return replace(self, faults=tuple(other for other in self.faults if other is not fault))
 
 
 class Draw:
@@ -181,13 +181,13 @@ def draw_night(seed: int, number: int) -> Night:
     draw = Draw(np.random.default_rng(np.random.SeedSequence((seed, number))))
     team = draw_team(draw)
     count = draw.one([0, 1, 2, 3, 4, 5, 6], [0.04, 0.2, 0.24, 0.22, 0.15, 0.1, 0.05])
-    found = [draw_fault(draw, team) for _ in range(count)]
-    lying = [it for it in found if it.lies()]
-    found = [it for it in found if it not in lying[1:]]  # one lie at most
+    drawn = [draw_fault(draw, team) for _ in range(count)]
+    lying = [fault for fault in drawn if fault.lies()]
+    drawn = [fault for fault in drawn if fault not in lying[1:]]  # one lie at most
     if draw.chance(TOGETHER):
-        found = [at_once(it, found[0]) for it in found]
+        drawn = [at_once(fault, drawn[0]) for fault in drawn]
     world = int(draw.rng.integers(1, 1 << 31))
-    return Night(replace(team, unnamed=draw.one(UNNAMED, [0.7, 0.15, 0.15])), tuple(found), world, f"{seed}/{number}")
+    return Night(replace(team, unnamed=draw.one(UNNAMED, [0.7, 0.15, 0.15])), tuple(drawn), world, f"{seed}/{number}")
 
 
 def at_once(fault: Fault, first: Fault) -> Fault:
@@ -230,7 +230,7 @@ def draw_team(draw: Draw) -> Team:
 
 def draw_fault(draw: Draw, team: Team) -> Fault:
     """A fault that this team may meet."""
-    makers = [it for it, fits in MAKERS.items() if fits(team)]
+    makers = [maker for maker, fits in MAKERS.items() if fits(team)]
     return draw.one(makers)(draw, team)
 
 
@@ -249,11 +249,11 @@ def anybody(draw: Draw, team: Team) -> str:
 
 
 def boards_of(team: Team) -> list[str]:
-    return [it for it in team.processes if it.startswith("board/")]
+    return [process for process in team.processes if process.startswith("board/")]
 
 
 def robots_of(team: Team) -> list[str]:
-    return [it for it in team.processes if it.startswith("robot/")]
+    return [process for process in team.processes if process.startswith("robot/")]
 
 
 def lost(draw: Draw, team: Team) -> Fault:
@@ -278,7 +278,7 @@ def too_large(draw: Draw, team: Team) -> Fault:
 
 def one_way(draw: Draw, team: Team) -> Fault:
     """Half of them are between boards, or a board and the world."""
-    few = [it for it in team.processes if not it.startswith(("robot/", "guest/"))]
+    few = [process for process in team.processes if not process.startswith(("robot/", "guest/"))]
     return faults.OneWay(*span(draw), *draw.some(few if len(few) > 1 and draw.chance(0.5) else team.processes, 2)[:2])
 
 
@@ -287,7 +287,7 @@ def parted(draw: Draw, team: Team) -> Fault:
     count = draw.one([2, 2, 3])
     cuts = sorted(int(draw.rng.integers(1, len(everybody))) for _ in range(count - 1))
     parts = [everybody[a:b] for a, b in zip([0, *cuts], [*cuts, len(everybody)], strict=True)]
-    return faults.Parted(*span(draw), tuple(tuple(sorted(it)) for it in parts if it))
+    return faults.Parted(*span(draw), tuple(tuple(sorted(part)) for part in parts if part))
 
 
 def cut_off(draw: Draw, team: Team) -> Fault:
@@ -305,7 +305,7 @@ def flapping(draw: Draw, team: Team) -> Fault:
 def killed(draw: Draw, team: Team) -> Fault:
     begin, end = span(draw)
     unseen = draw.one([0.0, round((end - begin) / 2, 2)])
-    return faults.Killed(begin, end, draw.one([it for it in team.processes if it != "world"]), unseen)
+    return faults.Killed(begin, end, draw.one([process for process in team.processes if process != "world"]), unseen)
 
 
 def new_world(draw: Draw, team: Team) -> Fault:

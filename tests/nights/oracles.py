@@ -106,21 +106,21 @@ class NothingGrows(Oracle):
 
 def collections_of(root: object) -> Iterator[tuple[str, int]]:
     """The collections in an object and in what it consists of, with where they are and their sizes."""
-    seen, left = {id(root)}, [("it", root)]
+    visited, left = {id(root)}, [("it", root)]
     while left:
-        path, it = left.pop()
+        path, value = left.pop()
         inside: list[tuple[str, object]] = []
-        if isinstance(it, Mapping):
-            inside = [*((f"{path}[...]", value) for value in it.values())]
-        elif isinstance(it, list | tuple | set | frozenset | deque):
-            inside = [(f"{path}[...]", value) for value in it]
-        elif type(it).__module__.split(".")[0] in OURS:
-            names = [*getattr(it, "__dict__", ()), *getattr(type(it), "__slots__", ())]
-            inside = [(f"{path}.{name}", getattr(it, name, None)) for name in names]
-        if isinstance(it, Mapping | list | tuple | set | frozenset | deque):
-            yield path, len(it)
-        fresh = [(where, value) for where, value in inside if not isinstance(value, PLAIN) and id(value) not in seen]
-        seen |= {id(value) for _, value in fresh}
+        if isinstance(value, Mapping):
+            inside = [*((f"{path}[...]", value) for value in value.values())]
+        elif isinstance(value, list | tuple | set | frozenset | deque):
+            inside = [(f"{path}[...]", value) for value in value]
+        elif type(value).__module__.split(".")[0] in OURS:
+            names = [*getattr(value, "__dict__", ()), *getattr(type(value), "__slots__", ())]
+            inside = [(f"{path}.{name}", getattr(value, name, None)) for name in names]
+        if isinstance(value, Mapping | list | tuple | set | frozenset | deque):
+            yield path, len(value)
+        fresh = [(where, value) for where, value in inside if not isinstance(value, PLAIN) and id(value) not in visited]
+        visited |= {id(value) for _, value in fresh}
         left += fresh
 
 
@@ -140,8 +140,8 @@ class EveryTickIsSettled(Oracle):
         elif isinstance(event, Said) and isinstance(event.message, Status) and event.message.phase == "agreed":
             self._agreed.add((event.process, event.message.tick))
         elif isinstance(event, Moved) and isinstance(event.service, BoardService):
-            it = event.service
-            now = it.clock.run, it.clock.tick, it.rounds.phase, it.counters["skipped"]
+            board = event.service
+            now = board.clock.run, board.clock.tick, board.rounds.phase, board.counters["skipped"]
             run, tick, phase, skipped = self._before.get(event.process, now)
             self._before[event.process] = now
             if (run, tick) == now[:2] or run != now[0]:
@@ -165,13 +165,13 @@ class StatusesAreTrue(Oracle):
             for key in [key for key in self._sent if key[0] == event.process]:
                 del self._sent[key]
         elif isinstance(event, Said) and event.topic is not None and event.process not in self.night.liars:
-            it = event.message
-            if isinstance(it, Consensus):
-                self._sent[event.process, it.level][it.subject] = it.tick
-            elif isinstance(it, Report):
-                self._sent[event.process, f"reported {event.parts['sub_team']}"][it.subject] = it.tick
-            elif isinstance(it, Status):
-                self._judge(event, it)
+            message = event.message
+            if isinstance(message, Consensus):
+                self._sent[event.process, message.level][message.subject] = message.tick
+            elif isinstance(message, Report):
+                self._sent[event.process, f"reported {event.parts['sub_team']}"][message.subject] = message.tick
+            elif isinstance(message, Status):
+                self._judge(event, message)
 
     def _judge(self, event: Said, status: Status) -> None:
         what = f"reported {event.parts['sub_team']}" if status.kind == "robot" else status.phase
@@ -188,27 +188,31 @@ class ProvenanceIsWhole(Oracle):
 
     def see(self, event: Event) -> None:
         assert isinstance(event, Said)
-        it = event.message
-        if isinstance(it, Consensus):
-            self._judge(event.at, it)
+        message = event.message
+        if isinstance(message, Consensus):
+            self._judge(event.at, message)
         elif event.process in self.night.liars:
             return
-        elif isinstance(it, Report) and it.informed is not None and it.source not in it.informed.ancestors:
-            self.breaks(event.at, f"what {it.source} believes of {it.subject} does not name it")
+        elif (
+            isinstance(message, Report)
+            and message.informed is not None
+            and message.source not in message.informed.ancestors
+        ):
+            self.breaks(event.at, f"what {message.source} believes of {message.subject} does not name it")
 
-    def _judge(self, at: float, it: Consensus) -> None:
-        what = f"the {it.level} of {it.board} on {it.subject}"
-        for used in it.used:
+    def _judge(self, at: float, consensus: Consensus) -> None:
+        what = f"the {consensus.level} of {consensus.board} on {consensus.subject}"
+        for used in consensus.used:
             if used.power > 1.0:
                 self.breaks(at, f"{what} takes {used.source} to the power {used.power:g}")
-        multiplied = [used.source for used in it.used if used.how == "independent"]
+        multiplied = [used.source for used in consensus.used if used.how == "independent"]
         if len(multiplied) > len(set(multiplied)) and self.night.team.feedback != "paper":
             self.breaks(at, f"{what} multiplies {max(multiplied, key=multiplied.count)} twice")
-        for used in it.used if self.night.is_honest else ():
-            sub_team = self.night.team.sub_teams.get(used.source, ()) if it.rule != "joint" else ()
+        for used in consensus.used if self.night.is_honest else ():
+            sub_team = self.night.team.sub_teams.get(used.source, ()) if consensus.rule != "joint" else ()
             members = {used.source, *sub_team, "g1"}
-            if used.weight > 0 and not members & it.ancestors.keys():
-                self.breaks(at, f"{what} rests on {used.source} and names {sorted(it.ancestors)}")
+            if used.weight > 0 and not members & consensus.ancestors.keys():
+                self.breaks(at, f"{what} rests on {used.source} and names {sorted(consensus.ancestors)}")
 
 
 class TheNewestCounts(Oracle):
@@ -226,13 +230,13 @@ class TheNewestCounts(Oracle):
         if isinstance(event, Began):
             self._newest.pop(event.process, None)
         elif isinstance(event, Said) and isinstance(event.message, Consensus) and event.message.level == "consensus":
-            it, usable = event.message, self.night.team.mode != "free" and self.night.is_honest
+            message, usable = event.message, self.night.team.mode != "free" and self.night.is_honest
             time, stamps = self._newest.get(event.process, (-math.inf, {}))
-            stamps = stamps if it.time >= time else {}  # another run
-            self._newest[event.process] = it.time, stamps
-            for used in it.used if usable else ():
-                source = it.subject, used.source, used.how
-                stamp, before = it.time - used.age, stamps.get(source, -math.inf)
+            stamps = stamps if message.time >= time else {}  # another run
+            self._newest[event.process] = message.time, stamps
+            for used in message.used if usable else ():
+                source = message.subject, used.source, used.how
+                stamp, before = message.time - used.age, stamps.get(source, -math.inf)
                 if stamp < before - 1e-6:
                     self.breaks(
                         event.at, f"{event.process} goes back {before - stamp:.2f} s in what {used.source} says"
@@ -266,22 +270,22 @@ class NobodyWaits(Oracle):
                 self.breaks(event.at, f"{event.process} waits in the phase {event.service.rounds.phase}")
 
     def _hear(self, event: Said) -> None:
-        it = event.message
-        if isinstance(it, Status) and it.kind == "board" and it.phase == "agreed":
-            self._ticks[event.process].add(it.tick)
-        elif isinstance(it, Consensus) and it.level == "agreed":
-            self._speaks[it.sub_team].add(event.process)
-            kind, _, name = it.subject.partition("/")
-            self._told[it.sub_team] |= {name} if kind == "robot" else set()
-        elif isinstance(it, Report) and it.informed is not None:
-            self._informed.add(it.source)
+        message = event.message
+        if isinstance(message, Status) and message.kind == "board" and message.phase == "agreed":
+            self._ticks[event.process].add(message.tick)
+        elif isinstance(message, Consensus) and message.level == "agreed":
+            self._speaks[message.sub_team].add(event.process)
+            kind, _, name = message.subject.partition("/")
+            self._told[message.sub_team] |= {name} if kind == "robot" else set()
+        elif isinstance(message, Report) and message.informed is not None:
+            self._informed.add(message.source)
 
     def verdict(self) -> Broken | None:
         if self._broken or self._since is None:
             return self._broken
         team, end = self.night.team, self.night.end
         least = math.floor((end - self._since) / team.tick / 4)
-        for board in (it for it in team.processes if it.startswith("board/")):
+        for board in (process for process in team.processes if process.startswith("board/")):
             if len(self._ticks[board]) < least:
                 self.breaks(end, f"{board} settled {len(self._ticks[board])} ticks in the last {end - self._since:g} s")
         for sub_team in team.sub_teams:
@@ -312,14 +316,15 @@ class Scored(Oracle):
         elif isinstance(event, Said) and isinstance(event.message, Truth):
             self._truths[event.message.tick] = event.message
         elif isinstance(event, Said) and isinstance(event.message, Consensus) and event.message.level == "agreed":
-            it, team = event.message, self.night.team
-            tick = self._tick(event.at) if team.mode == "free" else it.tick
+            consensus, team = event.message, self.night.team
+            tick = self._tick(event.at) if team.mode == "free" else consensus.tick
             truth = self._truths.get(tick)
-            claims = team.feedback != "paper" and it.rule in ("joint", "coalition")  # others claim what they claim
-            if claims and tick % SCORED == 0 and truth is not None and it.subject in truth.positions:
-                self.score(event.at, tick, it, truth.positions[it.subject])
+            # Other rules claim what their sources claim.
+            claims = team.feedback != "paper" and consensus.rule in ("joint", "coalition")
+            if claims and tick % SCORED == 0 and truth is not None and consensus.subject in truth.positions:
+                self.score(event.at, tick, consensus, truth.positions[consensus.subject])
 
-    def score(self, at: float, tick: int, it: Consensus, place: Sequence[float]) -> None:
+    def score(self, at: float, tick: int, consensus: Consensus, place: Sequence[float]) -> None:
         """Take what is agreed at a time about a robot that is in a place."""
         raise NotImplementedError
 
@@ -335,16 +340,16 @@ class Coverage(Scored):
         #: subject and tick -> how far the regions of each board hold the truth
         self._scores: dict[tuple[str, int], list[list[float]]] = defaultdict(list)
 
-    def score(self, at: float, tick: int, it: Consensus, place: Sequence[float]) -> None:
-        belief = unpack(it.belief)
+    def score(self, at: float, tick: int, consensus: Consensus, place: Sequence[float]) -> None:
+        belief = unpack(consensus.belief)
         index = belief.grid.index(place)
         if index is not None and self.night.is_honest:
             denser, border = hdr_level(belief.p, index), border_mass(belief.p, index)
-            self._scores[it.subject, tick].append([float(held(denser, border, share)) for share in SHARES])
+            self._scores[consensus.subject, tick].append([float(held(denser, border, share)) for share in SHARES])
 
     def sums(self) -> Counter[str]:
-        found = Counter[str]({"coverage n": len(self._scores)})
+        sums = Counter[str]({"coverage n": len(self._scores)})
         for scores in self._scores.values():  # the boards of a team err together: they count once
             for share, all_held in zip(SHARES, zip(*scores, strict=True), strict=True):
-                found[f"coverage {share}"] += sum(all_held) / len(all_held)  # type: ignore[assignment]
-        return found
+                sums[f"coverage {share}"] += sum(all_held) / len(all_held)  # type: ignore[assignment]
+        return sums

@@ -67,13 +67,13 @@ class SomebodySpeaks(Oracle):
 
     def _look(self, event: Moved, board: BoardService) -> None:
         knows = board.clock.run, board.clock.pace, board.lead.leader, tuple(board.roster.boards.get(board.sub_team, ()))
-        it = self._silences.setdefault(event.process, Silence(event.at, knows))
-        slept, it.looked = event.at - it.looked > ASLEEP, event.at
-        if slept or board.roster.away or board.lead.leads or it.knows != knows:
-            it.since, it.knows = None, knows
-        elif it.since is not None:
+        silence = self._silences.setdefault(event.process, Silence(event.at, knows))
+        slept, silence.looked = event.at - silence.looked > ASLEEP, event.at
+        if slept or board.roster.away or board.lead.leads or silence.knows != knows:
+            silence.since, silence.knows = None, knows
+        elif silence.since is not None:
             most = HOLD if board.lead.leader is None else board.lead.silent
-            if event.at - it.since > most + LATE:
+            if event.at - silence.since > most + LATE:
                 self.breaks(
-                    event.at, f"nobody publishes what {event.process} settled {event.at - it.since:.1f} s before"
+                    event.at, f"nobody publishes what {event.process} settled {event.at - silence.since:.1f} s before"
                 )

@@ -201,8 +201,8 @@ def notice(bug: Bug, count: int, seed: int) -> str | None:
     nights = ["-m", "tests.nights", "--no-shrink", "--first-failure", "--workers", "1"]
     with planted(bug) as python:
         ran = python(*nights, "--count", str(count), "--seed", str(seed))
-    if found := FOUND.search(ran.stdout):
-        return f"after {int(found[1]) + 1} nights: {found[2]}"
+    if match := FOUND.search(ran.stdout):
+        return f"after {int(match[1]) + 1} nights: {match[2]}"
     return None if ran.returncode == 0 else f"the coverage: {ran.stdout.strip().splitlines()[0]}"
 
 
@@ -223,9 +223,9 @@ def main() -> int:
     noticed = 0
     names = args.only.split(",")
     for name in names:
-        found = notice(BUGS[name], args.count, args.seed)
-        noticed += found is not None
-        print(f"{name:<10} {BUGS[name].what}: {found or f'not noticed in {args.count} nights'}", flush=True)
+        how = notice(BUGS[name], args.count, args.seed)
+        noticed += how is not None
+        print(f"{name:<10} {BUGS[name].what}: {how or f'not noticed in {args.count} nights'}", flush=True)
     print(f"{noticed} of {len(names)} are noticed within {args.count} nights of seed {args.seed}")
     return 0 if noticed == len(names) else 1
 

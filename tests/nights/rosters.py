@@ -62,22 +62,22 @@ class EarlyIsTaken(Oracle):
 
 def _counted(roster: Roster) -> set[str]:
     """All who count as there, by the names of processes in a night."""
-    found = {
+    processes = {
         f"{kind}/{s}/{name}"
         for kind in ("robot", "board")
         for s, names in getattr(roster, f"{kind}s").items()
         for name in names
     }
-    return found | ({"world"} if roster.world else set())
+    return processes | ({"world"} if roster.world else set())
 
 
 def _names(tokens: Iterable[str]) -> set[str]:
-    found = set[str]()
+    processes = set[str]()
     for token in tokens:
         if parts := keys.MEMBER.match(token):
-            found.add(f"robot/{parts['sub_team']}/{parts['robot']}")
+            processes.add(f"robot/{parts['sub_team']}/{parts['robot']}")
         elif parts := keys.BOARD.match(token):
-            found.add(f"board/{parts['sub_team']}/{parts['board']}")
+            processes.add(f"board/{parts['sub_team']}/{parts['board']}")
         elif keys.WORLD.match(token):
-            found.add("world")
-    return found
+            processes.add("world")
+    return processes

@@ -61,8 +61,8 @@ class Watch:
 
     def verdict(self) -> Broken | None:
         """What was broken first."""
-        found = [broken for oracle in self.oracles if (broken := oracle.verdict())]
-        return min(found, key=lambda it: it.at, default=None)
+        failures = [broken for oracle in self.oracles if (broken := oracle.verdict())]
+        return min(failures, key=lambda failure: failure.at, default=None)
 
 
 @contextmanager
@@ -107,15 +107,15 @@ def differs(stage: Stage) -> Broken | None:
         file.flush()
         tape = load_tape(file.name)
     strangers = {name for fault in stage.night.faults if isinstance(fault, Crowd) for name in fault.names}
-    made = (it for _, it in tape.envelopes if is_consensus(it))
-    recorded = Counter(it for it in made if getattr(opened(it)[2], "board", None) not in strangers)
-    found = replay(tape)
-    left = recorded - Counter(envelope for _, envelope in found.output.sent)
-    told = int(tape.about.link.get("too_many_keys", 0)) * len(tape.lives)
-    if not left and found.missing <= told and not found.gaps:
+    made = (envelope for _, envelope in tape.envelopes if is_consensus(envelope))
+    recorded = Counter(envelope for envelope in made if getattr(opened(envelope)[2], "board", None) not in strangers)
+    replayed = replay(tape)
+    left = recorded - Counter(envelope for _, envelope in replayed.output.sent)
+    unrecorded = int(tape.about.link.get("too_many_keys", 0)) * len(tape.lives)
+    if not left and replayed.missing <= unrecorded and not replayed.gaps:
         return None
     what = f"{left.total()} of {recorded.total()} consensuses are otherwise in the replay of the tape"
-    return Broken(stage.at, "TapeReplays", f"{what}, {found.missing} messages and {found.gaps} gaps")
+    return Broken(stage.at, "TapeReplays", f"{what}, {replayed.missing} messages and {replayed.gaps} gaps")
 
 
 def quietly(night: tuple[int, int]) -> Outcome:
@@ -174,11 +174,11 @@ def moved(sums: Counter[str]) -> float:
 def uncalibrated(sums: Counter[str]) -> list[str]:
     """What is wrong with the coverage, and with the votes, of all nights together, in sentences."""
     n = sums["coverage n"]
-    found = coverage(sums) if n >= ENOUGH else {}
+    covered = coverage(sums) if n >= ENOUGH else {}
     share = moved(sums)
     votes = [f"one liar moves the honest {share:.2f} times as far off as they are, not {MOST:g}"]
     return votes * (sums["lied n"] >= ENOUGH_LIED and share > MOST) + [
-        f"the {float(share):.0%} regions of {n} agreed beliefs hold the truth in {found[share]:.1%}, not {low:.0%} to {high:.0%}"
+        f"the {float(share):.0%} regions of {n} agreed beliefs hold the truth in {covered[share]:.1%}, not {low:.0%} to {high:.0%}"
         for share, (low, high) in CALIBRATED.items()
-        if found and not low <= found[share] <= high
+        if covered and not low <= covered[share] <= high
     ]

@@ -43,7 +43,7 @@ def candidates(night: Night) -> Iterator[Night]:
     yield from _teams(night)
     for fault in night.faults:
         for shorter in _shorter(fault):
-            yield replace(night, faults=tuple(shorter if it is fault else it for it in night.faults))
+            yield replace(night, faults=tuple(shorter if other is fault else other for other in night.faults))
 
 
 def _teams(night: Night) -> Iterator[Night]:
@@ -53,15 +53,15 @@ def _teams(night: Night) -> Iterator[Night]:
     smaller += [replace(team, budget=None)] if team.budget else []
     smaller += [replace(team, boards=1)] if team.boards > 1 else []
     for sub_team in team.sub_teams if len(team.sub_teams) > 1 else ():
-        smaller.append(replace(team, sub_teams={s: it for s, it in team.sub_teams.items() if s != sub_team}))
+        smaller.append(replace(team, sub_teams={s: members for s, members in team.sub_teams.items() if s != sub_team}))
     for robot in team.robots if len(team.robots) > 2 else ():
-        left = {s: tuple(it for it in robots if it != robot) for s, robots in team.sub_teams.items()}
+        left = {s: tuple(member for member in robots if member != robot) for s, robots in team.sub_teams.items()}
         smaller += [replace(team, sub_teams=left)] if all(left.values()) else []
     known = set(team.processes)
-    for it in smaller:
-        gone = known - set(it.processes)
-        if len(it.robots) > 1 and not any(f"'{name}'" in repr(night.faults) for name in gone):
-            yield replace(night, team=it)
+    for simpler in smaller:
+        gone = known - set(simpler.processes)
+        if len(simpler.robots) > 1 and not any(f"'{name}'" in repr(night.faults) for name in gone):
+            yield replace(night, team=simpler)
 
 
 def _shorter(fault: Fault) -> Iterator[Fault]:

@@ -158,8 +158,8 @@ class Guest(Around):
         if now >= self._due:
             self._due = now + 0.5
             if truth is not None:
-                seen = [x + self._chance.gauss(0.0, 1.0) for x in truth.positions["object/ball"]]
-                place = [min(max(x, 0.0), float(CELLS)) for x in seen]
+                measured = [x + self._chance.gauss(0.0, 1.0) for x in truth.positions["object/ball"]]
+                place = [min(max(x, 0.0), float(CELLS)) for x in measured]
                 with suppress(Refused):
                     out += self._member.report("object/ball", gaussian(self._member.grid, place, 1.0), now)
         return out
@@ -292,19 +292,22 @@ class Stage(Scheduler):
             return Guest(self, member, Random(f"{self.night.seed} {name} {self.at}"))
         if kind == RECORDER:
             return self._recorder
-        it = board_of(self.scenario, *rest)
-        return Journaled(it, team="t", sub_team=rest[0], board=rest[1]) if self.records else it
+        board = board_of(self.scenario, *rest)
+        return Journaled(board, team="t", sub_team=rest[0], board=rest[1]) if self.records else board
 
     def _robot(self, name: str, robot: str) -> Service:
         """A robot; one that lies does so as long as `_update` says."""
-        guest = next((it for it in self.night.faults if isinstance(it, faults.LyingGuest) and it.adds() == name), None)
-        it = robot_of(self.scenario, robot, sub_teams=None if guest is None else [guest.sub_team])
-        lie = next((told[name] for fault in self.night.faults if name in (told := fault.lies())), None)
+        guest = next(
+            (fault for fault in self.night.faults if isinstance(fault, faults.LyingGuest) and fault.adds() == name),
+            None,
+        )
+        service = robot_of(self.scenario, robot, sub_teams=None if guest is None else [guest.sub_team])
+        lie = next((lies[name] for fault in self.night.faults if name in (lies := fault.lies())), None)
         if lie is None:
-            return it
-        mates = sorted(set(self.night.team.robots) - {it.removeprefix("robot/") for it in self.night.liars})
+            return service
+        mates = sorted(set(self.night.team.robots) - {liar.removeprefix("robot/") for liar in self.night.liars})
         scene = Scene(robot, self.scenario.grid, mates, np.random.default_rng(self.night.seed))
-        return Liar(it, scene, CATALOGUE[lie], math.inf, math.inf)
+        return Liar(service, scene, CATALOGUE[lie], math.inf, math.inf)
 
     def _tell_to_lie(self) -> None:
         """Let whoever lies begin and end, in its own team time."""
@@ -332,17 +335,17 @@ class Stage(Scheduler):
         hidden = {name for name in held if any(fault.hides(name, self.at) for fault in self._active)}
         for name, watched in self.running.items():
             link = self.link(watched)
-            seen = {
+            visible = {
                 token
                 for holder, tokens in held.items()
                 if not self._are_parted(holder, name) and (holder == name or holder not in hidden)
                 for token in tokens
                 if any(intersects(watch, token) for watch in link.watched)
             }
-            before, self._seen[name] = self._seen[name], seen
-            for token in sorted(before - seen):
+            before, self._seen[name] = self._seen[name], visible
+            for token in sorted(before - visible):
                 self.bus.deliver(link, Seen(token, kind=Kind.GONE))
-            for token in sorted(seen - before):
+            for token in sorted(visible - before):
                 self.bus.deliver(link, Seen(token, kind=Kind.ALIVE))
 
     def _route(self, sender: Service | None, receiver: Service, envelope: Envelope) -> Sequence[float]:

@@ -21,15 +21,15 @@ NIGHT = Night(Team({"a": ("r1", "r2"), "b": ("r3",)}, "lockstep", tick=1.0, late
 
 @pytest.fixture(scope="module")
 def events() -> list[Event]:
-    found = list[Event]()
-    stage = Stage(NIGHT, found.append)
+    noted = list[Event]()
+    stage = Stage(NIGHT, noted.append)
     with watched(stage.note_step):
         stage.play()
-    return found
+    return noted
 
 
 def steps(events: list[Event]) -> list[Stepped]:
-    return [it for it in events if isinstance(it, Stepped)]
+    return [event for event in events if isinstance(event, Stepped)]
 
 
 @pytest.mark.parametrize("oracle", [EvidenceCountsOnce, SameEvidenceSameBits])
@@ -39,7 +39,7 @@ def test_a_team_at_work_breaks_nothing(oracle: type[Oracle], events: list[Event]
 
 
 def test_evidence_that_is_taken_in_two_steps_is_noticed(events: list[Event]) -> None:
-    first, *_, last = [it for it in steps(events) if it.batch]
+    first, *_, last = [step for step in steps(events) if step.batch]
     again = replace(last, number=last.number + 1, board=first.board, batch=first.batch)
     assert "takes ('robot/r" in judged(EvidenceCountsOnce(NIGHT), [*events, again])
 
@@ -50,23 +50,23 @@ def test_a_step_that_failed_may_be_made_again_with_less(events: list[Event]) -> 
 
 
 def test_a_joint_that_knows_more_than_its_evidence_tells_is_noticed(events: list[Event]) -> None:
-    sound, found = steps(events), []
+    sound, reasons = steps(events), []
     for number, last in enumerate(sound[-8:], len(sound) - 8):
         after = last.after.copy()
         after.covariance *= 0.5
-        before = [it for it in sound[:number] if it.board is last.board]
-        seen: list[Event] = [*before[-(SAMPLED - 1) :], replace(last, after=after)]
-        found.append(judged(EvidenceCountsOnce(NIGHT), seen))
-    assert any("of the variance that its evidence leaves" in it for it in found)
+        before = [step for step in sound[:number] if step.board is last.board]
+        replayed: list[Event] = [*before[-(SAMPLED - 1) :], replace(last, after=after)]
+        reasons.append(judged(EvidenceCountsOnce(NIGHT), replayed))
+    assert any("of the variance that its evidence leaves" in reason for reason in reasons)
 
 
 def test_boards_that_differ_after_the_same_evidence_are_noticed(events: list[Event]) -> None:
-    said = [it for it in events if isinstance(it, Said) and isinstance(it.message, Consensus)]
-    last = next(it for it in reversed(said) if it.message is not None and it.message.rule == "joint")  # type: ignore[attr-defined]
+    said = [event for event in events if isinstance(event, Said) and isinstance(event.message, Consensus)]
+    last = next(event for event in reversed(said) if event.message is not None and event.message.rule == "joint")  # type: ignore[attr-defined]
     assert isinstance(last.message, Consensus)
     other = last.message.model_copy(update={"state": None, "belief": said[0].message.belief})  # type: ignore[union-attr]
-    found = judged(SameEvidenceSameBits(NIGHT), [*events, replace(last, message=other)])
-    assert "agree on two beliefs about" in found
+    reason = judged(SameEvidenceSameBits(NIGHT), [*events, replace(last, message=other)])
+    assert "agree on two beliefs about" in reason
 
 
 def test_the_tape_of_a_night_replays_and_boards_of_other_settings_do_not(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,19 +21,19 @@ PART = 2  # nights of one test
 @pytest.mark.parametrize("first", range(0, NIGHTS, PART))
 def test_nights(first: int) -> None:
     for number in range(first, first + PART):
-        it = draw_night(1, number)
-        assert live(it) is None, it
+        drawn = draw_night(1, number)
+        assert live(drawn) is None, drawn
 
 
 def test_robots_that_enter_again_count_no_evidence_twice() -> None:
     team = Team(
         {"a": ("r1", "r3"), "b": ("r2",)}, "lockstep", 2, tick=1.0, latency=0.2, fusion="joint", feedback="paper"
     )
-    found = (
+    drawn = (
         faults.ClockOff(6.51, 6.56, "world", 3.0, -0.05),
         faults.AnotherBoard(0.0, 8.5, "b", "a-first", hangs=True),
     )
-    assert live(Night(team, found, 1367784387)) is None
+    assert live(Night(team, drawn, 1367784387)) is None
 
 
 def test_a_robot_counts_whose_motion_alone_fits_its_link() -> None:
@@ -43,8 +43,8 @@ def test_a_robot_counts_whose_motion_alone_fits_its_link() -> None:
 
 def test_what_boards_settled_of_one_tick_was_said_once_when_the_run_ends_there() -> None:
     team = Team({"a": ("r1",), "b": ("r2",)}, "realtime", 2, 1.0, 1.0, 0.02, "joint", "cooperative", feedback="paper")
-    found = faults.SecondWorld(2.46, 2.54), faults.Routerless(2.38, 2.43)
-    assert live(Night(team, found, 1130463444)) is None
+    drawn = faults.SecondWorld(2.46, 2.54), faults.Routerless(2.38, 2.43)
+    assert live(Night(team, drawn, 1130463444)) is None
 
 
 def test_of_two_tracks_that_had_one_name_in_turn_nothing_older_is_told() -> None:
@@ -62,8 +62,8 @@ def test_a_seed_and_a_number_are_always_the_same_night() -> None:
 
 def test_a_night_is_the_python_that_makes_it() -> None:
     for number in range(100):
-        it = draw_night(3, number)
-        assert eval(repr(it), {**vars(faults), **vars(night)}) == it
+        drawn = draw_night(3, number)
+        assert eval(repr(drawn), {**vars(faults), **vars(night)}) == drawn
 
 
 def kinds(kind: type[Fault]) -> Iterator[type[Fault]]:
@@ -73,9 +73,9 @@ def kinds(kind: type[Fault]) -> Iterator[type[Fault]]:
 
 
 def test_faults_are_drawn_of_every_kind_and_end_in_time() -> None:
-    found = [fault for number in range(400) for fault in draw_night(4, number).faults]
-    assert {type(fault) for fault in found} == set(kinds(Fault)) - {Fault, OnWay}
-    for fault in found:
+    drawn = [fault for number in range(400) for fault in draw_night(4, number).faults]
+    assert {type(fault) for fault in drawn} == set(kinds(Fault)) - {Fault, OnWay}
+    for fault in drawn:
         moments = list(fault.moments())
         assert min(moments) == fault.begin
         assert max(moments) == fault.end <= LAST

@@ -26,9 +26,9 @@ def test_every_bug_has_its_place(bug: Bug, tmp_path: Path) -> None:
 
 
 def test_a_planted_bug_is_noticed() -> None:
-    found = notice(BUGS["ancestors"], 10, 1)
-    assert found is not None
-    assert "ProvenanceIsWhole" in found
+    noticed = notice(BUGS["ancestors"], 10, 1)
+    assert noticed is not None
+    assert "ProvenanceIsWhole" in noticed
 
 
 TEAM = Team({"a": ("r1", "r2"), "b": ("r3",)}, "realtime", boards=2, patience=1.0, tick=1.0, latency=0.02)

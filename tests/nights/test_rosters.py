@@ -15,27 +15,27 @@ from tests.nights.run import judged, played
 TEAM = Team({"a": ("r1", "r2")}, "realtime", tick=1.0, latency=0.02)
 
 
-def seen(events: list[Event]) -> str:
+def reason(events: list[Event]) -> str:
     return judged(RostersAreTrue(Night(TEAM)), events)
 
 
 @pytest.mark.parametrize("fault", [(), (faults.Routerless(2.0, 4.0),), (faults.Killed(2.0, 4.0, "robot/r2"),)])
 def test_boards_are_right_about_who_is_there(fault: tuple[faults.Fault, ...]) -> None:
-    assert not seen(played(Night(TEAM, fault)))
+    assert not reason(played(Night(TEAM, fault)))
 
 
 def test_a_board_that_counts_who_has_gone_is_named() -> None:
     events = played(Night(TEAM))
-    gone = next(it for it in events if isinstance(it, Ended) and it.process == "robot/r2")
-    before_the_end = next(n for n, it in enumerate(events) if isinstance(it, Over))
-    assert "board/a/board-a is wrong about who is there: robot/a/r2" in seen(
+    gone = next(event for event in events if isinstance(event, Ended) and event.process == "robot/r2")
+    before_the_end = next(n for n, event in enumerate(events) if isinstance(event, Over))
+    assert "board/a/board-a is wrong about who is there: robot/a/r2" in reason(
         [*events[:before_the_end], gone, *events[before_the_end:]]
     )
 
 
 def test_who_forgets_while_it_is_cut_off_is_named() -> None:
     events = played(Night(TEAM))
-    moved = next(it for it in reversed(events) if isinstance(it, Moved) and it.process == "board/a/board-a")
+    moved = next(event for event in reversed(events) if isinstance(event, Moved) and event.process == "board/a/board-a")
     roster, now = moved.service.roster, 1e9  # type: ignore[attr-defined]
     oracle = RostersAreTrue(Night(TEAM))
     roster.hear_token(Envelope(roster.own, kind=Kind.GONE), now)

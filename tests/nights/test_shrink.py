@@ -20,24 +20,28 @@ OTHERS = (
 
 def test_what_does_not_matter_is_left_out() -> None:
     night = Night(TEAM, (*OTHERS[:2], CAUSE, *OTHERS[2:]))
-    found = shrunk(night, lambda it: "NobodyWaits" if any(isinstance(f, faults.Frozen) for f in it.faults) else "")
-    assert [type(it) for it in found.faults] == [faults.Frozen]
-    assert found.faults[0].end - found.faults[0].begin <= 0.1
-    assert found.team == Team({"a": ("r1", "r2")}, "free") or found.team == Team({"a": ("r1",), "b": ("r3",)}, "free")
+    smallest = shrunk(
+        night, lambda tried: "NobodyWaits" if any(isinstance(f, faults.Frozen) for f in tried.faults) else ""
+    )
+    assert [type(fault) for fault in smallest.faults] == [faults.Frozen]
+    assert smallest.faults[0].end - smallest.faults[0].begin <= 0.1
+    assert smallest.team == Team({"a": ("r1", "r2")}, "free") or smallest.team == Team(
+        {"a": ("r1",), "b": ("r3",)}, "free"
+    )
 
 
 def test_another_failure_is_none() -> None:
     night = Night(TEAM, (CAUSE, OTHERS[0]))
-    found = shrunk(night, lambda it: "NobodyDies" if len(it.faults) > 1 else "NobodyWaits")
-    assert len(found.faults) == 2
+    smallest = shrunk(night, lambda tried: "NobodyDies" if len(tried.faults) > 1 else "NobodyWaits")
+    assert len(smallest.faults) == 2
 
 
 def test_no_more_nights_are_tried_than_are_asked_for() -> None:
     tried: list[Night] = []
-    shrunk(Night(TEAM, (CAUSE, *OTHERS)), lambda it: (tried.append(it), "x")[1], tries=7)
+    shrunk(Night(TEAM, (CAUSE, *OTHERS)), lambda night: (tried.append(night), "x")[1], tries=7)
     assert len(tried) == 8
     with pytest.raises(ValueError, match="breaks nothing"):
-        shrunk(Night(TEAM), lambda it: "")
+        shrunk(Night(TEAM), lambda night: "")
 
 
 def test_every_candidate_is_a_night_that_can_be() -> None:

@@ -20,21 +20,27 @@ TEAM = Team({"a": ("r1", "r2"), "b": ("r3",)}, "realtime", boards=2, tick=1.0, l
 class Played:
     """A night, or its first seconds, and the events."""
 
-    def __init__(self, *found: Fault, until: float = math.inf, team: Team = TEAM, record: bool = False) -> None:
+    def __init__(self, *night_faults: Fault, until: float = math.inf, team: Team = TEAM, record: bool = False) -> None:
         self.events: list[Event] = []
-        self.stage = Stage(Night(team, found), self.events.append, record=record)
+        self.stage = Stage(Night(team, night_faults), self.events.append, record=record)
         self.stage.play(until)
 
     def said(self, process: str, begin: float = 0.0, end: float = 1e9) -> list[Said]:
-        return [it for it in self.events if isinstance(it, Said) and it.process == process and begin < it.at < end]
+        return [
+            event
+            for event in self.events
+            if isinstance(event, Said) and event.process == process and begin < event.at < end
+        ]
 
     def sources(self, begin: float, end: float, sub_team: str = "a") -> set[str]:
         """Of whom it was agreed where they are."""
-        messages = [it.message for it in self.events if isinstance(it, Said) and begin < it.at < end]
+        messages = [event.message for event in self.events if isinstance(event, Said) and begin < event.at < end]
         agreed = [
-            it for it in messages if isinstance(it, Consensus) and (it.level, it.sub_team) == ("agreed", sub_team)
+            message
+            for message in messages
+            if isinstance(message, Consensus) and (message.level, message.sub_team) == ("agreed", sub_team)
         ]
-        return {used.source for it in agreed for used in it.used}
+        return {used.source for consensus in agreed for used in consensus.used}
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +50,9 @@ def calm() -> Played:
 
 def test_a_calm_night_is_a_team_at_work(calm: Played) -> None:
     assert calm.sources(3, 9) == {"a", "b"}
-    reports = [it for it in calm.said("robot/r1") if isinstance(it.message, Report)]
-    assert len({it.message.tick for it in reports if isinstance(it.message, Report)}) > 4
-    assert {it.process for it in calm.events if isinstance(it, Began)} == set(TEAM.processes)
+    reports = [event for event in calm.said("robot/r1") if isinstance(event.message, Report)]
+    assert len({event.message.tick for event in reports if isinstance(event.message, Report)}) > 4
+    assert {event.process for event in calm.events if isinstance(event, Began)} == set(TEAM.processes)
 
 
 def test_the_same_night_is_the_same_to_the_bit() -> None:
@@ -55,29 +61,33 @@ def test_the_same_night_is_the_same_to_the_bit() -> None:
         faults.Late(3.0, 7.0, "robot/r1", 0.5),
         faults.Killed(4.0, 5.0, "robot/r2"),
     )
-    found = [
-        [(it.at, it.process, it.envelope) for it in Played(*night, until=8.0).events if isinstance(it, Said)]
+    runs = [
+        [
+            (event.at, event.process, event.envelope)
+            for event in Played(*night, until=8.0).events
+            if isinstance(event, Said)
+        ]
         for _ in range(2)
     ]
-    assert found[0] == found[1]
+    assert runs[0] == runs[1]
 
 
 def test_what_is_lost_one_way_leaves_the_other_way_open() -> None:
-    both = [faults.OneWay(2.5, 8.0, "robot/r3", it) for it in ("board/b/board-b", "board/b/board-b2")]
+    both = [faults.OneWay(2.5, 8.0, "robot/r3", board) for board in ("board/b/board-b", "board/b/board-b2")]
     played = Played(*both, until=14.0)
-    ages = [used.age for it in played.said("board/b/board-b", 6.0, 8.0) if isinstance(it.message, Consensus)
-            if it.message.level == "consensus" for used in it.message.used]  # fmt: skip
+    ages = [used.age for event in played.said("board/b/board-b", 6.0, 8.0) if isinstance(event.message, Consensus)
+            if event.message.level == "consensus" for used in event.message.used]  # fmt: skip
     assert min(ages) > 3.0
-    assert all(used.age < 1.5 for it in played.said("board/b/board-b", 12.0) if isinstance(it.message, Consensus)
-               if it.message.level == "consensus" for used in it.message.used)  # fmt: skip
+    assert all(used.age < 1.5 for event in played.said("board/b/board-b", 12.0) if isinstance(event.message, Consensus)
+               if event.message.level == "consensus" for used in event.message.used)  # fmt: skip
 
 
 def test_a_process_that_is_killed_is_silent_and_starts_anew() -> None:
     played = Played(faults.Killed(3.0, 5.0, "robot/r2"), until=7.0)
     assert not played.said("robot/r2", 3.0, 5.0)
     assert played.said("robot/r2", 5.0, 7.0)
-    lives = [it for it in played.events if isinstance(it, Began | Ended) and it.process == "robot/r2"]
-    assert [(type(it), it.at) for it in lives[:3]] == [(Began, 0.0), (Ended, 3.0), (Began, 5.0)]
+    lives = [event for event in played.events if isinstance(event, Began | Ended) and event.process == "robot/r2"]
+    assert [(type(event), event.at) for event in lives[:3]] == [(Began, 0.0), (Ended, 3.0), (Began, 5.0)]
     assert lives[0].service is not lives[2].service
 
 
@@ -88,15 +98,15 @@ def test_a_process_that_is_frozen_says_all_that_it_missed_afterwards() -> None:
 
 
 def test_a_slow_process_acts_now_and_then() -> None:
-    times = [it.at for it in Played(faults.Slow(3.0, 7.0, "robot/r2", 1.0), until=7.0).said("robot/r2", 3.0)]
+    times = [event.at for event in Played(faults.Slow(3.0, 7.0, "robot/r2", 1.0), until=7.0).said("robot/r2", 3.0)]
     assert times
     assert all(at % 1.0 <= 0.1 + 1e-3 for at in times)
 
 
 def boards_that_lead(played: Played, begin: float, end: float) -> set[str]:
     """The boards of sub-team a whose statuses say that they lead."""
-    found = [it for board in ("board-a", "board-a2") for it in played.said(f"board/a/{board}", begin, end)]
-    return {it.process for it in found if isinstance(it.message, Status) and not it.message.follows}
+    said = [event for board in ("board-a", "board-a2") for event in played.said(f"board/a/{board}", begin, end)]
+    return {event.process for event in said if isinstance(event.message, Status) and not event.message.follows}
 
 
 def test_parted_boards_both_lead_until_they_meet_again(calm: Played) -> None:
@@ -116,21 +126,25 @@ def test_without_a_router_nobody_hears_anybody(fault: Fault) -> None:
     played = Played(fault, until=6.0)
     used = [
         used
-        for it in played.said("board/b/board-b", 5.0, 6.0)
-        if isinstance(it.message, Consensus)
-        for used in it.message.used
+        for event in played.said("board/b/board-b", 5.0, 6.0)
+        if isinstance(event.message, Consensus)
+        for used in event.message.used
     ]
-    assert all(it.age > 1.0 for it in used if it.source != "b")
+    assert all(opinion.age > 1.0 for opinion in used if opinion.source != "b")
 
 
 def test_a_clock_is_off_for_a_life_of_its_process() -> None:
     team = replace(TEAM, mode="free")
     played = Played(faults.ClockOff(3.0, 7.0, "robot/r2", 5.0), until=9.0, team=team)
-    stamps = [(it.at, it.message.time - it.at) for it in played.said("robot/r2") if isinstance(it.message, Report)]
+    stamps = [
+        (event.at, event.message.time - event.at)
+        for event in played.said("robot/r2")
+        if isinstance(event.message, Report)
+    ]
     off = {at: round(stamp - stamps[0][1], 1) for at, stamp in stamps}
-    assert {it for at, it in off.items() if 3.5 < at < 6.9} == {5.0}
-    assert {it for at, it in off.items() if at > 7.5} == {0.0}
-    assert sum(isinstance(it, Began) and it.process == "robot/r2" for it in played.events) == 3
+    assert {ahead for at, ahead in off.items() if 3.5 < at < 6.9} == {5.0}
+    assert {ahead for at, ahead in off.items() if at > 7.5} == {0.0}
+    assert sum(isinstance(event, Began) and event.process == "robot/r2" for event in played.events) == 3
 
 
 @pytest.mark.parametrize(("begin", "end"), [(7.82, 8.12), (2.87, 3.17), (4.01, 6.51)])
@@ -139,19 +153,19 @@ def test_a_clock_never_jumps_while_its_process_runs(begin: float, end: float) ->
         faults.ClockOff(begin, end, "board/a/board-a", 40.0), until=end + 2.0, team=replace(TEAM, mode="free")
     )
     ahead: list[set[float]] = []  # of each life of the board
-    for it in played.events:
-        if isinstance(it, Began) and it.process == "board/a/board-a":
+    for event in played.events:
+        if isinstance(event, Began) and event.process == "board/a/board-a":
             ahead.append(set())
-        elif isinstance(it, Said) and it.process == "board/a/board-a" and isinstance(it.message, Status):
-            assert it.message.sent is not None
-            ahead[-1].add(round(it.message.sent - played.stage.began - it.at, 1))
+        elif isinstance(event, Said) and event.process == "board/a/board-a" and isinstance(event.message, Status):
+            assert event.message.sent is not None
+            ahead[-1].add(round(event.message.sent - played.stage.began - event.at, 1))
     assert ahead == [{0.0}, {40.0}, {0.0}]
 
 
 def test_the_clock_of_a_machine_that_slept_stays_behind() -> None:
     team = replace(TEAM, mode="free")
     played = Played(faults.Suspended(3.0, 5.0, "robot/r2"), until=7.0, team=team)
-    stamps = [it.message.time - it.at for it in played.said("robot/r2") if isinstance(it.message, Report)]
+    stamps = [event.message.time - event.at for event in played.said("robot/r2") if isinstance(event.message, Report)]
     assert stamps[0] - stamps[-1] == pytest.approx(2.0, abs=0.1)
 
 
@@ -161,7 +175,9 @@ def test_liars_say_something_else() -> None:
     liar = Played(faults.Lies(3.0, 5.0, "robot/r2", "off-8"), until=4.5, team=team)
 
     def payloads(played: Played, begin: float, end: float) -> list[bytes]:
-        return [it.envelope.payload for it in played.said("robot/r2", begin, end) if isinstance(it.message, Report)]
+        return [
+            event.envelope.payload for event in played.said("robot/r2", begin, end) if isinstance(event.message, Report)
+        ]
 
     assert payloads(honest, 0.0, 3.0) == payloads(liar, 0.0, 3.0)
     assert payloads(honest, 3.0, 4.5) != payloads(liar, 3.0, 4.5)
@@ -169,13 +185,13 @@ def test_liars_say_something_else() -> None:
 
 def test_people_start_and_stop_boards_and_worlds() -> None:
     played = Played(faults.AnotherBoard(3.0, 6.0, "b", "z-last"), faults.SecondWorld(4.0, 5.0), until=9.0)
-    names = {it.process: it.at for it in played.events if isinstance(it, Began) and it.at > 0}
+    names = {event.process: event.at for event in played.events if isinstance(event, Began) and event.at > 0}
     assert names == {"board/b/z-last": 3.0, "world/2": 4.0}
     assert not played.said("board/b/z-last", 6.0)
 
 
 def test_a_full_disk_costs_the_tape_nothing_that_has_room_in_memory() -> None:
     same = faults.Lost(3.0, 5.0, "*", 0.0)
-    whole, full = (Played(it, until=7.0, record=True) for it in (same, faults.FullDisk(3.0, 5.0)))
+    whole, full = (Played(fault, until=7.0, record=True) for fault in (same, faults.FullDisk(3.0, 5.0)))
     assert full.stage.writer.missing == 0
     assert full.stage.writer.messages == whole.stage.writer.messages

@@ -30,14 +30,14 @@ def events() -> list[Event]:
 def changed(events: list[Event], **changes: object) -> list[Event]:
     """The events with other consensuses about r1 of sub-team a from 8 s on, by its leader."""
 
-    def other(it: Event) -> Event:
-        if not isinstance(it, Said) or not isinstance(it.message, Consensus) or it.at < 8.0:
-            return it
-        if (it.message.subject, it.process) != ("robot/r1", "board/a/board-a"):
-            return it
-        return replace(it, message=it.message.model_copy(update=changes))
+    def other(event: Event) -> Event:
+        if not isinstance(event, Said) or not isinstance(event.message, Consensus) or event.at < 8.0:
+            return event
+        if (event.message.subject, event.process) != ("robot/r1", "board/a/board-a"):
+            return event
+        return replace(event, message=event.message.model_copy(update=changes))
 
-    return [other(it) for it in events]
+    return [other(event) for event in events]
 
 
 @pytest.mark.parametrize("oracle", [TheHonestCount, BoardsAgreeAgain])
@@ -64,13 +64,19 @@ def test_boards_that_do_not_agree_again_are_named(events: list[Event]) -> None:
 )
 def test_two_robots_lie_and_so_does_a_guest(lie: faults.Fault) -> None:
     team = replace(TEAM, sub_teams={"a": ("r1", "r2"), "b": ("r3", "r4")}, boards=1)
-    found = played(Night(team, (lie,), seed=5), until=6.0)
-    truths = {it.message.tick: it.message for it in found if isinstance(it, Said) and isinstance(it.message, Truth)}
+    lived = played(Night(team, (lie,), seed=5), until=6.0)
+    truths = {
+        event.message.tick: event.message
+        for event in lived
+        if isinstance(event, Said) and isinstance(event.message, Truth)
+    }
     off = defaultdict[str, float](float)
-    for it in found:
-        if isinstance(it, Said) and isinstance(it.message, Report) and it.message.subject == it.process:
-            truth = np.array(truths[it.message.tick].positions[it.process])
-            off[it.process] += float(np.linalg.norm(unpack(it.message.belief).mean() - truth)) if 4 < it.at < 6 else 0
+    for event in lived:
+        if isinstance(event, Said) and isinstance(event.message, Report) and event.message.subject == event.process:
+            truth = np.array(truths[event.message.tick].positions[event.process])
+            off[event.process] += (
+                float(np.linalg.norm(unpack(event.message.belief).mean() - truth)) if 4 < event.at < 6 else 0
+            )
     assert set(sorted(off, key=off.__getitem__)[-len(lie.lies()) :]) == lie.lies().keys()
 
 

@@ -38,30 +38,30 @@ class TheHonestCount(Oracle):
         if isinstance(event, Recovered):
             self._is_well = True
         elif isinstance(event, Said) and isinstance(event.message, Consensus):
-            it = event.message
-            for out in it.left_out:
+            message = event.message
+            for out in message.left_out:
                 if out.reason == BARRED and f"robot/{out.source}" not in self.night.liars:
                     self.breaks(event.at, f"{event.process} bars {out.source}, which is honest")
-            robot = it.subject.removeprefix("robot/")
-            mine = robot in self.night.team.sub_teams[it.sub_team] and it.subject not in self.night.liars
-            if self._is_well and mine and (it.level == "consensus" or it.rule == "joint"):
-                who = it.sub_team, it.level, robot
-                counts = any(used.source == robot and used.weight > 0 and self._is_fresh(used) for used in it.used)
-                self._counted[who] = self._counted.get(who, False) or counts or self._takes(event, it, robot)
+            robot = message.subject.removeprefix("robot/")
+            mine = robot in self.night.team.sub_teams[message.sub_team] and message.subject not in self.night.liars
+            if self._is_well and mine and (message.level == "consensus" or message.rule == "joint"):
+                who = message.sub_team, message.level, robot
+                counts = any(used.source == robot and used.weight > 0 and self._is_fresh(used) for used in message.used)
+                self._counted[who] = self._counted.get(who, False) or counts or self._takes(event, message, robot)
         elif isinstance(event, Said) and isinstance(event.message, Report) and event.message.evidence is not None:
             self._given[event.parts["sub_team"], event.message.source].append((event.at, event.message.time))
 
-    def _takes(self, event: Said, it: Consensus, robot: str) -> bool:
+    def _takes(self, event: Said, consensus: Consensus, robot: str) -> bool:
         """Whether a joint has all that a robot on a poor link has said a tick before, or earlier: that may be its motion, or nothing."""
         if (
             self.night.team.budget is None
-            or it.rule != "joint"
+            or consensus.rule != "joint"
             or event.at < self.night.end - WATCHED * self.night.team.tick
         ):
             return False
         since, until = self.night.well, event.at - self.night.team.tick
-        said = [time for at, time in self._given[it.sub_team, robot] if since < at < until]
-        return not said or it.ancestors.get(robot, -math.inf) >= said[-1]
+        said = [time for at, time in self._given[consensus.sub_team, robot] if since < at < until]
+        return not said or consensus.ancestors.get(robot, -math.inf) >= said[-1]
 
     def _is_fresh(self, used: Used) -> bool:
         """Whether an opinion is of the newest ticks, by the clock of the board; on a poor link a robot says less."""
@@ -88,19 +88,23 @@ class BoardsAgreeAgain(Oracle):
         if isinstance(event, Recovered):
             self._is_well = self.night.is_honest and self.night.team.mode != "free"
         elif self._is_well and isinstance(event, Said) and isinstance(event.message, Consensus):
-            it = event.message
-            if it.level == "agreed" and it.subject.startswith("robot/"):
-                self._compare(event, it)
+            consensus = event.message
+            if consensus.level == "agreed" and consensus.subject.startswith("robot/"):
+                self._compare(event, consensus)
 
-    def _compare(self, event: Said, it: Consensus) -> None:
-        mine = unpack(it.belief)
-        process, other = self._agreed.setdefault((it.tick, it.time, it.subject), (event.process, mine))
+    def _compare(self, event: Said, consensus: Consensus) -> None:
+        mine = unpack(consensus.belief)
+        process, other = self._agreed.setdefault(
+            (consensus.tick, consensus.time, consensus.subject), (event.process, mine)
+        )
         if process == event.process:
             return
         variance = max(float(np.trace(belief.covariance())) / mine.grid.ndim for belief in (mine, other))
         apart = float(np.linalg.norm(mine.mean() - other.mean())) / variance**0.5
         if apart > APART:
-            self.breaks(event.at, f"{process} and {event.process} are {apart:.1f} sigmas apart about {it.subject}")
+            self.breaks(
+                event.at, f"{process} and {event.process} are {apart:.1f} sigmas apart about {consensus.subject}"
+            )
 
 
 class OneVote(Scored):
@@ -109,14 +113,14 @@ class OneVote(Scored):
     def __init__(self, night: Night) -> None:
         super().__init__(night)
         self._found = Counter[str]()
-        lies = [it.begin for it in night.faults if it.lies()]
+        lies = [fault.begin for fault in night.faults if fault.lies()]
         self._since = min(lies, default=FIRST)
         self._group = {0: "calm", 1: "lied"}.get(len(night.liars))
 
-    def score(self, at: float, tick: int, it: Consensus, place: Sequence[float]) -> None:
-        if self._group is not None and at >= self._since and it.subject not in self.night.liars:
+    def score(self, at: float, tick: int, consensus: Consensus, place: Sequence[float]) -> None:
+        if self._group is not None and at >= self._since and consensus.subject not in self.night.liars:
             self._found[f"{self._group} n"] += 1
-            off = float(np.linalg.norm(unpack(it.belief).mean() - np.array(place)))
+            off = float(np.linalg.norm(unpack(consensus.belief).mean() - np.array(place)))
             self._found[f"{self._group} off"] += off  # type: ignore[assignment]
 
     def sums(self) -> Counter[str]:
