@@ -80,8 +80,9 @@ adversary: $(VENV)/.dev ## search for the worst lie that one member can tell, on
 	@$(BIN)/python -m tests.hostile.adversary --count $(COUNT) --seed $(SEED)
 
 nights: COUNT = 1000
-nights: $(VENV)/.dev ## whole teams in virtual time under faults that a seed draws, judged by oracles: COUNT=1000 SEED=1
-	@$(BIN)/python -m tests.nights --count $(COUNT) --seed $(SEED)
+nights: MINUTES = inf
+nights: $(VENV)/.dev ## whole teams in virtual time under faults that a seed draws, judged by oracles: COUNT=1000 SEED=1 MINUTES=5
+	@$(BIN)/python -m tests.nights --count $(COUNT) --seed $(SEED) --minutes $(MINUTES)
 
 soak: $(VENV)/.run ## a team in real time that is killed, frozen, restarted and cut off, and must stay as it is: MINUTES=10 SEED=1
 	@$(BIN)/python -m blackboard.chaos soak --minutes $(MINUTES) --seed $(SEED)

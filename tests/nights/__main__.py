@@ -29,6 +29,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=100, help="nights")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first night")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no night after this time")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("build/nights"), help="where failures are written")
     parser.add_argument("--no-shrink", action="store_true", help="say only which nights fail")
@@ -46,9 +47,11 @@ def main() -> int:
                 print(gift.wrapped(outcome.night, args.out), flush=True)
             if args.first_failure:
                 return 1
+        if time.monotonic() - began > 60 * args.minutes:
+            break
         if time.monotonic() - shown > EVERY:
             shown = time.monotonic()
-            left = (shown - began) / done * (args.count - done)
+            left = min((shown - began) / done * (args.count - done), 60 * args.minutes + began - shown)
             print(
                 f"{done} of {args.count} nights, {failed} failed, {left / 60:.0f} min left", file=sys.stderr, flush=True
             )
