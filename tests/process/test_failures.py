@@ -17,7 +17,7 @@ from tests.wire.messages import STATUS
 
 
 def test_a_failure_is_counted_and_logged_once_per_source_and_kind(caplog: pytest.LogCaptureFixture) -> None:
-    it = Failures()
+    counted = Failures()
     with caplog.at_level(logging.DEBUG):
         for source, error in [
             ("a", ValueError("x")),
@@ -25,9 +25,9 @@ def test_a_failure_is_counted_and_logged_once_per_source_and_kind(caplog: pytest
             ("a", KeyError("z")),
             ("b", KeyError("z")),
         ]:
-            with it.survive(source):
+            with counted.survive(source):
                 raise error
-    assert it.counters == {"failed": 4}
+    assert counted.counters == {"failed": 4}
     assert [r.getMessage().split(";")[0] for r in caplog.records if r.levelname == "ERROR"] == [
         "a: ValueError: x", "a: KeyError: 'z'", "b: KeyError: 'z'",
     ]  # fmt: skip
@@ -38,11 +38,11 @@ def test_what_is_remembered_as_logged_is_bounded(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(failures, "MAX_LOGGED", 2)
-    it = Failures()
+    counted = Failures()
     for i in range(5):
-        with it.survive(str(i)):
+        with counted.survive(str(i)):
             raise ValueError
-    assert (it.counters["failed"], len(caplog.records)) == (5, 2)
+    assert (counted.counters["failed"], len(caplog.records)) == (5, 2)
 
 
 def test_an_interrupt_is_not_survived() -> None:
@@ -57,17 +57,17 @@ def test_a_text_from_outside_stays_one_line_that_a_terminal_may_show() -> None:
 
 
 def test_a_handler_that_fails_costs_its_own_message_only() -> None:
-    it = Intake()
+    intake = Intake()
 
     def handle(parts: dict[str, str], message: Message) -> list[Envelope]:
         raise OverflowError("int too large")
 
-    assert it.take(Envelope("cop/t/a/status/r1", encode(STATUS)), handle, 0.0) == []
-    assert it.counters == {"failed": 1}
+    assert intake.take(Envelope("cop/t/a/status/r1", encode(STATUS)), handle, 0.0) == []
+    assert intake.counters == {"failed": 1}
 
 
 def test_a_forged_line_does_not_get_into_the_log(caplog: pytest.LogCaptureFixture) -> None:
-    it = Intake()
-    it.take(Envelope("cop/t/a\n12:00:00 [error] forged\x1b[2J", b""), lambda parts, message: [], 0.0)
+    intake = Intake()
+    intake.take(Envelope("cop/t/a\n12:00:00 [error] forged\x1b[2J", b""), lambda parts, message: [], 0.0)
     assert "\n" not in caplog.text.rstrip("\n")
     assert "\x1b" not in caplog.text

@@ -126,12 +126,12 @@ def test_the_log_says_so_once_messages_have_waited_too_long_or_have_no_room(capl
     assert not caplog.messages
     intake.counted(said, NOW + WAIT)
     intake.take(status("r1"), not_yet, NOW + WAIT)
-    assert [it.split("(")[1] for it in caplog.messages] == [
+    assert [line.split("(")[1] for line in caplog.messages] == [
         "unregistered: no token); counted, and not logged again for this source"
     ]
     for name in ["r3", *(f"x{i}" for i in range(MAX_EARLY))]:
         intake.take(status(name), not_yet, NOW + WAIT)
-    assert [it.split(" (")[0] for it in caplog.messages[1:]] == ["refused cop/t/a/status/r3"]
+    assert [line.split(" (")[0] for line in caplog.messages[1:]] == ["refused cop/t/a/status/r3"]
 
 
 def test_what_came_too_early_is_bounded_in_number() -> None:

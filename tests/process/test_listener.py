@@ -23,8 +23,8 @@ class Ear:
         self.heard: list[ClockNews | Message] = []
         self.listener = Listener("t", self.hear)
 
-    def hear(self, it: ClockNews | Message, now: float) -> list[Envelope]:
-        self.heard.append(it)
+    def hear(self, event: ClockNews | Message, now: float) -> list[Envelope]:
+        self.heard.append(event)
         return []
 
     def tell(self, *envelopes: Envelope) -> None:
@@ -58,7 +58,7 @@ def test_it_hands_on_the_news_of_the_clock_with_the_clock() -> None:
     clocks = [Clock(run="x", tick=tick, time=tick, mode="lockstep") for tick in range(2)]
     ear.tell(token(keys.WORLD), *map(put, clocks), put(clocks[1]), token(keys.WORLD, kind=Kind.GONE))
     news = [News.RUN, News.TICK, News.REPEATED]
-    assert ear.heard == [ClockNews(one, clock) for one, clock in zip(news, [*clocks, clocks[1]], strict=True)]
+    assert ear.heard == [ClockNews(kind, clock) for kind, clock in zip(news, [*clocks, clocks[1]], strict=True)]
     due = ear.listener.wake_at(NOW)
     assert NOW < due <= NOW + WORLD_SILENT
     ear.listener.wake(NOW + WORLD_SILENT + 1.0)

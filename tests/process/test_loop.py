@@ -118,16 +118,16 @@ def test_what_has_arrived_is_left_where_it_is_stopped() -> None:
 def test_a_service_that_only_answers_has_counters_that_are_up_to_date() -> None:
     """Its statuses said that it had sent nothing since it was last woken."""
     clock = ManualClock()
-    post, service, told = Post(clock, [Envelope("x"), Envelope("y")], [Envelope("z")]), Echo(None, 1), list[int]()
+    post, service, counts = Post(clock, [Envelope("x"), Envelope("y")], [Envelope("z")]), Echo(None, 1), list[int]()
     answer = service.receive
 
     def receive(envelope: Envelope, now: float) -> list[Envelope]:
-        told.append(service.noted["sent"])
+        counts.append(service.noted["sent"])
         return answer(envelope, now)
 
     service.receive = receive  # type: ignore[method-assign]
     run(service, post, clock, stopped=lambda: clock.now() >= 2.0)
-    assert told == [0, 0, 2]
+    assert counts == [0, 0, 2]
 
 
 def test_what_a_service_raises_does_not_end_it(caplog: pytest.LogCaptureFixture) -> None:

@@ -16,7 +16,7 @@ def status(process: str, sub_team: str = "a", kind: Kind = Kind.PUT) -> Envelope
     return Envelope(keys.STATUS.key(team="t", sub_team=sub_team, process=process), b"", kind)
 
 
-def told(namesakes: Namesakes, *times: float, of: Envelope) -> list[float]:
+def told_at(namesakes: Namesakes, *times: float, of: Envelope) -> list[float]:
     """When something was told, where these came at these times."""
     return [time for time in times if namesakes.hear_envelope(of, time) is not None]
 
@@ -32,7 +32,7 @@ def seconds(first: float, last: float) -> list[float]:
 )
 def test_another_one_is_told_once_as_long_as_it_goes_on(tokens: tuple[str, ...], envelope: Envelope) -> None:
     namesakes = Namesakes(tokens)
-    assert told(namesakes, *seconds(100.0, 400.0), of=envelope) == [100.0 + SURE]
+    assert told_at(namesakes, *seconds(100.0, 400.0), of=envelope) == [100.0 + SURE]
     assert namesakes.count == 1
 
 
@@ -49,31 +49,32 @@ def test_what_the_one_before_a_restart_sent_last_is_no_other_process() -> None:
     """Also where that happens to it again and again, and where a frozen process reads at once what came meanwhile."""
     namesakes = Namesakes((BOARD,))
     for start in (0.0, 2 * GAP + SURE, 100.0):
-        assert told(namesakes, start, start + 0.5, start + SURE - 0.1, of=status("board-a")) == []
-    assert told(namesakes, *[500.0] * 1000, of=status("board-a")) == []
+        assert told_at(namesakes, start, start + 0.5, start + SURE - 0.1, of=status("board-a")) == []
+    assert told_at(namesakes, *[500.0] * 1000, of=status("board-a")) == []
     assert namesakes.count == 0
 
 
 def test_one_that_comes_after_a_long_silence_is_another_one() -> None:
     namesakes = Namesakes((BOARD,))
-    assert told(namesakes, *seconds(0.0, 10.0), of=status("board-a")) == [SURE]
-    assert told(namesakes, *seconds(10.0 + AGAIN, 30.0 + AGAIN), of=status("board-a")) == []  # the same, it goes on
+    assert told_at(namesakes, *seconds(0.0, 10.0), of=status("board-a")) == [SURE]
+    # The same one, which goes on.
+    assert told_at(namesakes, *seconds(10.0 + AGAIN, 30.0 + AGAIN), of=status("board-a")) == []
     later = 31.0 + 2 * AGAIN
-    assert told(namesakes, *seconds(later, later + 20.0), of=status("board-a")) == [later + SURE]
+    assert told_at(namesakes, *seconds(later, later + 20.0), of=status("board-a")) == [later + SURE]
     assert namesakes.count == 2
 
 
 def test_a_flood_is_told_no_more_often_than_a_silence_lasts() -> None:
     namesakes = Namesakes((BOARD,))
-    lines = told(namesakes, *(0.01 * n for n in range(100_000)), of=status("board-a"))
+    lines = told_at(namesakes, *(0.01 * n for n in range(100_000)), of=status("board-a"))
     assert len(lines) == 1
     spaced = [n * (SURE + 1.0) + late for n in range(250) for late in (0.0, SURE)]  # with pauses, to be taken for many
-    assert told(namesakes, *(2000.0 + time for time in spaced), of=status("board-a")) == [2000.0 + SURE]
+    assert told_at(namesakes, *(2000.0 + time for time in spaced), of=status("board-a")) == [2000.0 + SURE]
 
 
 def test_a_clock_that_is_set_back_tells_nothing_that_is_not_so() -> None:
     namesakes = Namesakes((BOARD,))
-    assert told(namesakes, 1000.0, 10.0, 1000.0, of=status("board-a")) == []
+    assert told_at(namesakes, 1000.0, 10.0, 1000.0, of=status("board-a")) == []
 
 
 @pytest.mark.parametrize(
@@ -90,4 +91,4 @@ def test_a_clock_that_is_set_back_tells_nothing_that_is_not_so() -> None:
     ids=["another board", "of another sub-team", "deleted", "a token", "a world", "no topic", "who only looks on"],
 )
 def test_nothing_else_is_told(tokens: tuple[str, ...], envelope: Envelope) -> None:
-    assert told(Namesakes(tokens), *seconds(0.0, 30.0), of=envelope) == []
+    assert told_at(Namesakes(tokens), *seconds(0.0, 30.0), of=envelope) == []

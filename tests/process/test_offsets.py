@@ -12,97 +12,97 @@ seconds = st.floats(0.0, 0.4)
 
 
 def trip(
-    it: ClockOffsets, ahead: float, *, there: float = 0.0, held: float = 0.0, back: float = 0.0, now: float = 100.0
+    offsets: ClockOffsets, ahead: float, *, there: float = 0.0, held: float = 0.0, back: float = 0.0, now: float = 100.0
 ) -> float:
     """A stamp goes to r1, is held and comes back, from `now` on; when it is back."""
     end = now + there + held + back
-    it.round_trip("r1", now + there + held + ahead, now, held, end)
+    offsets.round_trip("r1", now + there + held + ahead, now, held, end)
     return end
 
 
 @given(st.floats(-20, 20), seconds, st.floats(0, 5), seconds)
 def test_a_round_trip_finds_a_clock_to_within_half_of_it(ahead: float, there: float, held: float, back: float) -> None:
-    it = ClockOffsets()
-    trip(it, ahead, there=there, held=held, back=back)
+    offsets = ClockOffsets()
+    trip(offsets, ahead, there=there, held=held, back=back)
     error = max(TOLERANCE, there + back)
-    assert abs(it.ahead("r1") - ahead) <= error * 1.5 + 1e-6
+    assert abs(offsets.ahead("r1") - ahead) <= error * 1.5 + 1e-6
     if abs(ahead) > 2 * error:
-        assert abs(it.ahead("r1") - ahead) <= (there + back) / 2 + 1e-6
+        assert abs(offsets.ahead("r1") - ahead) <= (there + back) / 2 + 1e-6
 
 
 def test_the_shortest_of_the_last_round_trips_counts() -> None:
-    it = ClockOffsets()
-    trip(it, 3.0, back=1.5)
-    assert it.ahead("r1") == pytest.approx(3.0 - 0.75)
-    trip(it, 3.0)
-    assert it.ahead("r1") == pytest.approx(3.0)
+    offsets = ClockOffsets()
+    trip(offsets, 3.0, back=1.5)
+    assert offsets.ahead("r1") == pytest.approx(3.0 - 0.75)
+    trip(offsets, 3.0)
+    assert offsets.ahead("r1") == pytest.approx(3.0)
     for _ in range(WINDOW - 1):
-        trip(it, 3.0, there=1.0)
-    assert it.ahead("r1") == pytest.approx(3.0)
+        trip(offsets, 3.0, there=1.0)
+    assert offsets.ahead("r1") == pytest.approx(3.0)
 
 
 def test_a_clock_that_is_set_right_is_left_alone_again() -> None:
-    it = ClockOffsets()
-    trip(it, -3.0)
-    assert it.found() == {"r1": -3.0}
+    offsets = ClockOffsets()
+    trip(offsets, -3.0)
+    assert offsets.found() == {"r1": -3.0}
     for _ in range(WINDOW):
-        trip(it, 0.01)
-    assert (it.ahead("r1"), it.found()) == (0.0, {})
+        trip(offsets, 0.01)
+    assert (offsets.ahead("r1"), offsets.found()) == (0.0, {})
 
 
 @pytest.mark.parametrize(("stamp", "held"), [(100.0 - LONGEST - 0.1, 0.0), (100.5, 0.0), (99.0, 1.5)])
 def test_what_is_no_round_trip_tells_nothing(stamp: float, held: float) -> None:
     """As a status that somebody repeats long after it was sent."""
-    it = ClockOffsets()
-    it.round_trip("r1", 103.0, stamp, held, 100.0)
-    assert it.ahead("r1") == 0.0
+    offsets = ClockOffsets()
+    offsets.round_trip("r1", 103.0, stamp, held, 100.0)
+    assert offsets.ahead("r1") == 0.0
 
 
 def test_without_a_round_trip_only_a_stamp_of_the_future_is_certain() -> None:
-    it = ClockOffsets()
-    it.stamped("r1", 95.0, 100.0)
-    assert it.ahead("r1") == 0.0, "slow, or behind"
-    it.stamped("r1", 103.0, 100.0)
-    it.stamped("r1", 102.5, 100.1)
-    assert it.ahead("r1") == pytest.approx(3.0)
-    trip(it, 3.4)
-    assert it.ahead("r1") == pytest.approx(3.4)
+    offsets = ClockOffsets()
+    offsets.stamped("r1", 95.0, 100.0)
+    assert offsets.ahead("r1") == 0.0, "slow, or behind"
+    offsets.stamped("r1", 103.0, 100.0)
+    offsets.stamped("r1", 102.5, 100.1)
+    assert offsets.ahead("r1") == pytest.approx(3.0)
+    trip(offsets, 3.4)
+    assert offsets.ahead("r1") == pytest.approx(3.4)
 
 
 def test_small_changes_move_no_stamp() -> None:
     """Else a report could be stamped earlier than the one before it."""
-    it = ClockOffsets()
-    trip(it, 3.0)
+    offsets = ClockOffsets()
+    trip(offsets, 3.0)
     for number in range(2 * WINDOW):
-        trip(it, 3.0 + 0.01 * (number % 3), now=101.0 + number)
-    assert it.ahead("r1") == 3.0
+        trip(offsets, 3.0 + 0.01 * (number % 3), now=101.0 + number)
+    assert offsets.ahead("r1") == 3.0
 
 
 def test_what_another_board_found_counts_until_there_is_a_round_trip() -> None:
-    it = ClockOffsets()
-    it.hear_offsets({"r1": -3.0})
-    assert it.ahead("r1") == -3.0
-    trip(it, -4.0)
-    it.hear_offsets({"r1": -3.0})
-    assert it.ahead("r1") == pytest.approx(-4.0)
+    offsets = ClockOffsets()
+    offsets.hear_offsets({"r1": -3.0})
+    assert offsets.ahead("r1") == -3.0
+    trip(offsets, -4.0)
+    offsets.hear_offsets({"r1": -3.0})
+    assert offsets.ahead("r1") == pytest.approx(-4.0)
 
 
 def test_memory_is_bounded() -> None:
-    it, echoes = ClockOffsets(), StampEchoes()
+    offsets, echoes = ClockOffsets(), StampEchoes()
     for number in range(2 * MAX_SOURCES):
-        it.stamped(f"r{number}", 103.0, 100.0)
-        it.round_trip(f"q{number}", 103.0, 100.0, 0.0, 100.0)
+        offsets.stamped(f"r{number}", 103.0, 100.0)
+        offsets.round_trip(f"q{number}", 103.0, 100.0, 0.0, 100.0)
         echoes.hear_stamp(f"b{number}", 1.0, 100.0)
-    it.hear_offsets({f"p{number}": 9.0 for number in range(2 * MAX_SOURCES)})
-    assert len(it.found()) <= MAX_SOURCES
+    offsets.hear_offsets({f"p{number}": 9.0 for number in range(2 * MAX_SOURCES)})
+    assert len(offsets.found()) <= MAX_SOURCES
     assert len(echoes.held(100.0)) == MAX_SOURCES
 
 
 def test_the_newest_stamp_of_each_peer_is_held_since_it_came_first() -> None:
-    it = StampEchoes()
-    it.hear_stamp("b", 7.0, 100.0)
-    it.hear_stamp("b", 7.0, 100.5)
-    it.hear_stamp("a", 8.0, 100.5)
-    assert it.held(101.0) == {"a": (8.0, 0.5), "b": (7.0, 1.0)}
-    it.hear_stamp("b", 7.2, 101.0)
-    assert it.held(101.0)["b"] == (7.2, 0.0)
+    echoes = StampEchoes()
+    echoes.hear_stamp("b", 7.0, 100.0)
+    echoes.hear_stamp("b", 7.0, 100.5)
+    echoes.hear_stamp("a", 8.0, 100.5)
+    assert echoes.held(101.0) == {"a": (8.0, 0.5), "b": (7.0, 1.0)}
+    echoes.hear_stamp("b", 7.2, 101.0)
+    assert echoes.held(101.0)["b"] == (7.2, 0.0)

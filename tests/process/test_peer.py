@@ -31,12 +31,12 @@ class Robot:
         self.peer = Peer("t", sub_teams or ("a",), "r1", self.hear, settings={"client": "test"}, **more)
         self.tell(token(keys.BOARD, "board-a"))
 
-    def hear(self, it: Cue | Message, now: float) -> list[Envelope]:
-        self.heard.append(it)
+    def hear(self, event: Cue | Message, now: float) -> list[Envelope]:
+        self.heard.append(event)
         return []
 
     def tell(self, *envelopes: Envelope, now: float = NOW) -> list[Message]:
-        answers = [answer for it in envelopes for answer in self.peer.receive(it, now)]
+        answers = [answer for envelope in envelopes for answer in self.peer.receive(envelope, now)]
         self.peer.check()
         return opened(answers)
 
@@ -92,7 +92,7 @@ def in_place(news: News, place: Place) -> Robot:
     return robot
 
 
-@pytest.mark.parametrize(("news", "place"), REACTIONS, ids=lambda it: it.value)
+@pytest.mark.parametrize(("news", "place"), REACTIONS, ids=lambda event: event.value)
 def test_each_news_is_followed_by_what_the_table_says(news: News, place: Place) -> None:
     robot = in_place(news, place)
     said = robot.tell(clock(7)) if news is not News.FREE else []
@@ -165,8 +165,8 @@ def test_the_size_of_a_report_is_what_it_takes_on_the_wire() -> None:
     robot = Robot("a", "b", brief=True)
     robot.say(0)
     report = robot.peer.answers.reports[0]
-    sent = [it for it in robot.peer.say(robot.peer.answers, NOW) if keys.REPORT.match(it.key)]
-    assert robot.peer.size(report) == sum(len(it.key) + len(it.payload) for it in sent)
+    sent = [envelope for envelope in robot.peer.say(robot.peer.answers, NOW) if keys.REPORT.match(envelope.key)]
+    assert robot.peer.size(report) == sum(len(envelope.key) + len(envelope.payload) for envelope in sent)
     plain = Robot("a", "b")
     plain.say(0)
     assert robot.peer.size(report) < plain.peer.size(report)
@@ -204,7 +204,7 @@ def test_a_board_is_believed_once_its_token_is_there() -> None:
     assert robot.heard == []
     assert robot.peer.intake.refused == {"unregistered": 2}
     robot.tell(token(keys.BOARD, "late"))
-    assert kinds([it for it in robot.heard if isinstance(it, Message)]) == ["Consensus", "Refusal"]
+    assert kinds([event for event in robot.heard if isinstance(event, Message)]) == ["Consensus", "Refusal"]
 
 
 def test_each_reason_of_a_refusal_is_logged_once_in_one_line(caplog: pytest.LogCaptureFixture) -> None:
@@ -240,9 +240,9 @@ def test_without_a_world_stamps_are_those_of_its_own_clock_and_echoed() -> None:
     """The board tells with the robot's own place how far its clock is ahead."""
     robot = Robot()
     robot.tell(agreed(time=NOW - 4.0, ahead=4.0), agreed(time=NOW - 3.0, subject="object/ball"))
-    assert [it.time for it in robot.heard if isinstance(it, Consensus)] == [NOW, NOW + 1.0]
+    assert [event.time for event in robot.heard if isinstance(event, Consensus)] == [NOW, NOW + 1.0]
     status = robot.status(NOW + 0.5)
     assert (status.sent, status.echo) == (NOW + 0.5, {"a/board-a": (NOW - 3.0, 0.5)})
     robot.tell(world(), clock(0), agreed(time=0.0))
-    assert [it.time for it in robot.heard if isinstance(it, Consensus)][2:] == [0.0]
+    assert [event.time for event in robot.heard if isinstance(event, Consensus)][2:] == [0.0]
     assert (robot.status().sent, robot.status().echo) == (None, {})

@@ -12,11 +12,11 @@ def key(robot: str, subject: str = "object/ball", sub_team: str = "a") -> str:
 
 
 def test_the_newest_of_each_robot_is_told_with_how_many_there_were() -> None:
-    found = Refusals()
+    refusals = Refusals()
     for subject in ("object/ball", "robot/r1"):
-        found.record(key("r1", subject), Refused("grid", f"not {subject}"))
-    found.record("cop/t/a/status/r2", Refused("fields", "x" * 999))
-    (_, first), (sub_team, second) = found.due(10.0)
+        refusals.record(key("r1", subject), Refused("grid", f"not {subject}"))
+    refusals.record("cop/t/a/status/r2", Refused("fields", "x" * 999))
+    (_, first), (sub_team, second) = refusals.due(10.0)
     assert (first.robot, first.subject, first.reason, first.text, first.count) == (
         "r1", "robot/r1", "grid", "not robot/r1", 2,
     )  # fmt: skip
@@ -24,49 +24,49 @@ def test_the_newest_of_each_robot_is_told_with_how_many_there_were() -> None:
 
 
 def test_it_is_told_once_and_at_most_once_in_a_period() -> None:
-    found = Refusals()
-    found.record(key("r1"), Refused("grid", ""))
-    assert len(found.due(10.0)) == 1
-    found.record(key("r1"), Refused("grid", ""))
-    assert found.due(10.0 + 0.9 * PERIOD) == []
-    assert [it.count for _, it in found.due(10.0 + PERIOD)] == [2]
-    assert found.due(99.0) == []
+    refusals = Refusals()
+    refusals.record(key("r1"), Refused("grid", ""))
+    assert len(refusals.due(10.0)) == 1
+    refusals.record(key("r1"), Refused("grid", ""))
+    assert refusals.due(10.0 + 0.9 * PERIOD) == []
+    assert [refusal.count for _, refusal in refusals.due(10.0 + PERIOD)] == [2]
+    assert refusals.due(99.0) == []
 
 
 def test_what_came_early_is_told_after_a_period_in_which_it_was_not_taken() -> None:
-    found = Refusals()
+    refusals = Refusals()
     for at in (10.0, 10.5):
-        found.record(key("r1"), Refused("unregistered", ""), early=True)
-        assert found.due(at) == []
-    assert [it.reason for _, it in found.due(10.0 + PERIOD)] == ["unregistered"]
+        refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+        assert refusals.due(at) == []
+    assert [refusal.reason for _, refusal in refusals.due(10.0 + PERIOD)] == ["unregistered"]
 
 
 def test_what_was_taken_after_all_is_not_told_and_a_later_one_waits_again() -> None:
-    found = Refusals()
-    found.record(key("r1"), Refused("unregistered", ""), early=True)
-    assert found.due(10.0) == []
-    found.handled(key("r1", "robot/r1"))
-    assert found.due(20.0) == []
-    found.record(key("r1"), Refused("unregistered", ""), early=True)
-    assert found.due(30.0) == []
+    refusals = Refusals()
+    refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+    assert refusals.due(10.0) == []
+    refusals.handled(key("r1", "robot/r1"))
+    assert refusals.due(20.0) == []
+    refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+    assert refusals.due(30.0) == []
 
 
 def test_a_robot_that_was_told_and_then_taken_may_come_early_again() -> None:
-    found = Refusals()
-    found.record(key("r1"), Refused("grid", ""))
-    assert len(found.due(10.0)) == 1
-    found.due(11.5)
-    found.handled(key("r1"))
-    found.record(key("r1"), Refused("unregistered", ""), early=True)
-    assert found.due(20.0) == []
+    refusals = Refusals()
+    refusals.record(key("r1"), Refused("grid", ""))
+    assert len(refusals.due(10.0)) == 1
+    refusals.due(11.5)
+    refusals.handled(key("r1"))
+    refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+    assert refusals.due(20.0) == []
 
 
 def test_names_are_bounded_and_keys_that_name_nobody_are_left_out() -> None:
-    found = Refusals()
+    refusals = Refusals()
     for name in ("cop/**", "cop/t/a/agreed/robot/r1", "x", key("r1", "board-a/ball"), key("r1", "r1/r2")):
-        found.record(name, Refused("wild-key", ""))
-    assert found.due(1.0) == []
+        refusals.record(name, Refused("wild-key", ""))
+    assert refusals.due(1.0) == []
     for i in range(3 * MAX_SOURCES):
-        found.record(key(f"x{i}"), Refused("unregistered", ""))
-    told = [it.robot for _, it in found.due(2.0)]
-    assert told == [f"x{i}" for i in range(2 * MAX_SOURCES, 3 * MAX_SOURCES)]
+        refusals.record(key(f"x{i}"), Refused("unregistered", ""))
+    robots = [refusal.robot for _, refusal in refusals.due(2.0)]
+    assert robots == [f"x{i}" for i in range(2 * MAX_SOURCES, 3 * MAX_SOURCES)]

@@ -36,9 +36,9 @@ class Walk:
 
     def do(self, action: tuple[Any, ...]) -> list[News]:
         name, *arguments = action
-        found: list[News] = getattr(self, f"_{name}")(*arguments)
+        news: list[News] = getattr(self, f"_{name}")(*arguments)
         self.clock.check()
-        return found
+        return news
 
     def _token(self, kind: Kind) -> list[News]:
         self.clock.roster.hear_token(Envelope(WORLD, kind=kind), self.now)
@@ -49,8 +49,8 @@ class Walk:
         """A Clock that is so many ticks after the one before."""
         self.tick = max(0, self.tick + ticks)
         clock = Clock(run=run, tick=self.tick, time=0.2 * self.tick, mode="lockstep")
-        one = self.clock.hear_clock(clock, self.now)
-        return [] if one is News.NOTHING else [one]
+        event = self.clock.hear_clock(clock, self.now)
+        return [] if event is News.NOTHING else [event]
 
     def _wait(self, seconds: float) -> list[News]:
         self.now += seconds
