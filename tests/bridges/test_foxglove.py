@@ -58,27 +58,27 @@ def parts(message: bytes) -> Iterator[tuple[int, int | bytes]]:
 
 def double(message: bytes, number: int) -> float:
     """A double of a message; 0 where it is left out."""
-    found = next((value for n, value in parts(message) if n == number), bytes(8))
-    assert isinstance(found, bytes)
-    return float(struct.unpack("<d", found)[0])
+    value = next((value for n, value in parts(message) if n == number), bytes(8))
+    assert isinstance(value, bytes)
+    return float(struct.unpack("<d", value)[0])
 
 
 def part(message: bytes, number: int) -> bytes:
-    found = next(value for n, value in parts(message) if n == number)
-    assert isinstance(found, bytes)
-    return found
+    value = next(value for n, value in parts(message) if n == number)
+    assert isinstance(value, bytes)
+    return value
 
 
 def test_the_schemas_are_the_well_known_ones(exported: Path) -> None:
     with exported.open("rb") as file:
-        found = Counter(schema.name for schema, _, _ in make_reader(file).iter_messages() if schema is not None)
+        schemas = Counter(schema.name for schema, _, _ in make_reader(file).iter_messages() if schema is not None)
     moments = list(golden_team().moments)
-    assert found["foxglove.Grid"] >= sum(
+    assert schemas["foxglove.Grid"] >= sum(
         about.best is not None for moment in moments for about in moment.subjects.values()
     )
-    assert found["foxglove.PosesInFrame"] >= 2 * len(moments)
-    assert found["foxglove.Log"] == len(golden_team().events)
-    assert set(found) == {"foxglove.Grid", "foxglove.PoseInFrame", "foxglove.PosesInFrame", "foxglove.Log"}
+    assert schemas["foxglove.PosesInFrame"] >= 2 * len(moments)
+    assert schemas["foxglove.Log"] == len(golden_team().events)
+    assert set(schemas) == {"foxglove.Grid", "foxglove.PoseInFrame", "foxglove.PosesInFrame", "foxglove.Log"}
 
 
 def test_a_grid_is_the_agreed_belief_where_it_is(exported: Path) -> None:
@@ -86,7 +86,7 @@ def test_a_grid_is_the_agreed_belief_where_it_is(exported: Path) -> None:
     assert about.best is not None
     belief = unpack(about.best.message.belief)
     with exported.open("rb") as file:
-        message = [it.data for _, _, it in make_reader(file).iter_messages(topics=["/belief/robot/r1"])][-1]
+        message = [logged.data for _, _, logged in make_reader(file).iter_messages(topics=["/belief/robot/r1"])][-1]
     cells = np.frombuffer(part(message, 9), CELL)
     columns = struct.unpack("<I", part(message, 4))[0]
     p = cells["probability"].reshape(-1, columns)  # rows of y

@@ -13,7 +13,7 @@ from blackboard.wire.arrays import unpack
 from tests.files import GOLDEN
 
 
-class Seen:
+class Shown:
     def __init__(self) -> None:
         self.moments, self.events = list[Moment](), list[Event]()
 
@@ -25,25 +25,25 @@ class Seen:
 
 
 @pytest.fixture(scope="module")
-def seen() -> Seen:
-    feed, found = TapeFeed(read(GOLDEN)), Seen()
+def golden() -> Shown:
+    feed, sink = TapeFeed(read(GOLDEN)), Shown()
     stream = TeamStream(feed, "demo")
-    assert TeamStream(feed, "another").new(found) == 0
+    assert TeamStream(feed, "another").new(sink) == 0
     while not feed.done:
         feed.hear_envelopes(feed.receive())
-        stream.new(found)
-    assert stream.new(found) == 0
-    assert found.events == list(feed.fold.teams["demo"].events)
-    return found
+        stream.new(sink)
+    assert stream.new(sink) == 0
+    assert sink.events == list(feed.fold.teams["demo"].events)
+    return sink
 
 
-def test_each_tick_is_shown_once_in_its_order(seen: Seen) -> None:
-    run = seen.moments[-1].run
-    assert [moment.tick for moment in seen.moments if moment.run == run] == list(range(16))
+def test_each_tick_is_shown_once_in_its_order(golden: Shown) -> None:
+    run = golden.moments[-1].run
+    assert [moment.tick for moment in golden.moments if moment.run == run] == list(range(16))
 
 
-def test_the_masses_are_those_of_the_belief_at_its_place(seen: Seen) -> None:
-    shown = list(agreed(seen.moments[-1]))
+def test_the_masses_are_those_of_the_belief_at_its_place(golden: Shown) -> None:
+    shown = list(agreed(golden.moments[-1]))
     assert shown
     for name, about, drawn in shown:
         assert about.best is not None
@@ -51,4 +51,4 @@ def test_the_masses_are_those_of_the_belief_at_its_place(seen: Seen) -> None:
         (i, j), (n, m) = drawn.lo, drawn.box
         p = belief.p[i : i + n, j : j + m]
         assert masses(drawn) == pytest.approx(p, rel=0.03, abs=2e-4 * float(p.max()))
-        assert corner(seen.moments[-1], name, drawn) == (i, j, 1.0)
+        assert corner(golden.moments[-1], name, drawn) == (i, j, 1.0)

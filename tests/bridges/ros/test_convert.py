@@ -29,7 +29,7 @@ def sent(message: Any, type_name: str) -> Any:
     return HUMBLE.deserialize_cdr(payload, type_name)
 
 
-def pose(**changes: Any) -> bytes:
+def new_pose(**changes: Any) -> bytes:
     """A pose whose numbers are changed by name: x, y, z, w (of the quaternion), covariance."""
     message = convert.pose(Belief.from_gaussian(GRID, (3, 9), [[2, 0.5], [0.5, 1]]), 12.25, (math.pi / 2, 0.04))
     for name, value in changes.items():
@@ -43,42 +43,42 @@ def pose(**changes: Any) -> bytes:
 
 def test_a_belief_is_a_pose_with_the_covariance_of_its_cells() -> None:
     belief = Belief.from_gaussian(GRID, (3, 9), [[2, 0.5], [0.5, 1]])
-    found = sent(convert.pose(belief, 12.25, (math.pi / 2, 0.04)), POSE)
-    assert (found.header.frame_id, found.header.stamp.sec, found.header.stamp.nanosec) == ("map", 12, 250_000_000)
-    at, turn = found.pose.pose.position, found.pose.pose.orientation
+    pose = sent(convert.pose(belief, 12.25, (math.pi / 2, 0.04)), POSE)
+    assert (pose.header.frame_id, pose.header.stamp.sec, pose.header.stamp.nanosec) == ("map", 12, 250_000_000)
+    at, turn = pose.pose.pose.position, pose.pose.pose.orientation
     assert [at.x, at.y] == pytest.approx(belief.mean().tolist())
     assert (at.z, turn.x, turn.y) == (0, 0, 0)
     assert [turn.z, turn.w] == pytest.approx([math.sqrt(0.5), math.sqrt(0.5)])
     expected = np.zeros((6, 6))
     expected[:2, :2] = belief.covariance() + np.eye(2) * 0.25 / 12
     expected[5, 5] = 0.04
-    assert found.pose.covariance.reshape(6, 6) == pytest.approx(expected)
+    assert pose.pose.covariance.reshape(6, 6) == pytest.approx(expected)
 
 
 def test_a_heading_that_nobody_knows_has_the_variance_of_any_heading() -> None:
-    found = sent(convert.pose(Belief.from_gaussian(Grid((9, 9)), (3, 3), np.eye(2)), 0.0), POSE)
-    assert found.pose.covariance[35] == pytest.approx(math.pi**2 / 3)
-    assert found.pose.pose.orientation.w == 1
-    assert found.header.frame_id == "map"  # of a grid whose frame nobody named
+    pose = sent(convert.pose(Belief.from_gaussian(Grid((9, 9)), (3, 3), np.eye(2)), 0.0), POSE)
+    assert pose.pose.covariance[35] == pytest.approx(math.pi**2 / 3)
+    assert pose.pose.pose.orientation.w == 1
+    assert pose.header.frame_id == "map"  # of a grid whose frame nobody named
 
 
 def test_a_pose_comes_back_as_it_went() -> None:
-    found = convert.place(pose())
-    assert (found.stamp, found.frame) == (12.25, "map")
-    assert [found.x, found.y, found.yaw] == pytest.approx([3, 9, math.pi / 2], abs=0.01)
-    assert found.covariance[:2, :2] == pytest.approx(np.array([[2, 0.5], [0.5, 1]]), abs=0.1)
-    assert found.heading_sigma == pytest.approx(0.2)
+    place = convert.place(new_pose())
+    assert (place.stamp, place.frame) == (12.25, "map")
+    assert [place.x, place.y, place.yaw] == pytest.approx([3, 9, math.pi / 2], abs=0.01)
+    assert place.covariance[:2, :2] == pytest.approx(np.array([[2, 0.5], [0.5, 1]]), abs=0.1)
+    assert place.heading_sigma == pytest.approx(0.2)
 
 
 def test_a_map_has_100_where_the_belief_is_densest_and_goes_row_by_row_along_x() -> None:
     p = np.zeros(GRID.shape)
     p[3, 1], p[4, 1], p[3, 2] = 0.8, 0.2, 0.004
-    found = sent(convert.occupancy(Belief(GRID, p / p.sum()), 1.0), MAP)
-    info = found.info
+    occupancy = sent(convert.occupancy(Belief(GRID, p / p.sum()), 1.0), MAP)
+    info = occupancy.info
     assert (info.width, info.height, info.resolution) == (40, 30, 0.5)
     assert (info.origin.position.x, info.origin.position.y, info.origin.orientation.w) == (-4.0, 2.0, 1.0)
-    assert found.data.dtype == np.int8
-    cells = {(i % 40, i // 40): int(value) for i, value in enumerate(found.data) if value}
+    assert occupancy.data.dtype == np.int8
+    cells = {(i % 40, i // 40): int(value) for i, value in enumerate(occupancy.data) if value}
     assert cells == {(3, 1): 100, (4, 1): 25}  # 0.5 of 100 is rounded to 0
 
 
@@ -111,8 +111,8 @@ def test_the_state_of_processes() -> None:
         {**row, "name": "r6", "state": "alive", "lost": 0.62},
         {**row, "name": "world", "kind": "world", "state": "alive"},
     ]
-    found = sent(convert.diagnostics(rows, "team t", 2.0), DIAGNOSTICS).status
-    assert [(it.name, it.level) for it in found] == [
+    states = sent(convert.diagnostics(rows, "team t", 2.0), DIAGNOSTICS).status
+    assert [(state.name, state.level) for state in states] == [
         ("team t: robot r1", 0),
         ("team t: robot r2", 2),
         ("team t: robot r3", 3),
@@ -121,33 +121,33 @@ def test_the_state_of_processes() -> None:
         ("team t: robot r6", 1),
         ("team t: world", 0),
     ]
-    assert "lost with 62 %" in found[5].message
-    assert "0.620" in [it.value for it in found[5].values if it.key == "lost"]
-    assert {it.key: it.value for it in found[0].values} == {
+    assert "lost with 62 %" in states[5].message
+    assert "0.620" in [value.value for value in states[5].values if value.key == "lost"]
+    assert {value.key: value.value for value in states[0].values} == {
         "sub-teams": "a",
         "tick": "3",
         "age [s]": "0.0",
         "heard": "7",
     }
-    assert "future 2" in found[3].message
+    assert "future 2" in states[3].message
 
 
 BAD = {
     "empty": b"",
     "only a header": b"\0\1\0\0",
-    "big-endian": b"\0\0" + pose()[2:],
-    "cut off": pose()[:-1],
-    "too long": pose() + bytes(16),
+    "big-endian": b"\0\0" + new_pose()[2:],
+    "cut off": new_pose()[:-1],
+    "too long": new_pose() + bytes(16),
     "a frame of 4 GiB": b"\0\1\0\0" + bytes(8) + struct.pack("<I", 0xFFFFFFFF) + bytes(500),
     "a frame that is no text": b"\0\1\0\0" + bytes(8) + struct.pack("<I", 4) + b"\xff\xfe\xfd\0" + bytes(344),
-    "NaN": pose(x=math.nan),
-    "infinite": pose(y=math.inf),
-    "far": pose(x=1e8),
-    "NaN covariance": pose(covariance=math.nan),
-    "no covariance": pose(covariance=0.0),
-    "negative covariance": pose(covariance=-np.eye(6).ravel()),
-    "no positive definite covariance": pose(covariance=(np.eye(6) + 3 * np.eye(6)[[1, 0, 2, 3, 4, 5]]).ravel()),
-    "no quaternion": pose(qz=0.0, qw=0.0),
+    "NaN": new_pose(x=math.nan),
+    "infinite": new_pose(y=math.inf),
+    "far": new_pose(x=1e8),
+    "NaN covariance": new_pose(covariance=math.nan),
+    "no covariance": new_pose(covariance=0.0),
+    "negative covariance": new_pose(covariance=-np.eye(6).ravel()),
+    "no positive definite covariance": new_pose(covariance=(np.eye(6) + 3 * np.eye(6)[[1, 0, 2, 3, 4, 5]]).ravel()),
+    "no quaternion": new_pose(qz=0.0, qw=0.0),
 }
 
 
@@ -169,22 +169,22 @@ def test_what_is_too_large_is_not_looked_at() -> None:
 def test_whatever_comes_is_a_place_or_refused(payload: bytes, header: bool) -> None:
     for read in (convert.odometry, convert.place):
         try:
-            found = read(b"\0\1\0\0" * header + payload)
+            place = read(b"\0\1\0\0" * header + payload)
         except Refused:
             continue
-        assert np.isfinite([found.x, found.y, found.yaw]).all()
+        assert np.isfinite([place.x, place.y, place.yaw]).all()
 
 
-@given(st.integers(0, len(pose()) - 1), st.integers(0, 255))
+@given(st.integers(0, len(new_pose()) - 1), st.integers(0, 255))
 def test_a_pose_with_one_byte_changed_is_a_place_or_refused(at: int, value: int) -> None:
-    changed = bytearray(pose())
+    changed = bytearray(new_pose())
     changed[at] = value
     try:
-        found = convert.place(bytes(changed))
+        place = convert.place(bytes(changed))
     except Refused:
         return
-    assert np.isfinite(found.covariance).all()
-    assert found.covariance[0, 0] >= 0
+    assert np.isfinite(place.covariance).all()
+    assert place.covariance[0, 0] >= 0
 
 
 def test_odometry_needs_no_covariance() -> None:
@@ -196,10 +196,10 @@ def test_odometry_needs_no_covariance() -> None:
         ),
         covariance=np.zeros(36),
     )
-    plain = HUMBLE.deserialize_cdr(pose(covariance=0.0), POSE)
+    plain = HUMBLE.deserialize_cdr(new_pose(covariance=0.0), POSE)
     odometry = types[ODOMETRY](header=plain.header, child_frame_id="base_link", pose=plain.pose, twist=still)
-    found = convert.odometry(bytes(HUMBLE.serialize_cdr(odometry, ODOMETRY)))
-    assert [found.x, found.y, found.yaw] == pytest.approx([3, 9, math.pi / 2], abs=0.01)
+    place = convert.odometry(bytes(HUMBLE.serialize_cdr(odometry, ODOMETRY)))
+    assert [place.x, place.y, place.yaw] == pytest.approx([3, 9, math.pi / 2], abs=0.01)
 
 
 def test_of_each_detection_the_likeliest_class_counts_where_it_is_told_or_in_the_middle_of_its_box() -> None:
@@ -207,11 +207,17 @@ def test_of_each_detection_the_likeliest_class_counts_where_it_is_told_or_in_the
         ([result("dog", 0.2, 8.0, 8.0), result("person", 0.7, 3.0, -1.0, 0.25)], (9.0, 9.0)),
         ([result("sports ball", 0.5)], (2.0, 1.0)),
     )
-    one, other = convert.detections(payload)
-    assert (one.kind, one.confidence, one.place.stamp, one.place.x, one.place.y) == ("person/?", 0.7, 12.0, 3.0, -1.0)
-    assert one.place.covariance[:2, :2] == pytest.approx(np.eye(2) * 0.25)
-    assert (other.kind, other.place.x, other.place.y) == ("object/sports_ball?", 2.0, 1.0)
-    assert not other.place.covariance.any()
+    first, second = convert.detections(payload)
+    assert (first.kind, first.confidence, first.place.stamp, first.place.x, first.place.y) == (
+        "person/?",
+        0.7,
+        12.0,
+        3.0,
+        -1.0,
+    )
+    assert first.place.covariance[:2, :2] == pytest.approx(np.eye(2) * 0.25)
+    assert (second.kind, second.place.x, second.place.y) == ("object/sports_ball?", 2.0, 1.0)
+    assert not second.place.covariance.any()
 
 
 @pytest.mark.parametrize(

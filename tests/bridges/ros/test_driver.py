@@ -59,11 +59,11 @@ def test_the_way_comes_out_whichever_way_the_robot_looked_at_the_start(
         x, y = x + distance * math.cos(yaw + turn / 2), y + distance * math.sin(yaw + turn / 2)
         yaw = math.remainder(yaw + turn, math.tau)
         driver.move(at((n + 1) / 10, x, y, yaw), 0.0)
-    told = driver.readings(0.0)
-    assert told is not None
-    assert told.odometry is not None
-    assert told.odometry.distance == pytest.approx(sum(distance for distance, _ in steps), abs=1e-9)
-    assert told.odometry.turn == pytest.approx(sum(turn for _, turn in steps), abs=1e-9)
+    readings = driver.readings(0.0)
+    assert readings is not None
+    assert readings.odometry is not None
+    assert readings.odometry.distance == pytest.approx(sum(distance for distance, _ in steps), abs=1e-9)
+    assert readings.odometry.turn == pytest.approx(sum(turn for _, turn in steps), abs=1e-9)
 
 
 @pytest.mark.parametrize("subject", ["object/ball", "robot/r2"])
@@ -81,11 +81,11 @@ def test_a_sighting_waits_for_the_next_readings_and_says_its_age() -> None:
     driver.see("robot/r2", at(0.0, 3.0, 4.0, 0.5, np.diag([0.1, 0.2, ANY_HEADING])), 100.0)
     assert driver.due() is not None
     driver.move(at(0.1, 1.0, 1.0), 100.1)
-    told = driver.readings(100.1)
-    assert told is not None
-    (seen,) = told.seen
-    assert (seen.kind, seen.values) == ("position", (3.0, 4.0))  # nothing is known of the heading
-    assert seen.age == pytest.approx(0.1)
+    readings = driver.readings(100.1)
+    assert readings is not None
+    (sighting,) = readings.seen
+    assert (sighting.kind, sighting.values) == ("position", (3.0, 4.0))  # nothing is known of the heading
+    assert sighting.age == pytest.approx(0.1)
     assert driver.readings(101.0) is None
 
 
@@ -123,12 +123,12 @@ def test_where_its_source_begins_anew_at_zero_no_motion_is_made_up() -> None:
 def test_a_fix_goes_with_the_next_readings_once_as_wide_as_its_widest_axis() -> None:
     driver, covariance = Driver("r1"), np.array([[4.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.09]])
     driver.fix(at(1.0, 3.0, 4.0, 0.5, covariance))
-    told = driver.readings(10.0)
-    assert told is not None
-    assert told.odometry is None
-    assert told.fix is not None
-    assert told.fix.position == (3.0, 4.0)
-    assert [told.fix.sigma, told.fix.heading, told.fix.heading_sigma] == pytest.approx([2.0, 0.5, 0.3])
+    readings = driver.readings(10.0)
+    assert readings is not None
+    assert readings.odometry is None
+    assert readings.fix is not None
+    assert readings.fix.position == (3.0, 4.0)
+    assert [readings.fix.sigma, readings.fix.heading, readings.fix.heading_sigma] == pytest.approx([2.0, 0.5, 0.3])
     assert driver.readings(20.0) is None
     covariance[2, 2] = ANY_HEADING
     driver.fix(at(1.0, 3.0, 4.0, 0.5, covariance))
@@ -150,13 +150,13 @@ def test_readings_are_of_the_time_at_which_they_were_measured_however_late_they_
     driver.see("object/can", at(0.0, 3.0, 4.0), late)  # a stamp that nobody set
     for n in (20, 21, 22):
         driver.move(at(clock + n / 10, n * 0.1, 0.0), late)
-    told = driver.readings(late)
-    assert told is not None
-    assert told.odometry is not None
-    assert told.odometry.dt == pytest.approx(0.3)
-    by_subject = {seen.subject: seen.age for seen in told.seen}
+    readings = driver.readings(late)
+    assert readings is not None
+    assert readings.odometry is not None
+    assert readings.odometry.dt == pytest.approx(0.3)
+    by_subject = {sighting.subject: sighting.age for sighting in readings.seen}
     assert by_subject["object/can"] == 0.0
-    assert told.time == pytest.approx(zero + 2.205, abs=1e-6)
+    assert readings.time == pytest.approx(zero + 2.205, abs=1e-6)
     assert by_subject["object/ball"] == pytest.approx(0.15)
 
 
@@ -173,9 +173,9 @@ def test_what_a_detector_saw_goes_once_by_its_covariance_or_by_the_model_of_the_
     driver.detect([Detection("person/?", at(5.1, 1.0, 2.0), 0.7), unsure], 100.1)  # the newest message counts
     readings = driver.readings(100.1)
     assert readings is not None
-    (seen,), (sighting,) = readings.seen, readings.sightings
-    assert (seen.subject, seen.kind, seen.values, seen.confidence) == ("person/?", "position", (1.0, 2.0), 0.7)
-    assert seen.covariance == (1.0, 0.0, 1.0)
+    (placed,), (sighting,) = readings.seen, readings.sightings
+    assert (placed.subject, placed.kind, placed.values, placed.confidence) == ("person/?", "position", (1.0, 2.0), 0.7)
+    assert placed.covariance == (1.0, 0.0, 1.0)
     assert (sighting.subject, sighting.range, sighting.confidence) == ("object/ball?", 5.0, 0.9)
     assert sighting.bearing == pytest.approx(math.atan2(4.0, 3.0))
     assert (sighting.range_sigma, sighting.bearing_sigma) == (None, None)
@@ -184,11 +184,11 @@ def test_what_a_detector_saw_goes_once_by_its_covariance_or_by_the_model_of_the_
 
 def test_detections_that_readings_cannot_hold_are_refused_and_the_others_stay() -> None:
     driver = Driver("r1")
-    one = Detection("person/?", at(5.0, 1.0, 1.0), 0.6)
-    driver.detect([one], 100.0)
+    detection = Detection("person/?", at(5.0, 1.0, 1.0), 0.6)
+    driver.detect([detection], 100.0)
     flat = Detection("person/?", at(5.0, 1.0, 1.0, 0.0, np.diag([1.0, 0.0, 0.0])), 0.6)
     itself = Detection("robot/r1", at(5.0, 1.0, 1.0), 0.6)
-    for things in ([one] * 129, [flat], [one, itself]):
+    for things in ([detection] * 129, [flat], [detection, itself]):
         with pytest.raises(Refused):
             driver.detect(things, 100.1)
     readings = driver.readings(100.1)

@@ -31,7 +31,7 @@ GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")
 START = 1.8e9  # Unix seconds
 
 
-def bridge(sources: RosTopics) -> RosBridge:
+def new_bridge(sources: RosTopics) -> RosBridge:
     members = {
         robot: Member(team="t", sub_teams=("a",), robot=robot, grid=GRID, settings=BoardSection())
         for robot in sources.poses
@@ -59,7 +59,11 @@ def moved(stamp: float, x: float) -> bytes:
 
 def of(out: list[Envelope], topic: str, type_name: str) -> list[Any]:
     """The messages on a topic among what was sent."""
-    return [JAZZY.deserialize_cdr(it.payload, type_name) for it in out if it.key == key(0, topic, type_name)]
+    return [
+        JAZZY.deserialize_cdr(envelope.payload, type_name)
+        for envelope in out
+        if envelope.key == key(0, topic, type_name)
+    ]
 
 
 def team(*services: Service) -> tuple[Callable[[float], list[Envelope]], Bus]:
@@ -78,12 +82,12 @@ def team(*services: Service) -> tuple[Callable[[float], list[Envelope]], Bus]:
 
 
 def test_a_pose_is_reported_as_the_robots_own_belief_and_comes_back_as_agreed() -> None:
-    one = bridge(RosTopics(poses={"r7": "/amcl_pose"}))
+    bridge = new_bridge(RosTopics(poses={"r7": "/amcl_pose"}))
     board = BoardService(team="t", sub_team="a", board="desk", grid=GRID, settings=BoardSection())
-    run, bus = team(board, one)
-    assert one.tokens[0] == one.node.token
-    assert "cop/t/a/member/r7" in one.tokens
-    assert any("/MS/" in token and "%amcl_pose" in token for token in one.tokens)
+    run, bus = team(board, bridge)
+    assert bridge.tokens[0] == bridge.node.token
+    assert "cop/t/a/member/r7" in bridge.tokens
+    assert any("/MS/" in token and "%amcl_pose" in token for token in bridge.tokens)
     run(1.0)
     bus.send(Envelope(key(0, "amcl_pose", POSE), pose(12, 8, 2.0)))
     out = run(2.0)
@@ -93,70 +97,75 @@ def test_a_pose_is_reported_as_the_robots_own_belief_and_comes_back_as_agreed() 
     assert poses[0].pose.covariance[0] == pytest.approx(2.0, rel=0.3)
     assert poses[-1].pose.covariance[0] > poses[0].pose.covariance[0]  # an old belief spreads
     assert poses[-1].pose.covariance[35] == pytest.approx(math.pi**2 / 3)  # a belief about a place says no heading
-    told = of(out, "diagnostics", DIAGNOSTICS)[-1].status
-    assert [(it.name, it.level) for it in told] == [
+    states = of(out, "diagnostics", DIAGNOSTICS)[-1].status
+    assert [(state.name, state.level) for state in states] == [
         ("team t: board desk", 0),
         ("team t: robot r7", 0),
         ("team t: bridge ros", 0),
     ]
-    assert not one.refused
+    assert not bridge.refused
     assert board.intake.refused == {}
 
 
 def test_odometry_and_fixes_become_the_readings_of_a_robot() -> None:
-    one = bridge(RosTopics(odometry={"r1": "r1/odom"}, fixes={"r1": "/initialpose"}))
-    run, bus = team(one)
+    bridge = new_bridge(RosTopics(odometry={"r1": "r1/odom"}, fixes={"r1": "/initialpose"}))
+    run, bus = team(bridge)
     bus.send(Envelope(key(0, "initialpose", POSE), pose(5, 6)))
     for n in range(21):
         bus.send(Envelope(key(0, "r1/odom", ODOMETRY), moved(100 + n / 20, n / 10)))
         if n == 0:
-            found = run(0.05)
-    found += run(1.0)
-    readings = [decode(Readings, it.payload) for it in found if it.key == "cop/t/world/reading/r1"]
-    assert [it.tick for it in readings] == list(range(len(readings)))
-    assert [None if it.fix is None else it.fix.position for it in readings if it.fix is not None] == [
-        pytest.approx((5, 6), abs=0.1)
-    ]
-    assert sum(it.odometry.distance for it in readings if it.odometry is not None) == pytest.approx(2.0)
-    assert sum(it.odometry.dt for it in readings if it.odometry is not None) == pytest.approx(1.0)
+            sent = run(0.05)
+    sent += run(1.0)
+    readings = [decode(Readings, envelope.payload) for envelope in sent if envelope.key == "cop/t/world/reading/r1"]
+    assert [reading.tick for reading in readings] == list(range(len(readings)))
+    assert [
+        None if reading.fix is None else reading.fix.position for reading in readings if reading.fix is not None
+    ] == [pytest.approx((5, 6), abs=0.1)]
+    assert sum(reading.odometry.distance for reading in readings if reading.odometry is not None) == pytest.approx(2.0)
+    assert sum(reading.odometry.dt for reading in readings if reading.odometry is not None) == pytest.approx(1.0)
 
 
 def test_what_a_detector_sees_goes_with_the_robots_readings_and_bad_messages_are_counted() -> None:
-    one = bridge(RosTopics(detects={"r1": "r1/detections"}))
-    run, bus = team(one)
+    bridge = new_bridge(RosTopics(detects={"r1": "r1/detections"}))
+    run, bus = team(bridge)
     run(0.1)
     where = key(0, "r1/detections", DETECTIONS)
     bus.send(Envelope(where, detected(([result("person", 0.7, 5.0, 6.0, 0.25)], (0.0, 0.0)))))
     bus.send(Envelope(where, detected(([], (1.0, 1.0)))))
-    readings = [decode(Readings, it.payload) for it in run(1.0) if it.key == "cop/t/world/reading/r1"]
-    (seen,) = [it for told in readings for it in told.seen]
-    assert (seen.subject, seen.kind, seen.values, seen.confidence) == ("person/?", "position", (5.0, 6.0), 0.7)
-    assert one.refused == {"fields": 1}
+    readings = [decode(Readings, envelope.payload) for envelope in run(1.0) if envelope.key == "cop/t/world/reading/r1"]
+    (sighted,) = [sighting for reading in readings for sighting in reading.seen]
+    assert (sighted.subject, sighted.kind, sighted.values, sighted.confidence) == (
+        "person/?",
+        "position",
+        (5.0, 6.0),
+        0.7,
+    )
+    assert bridge.refused == {"fields": 1}
 
 
 def test_what_a_robot_sees_goes_with_its_readings_of_a_robot_with_the_heading() -> None:
-    one = bridge(RosTopics(sees={("r1", "object/ball"): "r1/ball", ("r1", "robot/r2"): "r1/mate"}))
-    run, bus = team(one)
+    bridge = new_bridge(RosTopics(sees={("r1", "object/ball"): "r1/ball", ("r1", "robot/r2"): "r1/mate"}))
+    run, bus = team(bridge)
     run(0.1)
     bus.send(Envelope(key(0, "r1/ball", POSE), pose(5, 6, 0.5, frame="r1/base_link")))
     bus.send(Envelope(key(0, "r1/mate", POSE), pose(7, 8)))
-    found = run(0.1)
+    sent = run(0.1)
     bus.send(Envelope(key(0, "r1/ball", POSE), pose(9, 9)))
     bus.send(Envelope(key(0, "r1/ball", POSE), pose(4, 3)))  # of each subject the newest counts
-    found += run(1.0)
-    readings = [decode(Readings, it.payload) for it in found if it.key == "cop/t/world/reading/r1"]
-    seen = [it for told in readings for it in told.seen]
-    assert [(it.subject, it.kind) for it in seen] == [
+    sent += run(1.0)
+    readings = [decode(Readings, envelope.payload) for envelope in sent if envelope.key == "cop/t/world/reading/r1"]
+    sightings = [sighting for reading in readings for sighting in reading.seen]
+    assert [(sighting.subject, sighting.kind) for sighting in sightings] == [
         ("object/ball", "position"),
         ("robot/r2", "pose"),
         ("object/ball", "position"),
     ]
-    assert seen[0].values == pytest.approx((5, 6), abs=0.1)
-    assert seen[0].covariance == pytest.approx((0.5, 0.0, 0.5), abs=0.2)
-    assert seen[1].values == pytest.approx((7, 8, 0), abs=0.1)
-    assert seen[2].values == pytest.approx((4, 3), abs=0.1)
-    assert all(0.0 <= it.age <= 0.3 for it in seen)
-    assert not one.refused
+    assert sightings[0].values == pytest.approx((5, 6), abs=0.1)
+    assert sightings[0].covariance == pytest.approx((0.5, 0.0, 0.5), abs=0.2)
+    assert sightings[1].values == pytest.approx((7, 8, 0), abs=0.1)
+    assert sightings[2].values == pytest.approx((4, 3), abs=0.1)
+    assert all(0.0 <= sighting.age <= 0.3 for sighting in sightings)
+    assert not bridge.refused
 
 
 @pytest.mark.parametrize(
@@ -174,49 +183,53 @@ def test_what_a_robot_sees_goes_with_its_readings_of_a_robot_with_the_heading() 
 def test_what_cannot_be_used_is_counted_named_once_and_told(
     topic: str, type_name: str, payload: bytes, reason: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    one = bridge(RosTopics({"r1": "r1/odom"}, {"r1": "/initialpose"}, {"r7": "amcl_pose"}))
+    bridge = new_bridge(RosTopics({"r1": "r1/odom"}, {"r1": "/initialpose"}, {"r7": "amcl_pose"}))
     board = BoardService(team="t", sub_team="a", board="desk", grid=GRID, settings=BoardSection())
-    run, bus = team(board, one)
+    run, bus = team(board, bridge)
     run(2.0)  # the board tells the team's grid and its frame
     for _ in range(3):
         bus.send(Envelope(key(0, topic, type_name), payload))
     out = run(2.0)
-    assert one.refused == {reason: 3}
+    assert bridge.refused == {reason: 3}
     assert caplog.text.count(f"{topic}: {reason}: ") == 1
-    assert not [it for it in out if it.key.startswith(("cop/t/world/", "cop/t/a/report/"))]
-    (own,) = [it for it in of(out, "diagnostics", DIAGNOSTICS)[-1].status if it.name == "team t: bridge ros"]
+    assert not [envelope for envelope in out if envelope.key.startswith(("cop/t/world/", "cop/t/a/report/"))]
+    (own,) = [state for state in of(out, "diagnostics", DIAGNOSTICS)[-1].status if state.name == "team t: bridge ros"]
     assert own.level == 1
     assert own.message == f"refuses messages: {reason} 3"
 
 
 def test_while_a_world_gives_the_readings_those_from_ros_are_left_out(caplog: pytest.LogCaptureFixture) -> None:
-    one = bridge(RosTopics(odometry={"r1": "r1/odom"}))
-    told = [Envelope(key(0, "r1/odom", ODOMETRY), moved(100 + n / 2, n / 2)) for n in range(5)]
-    assert not one.receive(told[0], START)
-    assert len(one.receive(told[1], START + 1)) == 1
-    one.receive(Envelope("cop/t/world/alive", kind=Kind.ALIVE), START + 1)
-    assert not [it for n in (2, 3) for it in one.receive(told[n], START + n)]
+    bridge = new_bridge(RosTopics(odometry={"r1": "r1/odom"}))
+    steps = [Envelope(key(0, "r1/odom", ODOMETRY), moved(100 + n / 2, n / 2)) for n in range(5)]
+    assert not bridge.receive(steps[0], START)
+    assert len(bridge.receive(steps[1], START + 1)) == 1
+    bridge.receive(Envelope("cop/t/world/alive", kind=Kind.ALIVE), START + 1)
+    assert not [envelope for n in (2, 3) for envelope in bridge.receive(steps[n], START + n)]
     assert caplog.text.count("a world gives the readings of r1; those from ROS are left out") == 1
-    one.receive(Envelope("cop/t/world/alive", kind=Kind.GONE), START + 3.5)
-    (again,) = one.receive(told[4], START + 4)
+    bridge.receive(Envelope("cop/t/world/alive", kind=Kind.GONE), START + 3.5)
+    (again,) = bridge.receive(steps[4], START + 4)
     odometry = decode(Readings, again.payload).odometry
     assert odometry is not None
     assert odometry.distance == pytest.approx(0.5)  # what the robot did in the world is not told again
 
 
 def test_a_delete_on_its_topics_is_ignored() -> None:
-    one = bridge(RosTopics({"r1": "r1/odom"}))
-    assert one.receive(Envelope(key(0, "r1/odom", ODOMETRY), kind=Kind.DELETE), START) == []
-    assert not one.refused
+    bridge = new_bridge(RosTopics({"r1": "r1/odom"}))
+    assert bridge.receive(Envelope(key(0, "r1/odom", ODOMETRY), kind=Kind.DELETE), START) == []
+    assert not bridge.refused
 
 
 def test_a_robot_that_it_speaks_for_answers_a_world_that_waits() -> None:
-    one = bridge(RosTopics(poses={"r7": "amcl_pose"}))
-    one.receive(Envelope("cop/t/world/alive", kind=Kind.ALIVE), START)
+    bridge = new_bridge(RosTopics(poses={"r7": "amcl_pose"}))
+    bridge.receive(Envelope("cop/t/world/alive", kind=Kind.ALIVE), START)
     clocks = [Clock(run="w", tick=tick, time=tick / 5, mode="lockstep") for tick in (3, 4)]
-    one.receive(Envelope("cop/t/world/clock", encode(clocks[0])), START)
-    sent = one.receive(Envelope(key(0, "amcl_pose", POSE), pose(5, 6)), START)
-    assert [it.key for it in sent] == ["cop/t/a/report/r7/robot/r7", "cop/t/a/status/r7"]
-    answers = one.receive(Envelope("cop/t/world/clock", encode(clocks[1])), START + 0.2)
-    assert [it.key for it in answers] == ["cop/t/a/report/r7/robot/r7", "cop/t/score/solo/r7", "cop/t/a/status/r7"]
+    bridge.receive(Envelope("cop/t/world/clock", encode(clocks[0])), START)
+    sent = bridge.receive(Envelope(key(0, "amcl_pose", POSE), pose(5, 6)), START)
+    assert [envelope.key for envelope in sent] == ["cop/t/a/report/r7/robot/r7", "cop/t/a/status/r7"]
+    answers = bridge.receive(Envelope("cop/t/world/clock", encode(clocks[1])), START + 0.2)
+    assert [envelope.key for envelope in answers] == [
+        "cop/t/a/report/r7/robot/r7",
+        "cop/t/score/solo/r7",
+        "cop/t/a/status/r7",
+    ]
     assert decode(Status, answers[-1].payload).tick == 4
