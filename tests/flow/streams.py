@@ -22,25 +22,25 @@ class Stream:
             self.sent.append(decode(Consensus, envelope.payload))
 
     @staticmethod
-    def key(it: Consensus) -> Key:
-        return it.sub_team, it.level, it.subject, it.tick
+    def key(consensus: Consensus) -> Key:
+        return consensus.sub_team, consensus.level, consensus.subject, consensus.tick
 
     @property
     def beliefs(self) -> dict[Key, Consensus]:
         """The consensus of each key, without the name of its board."""
-        return {self.key(it): it.model_copy(update={"board": ""}) for it in self.sent}
+        return {self.key(consensus): consensus.model_copy(update={"board": ""}) for consensus in self.sent}
 
     def check(self) -> None:
         """One stream: nothing goes back in time, and what is said again, to a Clock that is repeated, is the same."""
         first: dict[Key, Consensus] = {}
         newest: dict[tuple[str, str, str], int] = {}
-        for it in self.sent:
-            where = it.sub_team, it.level, it.subject
-            assert it.tick >= newest.get(where, -1), it
-            assert first.setdefault(self.key(it), it) == it
-            newest[where] = it.tick
+        for consensus in self.sent:
+            where = consensus.sub_team, consensus.level, consensus.subject
+            assert consensus.tick >= newest.get(where, -1), consensus
+            assert first.setdefault(self.key(consensus), consensus) == consensus
+            newest[where] = consensus.tick
 
     def boards(self, sub_team: str) -> list[str]:
         """Who spoke for a sub-team, by tick."""
-        by_tick = {it.tick: it.board for it in self.sent if it.sub_team == sub_team}
+        by_tick = {consensus.tick: consensus.board for consensus in self.sent if consensus.sub_team == sub_team}
         return [by_tick[tick] for tick in sorted(by_tick)]

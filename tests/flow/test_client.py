@@ -33,7 +33,9 @@ def test_a_client_in_lockstep_is_waited_for_and_keeps_nobody_waiting() -> None:
     clocks, said = heard.of(keys.CLOCK), heard.of(keys.CONSENSUS, subject="robot/c1")
     last = max(clock.tick for clock in clocks)
     assert all("c1" in clock.robots["a"] for clock in clocks if 0 < clock.tick < last)  # in tick 0 it had not come yet
-    assert {it.tick for it in said if "c1" in {one.source for one in it.used}} == set(range(1, last + 1))
+    assert {consensus.tick for consensus in said if "c1" in {opinion.source for opinion in consensus.used}} == set(
+        range(1, last + 1)
+    )
     assert last >= result["ticks"]
     assert [board.counters["late"] for board in team.boards.values()] == [0, 0]
     assert all(board.refused.total() == 0 for board in team.boards.values())

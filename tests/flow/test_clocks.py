@@ -63,17 +63,17 @@ class Free(Scheduler):
         self.robots = {name: robot_of(scenario, name) for name in scenario.team.robots}
         self.sent: list[tuple[float, Envelope]] = []  # and when
         self.bus.spies.append(lambda envelope: self.sent.append((self.now, envelope)))
-        named: dict[str, Service] = {**{it.name: it for it in self.boards.values()}, **self.robots}
-        for name, it in named.items():
-            self.join(it, off.get(name, 0.0))
+        named: dict[str, Service] = {**{board.name: board for board in self.boards.values()}, **self.robots}
+        for name, board in named.items():
+            self.join(board, off.get(name, 0.0))
         for number, name in enumerate(self.robots):
             self.join(Driver(name, 8.0 + number), off.get(name, 0.0))
 
     def add_board(self, sub_team: str, name: str) -> BoardService:
         """One more board of a sub-team."""
-        it = board_of(self.scenario, sub_team, name)
-        self.join(it, self.off.get(name, 0.0))
-        return it
+        board = board_of(self.scenario, sub_team, name)
+        self.join(board, self.off.get(name, 0.0))
+        return board
 
     def agreed(self, sub_team: str, subject: str, since: float = 0.0) -> list[Consensus]:
         key = keys.AGREED.key(team="t", sub_team=sub_team, subject=subject)
@@ -105,21 +105,21 @@ def test_a_robot_whose_clock_is_seconds_off_counts_as_one_whose_clock_is_right(
         f"the clock of r2 is {abs(off):.1f} s {'ahead' if off > 0 else 'behind'}; corrected, and not logged again for this source"
     ]
     for level in ("r1", "r2"):
-        found = team.agreed("a", f"robot/{level}", began)
-        assert found, level
-        assert all(used.age < 0.5 for it in found for used in it.used)
-    told = team.agreed("a", "robot/r2", began)[-1]
-    assert told.ahead == pytest.approx(off, abs=0.1)
+        consensuses = team.agreed("a", f"robot/{level}", began)
+        assert consensuses, level
+        assert all(used.age < 0.5 for consensus in consensuses for used in consensus.used)
+    last = team.agreed("a", "robot/r2", began)[-1]
+    assert last.ahead == pytest.approx(off, abs=0.1)
     right = Free({}, fusion=fusion)
     right.run_for(7.0)
-    assert told.entropy == pytest.approx(right.agreed("a", "robot/r2")[-1].entropy, abs=0.1)
+    assert last.entropy == pytest.approx(right.agreed("a", "robot/r2")[-1].entropy, abs=0.1)
     assert informed(team) == informed(right), "it takes back what is agreed, at the time of its own clock"
 
 
 def informed(team: Free) -> set[str]:
     """Whose information r2 had in its last belief about itself."""
-    it = [decode(Report, e.payload) for _, e in team.sent if "/report/r2/robot/r2" in e.key][-1]
-    return set() if it.informed is None else set(it.informed.ancestors)
+    report = [decode(Report, e.payload) for _, e in team.sent if "/report/r2/robot/r2" in e.key][-1]
+    return set() if report.informed is None else set(report.informed.ancestors)
 
 
 def test_a_robot_that_is_off_beyond_the_bound_is_refused_by_name(caplog: pytest.LogCaptureFixture) -> None:
@@ -134,9 +134,9 @@ def test_boards_whose_clocks_differ_exchange_as_if_they_did_not() -> None:
     team = Free({"board-b": 4.0})
     team.run_for(3.0)
     began = team.now
-    refused = {s: it.refused.copy() for s, it in team.boards.items()}
+    refused = {s: board.refused.copy() for s, board in team.boards.items()}
     team.run_for(3.0)
-    assert {s: it.refused for s, it in team.boards.items()} == refused
+    assert {s: board.refused for s, board in team.boards.items()} == refused
     assert team.status("board-a").clocks == {"b/board-b": pytest.approx(4.0, abs=0.1)}
     assert team.status("board-b").clocks.keys() == {"a/board-a", "r3"}
     assert team.agreed("a", "robot/r3", began)
@@ -149,7 +149,7 @@ def test_clocks_that_are_right_are_left_alone_however_slow_the_network(delay: fl
     team.run_for(5.0)
     assert team.status("board-a").clocks == team.status("board-b").clocks == {}
     assert not team.boards["a"].refused
-    assert {it.ahead for it in team.agreed("a", "robot/r2")} == {0.0}
+    assert {consensus.ahead for consensus in team.agreed("a", "robot/r2")} == {0.0}
 
 
 @pytest.mark.parametrize("fusion", ["opinions", "joint"])
@@ -159,17 +159,17 @@ def test_without_a_world_a_second_board_takes_over_within_a_second(fusion: str) 
     team.run_for(1.0)
     second = team.add_board("a", "board-a2")
     team.run_for(3.0)
-    assert [it.lead.leads for it in (team.boards["a"], second)] == [True, False]
-    assert {it.board for it in team.agreed("a", "robot/r1")} == {"board-a"}
+    assert [board.lead.leads for board in (team.boards["a"], second)] == [True, False]
+    assert {consensus.board for consensus in team.agreed("a", "robot/r1")} == {"board-a"}
     team.leave(team.boards["a"])
     died = team.now
     team.run_for(3.0)
     after = team.agreed("a", "robot/r1", died)
-    assert {it.board for it in after} == {"board-a2"}
+    assert {consensus.board for consensus in after} == {"board-a2"}
     first = next(at for at, e in team.sent if at > died and "/a/agreed/" in e.key)
     assert first - died < 1.0
-    times = [it.time for it in team.agreed("a", "robot/r1")]
+    times = [consensus.time for consensus in team.agreed("a", "robot/r1")]
     assert times == sorted(times)
     assert max(later - before for before, later in pairwise(times)) < 1.0
-    assert all(used.age < 0.5 for it in team.agreed("a", "robot/r2", died + 0.5) for used in it.used)
+    assert all(used.age < 0.5 for consensus in team.agreed("a", "robot/r2", died + 0.5) for used in consensus.used)
     assert second.counters["late"] == 0

@@ -36,52 +36,52 @@ FAULTS: list[dict[str, Any]] = [
 ]
 
 
-def scenario(*faults: dict[str, Any], fusion: str = "opinions", seconds: float | None = None) -> Scenario:
-    found = Scenario({**TABLES, "fault": list(faults)}).changed("board", fusion=fusion)
-    return found.changed("time", seconds=seconds)
+def new_scenario(*faults: dict[str, Any], fusion: str = "opinions", seconds: float | None = None) -> Scenario:
+    scenario = Scenario({**TABLES, "fault": list(faults)}).changed("board", fusion=fusion)
+    return scenario.changed("time", seconds=seconds)
 
 
 class Said:
     """A run, and the newest status of its board and consensuses by level and subject."""
 
-    def __init__(self, it: Scenario, shuffle: int | None = None) -> None:
-        self.team = Team(it, None if shuffle is None else np.random.default_rng(shuffle))
+    def __init__(self, scenario: Scenario, shuffle: int | None = None) -> None:
+        self.team = Team(scenario, None if shuffle is None else np.random.default_rng(shuffle))
         heard = Heard(self.team.bus)
         self.card = self.team.run()
         assert self.team.world.why == ""
         self.status: Status = heard.of(keys.STATUS, process="board-a")[-1]
         self.settled: list[Consensus] = heard.of(keys.CONSENSUS)
         said: list[Consensus] = self.settled + heard.of(keys.AGREED)
-        self.consensuses = {(it.level, it.subject): it for it in said}
+        self.consensuses = {(consensus.level, consensus.subject): consensus for consensus in said}
 
 
 @pytest.fixture(scope="module")
 def calm() -> Said:
-    return Said(scenario())
+    return Said(new_scenario())
 
 
 @pytest.fixture(scope="module")
 def short() -> Said:
-    return Said(scenario(seconds=2.5))
+    return Said(new_scenario(seconds=2.5))
 
 
 @pytest.fixture(scope="module")
 def lied_to() -> Said:
-    return Said(scenario(LIE))
+    return Said(new_scenario(LIE))
 
 
 @pytest.fixture(scope="module")
 def lied_to_joint() -> Said:
-    return Said(scenario(LIE, fusion="joint"))
+    return Said(new_scenario(LIE, fusion="joint"))
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault["kind"]))
 def test_the_same_seed_is_the_same_run_in_any_order_and_another_one_than_without(
     short: Said, fault: dict[str, Any]
 ) -> None:
-    one, other = (Said(scenario(fault, seconds=2.5), shuffle) for shuffle in (None, 4))
-    assert one.card["hash"] == other.card["hash"]
-    assert one.card["hash"] != short.card["hash"]
+    first, second = (Said(new_scenario(fault, seconds=2.5), shuffle) for shuffle in (None, 4))
+    assert first.card["hash"] == second.card["hash"]
+    assert first.card["hash"] != short.card["hash"]
 
 
 @pytest.mark.parametrize("fusion", ["opinions", "joint"])
@@ -89,19 +89,19 @@ def test_a_liar_is_named_in_status_and_consensus_and_the_others_are_not(
     lied_to: Said, lied_to_joint: Said, fusion: str
 ) -> None:
     said = lied_to if fusion == "opinions" else lied_to_joint
-    assert {it.source for it in said.status.dissent} == {"r5"}
-    levels = {it.level for it in said.status.dissent}
+    assert {named.source for named in said.status.dissent} == {"r5"}
+    levels = {named.level for named in said.status.dissent}
     assert ("agreed" if fusion == "joint" else "consensus") in levels
-    for it in said.status.dissent:
-        assert it.since < 8.0
-        assert it.sigmas > 3.0
-        assert it.weight < 0.6
-    assert {it.source for it in said.consensuses["consensus", "robot/r5"].dissent} <= {"r5"}
-    assert any("r5" in {it.source for it in c.dissent} for c in said.consensuses.values())
+    for named in said.status.dissent:
+        assert named.since < 8.0
+        assert named.sigmas > 3.0
+        assert named.weight < 0.6
+    assert {named.source for named in said.consensuses["consensus", "robot/r5"].dissent} <= {"r5"}
+    assert any("r5" in {named.source for named in c.dissent} for c in said.consensuses.values())
 
 
 def test_without_its_faults_a_run_is_the_one_without(short: Said) -> None:
-    assert Said(without_faults(scenario(LIE, seconds=2.5))).card["hash"] == short.card["hash"]
+    assert Said(without_faults(new_scenario(LIE, seconds=2.5))).card["hash"] == short.card["hash"]
 
 
 def test_the_honest_are_scored_alone_and_the_liar_beside_them(calm: Said, lied_to: Said) -> None:
@@ -111,26 +111,26 @@ def test_the_honest_are_scored_alone_and_the_liar_beside_them(calm: Said, lied_t
     assert list(said.card["scores"]["faulty"]["by_name"]) == ["r5"]
     assert "faulty" not in calm.card["scores"]
     assert "faulty agreed" in text(said.card)
-    misled, alone = (it.card["scores"]["robots"]["agreed"]["rmse"] for it in (said, calm))
+    misled, alone = (played.card["scores"]["robots"]["agreed"]["rmse"] for played in (said, calm))
     assert alone < misled
 
 
 def test_a_silent_process_is_waited_for_and_then_no_longer_and_takes_part_again() -> None:
-    it = scenario({"kind": "freeze", "what": "process", "robot": "r5", "start": 2, "end": 4}, seconds=6.0)
-    said = Said(it)
+    scenario = new_scenario({"kind": "freeze", "what": "process", "robot": "r5", "start": 2, "end": 4}, seconds=6.0)
+    said = Said(scenario)
     assert said.card["counters"]["given_up"] == 1
     assert said.team.world.members.given_up == set()
     assert said.card["missing"]["robot/r5"]["solo"] >= 3
 
 
 def test_a_skewed_robot_is_refused_by_its_stamp_and_says_so_in_the_board_s_status() -> None:
-    said = Said(scenario({"kind": "skew", "robot": "r5", "seconds": 3}, seconds=4.0))
+    said = Said(new_scenario({"kind": "skew", "robot": "r5", "seconds": 3}, seconds=4.0))
     assert said.status.refused["future"] > 0
 
 
 def test_names_without_a_token_do_not_vote(short: Said) -> None:
     """One process speaks for ten robots that hold no token, all at one wrong place: no bit changes, although guests may vote."""
-    team = Team(scenario(seconds=2.5).changed("team", guests="vote"))
+    team = Team(new_scenario(seconds=2.5).changed("team", guests="vote"))
     busy = False
 
     def invent(envelope: Envelope) -> None:
@@ -159,7 +159,7 @@ def test_one_token_is_one_opinion_on_a_subject_however_often_it_speaks(calm: Sai
 
 def test_what_is_agreed_about_a_liar_is_not_what_the_joint_has_from_the_liar_alone(lied_to_joint: Said) -> None:
     said = lied_to_joint
-    rules = {subject: it.rule for (level, subject), it in said.consensuses.items() if level == "agreed"}
+    rules = {subject: consensus.rule for (level, subject), consensus in said.consensuses.items() if level == "agreed"}
     assert rules.pop("robot/r5") != "joint"
     assert set(rules.values()) == {"joint"}
     assert said.card["scores"]["faulty"]["agreed"]["log_score"] > -8.0  # -17 where it is told by the joint

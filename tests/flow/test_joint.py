@@ -32,7 +32,10 @@ class Agreed:
     @cached_property
     def by_sub_team(self) -> dict[str, dict[tuple[int, str], Consensus]]:
         """Once the run is over."""
-        return {s: {(it.tick, it.subject): it for it in self._heard.of(keys.AGREED, sub_team=s)} for s in "ab"}
+        return {
+            s: {(consensus.tick, consensus.subject): consensus for consensus in self._heard.of(keys.AGREED, sub_team=s)}
+            for s in "ab"
+        }
 
 
 def played(team: Team) -> tuple[str, Agreed]:
@@ -48,12 +51,12 @@ def calm() -> tuple[str, Agreed]:
 
 
 def test_every_board_holds_the_same_joint_to_the_bit(calm: tuple[str, Agreed]) -> None:
-    one, other = calm[1].by_sub_team["a"], calm[1].by_sub_team["b"]
-    assert one.keys() == other.keys()
-    assert {subject for _, subject in one} >= {"robot/r1", "robot/r2", "robot/r3"}
-    for name, consensus in one.items():
-        assert consensus.belief == other[name].belief, name
-        assert consensus.state == other[name].state, name
+    mine, theirs = calm[1].by_sub_team["a"], calm[1].by_sub_team["b"]
+    assert mine.keys() == theirs.keys()
+    assert {subject for _, subject in mine} >= {"robot/r1", "robot/r2", "robot/r3"}
+    for name, consensus in mine.items():
+        assert consensus.belief == theirs[name].belief, name
+        assert consensus.state == theirs[name].state, name
 
 
 def test_the_joint_says_whose_evidence_it_took(calm: tuple[str, Agreed]) -> None:
@@ -142,8 +145,10 @@ def test_a_robot_that_dies_is_believed_less_and_less_and_then_no_more() -> None:
     team.run_until(lambda: team.world.tick == 2)
     team.leave(team.robots["r2"])
     team.run()
-    found = {t: c for (t, subject), c in agreed.by_sub_team["a"].items() if subject == "robot/r2" and c.rule == "joint"}
-    spread = {tick: float(np.trace(unpack(c.belief).covariance())) for tick, c in found.items()}
+    by_tick = {
+        t: c for (t, subject), c in agreed.by_sub_team["a"].items() if subject == "robot/r2" and c.rule == "joint"
+    }
+    spread = {tick: float(np.trace(unpack(c.belief).covariance())) for tick, c in by_tick.items()}
     last = max(spread)
     assert last < team.world.tick
     assert spread[last] > spread[3]
@@ -157,12 +162,12 @@ def test_no_evidence_ends_a_board() -> None:
         if envelope.key == "cop/t/a/forward/board-a" and envelope.payload not in spoilt:
             forward = decode(Forward, envelope.payload)
             worse = [
-                one.model_copy(
+                said.model_copy(
                     update={
-                        "tick": one.tick + 1,
-                        "evidence": one.evidence.model_copy(
+                        "tick": said.tick + 1,
+                        "evidence": said.evidence.model_copy(
                             update={
-                                "travelled": one.evidence.travelled.model_copy(
+                                "travelled": said.evidence.travelled.model_copy(
                                     update={"distance": 1e12, "turn": -1e12, "heading": 1e12}
                                 ),
                                 "state": None,
@@ -170,7 +175,7 @@ def test_no_evidence_ends_a_board() -> None:
                         ),
                     }
                 )
-                for one in forward.evidence
+                for said in forward.evidence
             ]
             payload = encode(forward.model_copy(update={"evidence": worse}))
             spoilt.add(payload)
@@ -205,7 +210,7 @@ def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
     team.run()
     assert team.world.why == ""
     assert not any(board.refused["backwards"] or board.counters["joint_restarts"] for board in team.boards.values())
-    truth = {it.tick: it.positions for it in heard.of(keys.TRUTH)}
+    truth = {shown.tick: shown.positions for shown in heard.of(keys.TRUTH)}
     for by in agreed.by_sub_team.values():
         for (tick, subject), consensus in by.items():
             if subject.startswith("robot/"):

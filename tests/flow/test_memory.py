@@ -24,8 +24,8 @@ from tests.scenarios import LEARNS
 from tests.tape.teams import recorded_run
 
 
-def memory(it: Any) -> tuple[object, object]:
-    return it.board.memory("consensus"), it.board.memory("agreed")
+def memory(service: Any) -> tuple[object, object]:
+    return service.board.memory("consensus"), service.board.memory("agreed")
 
 
 def test_a_board_that_was_restarted_is_as_its_twin() -> None:
@@ -50,7 +50,7 @@ def test_a_board_that_was_restarted_is_as_its_twin() -> None:
     assert stream.beliefs == calm.beliefs
     newest = calm.beliefs["a", "consensus", "robot/r1", 20]
     assert newest.parameters["independence"] != 0.2
-    assert {one.source for one in newest.learned} >= {"r1", "r2"}
+    assert {learned.source for learned in newest.learned} >= {"r1", "r2"}
 
 
 def test_a_leader_that_repeats_its_memory_costs_its_follower_one_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -93,11 +93,13 @@ def test_a_tape_that_begins_late_is_replayed_to_the_bit(tmp_path: Path, mode: st
     _, tape = recorded_run(tmp_path / "x.mcap", LEARNS.changed("time", mode=mode))
     late = from_tick(tape, 9)
     again = replay(late)
-    found = match(late.runs[-1], recorded(late), again.output)
+    matched = match(late.runs[-1], recorded(late), again.output)
     assert again.late == ["a/board-a", "b/board-b"]
-    assert found.exact_from is not None
-    assert found.exact_from <= 9 + 4
-    without = Tape(late.scenario, [it for it in late.envelopes if not keys.MEMORY.match(it[1].key)], late.about)
+    assert matched.exact_from is not None
+    assert matched.exact_from <= 9 + 4
+    without = Tape(
+        late.scenario, [envelope for envelope in late.envelopes if not keys.MEMORY.match(envelope[1].key)], late.about
+    )
     forgot = match(late.runs[-1], recorded(late), replay(without).output)
     assert forgot.exact_from is None  # so it is the memory that does it
 
@@ -107,8 +109,8 @@ def test_only_a_board_that_leads_says_what_it_remembers_once_a_second() -> None:
     heard = Heard(team.bus)
     team.run()
     # before the world comes each board leads itself
-    said = [it for it in heard.of(keys.MEMORY, board="board-a") if it.run]
-    assert [it.tick for it in said] == [0, 2, 4, 6]
+    said = [packed for packed in heard.of(keys.MEMORY, board="board-a") if packed.run]
+    assert [packed.tick for packed in said] == [0, 2, 4, 6]
 
 
 def test_where_nothing_learns_nothing_is_remembered() -> None:
@@ -116,7 +118,7 @@ def test_where_nothing_learns_nothing_is_remembered() -> None:
     heard = Heard(team.bus)
     team.run()
     assert heard.of(keys.MEMORY) == []
-    assert all("/memory/" not in key for it in team.boards.values() for key in it.listens)
+    assert all("/memory/" not in key for board in team.boards.values() for key in board.listens)
 
 
 def test_a_memory_that_is_none_harms_nobody() -> None:
@@ -127,9 +129,13 @@ def test_a_memory_that_is_none_harms_nobody() -> None:
     before = memory(follower)
     run = follower.clock.followed.run  # type: ignore[union-attr]
     empty = PackedMemory(learner=PackedLearner())
-    it = Memory(board="board-a", sub_team="a", run=run, tick=9, time=99.0, consensus=empty, agreed=empty)
+    empty_memory = Memory(board="board-a", sub_team="a", run=run, tick=9, time=99.0, consensus=empty, agreed=empty)
     key = keys.MEMORY.key(team="t", sub_team="a", board="board-a")
-    for wrong in (it, it.model_copy(update={"run": "x", "time": 2.0}), it.model_copy(update={"board": "board-b"})):
+    for wrong in (
+        empty_memory,
+        empty_memory.model_copy(update={"run": "x", "time": 2.0}),
+        empty_memory.model_copy(update={"board": "board-b"}),
+    ):
         follower.receive(Envelope(key, encode(wrong)), team.now)
     assert memory(follower) == before
     assert follower.refused == {"future": 1, "impostor": 1}

@@ -34,8 +34,11 @@ def agreed(sub_teams: dict[str, list[str]], **board: object) -> dict[str, dict[t
     heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""
-    assert [it.counters["late"] for it in team.boards.values()] == [0] * len(sub_teams)
-    return {s: {(it.tick, it.subject): it for it in heard.of(keys.AGREED, sub_team=s)} for s in sub_teams}
+    assert [service.counters["late"] for service in team.boards.values()] == [0] * len(sub_teams)
+    return {
+        s: {(consensus.tick, consensus.subject): consensus for consensus in heard.of(keys.AGREED, sub_team=s)}
+        for s in sub_teams
+    }
 
 
 COVERS = ({"a": ["r1", "r2"], "b": ["r2", "r3"]}, {"a": ["r1", "r2"], "b": ["r2", "r3"], "c": ["r3", "r1"]})
@@ -43,14 +46,17 @@ COVERS = ({"a": ["r1", "r2"], "b": ["r2", "r3"]}, {"a": ["r1", "r2"], "b": ["r2"
 
 @pytest.mark.parametrize(("cover", "fusion"), [(COVERS[0], "opinions"), (COVERS[1], "opinions"), (COVERS[1], "joint")])
 def test_an_overlapping_cover_agrees_on_what_one_board_would(cover: dict[str, list[str]], fusion: str) -> None:
-    (one,) = agreed({"a": ["r1", "r2", "r3"]}, fusion=fusion).values()
+    (whole,) = agreed({"a": ["r1", "r2", "r3"]}, fusion=fusion).values()
     boards = agreed(cover, fusion=fusion)
-    for found in boards.values():
-        assert found.keys() == one.keys()
-        for name, it in found.items():
-            assert it.belief == boards["a"][name].belief, name
-            gap = it.entropy - one[name].entropy
-            assert gap <= (1e-6 if it.rule == "joint" else 0.05), (name, gap)
-            assert set(it.ancestors) == set(one[name].ancestors)
-    entropies = [sum(it.entropy for it in found.values()) / len(found) for found in (one, boards["a"])]
+    for agreed_on in boards.values():
+        assert agreed_on.keys() == whole.keys()
+        for name, consensus in agreed_on.items():
+            assert consensus.belief == boards["a"][name].belief, name
+            gap = consensus.entropy - whole[name].entropy
+            assert gap <= (1e-6 if consensus.rule == "joint" else 0.05), (name, gap)
+            assert set(consensus.ancestors) == set(whole[name].ancestors)
+    entropies = [
+        sum(consensus.entropy for consensus in agreed_on.values()) / len(agreed_on)
+        for agreed_on in (whole, boards["a"])
+    ]
     assert math.isclose(*entropies, abs_tol=0.02)

@@ -31,41 +31,42 @@ PEOPLE = Scenario(
     }
 )
 
-Told = dict[str, dict[tuple[int, str], Consensus]]  # sub-team -> (tick, track) -> what was agreed on
+Tracks = dict[str, dict[tuple[int, str], Consensus]]  # sub-team -> (tick, track) -> what was agreed on
 
 
 @cache
-def played(shuffle: int | None) -> tuple[Told, dict[str, Any]]:
+def played(shuffle: int | None) -> tuple[Tracks, dict[str, Any]]:
     team = Team(PEOPLE, None if shuffle is None else np.random.default_rng(shuffle))
     heard = Heard(team.bus)
     card = team.run()
     agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}
-    told = {
-        s: {(it.tick, it.subject): it for it in its if it.subject.startswith("person/")} for s, its in agreed.items()
+    tracks = {
+        s: {(track.tick, track.subject): track for track in its if track.subject.startswith("person/")}
+        for s, its in agreed.items()
     }
-    return told, card["tracks"]["person"]
+    return tracks, card["tracks"]["person"]
 
 
 def test_people_become_tracks_near_where_they_are() -> None:
-    told, judged = played(None)
-    assert {subject for _, subject in told["a"]} >= {"person/1", "person/2"}
-    assert all(it.existence is not None and it.existence > 0.5 for it in told["a"].values())
+    tracks, judged = played(None)
+    assert {subject for _, subject in tracks["a"]} >= {"person/1", "person/2"}
+    assert all(track.existence is not None and track.existence > 0.5 for track in tracks["a"].values())
     assert judged["missed_share"] < 0.5
     assert judged["false_tracks"] == 0
 
 
 def test_every_board_tells_of_the_same_tracks_to_the_bit() -> None:
-    told, _ = played(None)
-    assert told["a"].keys() == told["b"].keys()
-    for name, it in told["a"].items():
-        assert (it.belief, it.existence) == (told["b"][name].belief, told["b"][name].existence), name
+    tracks, _ = played(None)
+    assert tracks["a"].keys() == tracks["b"].keys()
+    for name, track in tracks["a"].items():
+        assert (track.belief, track.existence) == (tracks["b"][name].belief, tracks["b"][name].existence), name
 
 
 def test_the_order_in_which_messages_come_changes_no_track() -> None:
     calm, shuffled = played(None)[0], played(1)[0]
-    for sub_team, told in calm.items():
-        assert {name: it.existence for name, it in told.items()} == {
-            name: it.existence for name, it in shuffled[sub_team].items()
+    for sub_team, tracks in calm.items():
+        assert {name: track.existence for name, track in tracks.items()} == {
+            name: track.existence for name, track in shuffled[sub_team].items()
         }
 
 
@@ -80,9 +81,9 @@ def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -
     team.run()
     mine, its = (
         {
-            (it.tick, it.subject): unpack(it.belief).mean()
-            for it in heard.of(keys.AGREED, sub_team=sub_team)
-            if it.existence
+            (track.tick, track.subject): unpack(track.belief).mean()
+            for track in heard.of(keys.AGREED, sub_team=sub_team)
+            if track.existence
         }
         for sub_team in "ab"
     )
@@ -103,8 +104,13 @@ def test_boards_that_were_all_started_again_give_no_name_that_was_given_before(f
         team.boards[name] = board_of(team.scenario, name)
         team.join(team.boards[name])
     team.run()
-    told = [(it.tick, it.subject) for s in "ab" for it in heard.of(keys.AGREED, sub_team=s) if it.existence is not None]
-    before, after = ({name for tick, name in told if (tick > 18) == late} for late in (False, True))
+    tracks = [
+        (track.tick, track.subject)
+        for s in "ab"
+        for track in heard.of(keys.AGREED, sub_team=s)
+        if track.existence is not None
+    ]
+    before, after = ({name for tick, name in tracks if (tick > 18) == late} for late in (False, True))
     assert before
     assert after
     assert not before & after
@@ -126,28 +132,28 @@ OPINIONS = Scenario(
 
 
 @cache
-def pooled(shuffle: int | None) -> tuple[Told, dict[str, Any]]:
+def pooled(shuffle: int | None) -> tuple[Tracks, dict[str, Any]]:
     team = Team(OPINIONS, None if shuffle is None else np.random.default_rng(shuffle))
     heard = Heard(team.bus)
     card = team.run()
     agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}
-    told = {s: {(it.tick, it.subject): it for it in its} for s, its in agreed.items()}
-    return told, card["tracks"]["person"]
+    tracks = {s: {(track.tick, track.subject): track for track in its} for s, its in agreed.items()}
+    return tracks, card["tracks"]["person"]
 
 
 def test_boards_of_opinions_have_tracks_that_are_near_people() -> None:
-    told, judged = pooled(None)
-    people = {name: it for name, it in told["a"].items() if name[1].startswith("person/")}
+    tracks, judged = pooled(None)
+    people = {name: track for name, track in tracks["a"].items() if name[1].startswith("person/")}
     assert people
-    assert all(it.existence is not None and it.existence > 0.5 for it in people.values())
-    assert any({one.source for one in it.used} == {"a", "b"} for it in people.values())
+    assert all(track.existence is not None and track.existence > 0.5 for track in people.values())
+    assert any({opinion.source for opinion in track.used} == {"a", "b"} for track in people.values())
     assert judged["missed_share"] < 0.6
     assert judged["false_tracks"] <= 1
 
 
 def test_boards_of_opinions_agree_on_tracks_to_the_bit_in_whichever_order_messages_come() -> None:
-    told, shuffled = pooled(None)[0], pooled(1)[0]
-    assert told["a"].keys() == told["b"].keys()
-    for name, it in told["a"].items():
-        others = told["b"][name], shuffled["a"][name], shuffled["b"][name]
-        assert all((it.belief, it.existence) == (other.belief, other.existence) for other in others), name
+    tracks, shuffled = pooled(None)[0], pooled(1)[0]
+    assert tracks["a"].keys() == tracks["b"].keys()
+    for name, track in tracks["a"].items():
+        others = tracks["b"][name], shuffled["a"][name], shuffled["b"][name]
+        assert all((track.belief, track.existence) == (other.belief, other.existence) for other in others), name

@@ -31,7 +31,7 @@ NEW = "object/new"
 
 def run(shared: bool) -> tuple[dict[str, Any], list[Consensus]]:
     """The scorecard of the simulated team, and what it agreed on about an object that only the other team knows."""
-    team, found = Team(SCENARIO), list[Consensus]()
+    team, agreed = Team(SCENARIO), list[Consensus]()
     if shared:
         member = Member(team="there", sub_teams=("s",), robot="z", grid=SCENARIO.grid, settings=BoardSection())
         team.join(
@@ -46,17 +46,17 @@ def run(shared: bool) -> tuple[dict[str, Any], list[Consensus]]:
             if keys.CLOCK.match(envelope.key):  # with each tick of the one team the other one says something new
                 team.send(member, member.report(NEW, gaussian(SCENARIO.grid, (5.0, 6.0), 1.0), team.now))
             if envelope.key == keys.AGREED.key(team="here", sub_team="a", subject=NEW):
-                found.append(decode(Consensus, envelope.payload))
+                agreed.append(decode(Consensus, envelope.payload))
 
         team.bus.spies.append(spy)
-    return team.run(), found
+    return team.run(), agreed
 
 
 def test_a_simulated_team_knows_what_it_is_told_and_is_scored_as_before() -> None:
     alone, _ = run(shared=False)
-    card, found = run(shared=True)
-    assert len(found) > 2
-    assert set(found[-1].ancestors) == {"from.there", "there..z"}
+    card, agreed = run(shared=True)
+    assert len(agreed) > 2
+    assert set(agreed[-1].ancestors) == {"from.there", "there..z"}
     for group in ("robots", "objects"):
         for level in ("solo", "consensus", "agreed"):
             with_it, without = card["scores"][group][level], alone["scores"][group][level]

@@ -111,6 +111,9 @@ def test_after_the_exchange_both_sub_teams_agree() -> None:
     team = team_of()
     heard = Heard(team.bus)
     run(team)
-    one, other = ({(it.tick, it.subject): it.belief for it in heard.of(keys.AGREED, sub_team=s)} for s in "ab")
-    assert one == other
-    assert {tick for tick, _ in one} == set(range(6))
+    first, second = (
+        {(consensus.tick, consensus.subject): consensus.belief for consensus in heard.of(keys.AGREED, sub_team=s)}
+        for s in "ab"
+    )
+    assert first == second
+    assert {tick for tick, _ in first} == set(range(6))

@@ -30,7 +30,7 @@ def is_clean(team: Team) -> None:
     """Nobody was late, and nobody refused anything."""
     assert team.world.why == ""
     services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
-    assert [(it.counters["late"], +it.refused) for it in services] == [(0, Counter())] * len(services)
+    assert [(service.counters["late"], +service.refused) for service in services] == [(0, Counter())] * len(services)
 
 
 @cache
@@ -148,9 +148,13 @@ def test_in_real_time_the_death_of_a_leader_costs_two_ticks_at_most(fusion: str,
     team.run()
     stream.check()
     assert team.world.why == ""
-    assert not any(it.refused for it in team.boards.values())
-    assert not any(it.refused for it in team.robots.values())
-    agreed = {(it.sub_team, it.tick) for it in stream.sent if it.level == "agreed" and it.subject == "robot/r1"}
+    assert not any(board.refused for board in team.boards.values())
+    assert not any(robot.refused for robot in team.robots.values())
+    agreed = {
+        (consensus.sub_team, consensus.tick)
+        for consensus in stream.sent
+        if consensus.level == "agreed" and consensus.subject == "robot/r1"
+    }
     assert len({t for sub_team, t in agreed if sub_team == "a"}) >= 9 - 2
     missing = team.world.referee.missing().get("robot/r1", {}).get("agreed", 0)
     assert missing <= 2
@@ -179,7 +183,7 @@ def test_a_frozen_leader_is_given_up_and_follows_when_it_thaws(mode: str) -> Non
 def test_a_router_that_is_away_moves_no_lead() -> None:
     team = pair("opinions")
     team.run_until(lambda: team.world.tick == 3)
-    before = {name: (it.lead.leads, it.lead.term) for name, it in team.boards.items()}
+    before = {name: (board.lead.leads, board.lead.term) for name, board in team.boards.items()}
     tokens = [token for link in team.bus.links for token in link.tokens]
     for kind in (Kind.GONE, Kind.ALIVE):
         for token in tokens:
@@ -187,4 +191,4 @@ def test_a_router_that_is_away_moves_no_lead() -> None:
         team.run_until(lambda: not team.bus.waiting)
     team.run()
     assert team.world.why == ""
-    assert {name: (it.lead.leads, it.lead.term) for name, it in team.boards.items()} == before
+    assert {name: (board.lead.leads, board.lead.term) for name, board in team.boards.items()} == before

@@ -39,9 +39,9 @@ def before() -> Tape:
 
 def agreed(envelopes: list[Envelope]) -> Agreed:
     """The agreed beliefs among some envelopes, by sub-team, tick and subject."""
-    told = ((keys.AGREED.match(it.key), it) for it in envelopes if it.kind is Kind.PUT)
-    found = [decode(Consensus, it.payload) for parts, it in told if parts is not None]
-    return {(it.sub_team, it.tick, it.subject): it for it in found}
+    published = ((keys.AGREED.match(envelope.key), envelope) for envelope in envelopes if envelope.kind is Kind.PUT)
+    consensuses = [decode(Consensus, envelope.payload) for parts, envelope in published if parts is not None]
+    return {(consensus.sub_team, consensus.tick, consensus.subject): consensus for consensus in consensuses}
 
 
 #: Units by which beliefs may be elsewhere than in that version: since then a heading that is known badly widens the way.
@@ -56,8 +56,8 @@ def test_robots_of_the_version_before_are_understood_by_boards_of_today(before: 
     assert played.refused == {}
     then, now = agreed([e for _, e in before.envelopes]), agreed([e for _, e in played.sent])
     assert then.keys() == now.keys()
-    for where, told in then.items():
-        assert unpack(now[where].belief).mean() == pytest.approx(unpack(told.belief).mean(), abs=CHANGED)
+    for where, belief in then.items():
+        assert unpack(now[where].belief).mean() == pytest.approx(unpack(belief.belief).mean(), abs=CHANGED)
 
 
 def test_boards_of_the_version_before_are_understood_by_robots_of_today(before: Tape) -> None:
@@ -79,11 +79,11 @@ def test_boards_of_the_version_before_are_understood_by_robots_of_today(before: 
     for key, then in recorded.items():
         assert newest[key].tick == then.tick
         assert unpack(newest[key].belief).mean() == pytest.approx(unpack(then.belief).mean(), abs=CHANGED)
-        told, informed = newest[key].informed, then.informed
-        assert (told is None) == (informed is None)
-        if told is not None and informed is not None:
-            assert told.ancestors == informed.ancestors
-            assert unpack(told.belief).mean() == pytest.approx(unpack(informed.belief).mean(), abs=CHANGED)
+        now_informed, informed = newest[key].informed, then.informed
+        assert (now_informed is None) == (informed is None)
+        if now_informed is not None and informed is not None:
+            assert now_informed.ancestors == informed.ancestors
+            assert unpack(now_informed.belief).mean() == pytest.approx(unpack(informed.belief).mean(), abs=CHANGED)
     assert any(report.informed is not None for report in newest.values())
 
 
@@ -102,10 +102,10 @@ def more(value: Any) -> Any:
 
 @pytest.mark.parametrize("scenario", [SCENARIO, JOINT], ids=["opinions", "joint"])
 def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
-    found = []
+    beliefs = []
     for change in (False, True):
-        team, told = Team(scenario), list[Envelope]()
-        team.bus.spies.append(told.append)
+        team, sent = Team(scenario), list[Envelope]()
+        team.bus.spies.append(sent.append)
         deliver = team.bus.deliver
 
         def grown(link: Any, envelope: Envelope, sender: Any, deliver: Any = deliver, change: bool = change) -> None:
@@ -117,27 +117,31 @@ def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
         team.run()
         services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
         assert {str(dict(service.refused)) for service in services} == {"{}"}
-        found.append({where: it.belief for where, it in agreed(told).items()})
-    assert found[0] == found[1]
+        beliefs.append({where: consensus.belief for where, consensus in agreed(sent).items()})
+    assert beliefs[0] == beliefs[1]
 
 
 @pytest.mark.parametrize("scenario", [SCENARIO, JOINT], ids=["opinions", "joint"])
 def test_members_may_change_their_coding_one_after_another(scenario: Any) -> None:
-    found = []
+    places = []
     for board, robot in (("log8", "log8"), ("log8", "log16"), ("log16", "log8")):
-        team, told = Team(scenario.changed("board", coding=board).changed("robot", coding=robot)), list[Envelope]()
-        team.bus.spies.append(told.append)
+        team, sent = Team(scenario.changed("board", coding=board).changed("robot", coding=robot)), list[Envelope]()
+        team.bus.spies.append(sent.append)
         team.run()
         services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
         assert {str(dict(service.refused)) for service in services} == {"{}"}
-        said = agreed(told)
-        reports = [decode(Report, it.payload) for it in told if keys.REPORT.match(it.key) and it.kind is Kind.PUT]
-        assert {it.belief.coding for it in said.values()} == {board}
-        assert {it.belief.coding for it in reports} == {robot}
-        found.append({where: unpack(it.belief).mean() for where, it in said.items()})
-    for other in found[1:]:
-        assert other.keys() == found[0].keys()
-        assert all(mean == pytest.approx(found[0][where], abs=0.3) for where, mean in other.items())
+        said = agreed(sent)
+        reports = [
+            decode(Report, envelope.payload)
+            for envelope in sent
+            if keys.REPORT.match(envelope.key) and envelope.kind is Kind.PUT
+        ]
+        assert {consensus.belief.coding for consensus in said.values()} == {board}
+        assert {report.belief.coding for report in reports} == {robot}
+        places.append({where: unpack(consensus.belief).mean() for where, consensus in said.items()})
+    for other in places[1:]:
+        assert other.keys() == places[0].keys()
+        assert all(mean == pytest.approx(places[0][where], abs=0.3) for where, mean in other.items())
 
 
 def test_a_robot_of_another_protocol_version_is_refused_by_name_and_the_others_go_on(
