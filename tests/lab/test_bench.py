@@ -23,8 +23,8 @@ def test_a_block_is_the_half_minute_that_led_to_it() -> None:
 
 def test_a_robot_that_errs_for_half_a_minute_on_end_misses_once() -> None:
     samples = [at(float(t), region=0.99 if t > 570 else 0.5) for t in range(1, 601)]
-    found = bench.coverage(samples, 95)
-    assert astuple(found) == pytest.approx(astuple(wilson(0.95, 19)))  # as of 20 blocks, and not of 600 samples
+    coverage = bench.coverage(samples, 95)
+    assert astuple(coverage) == pytest.approx(astuple(wilson(0.95, 19)))  # as of 20 blocks, and not of 600 samples
 
 
 # --- the time to localise --------------------------------------------------------------------------------------------
@@ -72,8 +72,8 @@ def test_a_team_is_localised_with_its_last_robot() -> None:
 
 
 def test_numbers_of_robots_and_team_by_hand() -> None:
-    found = bench.report([run("A_all", "opinions", 1.0), run("A_all", "joint", 0.1)])
-    scores = found["protocols"]["A_all"]["scores"]
+    report = bench.report([run("A_all", "opinions", 1.0), run("A_all", "joint", 0.1)])
+    scores = report["protocols"]["A_all"]["scores"]
     assert list(scores) == ["team", "r1", "r2", "objects"]
     assert list(scores["team"]) == ["solo", "opinions", "solo (joint)", "joint"]
     assert scores["team"]["solo"]["n"] == 4
@@ -84,34 +84,34 @@ def test_numbers_of_robots_and_team_by_hand() -> None:
     assert team["coverage"]["50"]["value"] == 1.0
     assert team["without_landmark"] == {"n": 3, "rmse": pytest.approx(math.sqrt((1 + 1 + 9) / 3))}
     assert scores["r2"]["joint"]["rmse"] == pytest.approx(0.3)
-    assert (found["recording"], found["start"]) == ("folder", 5.0)
-    json.dumps(found, allow_nan=False)
+    assert (report["recording"], report["start"]) == ("folder", 5.0)
+    json.dumps(report, allow_nan=False)
 
 
 def test_the_tables_have_every_robot_and_way() -> None:
-    found = bench.report(
+    report = bench.report(
         [run("A_all", "opinions", 1.0), run("B_turns", "joint", 0.1, verdict="FAIL", reasons=["too far"])]
     )
-    rows = bench.rows(found)
+    rows = bench.rows(report)
     assert [row[:3] for row in rows[:4]] == [
         ("A_all", "team", "solo"), ("A_all", "team", "opinions"), ("A_all", "r1", "solo"), ("A_all", "r1", "opinions"),
     ]  # fmt: skip
     assert {len(row) for row in rows} == {len(bench.HEADER)}
     assert rows[1][3:8] == ("4", "2.236", "2.000", "3.000", "3.000")
     assert rows[1][-2:] == ("never", "1.915 (75 %)")
-    text = bench.text(found)
+    text = bench.text(report)
     assert text.startswith("folder from 5.0 on\n\n")
     assert "A_all  (opinions: PASS, 2 ticks in 3 s)" in text
     assert "  joint: too far" in text
     assert "opinions: x" not in text  # the checks of a PASS
-    table = bench.markdown(found).splitlines()
+    table = bench.markdown(report).splitlines()
     assert len([line for line in table if line.startswith("|")]) == 2 + len(rows)
     assert all(definition in text for definition in bench.DEFINITIONS)
-    records = bench.records(found)
+    records = bench.records(report)
     assert len(records) == len(rows)
     assert (
         records[1]["coverage_95_low"]
-        == found["protocols"]["A_all"]["scores"]["team"]["opinions"]["coverage"]["95"]["low"]
+        == report["protocols"]["A_all"]["scores"]["team"]["opinions"]["coverage"]["95"]["low"]
     )
 
 
@@ -129,9 +129,9 @@ def test_a_landmark_sighting_of_five_seconds_ago_is_no_access() -> None:
 def test_what_a_sub_team_agreed_on_about_an_object_counts_once() -> None:
     mates = [at(1, 0.5, subject="object/robot3", robot=robot) for robot in ("r1", "r2")]
     alone = [at(1, 2.0, subject="object/robot3", robot=robot, level="solo") for robot in ("r1", "r2")]
-    one = replace(run("O2_mate3", "joint", 0.1), samples=[*mates, *alone])
-    found = bench.report([one])["protocols"]["O2_mate3"]["scores"]
-    assert {way: (s["n"], s["rmse"]) for way, s in found["objects"].items()} == {
+    objects = replace(run("O2_mate3", "joint", 0.1), samples=[*mates, *alone])
+    scores = bench.report([objects])["protocols"]["O2_mate3"]["scores"]
+    assert {way: (s["n"], s["rmse"]) for way, s in scores["objects"].items()} == {
         "solo (joint)": (2, 2.0),
         "joint": (1, 0.5),
     }
@@ -142,7 +142,11 @@ def test_the_runs_of_a_family_are_judged_together() -> None:
         replace(run(name, "joint", 0.1, verdict=verdict), samples=[at(1, error, subject=f"object/robot{n}")])
         for n, (name, verdict, error) in enumerate([("O2_mate1", "PASS", 3.0), ("O2_mate2", "FAIL", 4.0)])
     ]
-    one = bench.together("O2_mate", runs)
-    assert (one.protocol, one.card["verdict"], one.asked_ticks) == ("O2_mate", "FAIL", sum(r.asked_ticks for r in runs))
-    found = bench.report([one])["protocols"]["O2_mate"]["scores"]["objects"]["joint"]
-    assert (found["n"], found["rmse"]) == (2, pytest.approx(math.sqrt(12.5)))
+    family = bench.together("O2_mate", runs)
+    assert (family.protocol, family.card["verdict"], family.asked_ticks) == (
+        "O2_mate",
+        "FAIL",
+        sum(r.asked_ticks for r in runs),
+    )
+    scores = bench.report([family])["protocols"]["O2_mate"]["scores"]["objects"]["joint"]
+    assert (scores["n"], scores["rmse"]) == (2, pytest.approx(math.sqrt(12.5)))

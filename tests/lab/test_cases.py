@@ -20,12 +20,12 @@ def off(case: Case, source: int) -> float:
 
 @pytest.mark.parametrize("trial", TRIALS)
 def test_a_trial_is_five_opinions_and_the_truth(trial: str) -> None:
-    one, again = drawn(trial, 2), drawn(trial, 2)
-    assert all(np.array_equal(a.opinions, b.opinions) and a.truth == b.truth for a, b in zip(one, again, strict=True))
-    assert one[0].opinions.shape == (5, *GRID.shape)
-    assert one[0].opinions.sum(axis=(1, 2)) == pytest.approx(1.0)
-    assert GRID.index(one[0].truth) is not None
-    assert not np.array_equal(one[0].opinions, one[1].opinions)
+    first, again = drawn(trial, 2), drawn(trial, 2)
+    assert all(np.array_equal(a.opinions, b.opinions) and a.truth == b.truth for a, b in zip(first, again, strict=True))
+    assert first[0].opinions.shape == (5, *GRID.shape)
+    assert first[0].opinions.sum(axis=(1, 2)) == pytest.approx(1.0)
+    assert GRID.index(first[0].truth) is not None
+    assert not np.array_equal(first[0].opinions, first[1].opinions)
 
 
 @pytest.mark.parametrize("trial", ["independent", "correlated"])

@@ -17,18 +17,18 @@ from tests.lab.trials import judged
 
 
 @pytest.fixture(scope="module")
-def told() -> dict[str, Any]:
+def compared() -> dict[str, Any]:
     """The report of a comparison, of a few rules, because what takes long is to draw them all."""
     trials = {"one liar": judged("one liar", 6, ["linear", "cooperative", comparison.DEFAULT_NAME, "chernoff"])}
     return comparison.report(trials, np.random.default_rng(1))
 
 
-def figures(told: dict[str, Any]) -> list[Any]:
-    return [drawing.comparison(told), drawing.paper(numbers())["fig4"]]
+def figures(compared: dict[str, Any]) -> list[Any]:
+    return [drawing.comparison(compared), drawing.paper(numbers())["fig4"]]
 
 
-def test_the_same_numbers_give_the_same_bytes(tmp_path: Path, told: dict[str, Any]) -> None:
-    for n, pair in enumerate(zip(figures(told), figures(told), strict=True)):
+def test_the_same_numbers_give_the_same_bytes(tmp_path: Path, compared: dict[str, Any]) -> None:
+    for n, pair in enumerate(zip(figures(compared), figures(compared), strict=True)):
         for ending in (".svg", ".png"):
             files = [tmp_path / f"{n}{which}{ending}" for which in "ab"]
             for figure, file in zip(pair, files, strict=True):
@@ -41,15 +41,15 @@ def test_all_seven_figures_are_drawn() -> None:
     assert list(drawing.paper(numbers())) == [f"fig{n}" for n in range(1, 8)]
 
 
-def test_a_gallery_has_every_picture_of_its_folder_with_its_title(tmp_path: Path, told: dict[str, Any]) -> None:
-    drawing.save_all({"rules": drawing.comparison(told)}, tmp_path)
+def test_a_gallery_has_every_picture_of_its_folder_with_its_title(tmp_path: Path, compared: dict[str, Any]) -> None:
+    drawing.save_all({"rules": drawing.comparison(compared)}, tmp_path)
     page = drawing.gallery(tmp_path).read_text(encoding="utf-8")
     assert page.count("<img") == 1
     assert "rules: all rules on the same opinions; thick: the default" in page
 
 
-def test_other_endings_and_places_are_refused(tmp_path: Path, told: dict[str, Any]) -> None:
-    figure = drawing.comparison(told)
+def test_other_endings_and_places_are_refused(tmp_path: Path, compared: dict[str, Any]) -> None:
+    figure = drawing.comparison(compared)
     with pytest.raises(UserError, match=r"\.svg or \.png"):
         drawing.save(figure, tmp_path / "lab.jpg")
     (tmp_path / "file").write_text("")

@@ -23,14 +23,14 @@ def scored(errors: Array, runs: list[int]) -> RuleScores:
 
 def test_estimates_are_the_scores_of_all_cases() -> None:
     errors = np.random.default_rng(1).exponential(2.0, 41)
-    found = estimates(scored(errors, [i // 2 for i in range(41)]), np.random.default_rng(2))
-    assert set(found) == set(COLUMNS)
-    assert found["rmse"].value == pytest.approx(math.sqrt((errors**2).mean()))
-    assert found["median"].value == np.median(errors)
-    assert found["log_score"].value == pytest.approx(-errors.mean())
-    assert found["coverage_95"].value == pytest.approx(1 - 11 / 41)
-    assert found["ms"].value == pytest.approx(1.0)
-    assert all(held(e, e.value) for e in found.values())
+    shown = estimates(scored(errors, [i // 2 for i in range(41)]), np.random.default_rng(2))
+    assert set(shown) == set(COLUMNS)
+    assert shown["rmse"].value == pytest.approx(math.sqrt((errors**2).mean()))
+    assert shown["median"].value == np.median(errors)
+    assert shown["log_score"].value == pytest.approx(-errors.mean())
+    assert shown["coverage_95"].value == pytest.approx(1 - 11 / 41)
+    assert shown["ms"].value == pytest.approx(1.0)
+    assert all(held(e, e.value) for e in shown.values())
 
 
 def test_intervals_are_over_runs_and_not_over_cases() -> None:
@@ -57,29 +57,32 @@ def test_so_do_those_of_what_is_not_a_mean(runs: int) -> None:
         levels = 1 + 0.3 * rng.choice((-1.0, 1.0), runs)
         lengths = rng.integers(10, 20, runs)
         of_case = np.repeat(np.arange(runs), lengths)
-        found = estimates(
+        shown = estimates(
             scored(2.0 * levels[of_case] * np.abs(rng.standard_normal(len(of_case))), of_case.tolist()), rng
         )
         for name, truth in truths.items():
-            counts[name] += held(found[name], truth)
+            counts[name] += held(shown[name], truth)
     assert all(0.88 <= count / 100 <= 0.99 for count in counts.values()), counts
 
 
 def test_fewer_than_four_runs_give_no_interval() -> None:
     errors = np.random.default_rng(1).exponential(2.0, 30)
-    one, other = (scored(errors + away, [i % 3 for i in range(30)]) for away in (0.0, 0.1))
-    found = [*estimates(one, np.random.default_rng(2)).values(), difference(one, other, np.random.default_rng(2))]
-    found += means(errors.reshape(3, 10), np.random.default_rng(2))
-    assert all(e.low is None and e.high is None and not e.is_above(0.0) for e in found)
+    first, second = (scored(errors + away, [i % 3 for i in range(30)]) for away in (0.0, 0.1))
+    intervals = [
+        *estimates(first, np.random.default_rng(2)).values(),
+        difference(first, second, np.random.default_rng(2)),
+    ]
+    intervals += means(errors.reshape(3, 10), np.random.default_rng(2))
+    assert all(e.low is None and e.high is None and not e.is_above(0.0) for e in intervals)
 
 
 @pytest.mark.parametrize("runs", [5, 30])
 def test_a_share_of_all_cases_is_not_certain(runs: int) -> None:
     """Each of some runs covers all of its cases: how runs differ is not known, so a run counts as one case of Wilson's."""
-    it = scored(np.ones(runs * 10), [i // 10 for i in range(runs * 10)])
-    it.score.levels = [0.3] * len(it.runs)
-    found = estimates(it, np.random.default_rng(1))["coverage_95"]
-    assert (found.value, found.low, found.high) == (1.0, wilson(1.0, runs).low, 1.0)
+    scores = scored(np.ones(runs * 10), [i // 10 for i in range(runs * 10)])
+    scores.score.levels = [0.3] * len(scores.runs)
+    coverage = estimates(scores, np.random.default_rng(1))["coverage_95"]
+    assert (coverage.value, coverage.low, coverage.high) == (1.0, wilson(1.0, runs).low, 1.0)
 
 
 def test_the_difference_of_two_scores_is_paired() -> None:

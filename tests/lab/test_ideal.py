@@ -41,8 +41,8 @@ def readings(robot: str, **given: object) -> Readings:
 def test_what_is_seen_by_two_and_of_each_other_is_plain_least_squares() -> None:
     """Two robots with exact headings, each with a fix, that see each other and a ball: the answer of the normal equations."""
     flat = ((0.0, 0.49), (20.0, 0.49))
-    it = Ideal(simulated(0.0, 0.0, 1e-6, flat), {})
-    seen = {
+    ideal_filter = Ideal(simulated(0.0, 0.0, 1e-6, flat), {})
+    sightings = {
         "a": (("robot/b", 3.2, 0.1), ("object/ball", 2.0, 1.1)),
         "b": (("robot/a", -2.9, 0.2), ("object/ball", -0.8, 0.7)),
     }
@@ -52,36 +52,38 @@ def test_what_is_seen_by_two_and_of_each_other_is_plain_least_squares() -> None:
             robot,
             compass=0.0,
             fix=Fix(position=fixes[robot], sigma=1.5),
-            sightings=[Sighting(subject=s, range=float(np.hypot(x, y)), bearing=float(np.arctan2(y, x))) for s, x, y in seen[robot]],
+            sightings=[Sighting(subject=s, range=float(np.hypot(x, y)), bearing=float(np.arctan2(y, x))) for s, x, y in sightings[robot]],
         )
         for robot in ("a", "b")
     ]  # fmt: skip
-    it.step(0.0, given)
+    ideal_filter.step(0.0, given)
     names = ["robot/a", "robot/b", "object/ball"]
     information, vector = np.zeros((3, 3)), np.zeros((3, 2))
     for robot, own in enumerate("ab"):
         information[robot, robot] += 1 / 1.5**2
         vector[robot] += np.array(fixes[own]) / 1.5**2
-        for subject, x, y in seen[own]:
+        for subject, x, y in sightings[own]:
             row = np.zeros(3)
             row[names.index(subject)], row[robot] = 1.0, -1.0
             information += np.outer(row, row) / 0.49
             vector += np.outer(row, (x, y)) / 0.49
     covariance = np.linalg.inv(information)
     for i, name in enumerate(names):
-        found = it.belief(name)
-        assert found is not None
-        assert found.mean == pytest.approx((covariance @ vector)[i], abs=1e-3)
-        assert found.covariance == pytest.approx(np.eye(2) * covariance[i, i], abs=1e-3)
+        belief = ideal_filter.belief(name)
+        assert belief is not None
+        assert belief.mean == pytest.approx((covariance @ vector)[i], abs=1e-3)
+        assert belief.covariance == pytest.approx(np.eye(2) * covariance[i, i], abs=1e-3)
 
 
 def test_what_it_does_not_know_is_uniform() -> None:
-    it = Ideal(simulated(0.0, 0.0, 0.01, ((1.0, 0.25), (13.0, 0.25))), {})
-    it.step(0.0, [readings("lost", sightings=[Sighting(subject="object/ball", range=3.0, bearing=0.0)])])
-    assert it.belief("robot/lost") is None
-    assert it.belief("object/ball") is None
-    it.step(0.2, [readings("lost", compass=0.0, sightings=[Sighting(subject="object/ball", range=3.0, bearing=0.0)])])
-    assert it.belief("robot/lost") is None  # only where both are, relative to each other
+    ideal_filter = Ideal(simulated(0.0, 0.0, 0.01, ((1.0, 0.25), (13.0, 0.25))), {})
+    ideal_filter.step(0.0, [readings("lost", sightings=[Sighting(subject="object/ball", range=3.0, bearing=0.0)])])
+    assert ideal_filter.belief("robot/lost") is None
+    assert ideal_filter.belief("object/ball") is None
+    ideal_filter.step(
+        0.2, [readings("lost", compass=0.0, sightings=[Sighting(subject="object/ball", range=3.0, bearing=0.0)])]
+    )
+    assert ideal_filter.belief("robot/lost") is None  # only where both are, relative to each other
     nobody = ideal_beliefs(SMALL.changed("time", seconds=0.5), [(0.5, "object/never")])
     assert np.array_equal(nobody[0.5, "object/never"].p, uniform(SMALL.grid).p)
 
@@ -89,9 +91,12 @@ def test_what_it_does_not_know_is_uniform() -> None:
 def test_of_a_recording_each_robot_has_the_sensors_that_its_own_tables_say() -> None:
     """A compass that one robot's table calls bad leaves that robot's heading open, and no other's."""
     tables = {"r2": {"odometry": {"compass": 0.5}}}
-    it = of_team(Scenario({"team": {"sub_teams": {"a": ["r1", "r2"]}}, "robots": tables}))
-    it.step(0.0, [readings(robot, compass=0.0) for robot in ("r1", "r2")])
-    sigmas = [float(it.joint.moments(f"robot/{robot}").covariance[HEADING, HEADING]) ** 0.5 for robot in ("r1", "r2")]
+    ideal_filter = of_team(Scenario({"team": {"sub_teams": {"a": ["r1", "r2"]}}, "robots": tables}))
+    ideal_filter.step(0.0, [readings(robot, compass=0.0) for robot in ("r1", "r2")])
+    sigmas = [
+        float(ideal_filter.joint.moments(f"robot/{robot}").covariance[HEADING, HEADING]) ** 0.5
+        for robot in ("r1", "r2")
+    ]
     assert sigmas == pytest.approx([0.03, 0.5])
 
 
@@ -103,15 +108,15 @@ def test_it_is_honest_where_it_is_told_the_world_s_noise() -> None:
     by_seed = []
     for seed in range(8):
         scenario = variant(load("demo").changed("time", seconds=10.0), seed)
-        world, it, distances = open_sensor_source(scenario), ideal(scenario), []
+        world, ideal_filter, distances = open_sensor_source(scenario), ideal(scenario), []
         for tick in range(51):
             truth, given = world.advance("x", tick)
-            it.step(0.2 if tick else 0.0, given)
+            ideal_filter.step(0.2 if tick else 0.0, given)
             for robot in scenario.team.robots:
-                found = it.belief(f"robot/{robot}")
-                assert found is not None
-                away = np.array(truth.positions[f"robot/{robot}"]) - found.mean
-                distances.append(float(away @ np.linalg.solve(found.covariance, away)))
+                belief = ideal_filter.belief(f"robot/{robot}")
+                assert belief is not None
+                away = np.array(truth.positions[f"robot/{robot}"]) - belief.mean
+                distances.append(float(away @ np.linalg.solve(belief.covariance, away)))
         by_seed.append([np.mean(distances)])
     (mean,) = means(np.array(by_seed), np.random.default_rng(1))
     assert mean.low is not None
@@ -125,14 +130,14 @@ def judged() -> dict[str, dict[str, RuleScores]]:
 
 
 def test_it_and_the_agreed_beliefs_are_rows_on_the_same_cases() -> None:
-    found = judged()
-    assert list(found) == ["", ", robots", ", objects"]
-    everything = found[""]
+    rows = judged()
+    assert list(rows) == ["", ", robots", ", objects"]
+    everything = rows[""]
     assert list(everything)[-3:] == [*comparison.AGREED, comparison.IDEAL]
-    for kind, scores in found.items():
+    for kind, scores in rows.items():
         assert len({len(of_rule.runs) for of_rule in scores.values()}) == 1, kind
     assert len(everything["coalition"].runs) == sum(
-        len(found[kind]["coalition"].runs) for kind in (", robots", ", objects")
+        len(rows[kind]["coalition"].runs) for kind in (", robots", ", objects")
     )
     logs = {name: float(np.mean(of_rule.score.log_scores)) for name, of_rule in everything.items()}
     assert logs[comparison.IDEAL] > logs[comparison.DEFAULT_NAME]
@@ -146,9 +151,9 @@ def test_the_bound_is_never_starred_and_has_no_time() -> None:
         assert comparison.IDEAL not in {name for names in result["best"].values() for name in names}
         assert "ms" not in result["rules"][comparison.IDEAL]
         assert result["rules"][comparison.IDEAL]["log_score"]["low"] is None  # one run
-    told = comparison.text(report)
-    assert "it is the bound" in told
-    assert "no interval" in told
+    table = comparison.text(report)
+    assert "it is the bound" in table
+    assert "no interval" in table
 
 
 def test_the_agreed_beliefs_are_those_that_the_referee_scored() -> None:

@@ -39,19 +39,19 @@ def merged(part: str, rule: str) -> TeamSizeScores:
     ],
 )
 def test_figures_2_4_and_5_have_the_golden_numbers(golden: str, figure: str, case: str) -> None:
-    expected, found = GOLDEN["figures"][golden], numbers()[figure]["cases"][case]
-    assert f"{min(found['entropies']):.4f}" == expected["best"]
+    expected, case_numbers = GOLDEN["figures"][golden], numbers()[figure]["cases"][case]
+    assert f"{min(case_numbers['entropies']):.4f}" == expected["best"]
     for rule in ("linear", "logarithmic", "cooperative"):
-        assert [f"{found['fused'][rule]['entropy']:.4f}", found["fused"][rule]["peak"]] == expected[rule]
-    assert f"{found['fused']['cooperative']['mass below 40']:.4f}" == expected["below 40"]
+        assert [f"{case_numbers['fused'][rule]['entropy']:.4f}", case_numbers["fused"][rule]["peak"]] == expected[rule]
+    assert f"{case_numbers['fused']['cooperative']['mass below 40']:.4f}" == expected["below 40"]
 
 
 def test_the_answer_depends_on_the_grid_but_for_the_reference_cell() -> None:
-    told = numbers()["fig5"]["resolution"]
+    resolutions = numbers()["fig5"]["resolution"]
     for per_unit, mass in GOLDEN["reference cell"]["mass below 40 by cells per unit, v_ref = 1 unit"].items():
-        assert told[per_unit]["reference cell"]["mass below 40"] == pytest.approx(mass, abs=1e-5)
+        assert resolutions[per_unit]["reference cell"]["mass below 40"] == pytest.approx(mass, abs=1e-5)
     for per_unit, peak in GOLDEN["without reference cell"]["peak by cells per unit"].items():
-        assert told[per_unit]["as printed"]["peak"] == peak
+        assert resolutions[per_unit]["as printed"]["peak"] == peak
 
 
 def test_figure_1_agreement_lowers_the_entropy_and_disagreement_does_not() -> None:
@@ -63,9 +63,9 @@ def test_figure_1_agreement_lowers_the_entropy_and_disagreement_does_not() -> No
 
 
 def test_figure_3_says_what_the_paper_says() -> None:
-    found = numbers()["fig3"]
-    assert all(len(ratios) == paper.PLACES for ratios in found["ratios"].values())
-    assert found["share below 1"] == {"linear": 0.0, "logarithmic": 1.0, "cooperative": 1.0}
+    fig3 = numbers()["fig3"]
+    assert all(len(ratios) == paper.PLACES for ratios in fig3["ratios"].values())
+    assert fig3["share below 1"] == {"linear": 0.0, "logarithmic": 1.0, "cooperative": 1.0}
 
 
 def test_figures_6_and_7_are_means_over_what_was_scored() -> None:
@@ -107,10 +107,10 @@ def test_the_joint_of_a_team_is_that_of_its_boards() -> None:
     scenario = paper.world(load("paper"), 25, 3, 6.0).changed("board", fusion="joint")
     run = first_hand_cases(scenario, 1.0)
     agreed = agreed_beliefs(scenario, [case.asked for case in run])
-    (found,) = joint_sizes(scenario, [(run, (3,))], 0)
+    (sizes,) = joint_sizes(scenario, [(run, (3,))], 0)
     own = {
         (round(time, 3), subject): row[0]
-        for time, subject, row in zip(found.time, found.subject, found.entropies, strict=True)
+        for time, subject, row in zip(sizes.time, sizes.subject, sizes.entropies, strict=True)
     }
     apart = [entropy(agreed[name].p) - value for name, value in own.items()]
     assert len(apart) >= 18
@@ -127,14 +127,14 @@ def test_the_arena_is_the_same_on_every_grid() -> None:
 
 def test_the_page_has_the_numbers_of_the_figures_on_a_line() -> None:
     """docs/paper.md, "What holds" and "What does not hold as printed": Figs. 2, 3 and 5."""
-    told, found = " ".join(page("paper.md").split()), numbers()
-    two, three = found["fig2"]["cases"]["as printed"], found["fig3"]["ratios"]
-    fused = {rule: it["entropy"] for rule, it in two["fused"].items()}
+    text, computed = " ".join(page("paper.md").split()), numbers()
+    two, three = computed["fig2"]["cases"]["as printed"], computed["fig3"]["ratios"]
+    fused = {rule: case["entropy"] for rule, case in two["fused"].items()}
     best = min(two["entropies"])
-    assert f"{fused['cooperative']:.3f} against {fused['logarithmic']:.3f} of LGP and {best:.3f} of the best" in told
+    assert f"{fused['cooperative']:.3f} against {fused['logarithmic']:.3f} of LGP and {best:.3f} of the best" in text
     ratios = [f"{np.mean(three[rule]):.2f}" for rule in ("cooperative", "logarithmic", "linear")]
-    assert "its entropy is {} of the best sensor's, against {} of LGP and {} of LOP".format(*ratios) in told
-    peaks = {per_unit: round(it["as printed"]["peak"]) for per_unit, it in found["fig5"]["resolution"].items()}
+    assert "its entropy is {} of the best sensor's, against {} of LGP and {} of LOP".format(*ratios) in text
+    peaks = {per_unit: round(case["as printed"]["peak"]) for per_unit, case in computed["fig5"]["resolution"].items()}
     assert {peaks["1"]} == {26}
     assert {peaks[n] for n in ("2", "4", "10")} == {42}
-    assert "Fig. 5's answer is 26 with one cell per unit, and 42 with two, four or ten." in told
+    assert "Fig. 5's answer is 26 with one cell per unit, and 42 with two, four or ten." in text

@@ -24,12 +24,12 @@ RECORDING = RecordingFlags("folder", 5.0, "C_blind12")
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[Scenario]:
     """The scenarios that were run, instead of processes that run them."""
-    found: list[Scenario] = []
+    scenarios: list[Scenario] = []
 
     def fake(
         scenario: Scenario, show: Callable[[int, int], None] | None = None, *, series: Path
     ) -> tuple[int, dict[str, Any]]:
-        found.append(scenario)
+        scenarios.append(scenario)
         fusion = scenario.board.fusion
         with series_file(series) as record:
             assert record is not None
@@ -38,7 +38,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[Scenario]:
         return 0, dict(CARD)
 
     monkeypatch.setattr(score, "run_scenario", fake)
-    return found
+    return scenarios
 
 
 def test_all_is_every_protocol_with_both_fusions() -> None:
@@ -98,8 +98,8 @@ def test_the_table_has_a_row_for_each_sample_of_each_run(started: list[Scenario]
     assert len(rows) == sum(len(samples) for samples in kept.values())
     assert {row["way"] for row in rows if row["level"] == "solo"} == {"solo", "solo (joint)"}
     for way in bench.FUSIONS:
-        told = [float(row["log_score"]) for row in rows if row["way"] == way]
-        assert told == [sample.log_score for sample in kept[way] if sample.level != "solo"]
+        scores = [float(row["log_score"]) for row in rows if row["way"] == way]
+        assert scores == [sample.log_score for sample in kept[way] if sample.level != "solo"]
     score.score(runs=tmp_path, table=tmp_path / "t.jsonl")
     again = [json.loads(line) for line in (tmp_path / "t.jsonl").read_text().splitlines()]
     assert [float(row["error"]) for row in again if row["error"] is not None] == [

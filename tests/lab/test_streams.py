@@ -11,17 +11,17 @@ from blackboard.lab.streams import LEARNED, ORACLE, STREAMS, generate, judge, re
 
 def test_one_liar_is_found_out_on_a_short_stream() -> None:
     scores = judge("one liar of 5", 30, np.random.default_rng(5))
-    told = report({"one liar of 5": [scores]})["streams"]["one liar of 5"]["rules"]
-    assert told[LEARNED]["log_score"] > told["independence 0.2"]["log_score"] + 0.1
-    assert told[ORACLE]["gap"] == 0.0
-    assert report({"one liar of 5": [scores]})["mean_gap"][LEARNED] == pytest.approx(told[LEARNED]["gap"])
+    rules = report({"one liar of 5": [scores]})["streams"]["one liar of 5"]["rules"]
+    assert rules[LEARNED]["log_score"] > rules["independence 0.2"]["log_score"] + 0.1
+    assert rules[ORACLE]["gap"] == 0.0
+    assert report({"one liar of 5": [scores]})["mean_gap"][LEARNED] == pytest.approx(rules[LEARNED]["gap"])
 
 
 def test_a_trial_has_no_oracle() -> None:
-    found = report({"trial echoes": [judge("trial echoes", 4, np.random.default_rng(5))]})
-    assert ORACLE not in found["streams"]["trial echoes"]["rules"]
-    assert found["mean_gap"] == {}
-    assert "trial echoes" in text(found)
+    result = report({"trial echoes": [judge("trial echoes", 4, np.random.default_rng(5))]})
+    assert ORACLE not in result["streams"]["trial echoes"]["rules"]
+    assert result["mean_gap"] == {}
+    assert "trial echoes" in text(result)
 
 
 def test_the_oracle_of_two_independent_sources_is_their_product() -> None:
@@ -33,11 +33,11 @@ def test_the_oracle_of_two_independent_sources_is_their_product() -> None:
 
 @pytest.mark.parametrize("name", streams.NAMES)
 def test_every_stream_gives_opinions_and_is_the_same_again(name: str) -> None:
-    one, other = (list(streams.instants(name, 2, np.random.default_rng(3))) for _ in range(2))
-    for first, second in zip(one, other, strict=True):
+    drawn, again = (list(streams.instants(name, 2, np.random.default_rng(3))) for _ in range(2))
+    for first, second in zip(drawn, again, strict=True):
         assert np.array_equal(first.case.opinions, second.case.opinions)
         np.testing.assert_allclose(first.case.opinions.sum(axis=(1, 2)), 1.0)
-    assert (one[0].oracle is None) == name.startswith("trial")
+    assert (drawn[0].oracle is None) == name.startswith("trial")
 
 
 def test_errors_of_a_stream_are_what_it_says() -> None:

@@ -46,7 +46,7 @@ def test_seeds_that_are_none_are_one_line(given: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sets", "told"),
+    ("sets", "message"),
     [
         (["board.rule"], "--set board.rule: say KEY=VALUE,VALUE"),
         (["board.rule="], "say KEY=VALUE,VALUE"),
@@ -62,16 +62,16 @@ def test_seeds_that_are_none_are_one_line(given: str) -> None:
         ([f"board.k={','.join(['1'] * 400)}", f"world.speed={','.join(['1'] * 400)}"], "160000 runs; at most 100000"),
     ],
 )
-def test_a_mistake_in_a_setting_is_one_line(sets: list[str], told: str) -> None:
+def test_a_mistake_in_a_setting_is_one_line(sets: list[str], message: str) -> None:
     with pytest.raises(UserError) as error:
         plan(TINY, [1], sets)
-    assert told in str(error.value)
+    assert message in str(error.value)
 
 
 def test_every_combination_runs_with_every_seed() -> None:
     planned = plan(TINY, [4, 7], ["board.rule=linear,coalition", "world.vision.gain=0.05,0.1"])
-    assert [(one.seed, one.combination) for one in planned] == [(seed, n) for seed in (4, 7) for n in range(4)]
-    assert len({one.key for one in planned}) == 8
+    assert [(job.seed, job.combination) for job in planned] == [(seed, n) for seed in (4, 7) for n in range(4)]
+    assert len({job.key for job in planned}) == 8
     last = planned[-1]
     assert label(last.settings) == "board.rule=coalition world.vision.gain=0.1"
     assert last.scenario.board.rule == "coalition"
@@ -105,9 +105,9 @@ def card(rmse: float, seed: int) -> dict[str, Any]:
 
 def test_means_have_intervals_and_differences_are_paired() -> None:
     planned = plan(TINY, range(1, 11), ["board.k=1,2"])
-    cards = [card(one.seed / 10 + 0.25 * one.combination, one.seed) for one in planned]
-    found = report(planned, cards, np.random.default_rng(1))
-    first, second = found["combinations"]
+    cards = [card(job.seed / 10 + 0.25 * job.combination, job.seed) for job in planned]
+    result = report(planned, cards, np.random.default_rng(1))
+    first, second = result["combinations"]
     assert (first["runs"], first["passed"], first["cpu_s"], first["difference"]) == (10, 5, 2.0, {})
     rmse = first["scores"]["robots"]["agreed"]["rmse"]
     assert rmse["value"] == pytest.approx(0.55)
@@ -118,8 +118,8 @@ def test_means_have_intervals_and_differences_are_paired() -> None:
     assert first["scores"]["robots"]["agreed"]["coverage_95"]["high"] <= 1.0
     assert second["difference"]["objects"]["agreed"]["rmse"] == {"value": None, "low": None, "high": None}
     assert first["hashes"] == {str(seed): f"h{seed}" for seed in range(1, 11)}
-    assert json.loads(json.dumps(found)) == found
-    lines = text(found).splitlines()
+    assert json.loads(json.dumps(result)) == result
+    lines = text(result).splitlines()
     assert "10 seeds" in lines[0]
     assert any(line.startswith("board.k=2") and "+0.250 [+0.250, +0.250]" in line for line in lines)
 
@@ -127,19 +127,19 @@ def test_means_have_intervals_and_differences_are_paired() -> None:
 def test_tracks_of_unnamed_things_are_compared_in_pairs_too() -> None:
     planned = plan(TINY, range(1, 11), ["board.k=1,2"])
     cards = []
-    for one in planned:
-        gospa = one.seed / 10 + 0.5 * one.combination
+    for job in planned:
+        gospa = job.seed / 10 + 0.5 * job.combination
         judged = dict.fromkeys(TRACKED, 1.0) | {"gospa": gospa, "existence": {"brier": 0.02}}
-        cards.append({**card(1.0, one.seed), "tracks": {"person": judged} if one.seed < 10 else {}})
-    found = report(planned, cards, np.random.default_rng(1))
-    first, second = found["combinations"]
+        cards.append({**card(1.0, job.seed), "tracks": {"person": judged} if job.seed < 10 else {}})
+    result = report(planned, cards, np.random.default_rng(1))
+    first, second = result["combinations"]
     assert first["tracks"]["person"]["gospa"]["value"] == pytest.approx(0.5), "the mean of nine seeds"
     assert first["tracks"]["person"]["brier"]["value"] == pytest.approx(0.02)
     assert first["tracks_difference"] == {}
     gap = second["tracks_difference"]["person"]["gospa"]
     assert (gap["value"], gap["low"], gap["high"]) == pytest.approx((0.5, 0.5, 0.5))
-    assert json.loads(json.dumps(found)) == found
-    assert any(line.startswith("tracks of person") and "GOSPA" in line for line in text(found).splitlines())
+    assert json.loads(json.dumps(result)) == result
+    assert any(line.startswith("tracks of person") and "GOSPA" in line for line in text(result).splitlines())
     names, table = rows(planned, cards)
     assert names["person_gospa"] == "float"
     assert table[0]["person_gospa"] == pytest.approx(0.1)
@@ -148,47 +148,47 @@ def test_tracks_of_unnamed_things_are_compared_in_pairs_too() -> None:
 
 def test_seeds_in_which_nothing_was_judged_are_told() -> None:
     planned = plan(TINY, range(1, 5), ["board.k=1,2"])
-    cards = [card(1.0, one.seed) for one in planned]
-    for one, each in zip(planned, cards, strict=True):
+    cards = [card(1.0, job.seed) for job in planned]
+    for job, each in zip(planned, cards, strict=True):
         judged = each["scores"]["robots"]["agreed"]
-        some = not (one.combination and one.seed in {1, 3})
+        some = not (job.combination and job.seed in {1, 3})
         each["scores"]["objects"] |= {"solo": judged, "agreed": judged if some else each["scores"]["objects"]["agreed"]}
-    found = report(planned, cards, np.random.default_rng(1))
-    first, second = found["combinations"]
+    result = report(planned, cards, np.random.default_rng(1))
+    first, second = result["combinations"]
     assert first["judged"]["objects"] == {"solo": 4, "consensus": 0, "agreed": 4}
     assert second["judged"]["objects"]["agreed"] == 2
     assert second["not_judged"]["objects"]["agreed"] == [1, 3]
-    assert json.loads(json.dumps(found)) == found
-    told = [line for line in text(found).splitlines() if "of 4 seeds" in line]
-    assert told == ["objects, board.k=2: 2 of 4 seeds (in seeds 1, 3 none was agreed on)"]
-    found["combinations"] = [{**second, "label": "as it is"}]
-    assert text(found).endswith("\nobjects: 2 of 4 seeds (in seeds 1, 3 none was agreed on)")
+    assert json.loads(json.dumps(result)) == result
+    lines = [line for line in text(result).splitlines() if "of 4 seeds" in line]
+    assert lines == ["objects, board.k=2: 2 of 4 seeds (in seeds 1, 3 none was agreed on)"]
+    result["combinations"] = [{**second, "label": "as it is"}]
+    assert text(result).endswith("\nobjects: 2 of 4 seeds (in seeds 1, 3 none was agreed on)")
 
 
 def test_a_group_that_is_not_there_is_not_told() -> None:
     planned = plan(TINY, range(1, 3), [])
-    found = report(planned, [card(1.0, one.seed) for one in planned], np.random.default_rng(1))
-    assert "none was agreed on" not in text(found)
+    result = report(planned, [card(1.0, job.seed) for job in planned], np.random.default_rng(1))
+    assert "none was agreed on" not in text(result)
 
 
 def test_the_table_has_a_column_for_each_setting(tmp_path: Path) -> None:
     planned = plan(TINY, [1, 2], ["board.rule=linear,coalition", "world.vision.gain=0.05,0.1"])
-    columns, found = rows(planned, [card(1.0, one.seed) for one in planned])
-    assert len(found) == 8 * 2 * 3
+    columns, table = rows(planned, [card(1.0, job.seed) for job in planned])
+    assert len(table) == 8 * 2 * 3
     with table_file(tmp_path / "x.csv", columns, "--table") as write:
-        for each in found:
+        for each in table:
             write(each)
-    head, one, *_ = (tmp_path / "x.csv").read_text().splitlines()
+    head, first, *_ = (tmp_path / "x.csv").read_text().splitlines()
     assert head.startswith(
         "board_rule,world_vision_gain,seed,group,level,n,rmse,mean,p95,max,entropy,log_score,coverage_50"
     )
-    assert one == "linear,0.05,1,robots,solo,5,1.0,1.0,1.0,1.0,1.0,-1.0,0.5,0.9,0.99,PASS,h1,2.0"
-    assert math.isnan(found[3]["rmse"])
+    assert first == "linear,0.05,1,robots,solo,5,1.0,1.0,1.0,1.0,1.0,-1.0,0.5,0.9,0.99,PASS,h1,2.0"
+    assert math.isnan(table[3]["rmse"])
 
 
 def test_a_run_is_the_team_of_its_scenario() -> None:
-    (one,) = plan(TINY, [5], [])
-    finished = sweep.run_one(one.key, one.scenario)
+    (job,) = plan(TINY, [5], [])
+    finished = sweep.run_one(job.key, job.scenario)
     expected = Team(TINY.changed("world", seed=5)).run()
     assert finished["card"]["hash"] == expected["hash"]
     assert finished["card"]["scores"] == expected["scores"]
@@ -199,13 +199,13 @@ def test_finished_runs_are_kept_and_not_made_again(tmp_path: Path, monkeypatch: 
     made: list[str] = []
 
     def run_jobs(function: Any, jobs: list[Any], progress: Any, keep: Any) -> list[Any]:
-        found = []
+        finished = []
         for number, job in enumerate(jobs, 1):
             made.append(job[0])
-            found.append({"key": job[0], "version": version(), "card": card(1.0, 1)})
-            keep(found[-1])
+            finished.append({"key": job[0], "version": version(), "card": card(1.0, 1)})
+            keep(finished[-1])
             progress(number, len(jobs))
-        return found
+        return finished
 
     monkeypatch.setattr(parallel, "run_jobs", run_jobs)
     file, shown = tmp_path / "runs.jsonl", list[tuple[int, int]]()
@@ -227,7 +227,7 @@ def test_finished_runs_are_kept_and_not_made_again(tmp_path: Path, monkeypatch: 
     assert go(range(1, 6)) == []
     assert len(file.read_text().splitlines()) == 5
     old = [{**json.loads(line), "version": "0.0.0"} for line in file.read_text().splitlines()]
-    file.write_text("".join(json.dumps(one) + "\n" for one in old))
+    file.write_text("".join(json.dumps(line) + "\n" for line in old))
     assert len(go(range(1, 6))) == 5  # of another version
 
 
@@ -245,12 +245,12 @@ def test_a_file_of_something_else_is_one_line(tmp_path: Path, content: str) -> N
 def test_the_picture_has_a_dot_for_each_run(tmp_path: Path) -> None:
     drawing = pytest.importorskip("blackboard.lab.sweep_drawing", reason="needs the extra `plot`")
     planned = plan(TINY, range(1, 6), ["board.k=1,2"])
-    cards = [card(one.seed / 10, one.seed) for one in planned]
-    found = report(planned, cards, np.random.default_rng(1))
-    figure = drawing.comparison(found, planned, cards)
+    cards = [card(job.seed / 10, job.seed) for job in planned]
+    result = report(planned, cards, np.random.default_rng(1))
+    figure = drawing.comparison(result, planned, cards)
     dots = [line for line in figure.axes[0].get_lines() if line.get_marker() == "."]
     assert [line.get_xdata()[0] for line in dots] == [cards[i]["scores"]["robots"]["agreed"]["rmse"] for i in range(10)]
-    drawing.draw_sweep(found, planned, cards, tmp_path)
+    drawing.draw_sweep(result, planned, cards, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.png", "sweep.svg"]
 
 
@@ -299,7 +299,7 @@ def test_a_sweep_prints_its_result_before_it_writes_files(
 
     def run_all(planned: list[Any], *_: object) -> list[dict[str, Any]]:
         folder.rmdir()  # while it ran
-        return [card(1.0, one.seed) for one in planned]
+        return [card(1.0, job.seed) for job in planned]
 
     monkeypatch.setattr(room, "run_all", run_all)
     with pytest.raises(UserError, match="--table"):

@@ -18,13 +18,13 @@ from tests.sim_world.datasets import write
 
 def test_a_run_gives_the_scorecard_with_what_everybody_sent_and_received() -> None:
     team = Team(SCENARIO)
-    seen: list[Envelope] = []
-    team.bus.spies.append(seen.append)
+    envelopes: list[Envelope] = []
+    team.bus.spies.append(envelopes.append)
     card = team.run()
     assert card["ticks"] == 5
     assert card["hash"] == team.world.referee.hash
     assert set(card["scores"]["robots"]["by_name"]) == {"r1", "r2", "r3"}
-    assert 0 < card["messages"]["sent"] <= len(seen)
+    assert 0 < card["messages"]["sent"] <= len(envelopes)
     assert card["messages"]["dropped"] == 0
     assert card["messages"]["refused"] == {}
 

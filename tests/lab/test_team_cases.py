@@ -30,13 +30,13 @@ def test_it_gives_the_first_hand_beliefs_of_a_real_team() -> None:
     team = Team(SCENARIO)
     heard = Heard(team.bus)
     team.run()
-    reported = {(it.time, it.subject, it.source): it for it in heard.of(keys.REPORT)}
+    reported = {(said.time, said.subject, said.source): said for said in heard.of(keys.REPORT)}
     cases = first_hand_cases(SCENARIO, every=0.5)
-    found = {(c.time, c.subject, s): p for c in cases for s, p in zip(c.sources, c.opinions, strict=True)}
+    opinions = {(c.time, c.subject, s): p for c in cases for s, p in zip(c.sources, c.opinions, strict=True)}
     later = {key: report for key, report in reported.items() if key[0] > 0}
-    assert found.keys() == later.keys()
+    assert opinions.keys() == later.keys()
     for key, report in later.items():
-        assert unpack(report.belief, SCENARIO.grid).p == pytest.approx(found[key], rel=0.05, abs=1e-4), key  # log8
+        assert unpack(report.belief, SCENARIO.grid).p == pytest.approx(opinions[key], rel=0.05, abs=1e-4), key  # log8
 
 
 def test_every_so_many_seconds() -> None:
@@ -47,8 +47,8 @@ def test_every_so_many_seconds() -> None:
 def test_a_variant_has_another_seed() -> None:
     assert variant(SCENARIO, 0) is SCENARIO
     assert variant(SCENARIO, 2).tables["world"]["seed"] == 5
-    one, other = first_hand_cases(SCENARIO)[0], first_hand_cases(variant(SCENARIO, 1))[0]
-    assert one.truth != other.truth
+    first, second = first_hand_cases(SCENARIO)[0], first_hand_cases(variant(SCENARIO, 1))[0]
+    assert first.truth != second.truth
 
 
 def test_a_variant_of_a_recording_is_its_next_stretch(tmp_path: Path) -> None:
@@ -78,13 +78,13 @@ def sizes() -> TeamSizeScores:
 
 
 def test_sizes_begin_with_the_robot_alone_and_add_its_mates_in_order() -> None:
-    it = sizes()
-    assert it.subject == ["robot/r1", "object/ball", "object/ball"]
-    assert it.run == [7, 7, 7]
+    planned = sizes()
+    assert planned.subject == ["robot/r1", "object/ball", "object/ball"]
+    assert planned.run == [7, 7, 7]
     own = [entropy(opinion(9, 2)), entropy(opinion(4, 1)), entropy(opinion(5, 2))]
-    assert it.original == pytest.approx(own)
-    assert [row[0] for row in it.entropies] == pytest.approx(own)
-    r1, r2, r3 = it.entropies
+    assert planned.original == pytest.approx(own)
+    assert [row[0] for row in planned.entropies] == pytest.approx(own)
+    r1, r2, r3 = planned.entropies
     assert r1[1] == r1[0]  # r2 has nothing to say about r1
     assert r1[2] < r1[1]  # r3 has
     assert r2[1] < r2[0]  # r3 comes after r2

@@ -30,22 +30,22 @@ def case(seed: int, n: int, truth: tuple[float, float] = (1.2, 0.7)) -> Case:
 @pytest.mark.parametrize("rule", SPACES)
 def test_every_candidate_scores_as_the_pool_itself(rule: str) -> None:
     run = [case(1, 1), case(2, 3), case(3, 4, truth=(99.0, 0.0))]
-    found = try_all(rule, [run, run[:1]])
-    assert found.cases.tolist() == [3.0, 1.0]
+    tried = try_all(rule, [run, run[:1]])
+    assert tried.cases.tolist() == [3.0, 1.0]
     index = GRID.index(run[0].truth)
     assert index is not None
     settings = candidates(rule, GRID.cell)
-    assert found.log_scores.shape == found.covered.shape == (2, len(settings))
+    assert tried.log_scores.shape == tried.covered.shape == (2, len(settings))
     for i in range(0, len(settings), 7):
         fused = [fuse(settings[i], c.opinions, GRID).p for c in run[:2]]
         scores = [log_score(p, index) for p in fused]
         covered = [float(held(hdr_level(p, index), border_mass(p, index), 0.95)) for p in fused]
-        assert found.log_scores[0, i] == pytest.approx(sum(scores) + np.log(1e-12), abs=1e-8), settings[i]
-        assert found.log_scores[1, i] == pytest.approx(scores[0], abs=1e-8)
-        assert found.covered[:, i] == pytest.approx([sum(covered), covered[0]], abs=1e-6), settings[i]
+        assert tried.log_scores[0, i] == pytest.approx(sum(scores) + np.log(1e-12), abs=1e-8), settings[i]
+        assert tried.log_scores[1, i] == pytest.approx(scores[0], abs=1e-8)
+        assert tried.covered[:, i] == pytest.approx([sum(covered), covered[0]], abs=1e-6), settings[i]
 
 
-def told(log_scores: list[float], shares: list[float], runs: int = 6, cases: int = 10) -> CandidateScores:
+def candidate(log_scores: list[float], shares: list[float], runs: int = 6, cases: int = 10) -> CandidateScores:
     """The first candidates of "coalition" as given, all others bad; each run alike."""
     n = len(candidates("coalition"))
     scores, covered = np.full(n, -9.0), np.zeros(n)
@@ -59,33 +59,33 @@ def told(log_scores: list[float], shares: list[float], runs: int = 6, cases: int
 
 
 def test_the_best_of_the_honest_is_chosen() -> None:
-    found = choose(told([-1.0, -3.0, -2.0], [0.5, 0.95, 0.92]), 0.9, 1.0, np.random.default_rng(1))
-    assert found["setting"] == candidates("coalition")[2]
-    assert found["honest"]
-    assert (found["log_score"], found["coverage_95"]) == pytest.approx((-2.0, 0.92))
-    for name, interval in found["parameters"].items():
-        assert interval["low"] == interval["value"] == interval["high"] == getattr(found["setting"], name)
+    choice = choose(candidate([-1.0, -3.0, -2.0], [0.5, 0.95, 0.92]), 0.9, 1.0, np.random.default_rng(1))
+    assert choice["setting"] == candidates("coalition")[2]
+    assert choice["honest"]
+    assert (choice["log_score"], choice["coverage_95"]) == pytest.approx((-2.0, 0.92))
+    for name, interval in choice["parameters"].items():
+        assert interval["low"] == interval["value"] == interval["high"] == getattr(choice["setting"], name)
 
 
 def test_where_nobody_is_honest_the_one_that_covers_most_is_chosen_and_that_is_said() -> None:
-    found = choose(told([-1.0, -3.0], [0.5, 0.6]), 0.9, 1.0, np.random.default_rng(1))
-    assert found["setting"] == candidates("coalition")[1]
-    assert not found["honest"]
+    choice = choose(candidate([-1.0, -3.0], [0.5, 0.6]), 0.9, 1.0, np.random.default_rng(1))
+    assert choice["setting"] == candidates("coalition")[1]
+    assert not choice["honest"]
 
 
 def test_intervals_show_when_the_runs_do_not_agree() -> None:
     """Half of the runs are for the first candidate, half for the last: the interval spans what lies between."""
-    it = told([-1.0], [1.0], runs=10)
-    it.log_scores[::2, 0], it.log_scores[::2, -1] = -40.0, -10.0
-    it.covered[:, -1] = 10
-    found = choose(it, 0.9, 1.0, np.random.default_rng(1))
-    spans = {name: (e["low"], e["high"]) for name, e in found["parameters"].items()}
+    scores = candidate([-1.0], [1.0], runs=10)
+    scores.log_scores[::2, 0], scores.log_scores[::2, -1] = -40.0, -10.0
+    scores.covered[:, -1] = 10
+    choice = choose(scores, 0.9, 1.0, np.random.default_rng(1))
+    spans = {name: (e["low"], e["high"]) for name, e in choice["parameters"].items()}
     assert spans["gate"] == (min(SPACES["coalition"]["gate"]), max(SPACES["coalition"]["gate"]))
 
 
 def test_few_runs_give_no_spread() -> None:
-    found = choose(told([-1.0], [1.0], runs=3), 0.9, 1.0, np.random.default_rng(1))
-    assert all(e["low"] is None and e["high"] is None for e in found["parameters"].values())
+    choice = choose(candidate([-1.0], [1.0], runs=3), 0.9, 1.0, np.random.default_rng(1))
+    assert all(e["low"] is None and e["high"] is None for e in choice["parameters"].values())
 
 
 @pytest.mark.parametrize(
@@ -123,12 +123,12 @@ def test_the_report_recommends_by_the_held_out_runs_alone(better: float, which: 
         logs = {"tuned": -2.0 + better + 0.1 * rng.standard_normal(), "default": -2.0, "paper": -3.0}
         own = TeamSizeScores(**{**sizes.__dict__, "run": [run]})
         checks.append(({name: scores(run, log, judged[name]) for name, log in logs.items()}, {"tuned": own}))
-    found = tuned({"coalition": choice}, choice, judged, checks, coverage=0.9, gain=0.05, rng=np.random.default_rng(1))
-    assert found["recommended"]["which"] == which
-    assert found["board"] == board_table(judged[which])
-    assert found["chosen"]["gate"] == 5.0
-    assert ("take the choice" if which == "tuned" else "keep the default") in text(found)
-    assert found["gain_over_default"]["value"] == pytest.approx(better, abs=0.15)
+    report = tuned({"coalition": choice}, choice, judged, checks, coverage=0.9, gain=0.05, rng=np.random.default_rng(1))
+    assert report["recommended"]["which"] == which
+    assert report["board"] == board_table(judged[which])
+    assert report["chosen"]["gate"] == 5.0
+    assert ("take the choice" if which == "tuned" else "keep the default") in text(report)
+    assert report["gain_over_default"]["value"] == pytest.approx(better, abs=0.15)
 
 
 def test_the_team_is_large_enough_when_one_more_gains_less() -> None:
