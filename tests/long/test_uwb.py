@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.files import ROOT
-from tests.sim_world.graph_teams import joint_of_a_team, one_filter, scenario
+from tests.sim_world.graph_teams import joint_of_a_team, new_scenario, one_filter
 from tests.sim_world.graphs import spoilt
 
 UWB = ROOT.parent / "shared" / "uwb" / "tiers.pyfg"
@@ -24,7 +24,7 @@ def test_a_team_with_ranges_alone_is_as_good_as_one_filter_that_has_everything(o
         if off:
             file = tmp_path / f"spoilt{seed}.pyfg"
             spoilt(UWB, file, seed)
-        it = scenario(file, seed, 40.0)
+        it = new_scenario(file, seed, 40.0)
         found.append((*joint_of_a_team(it), *one_filter(it)))
     team, covered, one, _ = np.array(found).T
     assert np.sqrt(np.mean(team**2)) <= 1.3 * np.sqrt(np.mean(one**2))

@@ -39,8 +39,10 @@ def service(
         }
     )
     settings, robots = scenario.section("world", WorldSection), scenario.team.robots
-    it = World(settings, scenario.grid, robots, scenario.time.tick, lambda n: np.random.default_rng([1, *n.encode()]))
-    return WorldService(scenario, it, Referee(scenario.grid, settings.check, robots))
+    simulated = World(
+        settings, scenario.grid, robots, scenario.time.tick, lambda n: np.random.default_rng([1, *n.encode()])
+    )
+    return WorldService(scenario, simulated, Referee(scenario.grid, settings.check, robots))
 
 
 def begun(*arguments: Any, silent: Collection[str] = (), lose: Lost = lambda envelope: False, **named: Any) -> Desk:
@@ -115,13 +117,13 @@ class Desk:
     def answers(self, clock: Clock) -> list[Envelope]:
         teams = clock.robots if clock.mode == "lockstep" else self.teams
         robots = sorted({r for names in teams.values() for r in names} - self.silent)
-        found = [] if clock.end else [self.solo(robot, clock.tick) for robot in robots]
+        envelopes = [] if clock.end else [self.solo(robot, clock.tick) for robot in robots]
         for sub_team in sorted(set(teams) - self.silent) if not clock.end else []:
             for level in ("consensus", "agreed"):
                 subjects = [f"robot/{robot}" for robot in teams[sub_team]]
-                found += [self.consensus(sub_team, level, subject, clock.tick) for subject in subjects]
-                found.append(self.status(sub_team, level, subjects, clock.tick))
-        return found
+                envelopes += [self.consensus(sub_team, level, subject, clock.tick) for subject in subjects]
+                envelopes.append(self.status(sub_team, level, subjects, clock.tick))
+        return envelopes
 
     # --- what the team says -----------------------------------------------------------------------------------------
 

@@ -27,55 +27,55 @@ HELD = 5.991  # the 95 % quantile of chi-squared with two degrees of freedom
 Judged = tuple[float, float]  # RMSE, m, and the share of 95 % ellipses that hold the truth
 
 
-def scenario(file: Path, seed: int, seconds: float) -> Scenario:
+def new_scenario(file: Path, seed: int, seconds: float) -> Scenario:
     return RecordingFlags(pyfg=str(file)).scenario().changed("time", seconds=seconds).changed("world", seed=seed)
 
 
-def ticks(it: Scenario) -> Iterator[tuple[Truth, list[Readings], bool]]:
-    source = open_sensor_source(it)
-    for tick in range(it.time.ticks + 1):
+def ticks(scenario: Scenario) -> Iterator[tuple[Truth, list[Readings], bool]]:
+    source = open_sensor_source(scenario)
+    for tick in range(scenario.time.ticks + 1):
         yield *source.advance("x", tick), source.judged(tick)
 
 
-def joint_of_a_team(it: Scenario) -> Judged:
+def joint_of_a_team(scenario: Scenario) -> Judged:
     """First-hand filters, and the joint that takes their evidence; each linearises where the joint has it."""
-    sensors = sensors_of(it.section("robot", RobotSection))
-    robots = {name: FirstHand(f"robot/{name}", sensors) for name in it.team.robots}
+    sensors = sensors_of(scenario.section("robot", RobotSection))
+    robots = {name: FirstHand(f"robot/{name}", sensors) for name in scenario.team.robots}
     team, judge = TeamJoint(), _Judge()
-    for truth, readings, judged in ticks(it):
+    for truth, readings, judged in ticks(scenario):
         evidence = []
-        for one in readings:
-            subject = f"robot/{one.robot}"
+        for own in readings:
+            subject = f"robot/{own.robot}"
             at = team.pose(subject) if subject in team.joint else None
-            told = robots[one.robot].step(one, at)
-            evidence.append(told.evidence(subject, one.tick, one.time, sensors.wheels.nuisance))
-        team.settle(truth.tick, it.time.tick, evidence)
+            result = robots[own.robot].step(own, at)
+            evidence.append(result.evidence(subject, own.tick, own.time, sensors.wheels.nuisance))
+        team.settle(truth.tick, scenario.time.tick, evidence)
         if judged:
             judge.take(truth, {subject: team.marginal(subject) for subject in truth.positions})
     return judge.said()
 
 
-def one_filter(it: Scenario) -> Judged:
+def one_filter(scenario: Scenario) -> Judged:
     """An extended Kalman filter of all robots with all readings and the same models; it gates as the team does."""
-    sensors, joint, judge = sensors_of(it.section("robot", RobotSection)), Joint(), _Judge()
+    sensors, joint, judge = sensors_of(scenario.section("robot", RobotSection)), Joint(), _Judge()
     last: dict[str, Odometry] = {}
-    for truth, readings, judged in ticks(it):
+    for truth, readings, judged in ticks(scenario):
         motions: dict[str, Motion] = {}
-        for one in readings:
-            subject = f"robot/{one.robot}"
-            if (pose := starting_pose(one, sensors.compass)) is not None:
+        for own in readings:
+            subject = f"robot/{own.robot}"
+            if (pose := starting_pose(own, sensors.compass)) is not None:
                 joint.add(subject, entering(pose, sensors.wheels.nuisance))
-            if one.odometry is not None:
-                motions[subject] = sensors.wheels.motion(one.odometry, last.get(subject))
-                last[subject] = one.odometry
+            if own.odometry is not None:
+                motions[subject] = sensors.wheels.motion(own.odometry, last.get(subject))
+                last[subject] = own.odometry
                 drive(joint, subject, motions[subject], sensors.wheels.nuisance)
-        forget_biases(joint, it.time.tick)
-        for one in readings:
-            for seen in one.seen:
-                place = None if seen.landmark is None else np.array(seen.landmark)
-                factor = linearise(joint, sensors.relative(f"robot/{one.robot}", seen), motions, place)
-                found = joint.innovation(factor)
-                if found.squared <= quantile(GATE, found.freedom):
+        forget_biases(joint, scenario.time.tick)
+        for own in readings:
+            for sighting in own.seen:
+                place = None if sighting.landmark is None else np.array(sighting.landmark)
+                factor = linearise(joint, sensors.relative(f"robot/{own.robot}", sighting), motions, place)
+                innovation = joint.innovation(factor)
+                if innovation.squared <= quantile(GATE, innovation.freedom):
                     correct(joint, factor)
         if judged:
             places = {subject: joint.moments(subject) for subject in truth.positions}
@@ -88,11 +88,11 @@ class _Judge:
         self.squares: list[float] = []
         self.held: list[bool] = []
 
-    def take(self, truth: Truth, found: dict[str, Moments]) -> None:
+    def take(self, truth: Truth, marginals: dict[str, Moments]) -> None:
         for subject, place in truth.positions.items():
-            off = found[subject].mean - np.array(place)
+            off = marginals[subject].mean - np.array(place)
             self.squares.append(float(off @ off))
-            self.held.append(squared_distance(off, found[subject].covariance) < HELD)
+            self.held.append(squared_distance(off, marginals[subject].covariance) < HELD)
 
     def said(self) -> Judged:
         return math.sqrt(float(np.mean(self.squares))), float(np.mean(self.held))

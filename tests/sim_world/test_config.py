@@ -56,8 +56,8 @@ def story(world: dict[str, Any], key: str | None = None, value: Any = None) -> l
         table[name] = value
     team = {"sub_teams": {"a": ["r1", "r2"]}}
     scenario = Scenario({"team": team, "time": {"tick": 0.5, "seconds": 10.0}, "world": tables})
-    it = open_sensor_source(scenario)
-    return [it.advance("run", tick) for tick in range(20)]
+    source = open_sensor_source(scenario)
+    return [source.advance("run", tick) for tick in range(20)]
 
 
 def test_every_key_is_here() -> None:

@@ -38,7 +38,7 @@ def crowd(ticks: int = 150, people: int = 3, **detector: object) -> list[Tick]:
 
 
 def sightings(ticks: Sequence[Tick]) -> list[Sighting]:
-    return [sighting for _, readings in ticks for it in readings for sighting in it.sightings]
+    return [sighting for _, readings in ticks for reading in readings for sighting in reading.sightings]
 
 
 @dataclass
@@ -60,10 +60,12 @@ class Still:
         return truth, [Readings(run=run, robot="r1", tick=tick, time=float(tick), sightings=self.seen)]
 
 
-def told(source: Still, ticks: int = 1, **settings: object) -> list[Tick]:
+def detected(source: Still, ticks: int = 1, **settings: object) -> list[Tick]:
     detector = DetectorSection.model_validate(settings)
-    it = Detected(source, detector, WorldVisionSection(), lambda name: np.random.default_rng([1, *name.encode()]))
-    return [it.advance("run", tick) for tick in range(ticks)]
+    detector_source = Detected(
+        source, detector, WorldVisionSection(), lambda name: np.random.default_rng([1, *name.encode()])
+    )
+    return [detector_source.advance("run", tick) for tick in range(ticks)]
 
 
 def sighting(subject: str, distance: float = 5.0, bearing: float = 0.0) -> Sighting:
@@ -74,12 +76,12 @@ def test_people_are_never_named_and_the_truth_says_who_they_are() -> None:
     met = set()
     for truth, readings in crowd():
         assert len([s for s in truth.positions if s.startswith("person/")]) == 3
-        for it in readings:
-            classes = [s for s in it.subjects if is_class(s)]
-            who = truth.unnamed.get(it.robot, [])
+        for own in readings:
+            classes = [s for s in own.subjects if is_class(s)]
+            who = truth.unnamed.get(own.robot, [])
             assert len(classes) == len(who)
             assert all(could_be(a, b) for a, b in zip(classes, who, strict=True))
-            assert not any(s.startswith("person/") and not is_class(s) for s in it.subjects)
+            assert not any(s.startswith("person/") and not is_class(s) for s in own.subjects)
             met |= set(who)
     assert met == {"person/p1", "person/p2", "person/p3"}
 
@@ -88,13 +90,13 @@ def test_each_unnamed_sighting_is_near_to_whom_the_truth_says() -> None:
     """The order of the two lists is the same, also of those whom another one is nearer."""
     off = []
     for truth, readings in crowd(anonymous=["robot", "person", "object"]):
-        for it in readings:
-            x, y = truth.positions[f"robot/{it.robot}"]
-            heading = truth.headings[f"robot/{it.robot}"]
-            unnamed = [s for s in it.sightings if is_class(s.subject)]
-            for seen, who in zip(unnamed, truth.unnamed.get(it.robot, []), strict=True):
-                angle = heading + seen.bearing
-                place = x + seen.range * math.cos(angle), y + seen.range * math.sin(angle)
+        for own in readings:
+            x, y = truth.positions[f"robot/{own.robot}"]
+            heading = truth.headings[f"robot/{own.robot}"]
+            unnamed = [s for s in own.sightings if is_class(s.subject)]
+            for anonymous, who in zip(unnamed, truth.unnamed.get(own.robot, []), strict=True):
+                angle = heading + anonymous.bearing
+                place = x + anonymous.range * math.cos(angle), y + anonymous.range * math.sin(angle)
                 off.append(math.dist(place, truth.positions[who]))
     assert np.quantile(off, 0.95) < 5.0, "cells; two bodies are 12 apart in the mean"
 
@@ -103,8 +105,8 @@ def test_what_is_unnamed_comes_in_no_order_that_tells_who_it_is() -> None:
     ticks = crowd(anonymous=["robot", "person", "object"])
     orders = [who for truth, _ in ticks for who in truth.unnamed.values() if len(set(who)) > 1]
     assert any(who != sorted(who) for who in orders)
-    for it in (it for _, readings in ticks for it in readings):
-        bearings = [s.bearing for s in it.sightings]
+    for own in (own for _, readings in ticks for own in readings):
+        bearings = [s.bearing for s in own.sightings]
         assert bearings == sorted(bearings)
 
 
@@ -115,30 +117,30 @@ def test_an_object_keeps_what_is_no_number_in_its_name() -> None:
 
 
 def test_with_names_and_nobody_else_nothing_is_changed() -> None:
-    plain = told(Still({}, [sighting("robot/r2"), sighting("object/ball", 3.0)]))
+    plain = detected(Still({}, [sighting("robot/r2"), sighting("object/ball", 3.0)]))
     assert plain[0][1][0].subjects == ["robot/r2", "object/ball"]
     assert plain[0][0].unnamed == {}
 
 
 def test_the_share_that_is_missed_is_the_one_asked() -> None:
-    ticks = told(Still({}, [sighting("robot/r2"), sighting("person/p1")]), 4000, missed=0.1)
+    ticks = detected(Still({}, [sighting("robot/r2"), sighting("person/p1")]), 4000, missed=0.1)
     for subject in ("robot/r2", "person/?"):
         share = sum(s.subject == subject for s in sightings(ticks)) / 4000
         assert abs(share - 0.9) < 0.02, "four standard deviations"
 
 
 def test_landmarks_are_not_missed() -> None:
-    seen = Sighting(subject="landmark/6", range=1.0, bearing=0.0, landmark=(1.0, 2.0))
-    assert len(sightings(told(Still({}, [seen]), 100, missed=0.9))) == 100
+    landmark = Sighting(subject="landmark/6", range=1.0, bearing=0.0, landmark=(1.0, 2.0))
+    assert len(sightings(detected(Still({}, [landmark]), 100, missed=0.9))) == 100
 
 
 def test_clutter_is_uniform_in_the_field_and_of_nobody() -> None:
-    ticks = told(Still({"person/p1": (1.0, 1.0)}), 4000, clutter=0.5)
-    found = sightings(ticks)
-    assert abs(len(found) / 4000 - 0.5) < 0.05
-    assert {s.subject for s in found} == {"person/?"}
+    ticks = detected(Still({"person/p1": (1.0, 1.0)}), 4000, clutter=0.5)
+    clutter = sightings(ticks)
+    assert abs(len(clutter) / 4000 - 0.5) < 0.05
+    assert {s.subject for s in clutter} == {"person/?"}
     assert {who for truth, _ in ticks for shown in truth.unnamed.values() for who in shown} == {""}
-    ranges, bearings = np.array([s.range for s in found]), np.array([s.bearing for s in found])
+    ranges, bearings = np.array([s.range for s in clutter]), np.array([s.bearing for s in clutter])
     assert (ranges.min(), ranges.max()) >= (NEAR, FAR - 1)
     middle = math.sqrt((NEAR**2 + FAR**2) / 2)  # of the area
     assert abs(np.mean(ranges < middle) - 0.5) < 0.05
@@ -148,10 +150,10 @@ def test_clutter_is_uniform_in_the_field_and_of_nobody() -> None:
 
 def test_two_mates_have_each_others_names() -> None:
     source = Still({}, [sighting("robot/r2", 2.0), sighting("robot/r3", 3.0), sighting("object/ball", 4.0)])
-    ticks = told(source, 1000, exchanged=0.2)
-    wrong = [it.sightings for _, (it,) in ticks if it.sightings[0].subject == "robot/r3"]
+    ticks = detected(source, 1000, exchanged=0.2)
+    wrong = [own.sightings for _, (own,) in ticks if own.sightings[0].subject == "robot/r3"]
     assert abs(len(wrong) / 1000 - 0.2) < 0.05
-    assert {tuple((s.subject, s.range) for s in seen) for seen in wrong} == {
+    assert {tuple((s.subject, s.range) for s in frame) for frame in wrong} == {
         (("robot/r3", 2.0), ("robot/r2", 3.0), ("object/ball", 4.0))
     }
 
@@ -159,8 +161,8 @@ def test_two_mates_have_each_others_names() -> None:
 def test_a_body_hides_what_is_behind_it_and_nothing_else() -> None:
     places = {"robot/r1": (0.0, 0.0), "person/p1": (3.0, 0.2), "robot/r2": (6.0, 0.0), "object/ball": (0.0, 6.0)}
     source = Still(places, [sighting(s) for s in ("person/p1", "robot/r2", "object/ball")])
-    assert {s.subject for s in sightings(told(source, body=0.4))} == {"person/?", "object/ball"}
-    assert len(sightings(told(source, body=0.1))) == 3, "too thin"
+    assert {s.subject for s in sightings(detected(source, body=0.4))} == {"person/?", "object/ball"}
+    assert len(sightings(detected(source, body=0.1))) == 3, "too thin"
 
 
 @pytest.mark.parametrize(
@@ -173,11 +175,11 @@ def test_only_what_stands_on_the_way_is_between(middle: tuple[float, float], hid
 def test_the_same_seed_is_the_same_crowd_and_one_more_robot_changes_no_detection() -> None:
     settings: dict[str, object] = {"missed": 0.2, "clutter": 0.5, "body": 0.3}
     assert crowd(40, **settings) == crowd(40, **settings)
-    seen = [sighting("robot/r2"), sighting("person/p1")]
-    alone = told(Still({}, seen), 50, missed=0.3, clutter=0.3)
-    more = told(Still({}, [*seen, sighting("robot/r3")]), 50, missed=0.3, clutter=0.3)
-    for (_, (one,)), (_, (other,)) in zip(alone, more, strict=True):
-        assert one.sightings == [s for s in other.sightings if s.subject != "robot/r3"]
+    visible = [sighting("robot/r2"), sighting("person/p1")]
+    alone = detected(Still({}, visible), 50, missed=0.3, clutter=0.3)
+    more = detected(Still({}, [*visible, sighting("robot/r3")]), 50, missed=0.3, clutter=0.3)
+    for (_, (first,)), (_, (second,)) in zip(alone, more, strict=True):
+        assert first.sightings == [s for s in second.sightings if s.subject != "robot/r3"]
 
 
 def test_the_truth_of_a_crowd_is_read_back_as_it_was_sent() -> None:
@@ -191,8 +193,8 @@ def test_people_walk_about_at_their_speed_and_turn_nobody_aside() -> None:
     alone = [truth for truth, _ in crowd(60, people=0)]
     source = open_sensor_source(Scenario({**CROWD, "world": world}))
     with_people = [source.advance("run", tick)[0] for tick in range(60)]
-    for one, other in zip(alone, with_people, strict=True):
-        assert one.positions.items() <= other.positions.items()
+    for truth, with_others in zip(alone, with_people, strict=True):
+        assert truth.positions.items() <= with_others.positions.items()
     ways = [a.positions["person/p1"] for a in with_people]
     assert math.dist(ways[0], ways[1]) == pytest.approx(0.4)
 

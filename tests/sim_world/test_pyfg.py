@@ -27,17 +27,17 @@ def graph(file: Path) -> FactorGraph:
     return read_graph(file)
 
 
-def replay(file: Path, **world: object) -> GraphReplay:
-    it = open_sensor_source(RecordingFlags(pyfg=str(file)).scenario().changed("world", **world))
-    assert isinstance(it, GraphReplay)
-    return it
+def new_replay(file: Path, **world: object) -> GraphReplay:
+    replay = open_sensor_source(RecordingFlags(pyfg=str(file)).scenario().changed("world", **world))
+    assert isinstance(replay, GraphReplay)
+    return replay
 
 
 def test_a_file_has_robots_points_and_what_they_measured_of_each_other(graph: FactorGraph) -> None:
     assert list(graph.tracks) == ["A", "B"]
     assert graph.points == {"L0": ANCHOR}
     assert (graph.first, graph.last) == (T0, T0 + 20.0)
-    kinds = [(it.kind, it.subject) for it in graph.tracks["A"].seen]
+    kinds = [(sighting.kind, sighting.subject) for sighting in graph.tracks["A"].seen]
     assert {("range", "landmark/L0"), ("range", "robot/B"), ("pose", "robot/B"), ("position", "landmark/L0")} == set(
         kinds
     )
@@ -91,9 +91,9 @@ def test_the_scenario_is_the_file_s(file: Path) -> None:
 
 
 def test_a_tick_holds_the_way_and_the_measurements_of_its_time(file: Path) -> None:
-    it = replay(file)
-    told = [it.advance("run", tick) for tick in range(4)]
-    first, second = ({r.robot: r for r in readings} for _, readings in told[:2])
+    replay = new_replay(file)
+    ticks = [replay.advance("run", tick) for tick in range(4)]
+    first, second = ({r.robot: r for r in readings} for _, readings in ticks[:2])
     assert first["A"].odometry is None
     assert first["A"].seen == []
     step = second["A"].odometry
@@ -103,25 +103,25 @@ def test_a_tick_holds_the_way_and_the_measurements_of_its_time(file: Path) -> No
         ("range", "landmark/L0", ANCHOR),
         ("range", "robot/B", None),
     ]
-    assert {s.kind for s in told[2][1][0].seen} == {"range", "pose"}
-    for truth, readings in told:
-        for one in readings:
-            assert all(0 <= s.age < 0.2 + 1e-9 for s in one.seen)
+    assert {s.kind for s in ticks[2][1][0].seen} == {"range", "pose"}
+    for truth, readings in ticks:
+        for own in readings:
+            assert all(0 <= s.age < 0.2 + 1e-9 for s in own.seen)
         assert truth.positions["robot/A"] == pytest.approx(
             (math.cos(0.3 * truth.time), math.sin(0.3 * truth.time)), abs=1e-3
         )
-    assert [tick for tick in range(11) if it.judged(tick)] == [5, 10]
+    assert [tick for tick in range(11) if replay.judged(tick)] == [5, 10]
 
 
 def test_where_a_robot_starts_is_told_with_an_error_that_the_seed_draws(file: Path) -> None:
-    def told(seed: int) -> list[tuple[float, float]]:
-        fixes = [r.fix for r in replay(file, seed=seed).advance("run", 0)[1]]
+    def starts(seed: int) -> list[tuple[float, float]]:
+        fixes = [r.fix for r in new_replay(file, seed=seed).advance("run", 0)[1]]
         assert [(f.sigma, f.heading_sigma) for f in fixes if f] == [(0.5, 0.1)] * 2
         return [f.position for f in fixes if f]
 
-    assert told(1) == told(1)
-    assert told(1) != told(2)
-    places = [told(seed)[0] for seed in range(30)]
+    assert starts(1) == starts(1)
+    assert starts(1) != starts(2)
+    places = [starts(seed)[0] for seed in range(30)]
     assert 0.12 < sum(math.dist(place, (1.0, 0.0)) ** 2 / 2 for place in places) / 30 < 0.45
 
 

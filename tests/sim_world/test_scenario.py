@@ -62,9 +62,9 @@ def test_the_demo_is_the_demo() -> None:
     ],
 )
 def test_a_fault_names_file_field_and_cure(table: Mapping[str, Any], text: str) -> None:
-    with pytest.raises(UserError, match=text) as told:
+    with pytest.raises(UserError, match=text) as fault:
         Scenario({"world": table}, "it.toml").section("world", WorldSection)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(fault.value)
 
 
 def test_presets_set_the_gain_unless_one_is_given() -> None:
@@ -78,8 +78,8 @@ def test_presets_set_the_gain_unless_one_is_given() -> None:
 
 def test_who_is_lost() -> None:
     everybody = range(1, 6)
-    found = {name: [robot for robot in everybody if it.lost(robot)] for name, it in PROTOCOLS.items()}
-    assert {name: who for name, who in found.items() if who} == {"G_wake": [1, 2, 3, 4, 5], "H_lost12": [1, 2]}
+    lost = {name: [robot for robot in everybody if protocol.lost(robot)] for name, protocol in PROTOCOLS.items()}
+    assert {name: who for name, who in lost.items() if who} == {"G_wake": [1, 2, 3, 4, 5], "H_lost12": [1, 2]}
 
 
 def test_the_door_turns_flags_into_a_scenario(tmp_path: Path) -> None:

@@ -70,9 +70,9 @@ def test_a_seen_position_is_off_by_sigma_in_each_coordinate(vision: WorldVisionS
     x, y, heading = 3.0, -2.0, 2.5
     bearing = 0.4
     place = (x + distance * math.cos(heading + bearing), y + distance * math.sin(heading + bearing))
-    seen = [s for _ in range(4000) if (s := see(vision, (x, y, heading), "robot/r2", place, noise))]
-    angles = np.array([heading + s.bearing for s in seen])
-    ranges = np.array([s.range for s in seen])
+    sightings = [s for _ in range(4000) if (s := see(vision, (x, y, heading), "robot/r2", place, noise))]
+    angles = np.array([heading + s.bearing for s in sightings])
+    ranges = np.array([s.range for s in sightings])
     errors = np.stack([x + ranges * np.cos(angles) - place[0], y + ranges * np.sin(angles) - place[1]])
     sigma = vision_sigma(distance, vision.scale, vision.floor)
     assert sigma is not None

@@ -24,10 +24,10 @@ def test_by_default_the_world_is_simulated() -> None:
         asked.append(name)
         return np.random.default_rng(len(asked))
 
-    it = open_sensor_source(SCENARIO, streams)
-    assert isinstance(it, World)
-    assert (it.robots, it.dt) == (("r1", "r2"), 0.5)
-    it.advance("x", 0)
+    source = open_sensor_source(SCENARIO, streams)
+    assert isinstance(source, World)
+    assert (source.robots, source.dt) == (("r1", "r2"), 0.5)
+    source.advance("x", 0)
     assert {"robot/r1", "robot/r2", "odometer/r1", "start/ball"} <= set(asked)
     assert len(asked) == len(set(asked))  # each is taken up once
 
@@ -38,10 +38,10 @@ def test_a_recording_needs_no_chance(tmp_path: Path) -> None:
     def streams(name: str) -> np.random.Generator:
         raise AssertionError(name)
 
-    it = open_sensor_source(SCENARIO.changed("world", kind="mrclam", dir=str(tmp_path), start=1001.0), streams)
-    assert isinstance(it, MrclamSource)
-    assert (it.robots, it.start, it.dt) == (("r1", "r2"), 1001.0, 0.5)
-    it.advance("x", 0)
+    source = open_sensor_source(SCENARIO.changed("world", kind="mrclam", dir=str(tmp_path), start=1001.0), streams)
+    assert isinstance(source, MrclamSource)
+    assert (source.robots, source.start, source.dt) == (("r1", "r2"), 1001.0, 0.5)
+    source.advance("x", 0)
     with pytest.raises(UserError, match=r"time\.seconds: 40 s reach beyond the recording"):
         open_sensor_source(
             SCENARIO.changed("world", kind="mrclam", dir=str(tmp_path)).changed("time", seconds=40.0), streams
@@ -49,7 +49,7 @@ def test_a_recording_needs_no_chance(tmp_path: Path) -> None:
 
 
 def test_the_doors_streams_depend_on_seed_and_name() -> None:
-    one, same = seeded_streams(1), seeded_streams(1)
+    first, same = seeded_streams(1), seeded_streams(1)
     other = seeded_streams(2)
-    assert one("a").random() == same("a").random() == one("a").random()
-    assert len({one("a").random(), one("b").random(), other("a").random()}) == 3
+    assert first("a").random() == same("a").random() == first("a").random()
+    assert len({first("a").random(), first("b").random(), other("a").random()}) == 3

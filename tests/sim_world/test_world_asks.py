@@ -22,8 +22,8 @@ class Quiet(Desk):
 
     def answers(self, clock: Clock) -> list[Envelope]:
         if clock.asked is None:
-            found = super().answers(clock)
-            return [e for e in found if not self.lacks or "/solo/" in e.key]
+            envelopes = super().answers(clock)
+            return [e for e in envelopes if not self.lacks or "/solo/" in e.key]
         out = [self.reported(name, clock.tick) for name in clock.asked if name != "board/a/a"]
         if "board/a/a" in clock.asked:
             waiting = Status(process="a", kind="board", tick=0, time=0, lacks=self.lacks)

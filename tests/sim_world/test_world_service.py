@@ -165,9 +165,9 @@ def test_in_real_time_the_world_paces_and_waits_for_nobody() -> None:
     desk = begun(time={"mode": "realtime"}, silent={"r2"})
     when = [desk.now]
     while len(desk.ticks) < 5:
-        seen = len(desk.ticks)
+        before = len(desk.ticks)
         desk.wait(0.01)
-        when += [desk.now] * (len(desk.ticks) - seen)
+        when += [desk.now] * (len(desk.ticks) - before)
     assert desk.ticks == [0, 1, 2, 3, 4]
     assert [round(t - when[0], 1) for t in when] == [0.0, 0.5, 1.0, 1.5, 2.0]
     assert all(clock.robots == clock.settled == {} for clock in desk.clocks)
@@ -247,8 +247,8 @@ def test_about_ten_ticks_of_a_run_are_logged(
     desk.tokens(Kind.ALIVE)
     desk.wait(1.0)
     assert desk.world.why == ""
-    found = [r.message for r in caplog.records if r.message.startswith("tick ")]
-    assert found == [f"tick {tick} of {round(seconds / 0.5)}" for tick in logged]
+    lines = [r.message for r in caplog.records if r.message.startswith("tick ")]
+    assert lines == [f"tick {tick} of {round(seconds / 0.5)}" for tick in logged]
 
 
 @pytest.mark.parametrize(("kind", "ticks"), [("robot", [0]), ("board", [0, 1])])

@@ -24,12 +24,12 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_barcodes_become_subjects_and_strangers_are_dropped(folder: Path) -> None:
-    it = read_recording(folder)
-    assert sorted(it.tracks) == [1, 2]
-    assert it.landmarks == {6: (1.0, 2.0), 7: (-1.0, 0.5)}
-    assert it.tracks[1].sightings[:, 1].tolist() == [6, 2, 7]  # not the unknown barcode, not itself
-    assert it.dropped == 2
-    assert (it.number("r1"), it.number("r2")) == (1, 2)
+    recording = read_recording(folder)
+    assert sorted(recording.tracks) == [1, 2]
+    assert recording.landmarks == {6: (1.0, 2.0), 7: (-1.0, 0.5)}
+    assert recording.tracks[1].sightings[:, 1].tolist() == [6, 2, 7]  # not the unknown barcode, not itself
+    assert recording.dropped == 2
+    assert (recording.number("r1"), recording.number("r2")) == (1, 2)
 
 
 def test_the_files_may_be_untidy(folder: Path) -> None:
@@ -107,8 +107,8 @@ def track(odometry: list[list[float]], truth: list[list[float]] | None = None) -
 )
 def test_a_command_holds_until_the_next(gaps: list[float], speeds: list[float], since: float, span: float) -> None:
     times = np.cumsum(gaps)
-    it = track([[t, v, -2 * v] for t, v in zip(times, speeds, strict=False)])
-    distance, turn = it.commanded(since, since + span)
+    driven = track([[t, v, -2 * v] for t, v in zip(times, speeds, strict=False)])
+    distance, turn = driven.commanded(since, since + span)
     # the slow, obvious way: cut the span wherever a command comes, and look up the newest one of each piece
     cuts = [since, *(t for t in times if since < t < since + span), since + span]
     expected = 0.0
@@ -120,50 +120,50 @@ def test_a_command_holds_until_the_next(gaps: list[float], speeds: list[float], 
 
 
 def test_truth_is_interpolated_over_short_gaps_only() -> None:
-    it = track([[0, 0, 0]], [[10.0, 0, 0, 3.1], [10.4, 4, 8, -3.1], [11.0, 5, 5, 0]])
-    assert it.pose(9.9) is None
-    assert it.pose(10.0) == (0, 0, 3.1)
-    middle = it.pose(10.2)
+    driven = track([[0, 0, 0]], [[10.0, 0, 0, 3.1], [10.4, 4, 8, -3.1], [11.0, 5, 5, 0]])
+    assert driven.pose(9.9) is None
+    assert driven.pose(10.0) == (0, 0, 3.1)
+    middle = driven.pose(10.2)
     assert middle is not None
     assert middle[:2] == pytest.approx((2, 4))
     assert np.cos(middle[2] - np.pi) == pytest.approx(1.0)  # over the seam, not through zero
-    assert it.pose(10.7) is None  # a gap of 0.6 s
-    assert it.pose(11.0) == (5, 5, 0)
-    assert it.pose(11.1) is None
+    assert driven.pose(10.7) is None  # a gap of 0.6 s
+    assert driven.pose(11.0) == (5, 5, 0)
+    assert driven.pose(11.1) is None
 
 
 @needs_dataset7
 def test_dataset_7_is_what_its_page_says() -> None:
     """13 758 readings in the window of 600 s; a robot sees some landmark in 63 % of the seconds."""
-    it = read_recording(DATASET7)
-    assert (sorted(it.tracks), sorted(it.landmarks)) == ([1, 2, 3, 4, 5], list(range(6, 21)))
-    assert sum(len(track.sightings_in(T0, T0 + 600)) for track in it.tracks.values()) == 13758
+    recording = read_recording(DATASET7)
+    assert (sorted(recording.tracks), sorted(recording.landmarks)) == ([1, 2, 3, 4, 5], list(range(6, 21)))
+    assert sum(len(track.sightings_in(T0, T0 + 600)) for track in recording.tracks.values()) == 13758
     seconds = [
-        any(subject in it.landmarks for _, subject, _, _ in track.sightings_in(T0 + k, T0 + k + 1))
-        for track in it.tracks.values()
+        any(subject in recording.landmarks for _, subject, _, _ in track.sightings_in(T0 + k, T0 + k + 1))
+        for track in recording.tracks.values()
         for k in range(600)
     ]
     assert np.mean(seconds) == pytest.approx(0.63, abs=0.005)
-    assert it.first == 1248446191.0
-    assert it.last == pytest.approx(1248447082.106)
+    assert recording.first == 1248446191.0
+    assert recording.last == pytest.approx(1248447082.106)
 
 
 def test_a_pose_between_two_rows_is_interpolated_the_short_way_round() -> None:
     truth = np.array([[10.0, 1.0, -2.0, 3.0], [10.4, 2.0, -4.0, -3.0]])
-    it = RobotFiles(np.zeros((1, 3)), np.zeros((0, 4)), truth)
-    found = it.pose(10.1)
-    assert found is not None
+    files = RobotFiles(np.zeros((1, 3)), np.zeros((0, 4)), truth)
+    pose = files.pose(10.1)
+    assert pose is not None
     turn = 2 * math.pi - 6.0
-    assert found == pytest.approx((1.25, -2.5, 3.0 + turn / 4))
-    assert it.pose(10.0) == (1.0, -2.0, 3.0)
-    assert it.pose(10.4) == (2.0, -4.0, -3.0)
-    assert (it.pose(9.9), it.pose(10.5)) == (None, None)
+    assert pose == pytest.approx((1.25, -2.5, 3.0 + turn / 4))
+    assert files.pose(10.0) == (1.0, -2.0, 3.0)
+    assert files.pose(10.4) == (2.0, -4.0, -3.0)
+    assert (files.pose(9.9), files.pose(10.5)) == (None, None)
 
 
 @pytest.mark.parametrize(("gap", "known"), [(LONGEST_GAP, True), (1.01 * LONGEST_GAP, False)])
 def test_a_longer_gap_is_not_bridged(gap: float, known: bool) -> None:
-    it = RobotFiles(np.zeros((1, 3)), np.zeros((0, 4)), np.array([[0.0, 1.0, 1.0, 0.0], [gap, 2.0, 2.0, 0.0]]))
-    assert (it.pose(0.1) is not None) == known
+    files = RobotFiles(np.zeros((1, 3)), np.zeros((0, 4)), np.array([[0.0, 1.0, 1.0, 0.0], [gap, 2.0, 2.0, 0.0]]))
+    assert (files.pose(0.1) is not None) == known
 
 
 def test_an_unknown_barcode_is_dropped_whoever_saw_it(tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_an_unknown_barcode_is_dropped_whoever_saw_it(tmp_path: Path) -> None:
     for robot in (1, 2):
         with (tmp_path / f"Robot{robot}_Measurement.dat").open("a") as text:
             text.write("1003.0 98 1.0 0.0\n")
-    it = read_recording(tmp_path)
-    assert it.dropped == 4
-    assert [len(it.tracks[robot].sightings) for robot in (1, 2)] == [3, 3]
-    assert it.tracks[2].sightings[:, 1].tolist() == [1, 6, 6]
+    recording = read_recording(tmp_path)
+    assert recording.dropped == 4
+    assert [len(recording.tracks[robot].sightings) for robot in (1, 2)] == [3, 3]
+    assert recording.tracks[2].sightings[:, 1].tolist() == [1, 6, 6]

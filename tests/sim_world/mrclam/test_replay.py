@@ -26,33 +26,37 @@ def tiny(tmp_path: Path) -> Recording:
     return read_recording(tmp_path)
 
 
-def replay(recording: Recording, *robots: str, dt: float = 0.5, seconds: float = 10.0, **world: object) -> MrclamSource:
+def new_replay(
+    recording: Recording, *robots: str, dt: float = 0.5, seconds: float = 10.0, **world: object
+) -> MrclamSource:
     settings = WorldSection.model_validate({"kind": "mrclam", **world})
     return MrclamSource(settings, recording, robots or ("r1", "r2"), dt, seconds)
 
 
-def said(it: MrclamSource, robot: str, ticks: int) -> list[Readings]:
-    return [{r.robot: r for r in it.advance("run", tick)[1]}[robot] for tick in range(ticks)]
+def said(replay: MrclamSource, robot: str, ticks: int) -> list[Readings]:
+    return [{r.robot: r for r in replay.advance("run", tick)[1]}[robot] for tick in range(ticks)]
 
 
 def test_it_starts_with_the_true_pose(tiny: Recording) -> None:
-    it = replay(tiny, start=1001.0)
-    first = said(it, "r1", 1)[0]
+    replay = new_replay(tiny, start=1001.0)
+    first = said(replay, "r1", 1)[0]
     assert first.fix is not None
     assert first.fix.position == pytest.approx((0.1, 0.0))
     assert (first.fix.sigma, first.fix.heading, first.fix.heading_sigma) == (0.05, 0.0, 0.03)
     assert (first.odometry, first.compass, first.sightings) == (None, None, [])
-    assert replay(tiny).start == 1000.0  # nothing said: where the files begin
+    assert new_replay(tiny).start == 1000.0  # nothing said: where the files begin
 
 
 def test_a_tick_holds_the_commands_and_sightings_of_its_time(tiny: Recording) -> None:
-    it = replay(tiny, start=1000.5, odometry_lag=0.2, sighting_latency=0.05)
-    _, first, second = said(it, "r1", 3)  # ticks end at 1000.5, 1001.0, 1001.5
+    replay = new_replay(tiny, start=1000.5, odometry_lag=0.2, sighting_latency=0.05)
+    _, first, second = said(replay, "r1", 3)  # ticks end at 1000.5, 1001.0, 1001.5
     assert first.odometry is not None
     assert first.odometry.distance == pytest.approx(0.05)
     assert (first.odometry.turn, first.odometry.dt) == (0.0, 0.5)
-    seen = [(s.subject, s.range, s.bearing, round(s.age, 6), s.landmark) for s in first.sightings + second.sightings]
-    assert seen == [
+    sightings = [
+        (s.subject, s.range, s.bearing, round(s.age, 6), s.landmark) for s in first.sightings + second.sightings
+    ]
+    assert sightings == [
         ("landmark/6", 2.0, 0.1, 0.15, (1.0, 2.0)),
         ("robot/r2", 1.0, 0.2, 0.05, None),  # stamped 1001.00: the last moment of its tick
         ("landmark/7", 3.0, -0.3, 0.15, (-1.0, 0.5)),
@@ -62,29 +66,29 @@ def test_a_tick_holds_the_commands_and_sightings_of_its_time(tiny: Recording) ->
 
 def test_the_commands_lead_the_motion(tiny: Recording) -> None:
     """Before the first command nothing moves: with a lag of 0.3 s the first half second holds 0.2 s of it."""
-    turn = said(replay(tiny, start=1000.0, odometry_lag=0.3), "r2", 2)[1].odometry
+    turn = said(new_replay(tiny, start=1000.0, odometry_lag=0.3), "r2", 2)[1].odometry
     assert turn is not None
     assert turn.turn == pytest.approx(0.2 * 0.2)
 
 
 def test_two_sightings_of_one_subject_are_both_kept(tiny: Recording) -> None:
-    last = said(replay(tiny, start=1002.0), "r2", 2)[1]
+    last = said(new_replay(tiny, start=1002.0), "r2", 2)[1]
     assert [(s.subject, s.range) for s in last.sightings] == [("landmark/6", 1.5), ("landmark/6", 1.4)]
 
 
 def test_truth_has_all_robots_and_whole_seconds_are_judged(tiny: Recording) -> None:
-    it = replay(tiny, "r2", start=1002.0, dt=0.25)
-    truth, readings = it.advance("run", 0)
+    replay = new_replay(tiny, "r2", start=1002.0, dt=0.25)
+    truth, readings = replay.advance("run", 0)
     assert truth.positions == {"robot/r1": pytest.approx((0.2, 0.0)), "robot/r2": (0.0, 1.0)}
     assert [r.robot for r in readings] == ["r2"]
-    assert [tick for tick in range(9) if it.judged(tick)] == [4, 8]
+    assert [tick for tick in range(9) if replay.judged(tick)] == [4, 8]
 
 
 def test_only_recorded_robots_are_welcome(tiny: Recording) -> None:
-    it = replay(tiny)
-    assert it.admit("r2")
-    assert not it.admit("r7")
-    assert it.robots == ("r1", "r2")
+    replay = new_replay(tiny)
+    assert replay.admit("r2")
+    assert not replay.admit("r7")
+    assert replay.robots == ("r1", "r2")
 
 
 def test_where_truth_has_a_gap_nothing_is_judged(tmp_path: Path) -> None:
@@ -92,12 +96,12 @@ def test_where_truth_has_a_gap_nothing_is_judged(tmp_path: Path) -> None:
     file = tmp_path / "Robot1_Groundtruth.dat"
     rows = [row for row in file.read_text().splitlines() if not row.startswith("1002.")]
     file.write_text("\n".join(rows))
-    it = replay(read_recording(tmp_path), dt=1.0)
-    positions = [set(it.advance("run", tick)[0].positions) for tick in range(5)]
+    replay = new_replay(read_recording(tmp_path), dt=1.0)
+    positions = [set(replay.advance("run", tick)[0].positions) for tick in range(5)]
     both = {"robot/r1", "robot/r2"}
     assert positions == [both, both, {"robot/r2"}, both, both]
     with pytest.raises(UserError, match=r"world\.start: the ground truth of r1 has a gap there; move"):
-        replay(read_recording(tmp_path), start=1002.5)
+        new_replay(read_recording(tmp_path), start=1002.5)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +115,7 @@ def test_where_truth_has_a_gap_nothing_is_judged(tmp_path: Path) -> None:
 )
 def test_what_does_not_fit_is_a_mistake(tiny: Recording, changes: dict[str, float], text: str) -> None:
     with pytest.raises(UserError, match=text):
-        replay(tiny, **changes)
+        new_replay(tiny, **changes)
 
 
 # --- the real one ----------------------------------------------------------------------------------------------------
@@ -124,12 +128,12 @@ def dataset7() -> Recording:
 
 def landmarks(protocol: str, seconds: int) -> dict[str, list[tuple[int, str]]]:
     """Robot -> (second, landmark) of each landmark sighting that a protocol lets through."""
-    it = replay(dataset7(), *ROBOTS, dt=1.0, seconds=seconds, start=T0, protocol=protocol)
-    found: dict[str, list[tuple[int, str]]] = {robot: [] for robot in ROBOTS}
+    replay = new_replay(dataset7(), *ROBOTS, dt=1.0, seconds=seconds, start=T0, protocol=protocol)
+    by_robot: dict[str, list[tuple[int, str]]] = {robot: [] for robot in ROBOTS}
     for tick in range(seconds + 1):
-        for readings in it.advance("run", tick)[1]:
-            found[readings.robot] += [(tick, s.subject) for s in readings.sightings if s.landmark is not None]
-    return found
+        for readings in replay.advance("run", tick)[1]:
+            by_robot[readings.robot] += [(tick, s.subject) for s in readings.sightings if s.landmark is not None]
+    return by_robot
 
 
 @needs_dataset7
@@ -137,61 +141,61 @@ def test_protocols_withhold_landmarks() -> None:
     everything = landmarks("A_all", 60)
     assert all(everything.values())
     blind = landmarks("C_blind12", 60)
-    assert {robot for robot, seen in blind.items() if seen} == {"r3", "r4", "r5"}
+    assert {robot for robot, sightings in blind.items() if sightings} == {"r3", "r4", "r5"}
     assert blind["r3"] == everything["r3"]
-    assert {robot for robot, seen in landmarks("D_one3", 60).items() if seen} == {"r3"}
+    assert {robot for robot, sightings in landmarks("D_one3", 60).items() if sightings} == {"r3"}
     assert not any(landmarks("F_nolm", 60).values())
-    south = {subject for seen in landmarks("E_south", 60).values() for _, subject in seen}
+    south = {subject for sightings in landmarks("E_south", 60).values() for _, subject in sightings}
     assert south == {f"landmark/{i}" for i in range(6, 11)}
     everything = landmarks("A_all", 310)
-    for robot, seen in landmarks("B_turns", 310).items():
+    for robot, sightings in landmarks("B_turns", 310).items():
         turn = int(robot[1:]) - 1
         mine = [(tick, s) for tick, s in everything[robot] if (tick - 1) // 60 % 5 == turn]
-        assert seen == mine  # the sightings of second k carry stamps in (k - 1, k]
+        assert sightings == mine  # the sightings of second k carry stamps in (k - 1, k]
 
 
 @needs_dataset7
 @pytest.mark.parametrize(("protocol", "lost"), [("A_all", ()), ("G_wake", ROBOTS), ("H_lost12", ("r1", "r2"))])
 def test_the_lost_have_a_compass_and_no_start(protocol: str, lost: tuple[str, ...]) -> None:
-    it = replay(dataset7(), *ROBOTS, start=T0, protocol=protocol)
+    replay = new_replay(dataset7(), *ROBOTS, start=T0, protocol=protocol)
     for tick in range(4):
-        for readings in it.advance("run", tick)[1]:
+        for readings in replay.advance("run", tick)[1]:
             assert (readings.compass is not None) == (readings.robot in lost)
             assert (readings.fix is not None) == (tick == 0 and readings.robot not in lost)
 
 
 def test_a_landmark_may_be_the_object_whose_place_nobody_is_told(tiny: Recording) -> None:
-    it = replay(tiny, start=1000.5, protocol="O1_landmark6", dt=1.0)
-    told = [it.advance("run", tick) for tick in range(4)]
-    seen = [(s.subject, s.landmark) for _, readings in told for r in readings for s in r.sightings]
-    assert ("object/landmark6", None) in seen
-    assert ("landmark/7", (-1.0, 0.5)) in seen
-    assert all(subject != "landmark/6" for subject, _ in seen)
-    assert all(truth.positions["object/landmark6"] == (1.0, 2.0) for truth, _ in told)
-    both = [tick for tick in range(4) if it.judged(tick)]
+    replay = new_replay(tiny, start=1000.5, protocol="O1_landmark6", dt=1.0)
+    ticks = [replay.advance("run", tick) for tick in range(4)]
+    sightings = [(s.subject, s.landmark) for _, readings in ticks for r in readings for s in r.sightings]
+    assert ("object/landmark6", None) in sightings
+    assert ("landmark/7", (-1.0, 0.5)) in sightings
+    assert all(subject != "landmark/6" for subject, _ in sightings)
+    assert all(truth.positions["object/landmark6"] == (1.0, 2.0) for truth, _ in ticks)
+    both = [tick for tick in range(4) if replay.judged(tick)]
     assert both == [], "r1 sees it in the first second, r2 in the second one"
 
 
 def test_a_robot_may_be_the_object_and_does_not_take_part(tiny: Recording) -> None:
-    it = replay(tiny, start=1000.5, protocol="O2_mate2", dt=1.0)
-    truth, readings = it.advance("run", 1)
-    assert it.robots == ("r1",)
-    assert not it.admit("r2")
+    replay = new_replay(tiny, start=1000.5, protocol="O2_mate2", dt=1.0)
+    truth, readings = replay.advance("run", 1)
+    assert replay.robots == ("r1",)
+    assert not replay.admit("r2")
     assert set(truth.positions) == {"robot/r1", "object/robot2"}
     assert [s.subject for r in readings for s in r.sightings if s.landmark is None] == ["object/robot2"]
 
 
 def test_an_object_that_is_not_in_the_recording_is_a_mistake(tiny: Recording) -> None:
     with pytest.raises(UserError, match="O1_landmark20 is about 20, which is not in the recording"):
-        replay(tiny, protocol="O1_landmark20")
+        new_replay(tiny, protocol="O1_landmark20")
 
 
 @needs_dataset7
 def test_the_object_protocols_are_judged_at_the_events_of_the_recording_s_page() -> None:
     """1 066 events for O1 and 159 for O2 (../shared/mrclam/README.md)."""
     for family, events in (("O1_landmark", 1066), ("O2_mate", 159)):
-        runs = (replay(dataset7(), *ROBOTS, start=T0, protocol=p, dt=1.0, seconds=600) for p in FAMILIES[family])
-        assert sum(it.judged(tick) for it in runs for tick in range(601)) == events
+        runs = (new_replay(dataset7(), *ROBOTS, start=T0, protocol=p, dt=1.0, seconds=600) for p in FAMILIES[family])
+        assert sum(run.judged(tick) for run in runs for tick in range(601)) == events
 
 
 @needs_dataset7
@@ -199,8 +203,8 @@ def test_mates_are_seen_under_every_protocol() -> None:
     expected = sum(row[1] <= 5 for track in dataset7().tracks.values() for row in track.sightings_in(T0, T0 + 30))
     assert expected > 100
     for protocol in PROTOCOLS:
-        it = replay(dataset7(), *ROBOTS, start=T0, protocol=protocol, dt=1.0, seconds=30)
-        mates = sum(s.landmark is None for t in range(31) for r in it.advance("run", t)[1] for s in r.sightings)
+        replay = new_replay(dataset7(), *ROBOTS, start=T0, protocol=protocol, dt=1.0, seconds=30)
+        mates = sum(s.landmark is None for t in range(31) for r in replay.advance("run", t)[1] for s in r.sightings)
         assert mates == expected
 
 
@@ -216,7 +220,7 @@ def test_what_is_said_rests_on_the_past_only() -> None:
         sightings[sightings[:, 0] > end, 2:] = 0.5
         tracks[number] = type(track)(odometry, sightings[sightings[:, 0] < end + 5], track.truth)
     cut = Recording(whole.folder, tracks, whole.landmarks, 0)
-    a, b = (replay(it, *ROBOTS, start=T0, seconds=60, protocol="A_all") for it in (whole, cut))
+    a, b = (new_replay(recording, *ROBOTS, start=T0, seconds=60, protocol="A_all") for recording in (whole, cut))
     for tick in range(ticks + 1):
         assert a.advance("run", tick)[1] == b.advance("run", tick)[1]
     assert a.advance("run", ticks + 1)[1] != b.advance("run", ticks + 1)[1]
@@ -228,9 +232,9 @@ def test_the_commands_follow_the_true_turns() -> None:
 
     def error(lag: float) -> float:
         total = []
-        it = replay(dataset7(), "r2", "r4", start=T0, seconds=60, odometry_lag=lag)
+        replay = new_replay(dataset7(), "r2", "r4", start=T0, seconds=60, odometry_lag=lag)
         for tick in range(121):
-            for readings in it.advance("run", tick)[1]:
+            for readings in replay.advance("run", tick)[1]:
                 track = dataset7().tracks[int(readings.robot[1:])]
                 now, before = track.pose(T0 + tick / 2), track.pose(T0 + tick / 2 - 0.5)
                 if readings.odometry and now and before:
