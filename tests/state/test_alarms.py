@@ -17,7 +17,11 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Dissent, Refusal, Status
 from tests.view.recorded import folded, recorded
 
-CONSENSUS = next(decode(Consensus, it.payload) for it, _ in recorded() if it.kind is Kind.PUT and "/agreed/" in it.key)
+CONSENSUS = next(
+    decode(Consensus, envelope.payload)
+    for envelope, _ in recorded()
+    if envelope.kind is Kind.PUT and "/agreed/" in envelope.key
+)
 R1 = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
 
 
@@ -25,13 +29,13 @@ def test_what_comes_and_goes_is_one_alarm_until_it_stays_away() -> None:
     alarms = Alarms()
     for now in range(10):
         alarms.raise_all({("liar", "r2"): "r2 lies"} if now % 2 == 0 else {}, float(now))
-    (one,) = alarms.all()
-    assert (one.since, one.until) == (0.0, None)
+    (alarm,) = alarms.all()
+    assert (alarm.since, alarm.until) == (0.0, None)
     alarms.raise_all({}, 8.0 + QUIET + 0.1)
-    (one,) = alarms.all()
-    assert one.until == 8.0
+    (alarm,) = alarms.all()
+    assert alarm.until == 8.0
     alarms.raise_all({("liar", "r2"): "again"}, 30.0)
-    assert [(it.since, it.until) for it in alarms.all()] == [(30.0, None)]
+    assert [(alarm.since, alarm.until) for alarm in alarms.all()] == [(30.0, None)]
 
 
 def test_what_lasts_stands_before_what_is_over_and_the_oldest_that_are_over_go() -> None:
@@ -48,11 +52,13 @@ def test_a_robot_that_goes_and_comes_back_is_told_for_a_minute() -> None:
     fold = folded()
     fold.hear_envelope(Envelope(R1, kind=Kind.GONE), 1_000_010.0)
     team = summary(fold, 1_000_022.0)["teams"][0]
-    assert ("gone", "r1", 12.0, None) in [(it["what"], it["who"], it["for"], it["over"]) for it in team["alarms"]]
+    assert ("gone", "r1", 12.0, None) in [
+        (alarm["what"], alarm["who"], alarm["for"], alarm["over"]) for alarm in team["alarms"]
+    ]
     assert "! r1 is gone, for 12 s" in text(summary(fold, 1_000_022.0))
     fold.hear_envelope(Envelope(R1, kind=Kind.ALIVE), 1_000_030.0)
     assert "! r1 is gone, for 20 s; over since 10 s" in text(summary(fold, 1_000_040.0))
-    assert not any("r1 is gone" in it for it in alarm_lines(team_summary(fold.teams["t"], 1_000_200.0)))
+    assert not any("r1 is gone" in line for line in alarm_lines(team_summary(fold.teams["t"], 1_000_200.0)))
 
 
 def test_the_world_at_the_end_of_its_run_is_no_alarm() -> None:
@@ -70,7 +76,7 @@ def test_a_robot_that_went_before_anybody_looked_is_known_by_its_board() -> None
     fold.hear_envelope(Envelope(keys.BOARD.key(team="t", sub_team="a", board="board-a"), kind=Kind.ALIVE), 100.0)
     fold.hear_envelope(Envelope(R1, kind=Kind.ALIVE), 100.0)
     fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 100.0)
-    rows = {it["name"]: it for it in summary(fold, 100.0)["teams"][0]["processes"]}
+    rows = {process["name"]: process for process in summary(fold, 100.0)["teams"][0]["processes"]}
     assert (rows["r3"]["state"], rows["r3"]["age"]) == ("gone", 12.0)
     assert "r4" not in rows
     assert "gone 12 s" in text(summary(fold, 100.0))
@@ -80,7 +86,7 @@ def test_a_robot_that_went_before_anybody_looked_is_known_by_its_board() -> None
 def test_robots_of_the_scenario_are_shown_although_they_never_came() -> None:
     fold = folded()
     fold.expect("t", {"a": ["r1", "r9"]})
-    rows = {it["name"]: it for it in summary(fold, 1_000_001.0)["teams"][0]["processes"]}
+    rows = {process["name"]: process for process in summary(fold, 1_000_001.0)["teams"][0]["processes"]}
     assert (rows["r9"]["state"], rows["r9"]["age"]) == ("gone", None)
     assert "never heard" in text(summary(fold, 1_000_001.0))
 
@@ -90,54 +96,54 @@ def settled(ticks: int, **changes: Any) -> TeamFold:
     team = TeamFold("t")
     for n in range(ticks):
         at = {"tick": n, "time": 0.5 * n}
-        told = CONSENSUS.model_copy(update={**at, "conflict": n % 2 == 0, **changes})
-        said = Status(process="b", kind="board", phase="agreed", subjects=[told.subject], **at)
-        for message in (told, said):
-            team.hear_message({"sub_team": told.sub_team}, message, 1, 0.5 * n)
+        consensus = CONSENSUS.model_copy(update={**at, "conflict": n % 2 == 0, **changes})
+        said = Status(process="b", kind="board", phase="agreed", subjects=[consensus.subject], **at)
+        for message in (consensus, said):
+            team.hear_message({"sub_team": consensus.sub_team}, message, 1, 0.5 * n)
     return team
 
 
 def test_what_flaps_is_told_once() -> None:
     team = settled(30)
-    assert [(it.what, it.severity) for it in team.events] == [("conflict", "warning")]
+    assert [(event.what, event.severity) for event in team.events] == [("conflict", "warning")]
     for n in range(30, 60):
         calm = CONSENSUS.model_copy(update={"tick": n, "time": 0.5 * n, "conflict": False})
         said = Status(process="b", kind="board", tick=n, time=0.5 * n, phase="agreed", subjects=[calm.subject])
         for message in (calm, said):
             team.hear_message({"sub_team": calm.sub_team}, message, 1, 0.5 * n)
-    assert [it.what for it in team.events] == ["conflict", "agreement"]
+    assert [event.what for event in team.events] == ["conflict", "agreement"]
 
 
 def test_who_may_be_anywhere_is_lost_and_who_keeps_disagreeing_a_liar() -> None:
-    assert [it.what for it in settled(9).alarms.all()] == []
+    assert [alarm.what for alarm in settled(9).alarms.all()] == []
     off = Dissent(level="consensus", source="r3", sigmas=5.6, weight=0.1, since=0.0)
     team = settled(9, entropy=math.log(0.5 * math.prod(CONSENSUS.belief.grid.shape)), dissent=[off])
-    told = {it.what: it.text for it in team.alarms.all()}
-    assert told["lost"] == f"{CONSENSUS.subject} is lost: it may be on 50 % of the map"
-    assert told["liar"] == f"r3 keeps disagreeing about {CONSENSUS.subject}, by 5.6 sigmas"
+    texts = {alarm.what: alarm.text for alarm in team.alarms.all()}
+    assert texts["lost"] == f"{CONSENSUS.subject} is lost: it may be on 50 % of the map"
+    assert texts["liar"] == f"r3 keeps disagreeing about {CONSENSUS.subject}, by 5.6 sigmas"
 
 
 def test_who_is_probably_elsewhere_is_lost_too_and_not_for_a_moment_only() -> None:
-    (one,) = settled(9, lost=0.45).alarms.all()
-    assert one.text == f"{CONSENSUS.subject} is lost with 45 %: it may not be where the team believes"
+    (alarm,) = settled(9, lost=0.45).alarms.all()
+    assert alarm.text == f"{CONSENSUS.subject} is lost with 45 %: it may not be where the team believes"
     assert settled(3, lost=0.45).alarms.all() == []
 
 
 def test_a_robot_that_is_refused_for_some_time_is_named_once() -> None:
     fold, team = Fold(), "t"
     for n in range(4):
-        it = Refusal(board="b", sub_team="a", robot="r7", time=float(n), reason="guest", text="not named", count=n)
+        refusal = Refusal(board="b", sub_team="a", robot="r7", time=float(n), reason="guest", text="not named", count=n)
         status = Status(process="b", kind="board", tick=n, time=float(n), refused={"guest": 5 * n + 1})
         for key, message in (
-            (keys.REFUSED.key(team=team, sub_team="a", robot="r7"), it),
+            (keys.REFUSED.key(team=team, sub_team="a", robot="r7"), refusal),
             (keys.STATUS.key(team=team, sub_team="a", process="b"), status),
         ):
             fold.hear_envelope(Envelope(key, encode(message)), float(n))
         if n < 2:
             assert fold.teams[team].alarms.all() == []
-    (one,) = fold.teams[team].alarms.all()
-    assert (one.what, one.who, one.text) == ("refused", "r7", "b refuses what r7 sends (guest: not named)")
-    assert [it.text for it in fold.teams[team].events] == ["b refuses messages: guest"]
+    (alarm,) = fold.teams[team].alarms.all()
+    assert (alarm.what, alarm.who, alarm.text) == ("refused", "r7", "b refuses what r7 sends (guest: not named)")
+    assert [event.text for event in fold.teams[team].events] == ["b refuses messages: guest"]
 
 
 @pytest.mark.parametrize(
@@ -154,21 +160,21 @@ def test_a_robot_that_is_stuck_or_was_moved_says_so_itself(settings: dict[str, s
     said = Status(process="r1", kind="robot", tick=0, time=0.0, phase="reported", settings=settings)
     team.hear_message({"sub_team": "a"}, said, 1, 0.0)
     board = Status(process="b", kind="board", phase="agreed", tick=0, time=0.0, subjects=[CONSENSUS.subject])
-    told = CONSENSUS.model_copy(update={"tick": 0, "time": 0.0})
-    for message in (told, board):
-        team.hear_message({"sub_team": told.sub_team}, message, 1, 0.1)
-    assert [(it.what, it.who) for it in team.alarms.all()] == [(kind, "r1") for kind in kinds]
+    consensus = CONSENSUS.model_copy(update={"tick": 0, "time": 0.0})
+    for message in (consensus, board):
+        team.hear_message({"sub_team": consensus.sub_team}, message, 1, 0.1)
+    assert [(alarm.what, alarm.who) for alarm in team.alarms.all()] == [(kind, "r1") for kind in kinds]
 
 
 def test_a_moment_waits_for_a_belief_that_its_status_overtook() -> None:
     team = settled(3)
-    told = CONSENSUS.model_copy(update={"tick": 3, "time": 1.5})
-    said = Status(process="b", kind="board", phase="agreed", subjects=[told.subject], tick=3, time=1.5)
-    token = keys.BOARD.key(team="t", sub_team=told.sub_team, board="b")
-    parts = {"team": "t", "sub_team": told.sub_team, "board": "b"}
+    consensus = CONSENSUS.model_copy(update={"tick": 3, "time": 1.5})
+    said = Status(process="b", kind="board", phase="agreed", subjects=[consensus.subject], tick=3, time=1.5)
+    token = keys.BOARD.key(team="t", sub_team=consensus.sub_team, board="b")
+    parts = {"team": "t", "sub_team": consensus.sub_team, "board": "b"}
     team.hear_token(keys.BOARD, parts, Envelope(token, kind=Kind.ALIVE), 1.0)
-    team.hear_message({"sub_team": told.sub_team}, said, 1, 1.5)
+    team.hear_message({"sub_team": consensus.sub_team}, said, 1, 1.5)
     assert team.moments.newest is not None
     assert team.moments.newest.tick == 2
-    team.hear_message({"sub_team": told.sub_team}, told, 1, 1.6)
+    team.hear_message({"sub_team": consensus.sub_team}, consensus, 1, 1.6)
     assert team.moments.newest.tick == 3

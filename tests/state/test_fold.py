@@ -27,32 +27,34 @@ from tests.view.recorded import recorded, team_of
 
 def of(model: type, name: str, joint: bool = False) -> list[Any]:
     """The messages of a run on the topic of a name."""
-    found = ((keys.parse(envelope.key), envelope) for envelope, _ in recorded(joint) if envelope.kind is Kind.PUT)
-    return [decode(model, envelope.payload) for parsed, envelope in found if parsed and parsed[0].name == name]
+    parsed_keys = ((keys.parse(envelope.key), envelope) for envelope, _ in recorded(joint) if envelope.kind is Kind.PUT)
+    return [decode(model, envelope.payload) for parsed, envelope in parsed_keys if parsed and parsed[0].name == name]
 
 
 @pytest.mark.parametrize("joint", [False, True])
 def test_every_settled_tick_is_a_moment_with_all_that_was_published_in_it(joint: bool) -> None:
     team = team_of(joint)
     agreed = of(Consensus, "agreed", joint)
-    assert [moment.tick for moment in team.moments] == sorted({it.tick for it in agreed})
+    assert [moment.tick for moment in team.moments] == sorted({consensus.tick for consensus in agreed})
     for moment in team.moments:
-        published = [(it.subject, it.sub_team) for it in agreed if it.tick == moment.tick]
+        published = [(consensus.subject, consensus.sub_team) for consensus in agreed if consensus.tick == moment.tick]
         shown = [(subject, name) for subject, about in moment.subjects.items() for name in about.agreed]
         assert sorted(shown) == sorted(published)
-        assert all(it.message.tick == moment.tick for about in moment.subjects.values() for it in about.all())
+        assert all(
+            received.message.tick == moment.tick for about in moment.subjects.values() for received in about.all()
+        )
 
 
 def test_the_truth_and_the_scores_are_those_of_the_tick() -> None:
-    team, truths = team_of(), {it.tick: it for it in of(Truth, "truth")}
+    team, truths = team_of(), {truth.tick: truth for truth in of(Truth, "truth")}
     for moment in team.moments:
         for subject, about in moment.subjects.items():
             assert about.truth == truths[moment.tick].positions[subject]
             if about.agreed and about.best is not None:
                 score = Score()
                 score.add(unpack(about.best.message.belief), about.truth)
-                found = about.scores["agreed"]
-                assert [found.error, found.log_score, found.denser, found.held] == [
+                scored = about.scores["agreed"]
+                assert [scored.error, scored.log_score, scored.denser, scored.held] == [
                     score.errors[0],
                     score.log_scores[0],
                     score.levels[0],
@@ -70,7 +72,7 @@ def test_processes_their_ticks_and_who_is_there() -> None:
         ("robot", "r3"),
         ("world", "world"),
     }
-    last = max(it.tick for it in of(Clock, "clock"))
+    last = max(clock.tick for clock in of(Clock, "clock"))
     assert {process.tick for process in team.processes.values()} == {last}
     assert all(process.alive for process in team.processes.values())
     assert team.processes["robot", "r3"].sub_teams == {"b"}
@@ -121,28 +123,28 @@ def test_a_dead_board_holds_no_moment_up() -> None:
 def test_the_order_of_arrival_of_different_senders_changes_no_belief() -> None:
     """Within a tick, and the status of each sender behind what it settles."""
     envelopes = [envelope for envelope, _ in recorded()]
-    begun = [i for i, it in enumerate(envelopes) if it.key.endswith("/world/clock")] + [len(envelopes)]
+    begun = [i for i, sent in enumerate(envelopes) if sent.key.endswith("/world/clock")] + [len(envelopes)]
     fold, chance = Fold(), random.Random(1)
     for envelope in envelopes[: begun[0]]:
         fold.hear_envelope(envelope, 0.0)
     for begin, end in itertools.pairwise(begun):
         senders: dict[str, list[Envelope]] = {}
         for envelope in envelopes[begin:end]:
-            found = keys.parse(envelope.key)
-            assert found is not None
-            senders.setdefault("board-" + found[1]["sub_team"] if "sub_team" in found[1] else "", []).append(envelope)
+            parsed = keys.parse(envelope.key)
+            assert parsed is not None
+            senders.setdefault("board-" + parsed[1]["sub_team"] if "sub_team" in parsed[1] else "", []).append(envelope)
         queues = list(senders.values())
         while queues:
             queue = chance.choice(queues)
             fold.hear_envelope(queue.pop(0), 0.0)
-            queues = [it for it in queues if it]
-    told = [
+            queues = [waiting for waiting in queues if waiting]
+    moments = [
         (moment.tick, subject, sorted(about.agreed), sorted(about.consensus))
         for moment in fold.teams["t"].moments
         for subject, about in moment.subjects.items()
         if about.best
     ]
-    assert told == [
+    assert moments == [
         (moment.tick, subject, sorted(about.agreed), sorted(about.consensus))
         for moment in team_of().moments
         for subject, about in moment.subjects.items()
@@ -179,8 +181,8 @@ def test_a_tick_that_cannot_have_begun_hides_nothing() -> None:
     fold = Fold()
     for envelope, now in recorded():
         fold.hear_envelope(envelope, now)
-        found = keys.parse(envelope.key)
-        if found is not None and found[0] is keys.STATUS and envelope.kind is Kind.PUT:
+        parsed = keys.parse(envelope.key)
+        if parsed is not None and parsed[0] is keys.STATUS and envelope.kind is Kind.PUT:
             status = decode(Status, envelope.payload)
             liar = status.model_copy(update={"tick": (1 << 53) - 1, "time": 1e15, "kind": "board", "phase": "agreed"})
             fold.hear_envelope(Envelope(envelope.key, encode(liar)), now)
@@ -201,7 +203,7 @@ def test_names_without_end_are_refused() -> None:
 
 
 def test_subjects_sources_and_truths_are_bounded() -> None:
-    report = next(it for it in of(Report, "report"))
+    report = next(message for message in of(Report, "report"))
     team = TeamFold("t")
     parts = {"sub_team": "a"}
     for n in range(MAX_SUBJECTS + 5):

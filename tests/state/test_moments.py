@@ -27,15 +27,15 @@ def test_an_old_moment_says_what_it_said_when_it_was_new() -> None:
     moments, packed = list(team_of().moments), Timeline()
     for moment in moments:
         packed.add(moment)
-    found = packed.at(moments[0].tick)
-    assert found is not None
-    assert found is not moments[0]
-    assert packed.bytes < sum(told.size for about in moments[0].subjects.values() for told in about.all()) * len(
-        moments
-    )
+    unpacked = packed.at(moments[0].tick)
+    assert unpacked is not None
+    assert unpacked is not moments[0]
+    assert packed.bytes < sum(
+        received.size for about in moments[0].subjects.values() for received in about.all()
+    ) * len(moments)
     for name, about in moments[0].subjects.items():
-        again = found.subjects[name]
-        assert [it.message for it in again.all()] == [it.message for it in about.all()]
+        again = unpacked.subjects[name]
+        assert [received.message for received in again.all()] == [received.message for received in about.all()]
         assert again.scores == about.scores
         assert again.best is not None
         assert about.best is not None

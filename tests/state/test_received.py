@@ -24,24 +24,24 @@ BELIEFS = arrays(np.float64, GRID.shape, elements=st.floats(0, 1) | st.floats(0,
 @given(BELIEFS)
 def test_the_levels_are_the_logarithms_and_the_region_is_that_of_the_scores(p: np.ndarray) -> None:
     belief = Belief(GRID, p / p.sum())
-    it = draw(belief)
-    box = np.frombuffer(it.levels, np.uint8).reshape(it.box)
+    drawing = draw(belief)
+    box = np.frombuffer(drawing.levels, np.uint8).reshape(drawing.box)
     levels = np.zeros(GRID.shape, np.uint8)
-    levels[it.lo[0] : it.lo[0] + it.box[0], it.lo[1] : it.lo[1] + it.box[1]] = box
+    levels[drawing.lo[0] : drawing.lo[0] + drawing.box[0], drawing.lo[1] : drawing.lo[1] + drawing.box[1]] = box
     drawn = levels > 0
     below = np.log(belief.p[drawn] / belief.p.max())
     assert np.abs(below - (levels[drawn].astype(float) - 255) * STEP).max() <= STEP / 2 + 1e-9
-    assert (belief.p[~drawn] <= it.peak * math.exp(-DEPTH + STEP)).all()
-    assert it.area == pytest.approx(region_area(belief, 0.95))
+    assert (belief.p[~drawn] <= drawing.peak * math.exp(-DEPTH + STEP)).all()
+    assert drawing.area == pytest.approx(region_area(belief, 0.95))
 
 
 @given(BELIEFS, st.tuples(st.integers(0, 6), st.integers(0, 4)))
 def test_a_cell_beyond_the_edge_is_in_the_region(p: np.ndarray, cell: tuple[int, int]) -> None:
     belief = Belief(GRID, p / p.sum())
-    it = draw(belief)
+    drawn = draw(belief)
     if belief.p[cell] > 0 and abs(hdr_level(belief.p, cell) - 0.95) > 1e-9:
-        level = 255 + math.log(belief.p[cell] / it.peak) / STEP
-        assert (level >= it.edge - 1e-6) == (hdr_level(belief.p, cell) < 0.95)
+        level = 255 + math.log(belief.p[cell] / drawn.peak) / STEP
+        assert (level >= drawn.edge - 1e-6) == (hdr_level(belief.p, cell) < 0.95)
 
 
 def test_a_sharp_and_a_flat_belief_are_drawn() -> None:
@@ -61,16 +61,16 @@ def test_a_frame_carries_every_belief_of_the_moment() -> None:
     begin = 0
     for name, about in moment.subjects.items():
         beliefs = header["subjects"][name]["beliefs"]
-        assert [it["kind"] for it in beliefs].count("consensus") == len(about.consensus)
-        assert [it["who"] for it in beliefs if it["kind"] == "firsthand"] == sorted(about.reports)
-        for it in beliefs:
-            size = it["box"][0] * it["box"][1]
+        assert [belief["kind"] for belief in beliefs].count("consensus") == len(about.consensus)
+        assert [belief["who"] for belief in beliefs if belief["kind"] == "firsthand"] == sorted(about.reports)
+        for belief in beliefs:
+            size = belief["box"][0] * belief["box"][1]
             levels = cells[begin : begin + size]
             assert max(levels) == 255
             begin += size
-        agreed = next(it for it in beliefs if it["kind"] == "agreed")
+        agreed = next(belief for belief in beliefs if belief["kind"] == "agreed")
         assert about.best is not None
         assert about.best.drawn is not None
         assert agreed["mean"] == pytest.approx(about.best.drawn.mean, rel=1e-4)
     assert begin == len(cells)
-    assert [it["name"] for it in header["processes"]] == ["world", "board-a", "board-b", "r1", "r2", "r3"]
+    assert [process["name"] for process in header["processes"]] == ["world", "board-a", "board-b", "r1", "r2", "r3"]

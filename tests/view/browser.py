@@ -45,9 +45,9 @@ class Browser:
 
     def get(self, expression: str) -> Any:
         """The value of a JavaScript expression, a promise's once it is there. AssertionError: it raises."""
-        found = self._call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
-        assert "exceptionDetails" not in found, found
-        return found["result"].get("value")
+        result = self._call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in result, result
+        return result["result"].get("value")
 
     def wait(self, expression: str) -> Any:
         """Wait until an expression of JavaScript is true, and return its value. TimeoutError: it is not after SECONDS."""

@@ -35,12 +35,12 @@ class Recording(Deaf):
 
     def get(self, key_expr: str) -> list[Envelope]:
         """The statuses of all, where these are asked for."""
-        return [it for it, _ in recorded() if "/status/" in it.key] if "/status/" in key_expr else []
+        return [envelope for envelope, _ in recorded() if "/status/" in envelope.key] if "/status/" in key_expr else []
 
     def receive(self, timeout: float) -> list[Envelope]:
         self.clock.advance(0.1)
-        found, self.left = self.left[:50], self.left[50:]
-        return [it for it in found if self.team in ("*", "**", it.key.split("/")[1])]
+        taken, self.left = self.left[:50], self.left[50:]
+        return [envelope for envelope in taken if self.team in ("*", "**", envelope.key.split("/")[1])]
 
 
 def put_in_place(monkeypatch: pytest.MonkeyPatch, link: type[Recording] = Recording) -> None:

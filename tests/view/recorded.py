@@ -39,10 +39,10 @@ def recorded(joint: bool = False) -> tuple[tuple[Envelope, float], ...]:
 def record(scenario: Scenario) -> list[tuple[Envelope, float]]:
     team = Team(scenario)
     services: list[Service] = [*team.boards.values(), *team.robots.values(), team.world]
-    found = [(Envelope(token, kind=Kind.ALIVE), team.now) for service in services for token in service.tokens]
-    team.bus.spies.append(lambda envelope: found.append((envelope, team.now)))
+    envelopes = [(Envelope(token, kind=Kind.ALIVE), team.now) for service in services for token in service.tokens]
+    team.bus.spies.append(lambda envelope: envelopes.append((envelope, team.now)))
     team.run()
-    return found
+    return envelopes
 
 
 def folded(joint: bool = False) -> Fold:

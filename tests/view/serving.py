@@ -39,10 +39,10 @@ class Recording(Deaf):
         self._empty = threading.Event()
 
     def receive(self, timeout: float) -> list[Envelope]:
-        found, self._left = self._left, []
-        if not found:
+        taken, self._left = self._left, []
+        if not taken:
             self._empty.wait(timeout)
-        return found
+        return taken
 
 
 class Clock:

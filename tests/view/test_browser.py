@@ -50,9 +50,9 @@ class Live:
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
-    with browser() as found:
-        found.size(1280, 800)
-        yield found
+    with browser() as started:
+        started.size(1280, 800)
+        yield started
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def look(chromium: Browser) -> Iterator[Callable[[str], Browser]]:
     chromium.errors.clear()
     chromium.hosts.clear()
     # a page may ask once more while its server stops
-    assert [it for it in errors if "ERR_CONNECTION_REFUSED" not in it] == []
+    assert [error for error in errors if "ERR_CONNECTION_REFUSED" not in error] == []
     assert asked == hosts
 
 
@@ -177,7 +177,11 @@ def test_a_killed_robot_is_shown_as_gone_within_two_seconds(look: Callable[[str]
 
 def test_alarms_that_are_over_are_one_card(look: Callable[[str], Browser]) -> None:
     live = Live()
-    tokens = [it.key for it, _ in recorded() if it.kind is Kind.ALIVE and it.key.endswith(("/r1", "/r2"))]
+    tokens = [
+        envelope.key
+        for envelope, _ in recorded()
+        if envelope.kind is Kind.ALIVE and envelope.key.endswith(("/r1", "/r2"))
+    ]
     with served(live, "t") as url:
         page = look(url)
         alarms = "[...document.querySelectorAll('#alarms li')]"
@@ -245,7 +249,7 @@ def test_nothing_is_wider_than_the_window(
             if page.get("document.documentElement.dataset.theme") != theme:
                 page.press("t")
             page.wait(f"document.documentElement.dataset.theme === '{theme}'")
-            sizes: list[Any] = [page.get(f"document.documentElement.{it}") for it in ("scrollWidth", "clientWidth")]
+            sizes: list[Any] = [page.get(f"document.documentElement.{side}") for side in ("scrollWidth", "clientWidth")]
             assert sizes[0] <= sizes[1] <= width
         finally:
             page.size(1280, 800)

@@ -41,13 +41,13 @@ def opened(url: str) -> socket.socket:
 
 def read_to_its_end(connection: socket.socket) -> bytes:
     """All that comes until the other side closes. TimeoutError: it does not."""
-    found = b""
+    received = b""
     try:
         while more := connection.recv(1 << 16):
-            found += more
+            received += more
     except ConnectionResetError:
         pass
-    return found
+    return received
 
 
 @pytest.mark.parametrize("half", HALVES)
@@ -55,8 +55,8 @@ def test_what_does_not_come_to_its_point_is_closed(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(connections, "PATIENCE", 0.3)
     with opened(url) as connection:
         connection.sendall(HALVES[half])
-        found = read_to_its_end(connection)
-    assert (b"200 OK" in found) == (half == "half of the next")
+        received = read_to_its_end(connection)
+    assert (b"200 OK" in received) == (half == "half of the next")
 
 
 def test_the_one_that_waits_longest_is_closed_for_newer_ones(monkeypatch: pytest.MonkeyPatch, url: str) -> None:

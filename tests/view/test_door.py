@@ -23,8 +23,8 @@ def test_why_says_it_in_words_or_as_json(capsys: pytest.CaptureFixture[str]) -> 
     assert call("why", "robot/r1", "--team", "t") == 0
     assert capsys.readouterr().out.startswith("robot/r1 is believed to be at (")
     assert call("why", "robot/r1", "--at", "3", "--json") == 0  # without --team: the one that is there
-    found = json.loads(capsys.readouterr().out)
-    assert (found["subject"], found["tick"]) == ("robot/r1", 3)
+    explained = json.loads(capsys.readouterr().out)
+    assert (explained["subject"], explained["tick"]) == ("robot/r1", 3)
 
 
 def test_whys_mistakes_are_one_line() -> None:
@@ -46,10 +46,10 @@ def test_status_prints_all_teams_or_one(capsys: pytest.CaptureFixture[str]) -> N
     assert call("status", "--seconds", "5") == 0
     assert "team t: lockstep" in capsys.readouterr().out
     assert call("status", "--seconds", "5", "--json") == 0
-    it = json.loads(capsys.readouterr().out)
+    teams = json.loads(capsys.readouterr().out)
     newest = team_of().moments.newest
     assert newest is not None
-    assert it["teams"][0]["tick"] == newest.tick
+    assert teams["teams"][0]["tick"] == newest.tick
     with pytest.raises(UserError, match="give one of them"):
         call("status", "--watch", "--once")
 

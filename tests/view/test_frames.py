@@ -25,8 +25,8 @@ def remembered() -> Frames:
 
 
 def past(frames: Frames, begin: int = 0) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(frames.past(begin))
-    return found
+    header: dict[str, Any] = json.loads(frames.past(begin))
+    return header
 
 
 def test_frames_come_with_news_not_faster_than_can_be_seen_and_at_least_every_beat() -> None:
@@ -48,18 +48,20 @@ def test_a_frame_has_all_beliefs_of_the_chosen_subject_and_one_of_the_others() -
     for chosen in ("robot/r1", "object/ball", "nothing"):
         header, cells = read(frames.newest(chosen))
         assert frames.newest(chosen) is frames.newest(chosen)  # made once
-        assert len(cells) == sum(b["box"][0] * b["box"][1] for it in header["subjects"].values() for b in it["beliefs"])
-        for name, it in header["subjects"].items():
+        assert len(cells) == sum(
+            b["box"][0] * b["box"][1] for subject in header["subjects"].values() for b in subject["beliefs"]
+        )
+        for name, subject in header["subjects"].items():
             beliefs = whole["subjects"][name]["beliefs"]
-            assert it == {**whole["subjects"][name], "beliefs": beliefs if name == chosen else beliefs[:1]}
+            assert subject == {**whole["subjects"][name], "beliefs": beliefs if name == chosen else beliefs[:1]}
 
 
 def test_every_moment_has_a_line_and_late_askers_get_the_rest() -> None:
     frames, moments = remembered(), list(team_of().moments)
-    found = past(frames)
-    assert (found["first"], found["made"]) == (0, len(moments))
-    assert found["lines"] == [json.loads(json.dumps(line(moment))) for moment in moments]
-    assert past(frames, 2)["lines"] == found["lines"][2:]
+    header = past(frames)
+    assert (header["first"], header["made"]) == (0, len(moments))
+    assert header["lines"] == [json.loads(json.dumps(line(moment))) for moment in moments]
+    assert past(frames, 2)["lines"] == header["lines"][2:]
     assert past(frames, 99) == {"first": 99, "made": len(moments), "lines": []}
 
 
@@ -67,11 +69,11 @@ def test_one_can_go_back_to_a_moment_with_the_processes_and_events_of_then() -> 
     frames, moments = remembered(), list(team_of().moments)
     frames.team.clock = None  # the world has ended since
     for n, moment in enumerate(moments):
-        found = frames.at(moment.run, moment.tick, "robot/r1")
-        assert found is not None
-        header, _ = read(found)
+        shown = frames.at(moment.run, moment.tick, "robot/r1")
+        assert shown is not None
+        header, _ = read(shown)
         assert (header["tick"], header["mode"]) == (moment.tick, "lockstep")
-        assert next(it["tick"] for it in header["processes"] if it["name"] == "r1") == 1000 + n
+        assert next(process["tick"] for process in header["processes"] if process["name"] == "r1") == 1000 + n
         assert all(event["at"] <= moment.at for event in header["events"])
         assert header["subjects"]["robot/r1"]["beliefs"][0]["tick"] == moment.tick
     assert frames.at(moments[0].run, 999, "") is None

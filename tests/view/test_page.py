@@ -63,8 +63,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     (folder / "run.mjs").write_text(SCRIPT, encoding="utf-8")
     done = subprocess.run([NODE, "run.mjs"], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    page_values: dict[str, Any] = json.loads(done.stdout)
+    return page_values
 
 
 def test_the_history_has_each_moment_once_in_order(page: dict[str, Any]) -> None:

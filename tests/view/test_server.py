@@ -56,7 +56,7 @@ def test_a_browser_that_chooses_a_subject_gets_all_its_beliefs(url: str) -> None
         header = {"chosen": ""}
         while header["chosen"] != "robot/r2":
             header = read(bytes(socket.recv(timeout=30)))[0]
-    kinds = {name: {it["kind"] for it in found["beliefs"]} for name, found in header["subjects"].items()}  # type: ignore[attr-defined]
+    kinds = {name: {belief["kind"] for belief in subject["beliefs"]} for name, subject in header["subjects"].items()}  # type: ignore[attr-defined]
     assert "firsthand" in kinds["robot/r2"]
     assert kinds["robot/r1"] == {"agreed"}
 
@@ -64,12 +64,12 @@ def test_a_browser_that_chooses_a_subject_gets_all_its_beliefs(url: str) -> None
 def test_the_past_is_there_for_who_comes_late(url: str) -> None:
     with connect(socket_of(url)) as socket:
         socket.recv(timeout=30)
-    found = json.load(get(url + "past"))
-    assert found["source"] == {"tape": False, "done": False, "skipped": 0}
+    answer = json.load(get(url + "past"))
+    assert answer["source"] == {"tape": False, "done": False, "skipped": 0}
     ticks = [moment.tick for moment in team_of().moments]
-    assert [it["tick"] for it in found["past"]["lines"]] == ticks
+    assert [line["tick"] for line in answer["past"]["lines"]] == ticks
     assert json.load(get(f"{url}past?from={len(ticks) - 1}"))["past"]["first"] == len(ticks) - 1
-    run = found["past"]["lines"][0]["run"]
+    run = answer["past"]["lines"][0]["run"]
     header, _ = read(get(f"{url}frame?run={run}&tick={ticks[1]}&subject=robot/r1").read())
     assert (header["tick"], header["chosen"]) == (ticks[1], "robot/r1")
     for query in (f"run={run}&tick=99999", f"run=x&tick={ticks[1]}", "tick=-1", ""):
@@ -80,9 +80,9 @@ def test_the_past_is_there_for_who_comes_late(url: str) -> None:
 def test_reasons_are_given_for_a_moment(url: str) -> None:
     with connect(socket_of(url)) as socket:
         tick = read(bytes(socket.recv(timeout=30)))[0]["tick"]
-    found = json.load(get(f"{url}why?subject=robot/r1&tick={tick}"))
-    assert found["sentences"][0].startswith("robot/r1 is believed to be at (")
-    assert found["why"]["levels"]
+    explained = json.load(get(f"{url}why?subject=robot/r1&tick={tick}"))
+    assert explained["sentences"][0].startswith("robot/r1 is believed to be at (")
+    assert explained["why"]["levels"]
     for query in ("subject=robot/r1&tick=99999", "subject=nobody", "subject=robot/r1&tick=x&run=y", ""):
         assert len(json.load(get(f"{url}why?{query}"))["sentences"]) == 1
 

@@ -22,11 +22,11 @@ from tests.view.recorded import folded, recorded
 
 def test_the_summary_is_json_and_its_text_names_everybody() -> None:
     fold = folded()
-    it = summary(fold, 1_000_001.0)
-    assert json.loads(json.dumps(it)) == it
-    team = it["teams"][0]
+    shown = summary(fold, 1_000_001.0)
+    assert json.loads(json.dumps(shown)) == shown
+    team = shown["teams"][0]
     assert (team["team"], team["mode"], team["time"]) == ("t", "lockstep", team["tick"] * 0.5)
-    said = text(it)
+    said = text(shown)
     for name in ("board-a", "board-b", "r1", "r2", "r3", "world", "object/ball", "robot/r3", "lockstep"):
         assert name in said
     assert text(summary(Fold(), 0.0)) == "no team is heard of here"
@@ -35,7 +35,7 @@ def test_the_summary_is_json_and_its_text_names_everybody() -> None:
 def test_a_process_that_says_nothing_is_silent_and_one_without_a_token_gone() -> None:
     fold = folded()
     fold.hear_envelope(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.GONE), 1_000_001.0)
-    states = {it["name"]: it["state"] for it in summary(fold, 1_000_100.0)["teams"][0]["processes"]}
+    states = {process["name"]: process["state"] for process in summary(fold, 1_000_100.0)["teams"][0]["processes"]}
     assert (states["r1"], states["r2"]) == ("gone", "silent")
 
 
@@ -59,7 +59,7 @@ def test_a_rate_is_over_the_last_ticks_and_falls_in_silence() -> None:
 
 def test_a_line_is_decoded_or_says_why_not() -> None:
     lines = [line(envelope) for envelope, _ in recorded()]
-    report = next(it for it in lines if "/report/r1/robot/r1 Report {" in it)
+    report = next(shown for shown in lines if "/report/r1/robot/r1 Report {" in shown)
     assert json.loads(report.split(" ", 2)[2])["belief"]["data"].endswith(" bytes>")
     assert lines[0].endswith(" alive")
     assert line(Envelope("cop/t/world/clock", b"x")).startswith("cop/t/world/clock refused: not-msgpack")
@@ -67,10 +67,10 @@ def test_a_line_is_decoded_or_says_why_not() -> None:
 
 def test_a_short_line_has_the_numbers_and_fits_a_screen() -> None:
     lines = [line(envelope, short=True) for envelope, _ in recorded() if envelope.kind is Kind.PUT]
-    report = next(it for it in lines if "/report/r1/robot/r1 Report: " in it)
+    report = next(shown for shown in lines if "/report/r1/robot/r1 Report: " in shown)
     assert "tick 0, " in report
     assert report.endswith(" bytes")
-    assert max(len(it) - it.index(" ") for it in lines) < 160
+    assert max(len(shown) - shown.index(" ") for shown in lines) < 160
 
 
 @pytest.mark.parametrize("wrong", ["", "a b", "a//b", "/a", "a/", "a*", "a/$*", "a#b"])
@@ -100,7 +100,7 @@ def test_rates_count_by_key_and_in_all() -> None:
 def test_the_newest_values_of_a_team_are_a_moment_once_they_are_in_order() -> None:
     newest = {envelope.key: envelope for envelope, _ in recorded() if envelope.kind is Kind.PUT}
     fold = Fold()
-    for envelope in in_order(sorted(newest.values(), key=lambda it: it.key)):
+    for envelope in in_order(sorted(newest.values(), key=lambda newer: newer.key)):
         fold.hear_envelope(envelope, 0.0)
     moment, whole = fold.teams["t"].moments.newest, folded().teams["t"].moments.newest
     assert moment is not None
@@ -124,9 +124,9 @@ def track(existence: float | None, *sightings: UnnamedSighting) -> About:
 
 
 def test_a_track_says_how_sure_it_is_there_and_who_may_have_seen_it() -> None:
-    it = subject(track(0.9, unclear(0.4)))
-    assert (it["existence"], it["unclear"]) == (0.9, [{"source": "r1", "mark": 0, "probability": 0.4}])
-    (_, row) = subject_lines({"subjects": {"person/1": it}})
+    row_of = subject(track(0.9, unclear(0.4)))
+    assert (row_of["existence"], row_of["unclear"]) == (0.9, [{"source": "r1", "mark": 0, "probability": 0.4}])
+    (_, row) = subject_lines({"subjects": {"person/1": row_of}})
     assert "there with 90 %; r1 may have seen it (40 %)" in row
     named = subject(track(None))
     assert (named["existence"], named["unclear"]) == (None, [])
@@ -134,7 +134,7 @@ def test_a_track_says_how_sure_it_is_there_and_who_may_have_seen_it() -> None:
 
 def test_what_one_sighting_may_be_of_is_drawn_faint_by_its_odds_and_what_may_be_gone_too() -> None:
     both = track(1.0, unclear(0.6)), track(1.0, unclear(0.4))
-    assert [it.share for it in both] == [0.6, 0.4]
+    assert [about.share for about in both] == [0.6, 0.4]
     assert track(1.0, unclear(0.4), unclear(0.99, taken=True)).share == 1.0
     assert track(0.7).share == 0.7
     assert track(None, unclear(0.4)).share == 1.0, "a mate is there whatever was seen"
@@ -147,6 +147,6 @@ def test_tracks_and_sightings_without_a_name_are_counted_once_for_all_boards() -
         counters = {"tracks_born": born, "tracks_died": 1, "unnamed_ambiguous": 7}
         said = Status(process=board, kind="board", tick=1, time=0.0, counters=counters)
         fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team=board, process=board), encode(said)), 1.0)
-    it = summary(fold, 1.0)["teams"][0]
-    assert it["unnamed"] == {"born": 3, "died": 1, "taken": 0, "ambiguous": 7, "strange": 0}
+    team = summary(fold, 1.0)["teams"][0]
+    assert team["unnamed"] == {"born": 3, "died": 1, "taken": 0, "ambiguous": 7, "strange": 0}
     assert "without a name: 3 tracks began, 1 ended; sightings: 0 clear, 7 ambiguous" in text(summary(fold, 1.0))

@@ -43,9 +43,9 @@ def test_the_fold_takes_a_tape_and_finds_every_settled_tick() -> None:
 def test_why_on_a_tape_is_of_any_tick(capsys: pytest.CaptureFixture[str]) -> None:
     for tick in (0, 7, 15):
         assert call("why", "robot/r1", GOLDEN, "--at", tick, "--json") == 0
-        found = json.loads(capsys.readouterr().out)
-        assert (found["tick"], found["subject"], found["team"]) == (tick, "robot/r1", "demo")
-        assert found["truth"] is not None
+        explained = json.loads(capsys.readouterr().out)
+        assert (explained["tick"], explained["subject"], explained["team"]) == (tick, "robot/r1", "demo")
+        assert explained["truth"] is not None
     assert call("why", "robot/r1", GOLDEN) == 0
     assert capsys.readouterr().out.startswith("robot/r1 is believed to be at (")
 
@@ -114,17 +114,21 @@ def test_of_plenty_the_newest_of_each_key_settle_the_newest_tick() -> None:
     envelopes = [envelope for envelope, _ in recorded()]
     kept = newest(envelopes)
     assert len(kept) < len(envelopes) / 1.5
-    assert [it for it in kept if it.kind is not Kind.PUT] == [it for it in envelopes if it.kind is not Kind.PUT]
+    assert [each for each in kept if each.kind is not Kind.PUT] == [
+        each for each in envelopes if each.kind is not Kind.PUT
+    ]
     whole, thinned = Fold(), Fold()
     for fold, some in ((whole, envelopes), (thinned, kept)):
         for envelope in some:
             fold.hear_envelope(envelope, 1_000_000.0)
-    one, other = whole.teams["t"].moments.newest, thinned.teams["t"].moments.newest
-    assert one is not None
-    assert other is not None
-    assert other.tick == one.tick
-    for name, about in one.subjects.items():
-        assert [it.message for it in other.subjects[name].all()] == [it.message for it in about.all()]
+    all_kept, newest_kept = whole.teams["t"].moments.newest, thinned.teams["t"].moments.newest
+    assert all_kept is not None
+    assert newest_kept is not None
+    assert newest_kept.tick == all_kept.tick
+    for name, about in all_kept.subjects.items():
+        assert [received.message for received in newest_kept.subjects[name].all()] == [
+            received.message for received in about.all()
+        ]
 
 
 class Flood(Deaf):

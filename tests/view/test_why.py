@@ -34,13 +34,13 @@ QUANTISED = 2e-3  # nats
 
 
 def test_every_pooled_belief_is_computed_again_as_it_was_published() -> None:
-    team, found = team_of(), 0
+    team, checked = team_of(), 0
     for moment in team.moments:
         for subject in moment.subjects:
             for level in explain(team, moment, subject)["levels"]:
                 assert present(level["recomputed"]) < QUANTISED
-                found += 1
-    assert found > 20
+                checked += 1
+    assert checked > 20
 
 
 def test_what_a_board_learned_is_computed_again_as_well() -> None:
@@ -94,10 +94,10 @@ def behind_by_a_tick() -> tuple[TeamFold, Moment]:
 def test_boards_are_compared_in_one_tick() -> None:
     """A board that was a tick behind was said to have agreed on something else, and what the other had was shown as its own."""
     team, moment = behind_by_a_tick()
-    found = explain(team, moment, "robot/r1")
-    assert (found["agreed_by"], found["agreed_before"], found["same"]) == (["b"], {"a": 3}, True)
-    assert [found["levels"][0][name] for name in ("level", "sub_team", "tick")] == ["agreed", "b", 4]
-    said = sentences(found)
+    explained = explain(team, moment, "robot/r1")
+    assert (explained["agreed_by"], explained["agreed_before"], explained["same"]) == (["b"], {"a": 3}, True)
+    assert [explained["levels"][0][name] for name in ("level", "sub_team", "tick")] == ["agreed", "b", 4]
+    said = sentences(explained)
     assert "Agreed by b; a agreed last in tick 3." in said
     assert not any("not quite the same" in line for line in said)
 
@@ -107,9 +107,9 @@ def test_a_power_that_no_board_would_say_ends_nothing() -> None:
         fold = Fold()
         for envelope, now in recorded():
             if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
-                told = decode(Consensus, envelope.payload)
-                used = [one.model_copy(update={"power": power}) for one in told.used]
-                fold.hear_envelope(replace(envelope, payload=encode(told.model_copy(update={"used": used}))), now)
+                consensus = decode(Consensus, envelope.payload)
+                used = [opinion.model_copy(update={"power": power}) for opinion in consensus.used]
+                fold.hear_envelope(replace(envelope, payload=encode(consensus.model_copy(update={"used": used}))), now)
             else:
                 fold.hear_envelope(envelope, now)
         moment = fold.teams["t"].moments.newest
@@ -124,15 +124,17 @@ def test_without_a_source_it_is_what_the_others_would_have_made() -> None:
     subject = next(
         name
         for name, about in moment.subjects.items()
-        if {it.source for it in about.consensus["a"].message.used} == {"r1", "r2"}
+        if {opinion.source for opinion in about.consensus["a"].message.used} == {"r1", "r2"}
     )
     about = moment.subjects[subject]
     level = next(
-        it for it in explain(team, moment, subject)["levels"] if it["sub_team"] == "a" and it["level"] == "consensus"
+        explained
+        for explained in explain(team, moment, subject)["levels"]
+        if explained["sub_team"] == "a" and explained["level"] == "consensus"
     )
     opinions = {}
-    for name, told in about.reports.items():
-        report = told.message
+    for name, received in about.reports.items():
+        report = received.message
         opinions[name] = [Opinion(name, unpack(report.belief), {name: report.time})]
         if report.informed is not None:
             opinions[name].append(Opinion(name, unpack(report.informed.belief), report.informed.ancestors))
@@ -154,9 +156,9 @@ def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
     assert level["without"] == {}
     said = " ".join(sentences(explain(team, moment, "robot/r1")))
     assert "one joint belief of the whole team, without weights" in said
-    told = moment.subjects["robot/r1"].best
-    assert told is not None
-    assert level["heading"] == present(told.message.state).mean[HEADING]
+    best = moment.subjects["robot/r1"].best
+    assert best is not None
+    assert level["heading"] == present(best.message.state).mean[HEADING]
     assert 0 < level["heading_sigma"] < 1
     assert explain(team, moment, "object/ball")["levels"][0]["heading"] is None
 
@@ -166,9 +168,9 @@ def test_the_first_sentence_answers_and_the_others_have_the_numbers() -> None:
     moment = team.moments.newest
     assert moment is not None
     for subject in moment.subjects:
-        it = explain(team, moment, subject)
-        first, *rest = sentences(it)
-        agreed = it["levels"][0]
+        explained = explain(team, moment, subject)
+        first, *rest = sentences(explained)
+        agreed = explained["levels"][0]
         assert first.startswith(f"{subject} is believed to be at (")
         assert f"give or take {agreed['sigma']:.2f}, because " in first
         assert any(source["source"] in first for source in agreed["sources"]) or set(agreed["ancestors"])
@@ -177,8 +179,8 @@ def test_the_first_sentence_answers_and_the_others_have_the_numbers() -> None:
         assert f"log score {agreed['truth']['log_score']:.2f} nats" in said
         for name, change in agreed["without"].items():
             if change and change["nats"] is not None:
-                told = f"Without {name} it would be {change['shift']:.2f}" in said
-                assert told == (change["nats"] >= LITTLE)
+                is_told = f"Without {name} it would be {change['shift']:.2f}" in said
+                assert is_told == (change["nats"] >= LITTLE)
 
 
 def test_coalitions_are_told_by_what_they_assume() -> None:
@@ -211,8 +213,8 @@ def explain_one() -> dict[str, Any]:
     team = team_of()
     for moment in team.moments:
         for subject in moment.subjects:
-            found: list[dict[str, Any]] = explain(team, moment, subject)["levels"]
-            for level in found:
+            levels: list[dict[str, Any]] = explain(team, moment, subject)["levels"]
+            for level in levels:
                 if level["level"] == "consensus" and len(level["without"]) == 2:
                     return level
     raise AssertionError("no belief of two robots")
@@ -220,7 +222,7 @@ def explain_one() -> dict[str, Any]:
 
 def who(level: dict[str, Any]) -> list[str]:
     """What is said of a belief alone."""
-    it = {
+    explained = {
         "subject": "x",
         "tick": 1,
         "time": 1.0,
@@ -230,7 +232,7 @@ def who(level: dict[str, Any]) -> list[str]:
         "agreed_before": {},
         "same": True,
     }
-    return sentences({**it, "levels": [{**level, "level": "agreed"}]})
+    return sentences({**explained, "levels": [{**level, "level": "agreed"}]})
 
 
 def test_an_unknown_subject_is_a_person_s_mistake() -> None:
@@ -248,9 +250,9 @@ def test_who_keeps_disagreeing_and_opposed_camps_are_told() -> None:
     fold = Fold()
     for envelope, now in recorded():
         if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
-            told = decode(Consensus, envelope.payload)
-            told = told.model_copy(update={"dissent": [off], "camps": camps, "conflict": True})
-            fold.hear_envelope(replace(envelope, payload=encode(told)), now)
+            consensus = decode(Consensus, envelope.payload)
+            consensus = consensus.model_copy(update={"dissent": [off], "camps": camps, "conflict": True})
+            fold.hear_envelope(replace(envelope, payload=encode(consensus)), now)
         else:
             fold.hear_envelope(envelope, now)
     team = fold.teams["t"]
