@@ -71,23 +71,23 @@ def draw_lie(rng: np.random.Generator) -> Lie:
 
 def neighbour(lie: Lie, rng: np.random.Generator) -> Lie:
     """A lie that differs a little: in its numbers, or by one change more, less or other."""
-    told, what = list(lie.changes), rng.random()
-    at = int(rng.integers(len(told)))
-    if what < 0.15 and len(told) < 4:
-        told.append(draw_change(rng))
-    elif what < 0.3 and len(told) > 1:
-        del told[at]
+    altered, what = list(lie.changes), rng.random()
+    at = int(rng.integers(len(altered)))
+    if what < 0.15 and len(altered) < 4:
+        altered.append(draw_change(rng))
+    elif what < 0.3 and len(altered) > 1:
+        del altered[at]
     elif what < 0.4:
-        told[at] = draw_change(rng)
+        altered[at] = draw_change(rng)
     else:
-        moved = {it.name: _moved(getattr(told[at], it.name), rng) for it in fields(told[at])}  # type: ignore[arg-type]
-        told[at] = replace(told[at], **moved)  # type: ignore[type-var]
-    return replace(lie, changes=tuple(told))
+        moved = {field.name: _moved(getattr(altered[at], field.name), rng) for field in fields(altered[at])}  # type: ignore[arg-type]
+        altered[at] = replace(altered[at], **moved)  # type: ignore[type-var]
+    return replace(lie, changes=tuple(altered))
 
 
 def _moved(value: Any, rng: np.random.Generator) -> Any:
     if isinstance(value, tuple):
-        return tuple(_moved(one, rng) for one in value)
+        return tuple(_moved(part, rng) for part in value)
     return value * float(np.exp(rng.normal(0, 0.4))) if isinstance(value, float) else value
 
 
@@ -100,11 +100,11 @@ def search(scenario: Scenario, seed: int, count: int, rng: np.random.Generator) 
         fresh = tried < count // 2 or not worst
         lies = [draw_lie(rng) if fresh else neighbour(worst[n % len(worst)][1], rng) for n in range(BATCH)]
         for lie, trial in zip(lies, run_jobs(try_lie, [(scenario, lie, rng.spawn(1)[0]) for lie in lies]), strict=True):
-            found = row(scenario, seed, lie, calm, trial)
-            error = max(found["robots"] or math.inf, found["objects"] or math.inf)
+            result = row(scenario, seed, lie, calm, trial)
+            error = max(result["robots"] or math.inf, result["objects"] or math.inf)
             if not worst or error > worst[0][0]:
                 print(f"{tried + BATCH} of {count} tried: {error:.2f} {lie.changes}", flush=True)
-            worst = sorted([*worst, (error, lie)], key=lambda it: -it[0])[:KEPT]
+            worst = sorted([*worst, (error, lie)], key=lambda tried: -tried[0])[:KEPT]
     return worst
 
 

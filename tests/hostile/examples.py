@@ -42,7 +42,7 @@ def consensus(sub_team: str, level: Any) -> Consensus:
 
 
 def _rich() -> list[tuple[str, dict[str, str], Message]]:
-    found: list[tuple[str, dict[str, str], Message]] = [(name, *EXAMPLES[name]) for name in sorted(EXAMPLES)]
+    examples: list[tuple[str, dict[str, str], Message]] = [(name, *EXAMPLES[name]) for name in sorted(EXAMPLES)]
     for sub_team, process, kind in (
         ("a", "r1", "robot"),
         ("a", "board-a", "board"),
@@ -51,14 +51,14 @@ def _rich() -> list[tuple[str, dict[str, str], Message]]:
     ):
         where = {"team": "t", "sub_team": sub_team, "process": process}
         for more in ({}, {"follows": True}, {"term": 2**53 - 1, "since": -1e12}):
-            found.append(("status", where, status(process, kind, **more)))
+            examples.append(("status", where, status(process, kind, **more)))
     for sub_team in ("a", "b"):
         for level in ("consensus", "agreed"):
             where = {"team": "t", "sub_team": sub_team, "subject": "object/ball"}
-            found.append((level, where, consensus(sub_team, level)))
+            examples.append((level, where, consensus(sub_team, level)))
     own: Report = REPORT.model_copy(update={"subject": "robot/r1", "evidence": EVIDENCE})
-    found.append(("report", {"team": "t", "sub_team": "a", "source": "r1", "subject": "robot/r1"}, own))
-    return found
+    examples.append(("report", {"team": "t", "sub_team": "a", "source": "r1", "subject": "robot/r1"}, own))
+    return examples
 
 
 #: Topic, parts of the key, message.

@@ -85,11 +85,11 @@ WORDS = (
 
 def places(value: Any) -> list[tuple[Any, Any]]:
     """All (container, key or index) of a message as maps and arrays."""
-    found: list[tuple[Any, Any]] = []
+    inside: list[tuple[Any, Any]] = []
     if isinstance(value, dict | list):
         for key, item in list(value.items()) if isinstance(value, dict) else list(enumerate(value)):
-            found += [(value, key), *places(item)]
-    return found
+            inside += [(value, key), *places(item)]
+    return inside
 
 
 def hostile(rng: np.random.Generator, value: Any) -> Any:
@@ -178,17 +178,17 @@ def run(seed: int, count: int, joint: bool) -> Counter[str]:
                     team.bus.deliver(link, change)
         attacking = False
     services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
-    found: Counter[str] = Counter(sent=count - left)
+    counted: Counter[str] = Counter(sent=count - left)
     for service in services:
-        found += Counter(service.refused)
+        counted += Counter(service.refused)
         assert service.counters["failed"] == 0, f"seed {seed}: {service} met an exception"
     for board in team.boards.values():
         board.check()
     assert team.world.why == "", f"seed {seed}: {team.world.why}"
-    return found
+    return counted
 
 
-def one(seed: int, joint: bool) -> tuple[Counter[str], str]:
+def one_run(seed: int, joint: bool) -> tuple[Counter[str], str]:
     """What a run counted, and why it failed, if it did."""
     logging.disable(logging.ERROR)  # what is refused is logged, and there is much of it
     try:
@@ -208,8 +208,8 @@ def main() -> int:
     total: Counter[str] = Counter()
     began, failed = time.monotonic(), 0
     with ProcessPoolExecutor(given.jobs, multiprocessing.get_context("spawn")) as pool:
-        found = pool.map(one, (given.seed * 1_000_000 + i for i in runs), (i % 2 == 1 for i in runs))
-        for i, (counted, why) in enumerate(found):
+        outcomes = pool.map(one_run, (given.seed * 1_000_000 + i for i in runs), (i % 2 == 1 for i in runs))
+        for i, (counted, why) in enumerate(outcomes):
             total += counted
             failed += bool(why)
             if why:

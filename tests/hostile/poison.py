@@ -29,11 +29,11 @@ class Poison:
 
     def envelope(self, envelope: Envelope) -> Envelope:
         """An envelope with the text in it; one that cannot be read, or is no message, as it is."""
-        found = keys.parse(envelope.key)
-        if envelope.kind is not Kind.PUT or found is None or found[0].message not in MODELS:
+        parsed = keys.parse(envelope.key)
+        if envelope.kind is not Kind.PUT or parsed is None or parsed[0].message not in MODELS:
             return envelope
         fields = msgpack.unpackb(envelope.payload)
-        self._fill(found[0].message, fields, fields, ())
+        self._fill(parsed[0].message, fields, fields, ())
         return Envelope(envelope.key, msgpack.packb(fields))
 
     def _fill(self, model: str, whole: dict[str, Any], part: Any, place: tuple[str, ...]) -> None:

@@ -12,7 +12,7 @@ def test_lies_of_every_kind_are_drawn() -> None:
     rng = np.random.default_rng(1)
     drawn = {type(draw_change(rng)) for _ in range(300)}
     catalogued = {type(change) for lie in CATALOGUE.values() for change in lie.changes}
-    assert {it.__name__ for it in catalogued - drawn} == {"Absurd"}
+    assert {change.__name__ for change in catalogued - drawn} == {"Absurd"}
 
 
 def test_a_neighbour_is_another_lie_that_can_be_told() -> None:
@@ -23,5 +23,5 @@ def test_a_neighbour_is_another_lie_that_can_be_told() -> None:
 
 
 def test_the_same_seed_draws_the_same_lies() -> None:
-    one, other = (np.random.default_rng(3) for _ in range(2))
-    assert [draw_lie(one) for _ in range(20)] == [draw_lie(other) for _ in range(20)]
+    first, second = (np.random.default_rng(3) for _ in range(2))
+    assert [draw_lie(first) for _ in range(20)] == [draw_lie(second) for _ in range(20)]

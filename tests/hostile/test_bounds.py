@@ -90,107 +90,107 @@ def test_the_world_keeps_only_what_it_sums_up() -> None:
 
 
 def test_a_roll_call_is_bounded() -> None:
-    it: roll_call.RollCall[int] = roll_call.RollCall()
+    calls: roll_call.RollCall[int] = roll_call.RollCall()
     for source in range(roll_call.MAX_SOURCES + 50):
-        it.record(source, "object/ball", 1)
-        it.record_list(source, 1, ["object/ball"])
-    it.check()
-    assert it.list_of(0) is None
-    assert it.complete(source, 1)
+        calls.record(source, "object/ball", 1)
+        calls.record_list(source, 1, ["object/ball"])
+    calls.check()
+    assert calls.list_of(0) is None
+    assert calls.complete(source, 1)
 
 
 def test_invented_tokens_are_bounded_and_the_world_s_is_still_seen() -> None:
     own = keys.BOARD.key(team="t", sub_team="a", board="a")
-    it = Roster(own)
+    roster = Roster(own)
     for i in range(MAX_TOKENS + 100):
-        it.hear_token(Envelope(keys.MEMBER.key(team="t", sub_team=f"z{i}", robot="x"), kind=Kind.ALIVE), 0.0)
-    assert len(it.tokens) == max(holdings(it, "roster").values()) == MAX_TOKENS
-    it.hear_token(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), 0.0)
-    it.hear_token(Envelope(own, kind=Kind.ALIVE), 0.0)
-    assert it.world
-    assert own in it.tokens
+        roster.hear_token(Envelope(keys.MEMBER.key(team="t", sub_team=f"z{i}", robot="x"), kind=Kind.ALIVE), 0.0)
+    assert len(roster.tokens) == max(holdings(roster, "roster").values()) == MAX_TOKENS
+    roster.hear_token(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), 0.0)
+    roster.hear_token(Envelope(own, kind=Kind.ALIVE), 0.0)
+    assert roster.world
+    assert own in roster.tokens
 
 
 # --- room for the sub-team's own ------------------------------------------------------------------------------------------
 
 
 def test_who_invents_subjects_loses_its_own() -> None:
-    it: Entries[str] = Entries(TINY.size)
+    entries: Entries[str] = Entries(TINY.size)
     for i in range(MAX_SUBJECTS):
-        it.keep(f"object/x{i:03}", "liar", NO_ENTRY)
+        entries.keep(f"object/x{i:03}", "liar", NO_ENTRY)
     with pytest.raises(Refused, match="too-many"):
-        it.keep("object/one-more", "liar", NO_ENTRY)
+        entries.keep("object/one-more", "liar", NO_ENTRY)
     for robot in ("r1", "r2"):
         for subject in (f"robot/{robot}", "object/ball", f"object/{robot}"):
-            it.keep(subject, robot, NO_ENTRY)
-    assert {"robot/r1", "robot/r2", "object/ball", "object/r1", "object/r2"} <= set(it)
-    assert len(list(it)) == MAX_SUBJECTS
+            entries.keep(subject, robot, NO_ENTRY)
+    assert {"robot/r1", "robot/r2", "object/ball", "object/r1", "object/r2"} <= set(entries)
+    assert len(list(entries)) == MAX_SUBJECTS
 
 
 def test_what_a_robot_says_of_itself_has_room_among_as_many_sources_as_there_may_be() -> None:
-    it: Entries[str] = Entries(TINY.size)
+    entries: Entries[str] = Entries(TINY.size)
     for i in range(MAX_SOURCES):
-        it.keep("robot/r1", f"x{i}", NO_ENTRY)
-    it.keep("robot/r1", "r1", NO_ENTRY)
-    assert "r1" in it.usable("robot/r1", 0.0, 1.0)[0]
-    assert len(it.usable("robot/r1", 0.0, 1.0)[0]) == MAX_SOURCES
+        entries.keep("robot/r1", f"x{i}", NO_ENTRY)
+    entries.keep("robot/r1", "r1", NO_ENTRY)
+    assert "r1" in entries.usable("robot/r1", 0.0, 1.0)[0]
+    assert len(entries.usable("robot/r1", 0.0, 1.0)[0]) == MAX_SOURCES
 
 
 def test_a_board_s_own_has_room_whatever_other_boards_say() -> None:
     own = ("a", "a")
-    it: Entries[tuple[str, str]] = Entries(TINY.size, own)
+    entries: Entries[tuple[str, str]] = Entries(TINY.size, own)
     for i in range(MAX_SUBJECTS):
-        it.keep(f"object/x{i}", ("b", "b"), NO_ENTRY)
+        entries.keep(f"object/x{i}", ("b", "b"), NO_ENTRY)
     for i in range(MAX_SUBJECTS):
-        it.keep(f"object/own{i}", own, NO_ENTRY)
-    assert all(own in it.usable(subject, 0.0, 1.0)[0] for subject in it)
+        entries.keep(f"object/own{i}", own, NO_ENTRY)
+    assert all(own in entries.usable(subject, 0.0, 1.0)[0] for subject in entries)
     with pytest.raises(Refused):
-        it.keep("object/x", ("b", "b"), NO_ENTRY)
+        entries.keep("object/x", ("b", "b"), NO_ENTRY)
 
 
 def test_all_entries_together_are_bounded_by_the_size_of_a_grid(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("blackboard.board.entries.MAX_HELD", 16 * TINY.size * 300)
-    it: Entries[str] = Entries(TINY.size)
+    entries: Entries[str] = Entries(TINY.size)
     for i in range(200):
-        it.keep(f"object/x{i}", "r1", NO_ENTRY)
+        entries.keep(f"object/x{i}", "r1", NO_ENTRY)
     for i in range(200):
         with suppress(Refused):
-            it.keep(f"object/x{i}", "r2", NO_ENTRY)
-    sources = [source for subject in it for source in it.usable(subject, 0.0, 1.0)[0]]
+            entries.keep(f"object/x{i}", "r2", NO_ENTRY)
+    sources = [source for subject in entries for source in entries.usable(subject, 0.0, 1.0)[0]]
     assert len(sources) == 300
     assert sources.count("r1") == pytest.approx(150, abs=1)
 
 
 def test_a_board_takes_no_word_for_whose_information_a_report_is() -> None:
     """Ancestors that leave out the source, or name everybody, change nothing of what is multiplied."""
-    found = []
+    settled = []
     for belief, informed in (
         ({}, {"r1": 0.0, "r2": 0.0}),
         ({"x": 0.0}, {"r2": 0.0}),
         ({f"x{i}": 0.0 for i in range(256)}, {"r2": 0.0}),
     ):
-        it = new_board()
+        board = new_board()
         for robot, x in (("r1", 10.0), ("r2", 11.0)):
             said = Report(
                 source=robot, subject="object/ball", tick=0, time=0.0, belief=pack(at(x, 10, 2)), ancestors=belief
             )
             more = Informed(belief=pack(at(10, 10, 1)), ancestors=informed)
-            it.hear(said.model_copy(update={"informed": more} if robot == "r1" else {}), 0.0)
-        told = only(it.settle(0, 0.0))
-        found.append((told.belief, told.ancestors))
-    assert found[0] == found[1] == found[2]
-    assert found[0][1].keys() == {"r1", "r2"}
+            board.hear(said.model_copy(update={"informed": more} if robot == "r1" else {}), 0.0)
+        consensus = only(board.settle(0, 0.0))
+        settled.append((consensus.belief, consensus.ancestors))
+    assert settled[0] == settled[1] == settled[2]
+    assert settled[0][1].keys() == {"r1", "r2"}
 
 
 def test_too_many_ancestors_are_cut_with_room_for_the_sub_team_s_own() -> None:
-    it = Board("a", "a", TINY, BoardSection())
+    board = Board("a", "a", TINY, BoardSection())
     packed = pack(gaussian(TINY, (1,), 1.0))
     for robot, names in (("z1", [f"a{i}" for i in range(256)]), ("z2", [f"b{i}" for i in range(256)])):
         informed = Informed(belief=packed, ancestors=dict.fromkeys(names, 0.0))
-        it.hear(Report(source=robot, subject="object/ball", tick=0, time=0.0, belief=packed, informed=informed), 0.0)
-    told = only(it.settle(0, 0.0))
-    assert len(told.ancestors) <= MAX_OPINIONS
-    assert {"z1", "z2"} <= told.ancestors.keys()
+        board.hear(Report(source=robot, subject="object/ball", tick=0, time=0.0, belief=packed, informed=informed), 0.0)
+    consensus = only(board.settle(0, 0.0))
+    assert len(consensus.ancestors) <= MAX_OPINIONS
+    assert {"z1", "z2"} <= consensus.ancestors.keys()
     assert capped({"a": 1.0}, lambda: pytest.fail("it is not asked where there is room")) == {"a": 1.0}
 
 

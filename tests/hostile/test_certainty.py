@@ -28,7 +28,7 @@ def calm() -> dict[str, Any]:
 
 
 def packed(matrix: np.ndarray) -> tuple[float, ...]:
-    return tuple(float(it) for it in matrix[np.triu_indices(len(matrix))])
+    return tuple(float(value) for value in matrix[np.triu_indices(len(matrix))])
 
 
 def off(evidence: PackedEvidence, cells: float) -> tuple[float, ...]:
@@ -42,8 +42,8 @@ def certain(evidence: PackedEvidence, time: float) -> PackedEvidence:
     there = off(evidence, 3.0)
     information = np.zeros((len(there),) * 2)
     information[:2, :2] = np.eye(2) * 1e12
-    told = PackedIncrement(reference=there, information=packed(information), vector=(0.0,) * len(there))
-    return evidence.model_copy(update={"increment": told})
+    increment = PackedIncrement(reference=there, information=packed(information), vector=(0.0,) * len(there))
+    return evidence.model_copy(update={"increment": increment})
 
 
 def anew(evidence: PackedEvidence, time: float) -> PackedEvidence:

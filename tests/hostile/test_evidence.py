@@ -26,7 +26,7 @@ ANEW = [26, 100, 146, 268]  # the same where each of the liar's ticks begins a n
 def honest(tick: int, name: str) -> PackedEvidence:
     """A robot that stands, and sees the others where they are."""
     x, y = PLACES[name]
-    seen = [
+    relatives = [
         PackedRelative(
             subject=f"robot/{other}",
             range=abs(place[0] - x),
@@ -39,7 +39,7 @@ def honest(tick: int, name: str) -> PackedEvidence:
     ]
     said = at(x, y)
     sums = {"time": 0.2 * tick, "along": 0.01 * tick, "across": 0.0001 * tick}
-    return said.model_copy(update={"relatives": seen, "travelled": said.travelled.model_copy(update=sums)})
+    return said.model_copy(update={"relatives": relatives, "travelled": said.travelled.model_copy(update=sums)})
 
 
 def lie(rng: np.random.Generator, tick: int) -> PackedEvidence:
@@ -54,7 +54,7 @@ def lie(rng: np.random.Generator, tick: int) -> PackedEvidence:
 
 def _spoil(rng: np.random.Generator, said: dict[str, Any]) -> None:
     what, value = int(rng.integers(8)), float(wild(rng))
-    size, seen, nuisance = abs(value), said["relatives"], said["nuisance"]
+    size, relatives, nuisance = abs(value), said["relatives"], said["nuisance"]
     if what == 0:
         said["travelled"][str(rng.choice(["distance", "turn"]))] = value
     elif what == 1:
@@ -67,13 +67,13 @@ def _spoil(rng: np.random.Generator, said: dict[str, Any]) -> None:
         memory = size * float(rng.choice([1, 1e-300]))
         nuisance["memory"] = (*nuisance["memory"][:at], memory, *nuisance["memory"][at + 1 :])
     elif what == 4:
-        it = seen[int(rng.integers(len(seen)))]
+        relative = relatives[int(rng.integers(len(relatives)))]
         field = str(rng.choice(["range", "range_variance", "bearing_variance", "age", "bearing"]))
-        it[field] = value if field == "bearing" else size
+        relative[field] = value if field == "bearing" else size
     elif what == 5:
-        it = seen[int(rng.integers(len(seen)))]
-        it["biases"] = [(size, float(rng.choice([5e-324, 1e-9, 1, 1e12])))]
-        it["group"] = str(rng.choice(["", "g"]))
+        relative = relatives[int(rng.integers(len(relatives)))]
+        relative["biases"] = [(size, float(rng.choice([5e-324, 1e-9, 1, 1e12])))]
+        relative["group"] = str(rng.choice(["", "g"]))
     elif what == 6:
         if rng.random() < 0.3:
             said["state"]["mean"] = tuple(wild(rng, 9))
@@ -108,19 +108,19 @@ def test_nor_do_those_of_one_that_begins_anew_each_tick(seed: int, caplog: pytes
 
 
 def lives_through(seed: int, caplog: pytest.LogCaptureFixture, *, anew: bool = False) -> None:
-    rng, it, liar = np.random.default_rng(seed), new_desk(), ("r0", "r9")[seed % 2]
+    rng, desk, liar = np.random.default_rng(seed), new_desk(), ("r0", "r9")[seed % 2]
     for tick in range(20):
         for name in PLACES:
-            it.take_evidence(name, tick, 0.2 * tick, honest(tick, name), own=True)
+            desk.take_evidence(name, tick, 0.2 * tick, honest(tick, name), own=True)
         if tick >= 3:
             with suppress(Refused, ValueError):
                 said = absurd(rng) if rng.random() < 0.3 else lie(rng, tick)
                 said = said.model_copy(update={"epoch": 10 * tick}) if anew else said
-                it.take_evidence(liar, tick, 0.2 * tick, said, own=True)
-        told = means(it.settle(0.2 * tick, MAKE))
+                desk.take_evidence(liar, tick, 0.2 * tick, said, own=True)
+        places = means(desk.settle(0.2 * tick, MAKE))
         for name, place in PLACES.items():
-            assert np.hypot(*np.subtract(told[f"robot/{name}"], place)) < 3.0
-    assert it.counters["joint_restarts"] == it.counters["failed"] == 0
+            assert np.hypot(*np.subtract(places[f"robot/{name}"], place)) < 3.0
+    assert desk.counters["joint_restarts"] == desk.counters["failed"] == 0
     assert not [name for name in PLACES if f"robot/{name} " in caplog.text]
 
 
@@ -136,12 +136,15 @@ def test_a_robot_with_absurd_readings_says_what_a_message_can_hold_and_is_refuse
 def test_claims_without_any_error_and_huge_ones_are_compared_without_an_exception() -> None:
     nothing, huge = np.zeros((2, 2)), np.full((2, 2), 1e12)
     claims = [
-        Claim(np.array([x, 0.0]), one, two) for x in (0.0, 1e12) for one in (nothing, huge) for two in (nothing, huge)
+        Claim(np.array([x, 0.0]), first, second)
+        for x in (0.0, 1e12)
+        for first in (nothing, huge)
+        for second in (nothing, huge)
     ]
-    it = Contacts()
+    contacts = Contacts()
     with np.errstate(all="raise"):
         for _ in range(3):
-            it.judge({f"r{i}": claim for i, claim in enumerate(claims)})
-    assert it.contradict("r0", "r4")
+            contacts.judge({f"r{i}": claim for i, claim in enumerate(claims)})
+    assert contacts.contradict("r0", "r4")
     assert squared_distance(np.zeros(2), nothing) == 0.0
     assert squared_distance(np.array([np.nan, 0.0]), np.eye(2)) == FARTHEST

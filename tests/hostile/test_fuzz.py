@@ -9,6 +9,6 @@ from tests.hostile.fuzz import run
 
 @pytest.mark.parametrize("joint", [False, True], ids=["opinions", "joint"])
 def test_whatever_arrives_no_service_meets_an_exception_and_the_run_ends(joint: bool) -> None:
-    found = run(1, 150, joint)
-    assert found["sent"] == 150
-    assert found["fields"] > 50
+    counted = run(1, 150, joint)
+    assert counted["sent"] == 150
+    assert counted["fields"] > 50

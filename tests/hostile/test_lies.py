@@ -95,7 +95,7 @@ def test_what_is_sent_again_is_the_same_lie() -> None:
     lie = Lie("absurd", (Absurd(5),), start=0.0, end=1.0)
     team = lying_team(TEAM.changed("board", fusion="joint"), lie, np.random.default_rng(2))
     team.run_until(lambda: team.world.tick == 4)
-    (liar,) = [it for it in team.services if isinstance(it, Liar)]
+    (liar,) = [service for service in team.services if isinstance(service, Liar)]
     robot = team.robots[liars_of(TEAM, 1)[0]]
     honest = robot.peer.say(robot.peer.answers, team.now)
     assert liar.said(honest) == liar.said(honest)

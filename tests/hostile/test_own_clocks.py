@@ -50,7 +50,7 @@ def _packs(fields: object) -> bool:
 
 def test_a_robot_s_speed_and_clock_concern_that_robot_only() -> None:
     """What r1 believes is settled to the same bits, whatever x1 says of its own speed and clock."""
-    found = []
+    payloads = []
     for speed, ahead in ((1.0, 0.0), (1e12, 20.0)):
         desk = Desk(world=False, period=0.5)
         desk.register("r1", "x1")
@@ -58,8 +58,8 @@ def test_a_robot_s_speed_and_clock_concern_that_robot_only() -> None:
         desk.tell(Envelope(keys.STATUS.key(team="t", sub_team="a", process="x1"), msgpack.packb(as_map(said))))
         desk.tell(report("r1", 1, time=desk.now))
         desk.wait(0.6)
-        found.append([e.payload for e in desk.said if "/agreed/" in e.key])
-    assert found[0] == found[1] != []
+        payloads.append([e.payload for e in desk.said if "/agreed/" in e.key])
+    assert payloads[0] == payloads[1] != []
     assert levels(desk.said)
 
 
@@ -67,5 +67,5 @@ def test_a_robot_s_speed_and_clock_concern_that_robot_only() -> None:
     "payload", [b"", b"\xff", b"[]", b"{}", b"null", b'{"denied": "x"}', b'{"denied": 1e400}', b'{"denied": -1, "last": 3}', b"[" * 4000]
 )  # fmt: skip
 def test_whatever_is_said_at_the_door_raises_nothing(payload: bytes) -> None:
-    told = read(payload)
-    assert told is None or (isinstance(told[0], int) and isinstance(told[1], str))
+    denial = read(payload)
+    assert denial is None or (isinstance(denial[0], int) and isinstance(denial[1], str))

@@ -80,7 +80,7 @@ def test_a_result_is_the_same_json_and_its_text_has_no_more_lines(text: str) -> 
 
     @app.default
     def show(*, output: OutputFlags = OutputFlags()) -> None:
-        output.show(result, lambda it: "\n".join(f"{name} {value}" for name, value in it.items()))
+        output.show(result, lambda table: "\n".join(f"{name} {value}" for name, value in table.items()))
 
     said = Ran("--json", app=app)
     assert said.is_printable
@@ -100,17 +100,17 @@ def tapes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """A tape, and the same with each piece of what is harmful in every free text: of its messages, and of what it says of itself."""
     folder = tmp_path_factory.mktemp("tapes")
     _, tape = recorded_run(folder / "clean.mcap", SMALL)
-    found = []
+    paths = []
     for number, text in enumerate([CLEAN, *PIECES]):
         poison = Poison(text)
-        found.append(folder / f"{number}.mcap")
-        with create(found[-1]) as file:
+        paths.append(folder / f"{number}.mcap")
+        with create(paths[-1]) as file:
             known = {"team": SMALL.team.name, "scenario": json.dumps({**SMALL.tables, "name": text})}
             writer = TapeWriter(file, known | {f"x{text}": text})
             for at, envelope in tape.envelopes:
                 writer.write(at, poison.envelope(envelope))
             writer.close()
-    return found
+    return paths
 
 
 @pytest.mark.parametrize("command", FILES, ids=" ".join)
@@ -193,6 +193,6 @@ def test_what_the_terminal_shows_is_printable(tapes: list[Path]) -> None:
 
     expected = asyncio.run(look(tapes[0]))
     for tape in tapes[1:]:
-        found = asyncio.run(look(tape))
-        assert all(line.isprintable() for text in found for line in text.split("\n"))
-        assert [text.count("\n") for text in found] == [text.count("\n") for text in expected]
+        printed = asyncio.run(look(tape))
+        assert all(line.isprintable() for text in printed for line in text.split("\n"))
+        assert [text.count("\n") for text in printed] == [text.count("\n") for text in expected]

@@ -45,7 +45,7 @@ def honest(tmp_path_factory: pytest.TempPathFactory) -> Tape:
 
 
 def puts(tape: Tape) -> list[tuple[int, str, bytes]]:
-    return [(round(at * SECOND), it.key, it.payload) for at, it in tape.envelopes if it.payload]
+    return [(round(at * SECOND), envelope.key, envelope.payload) for at, envelope in tape.envelopes if envelope.payload]
 
 
 @pytest.mark.parametrize("depth", [300, 900, 100_000])
