@@ -52,14 +52,14 @@ def test_a_tape_without_journals_is_told_so(tmp_path: Path) -> None:
 
 def test_the_table_has_the_errors_of_the_scorecard(run: tuple[dict[str, Any], Tape, Path]) -> None:
     card, tape, _ = run
-    found = {(row["tick"], row["level"], row["by"], row["subject"]): row for row in rows(tape)}
-    one = [
-        row["error"] for (tick, level, by, s), row in found.items() if level == "solo" and s == f"robot/{by}" and tick
+    by_row = {(row["tick"], row["level"], row["by"], row["subject"]): row for row in rows(tape)}
+    errors = [
+        row["error"] for (tick, level, by, s), row in by_row.items() if level == "solo" and s == f"robot/{by}" and tick
     ]
     scores = card["scores"]["robots"]["solo"]
-    assert len(one) == scores["n"]
-    assert (sum(e**2 for e in one if e is not None) / len(one)) ** 0.5 == pytest.approx(scores["rmse"])
-    levels = {row["level"] for row in found.values()}
+    assert len(errors) == scores["n"]
+    assert (sum(e**2 for e in errors if e is not None) / len(errors)) ** 0.5 == pytest.approx(scores["rmse"])
+    levels = {row["level"] for row in by_row.values()}
     assert levels == {"solo", "consensus", "agreed"}
     blind = Tape(tape.scenario, [e for e in tape.envelopes if "/truth" not in e[1].key], tape.about)
     bare = list(rows(blind))
@@ -70,22 +70,20 @@ def test_the_table_has_the_errors_of_the_scorecard(run: tuple[dict[str, Any], Ta
 
 def test_the_summary_counts_everything(run: tuple[dict[str, Any], Tape, Path]) -> None:
     tape = run[1]
-    found = summary(tape)
-    assert (found["team"], found["scenario"], found["runs"]) == ("t", True, tape.runs)
+    counts = summary(tape)
+    assert (counts["team"], counts["scenario"], counts["runs"]) == ("t", True, tape.runs)
     assert (
-        sum(c["messages"] + c["events"] for c in found["topics"].values()) == found["messages"] == len(tape.envelopes)
+        sum(c["messages"] + c["events"] for c in counts["topics"].values()) == counts["messages"] == len(tape.envelopes)
     )
-    assert found["bytes"] == sum(len(envelope.payload) for _, envelope in tape.envelopes)
-    assert [(b["board"], b["gaps"], b["whole"]) for b in found["boards"]] == [
+    assert counts["bytes"] == sum(len(envelope.payload) for _, envelope in tape.envelopes)
+    assert [(b["board"], b["gaps"], b["whole"]) for b in counts["boards"]] == [
         ("a/board-a", 0, True), ("b/board-b", 0, True),
     ]  # fmt: skip
 
 
 def test_a_cut_keeps_its_time_its_keys_and_the_tokens_held_then() -> None:
-    found = list(cut(iter(ENVELOPES), 0.3, 0.9, lambda key: "report" not in key))
-    assert (
-        found == [(1e9 + 0.25 + 0.3, Envelope("cop/t/world/alive", kind=Kind.ALIVE))] or found[0][1].kind is Kind.ALIVE
-    )
+    kept = list(cut(iter(ENVELOPES), 0.3, 0.9, lambda key: "report" not in key))
+    assert kept == [(1e9 + 0.25 + 0.3, Envelope("cop/t/world/alive", kind=Kind.ALIVE))] or kept[0][1].kind is Kind.ALIVE
     assert list(cut(iter(ENVELOPES), 0.0, 99.0, lambda key: True)) == ENVELOPES
     assert list(cut(iter(ENVELOPES), 0.0, 0.1, lambda key: True)) == ENVELOPES[:1]
     assert list(cut(iter(ENVELOPES), 0.0, 99.0, lambda key: "report" in key)) == ENVELOPES[2:5]
@@ -104,11 +102,11 @@ def test_a_recorder_that_came_late_is_told_and_all_is_the_same_after_a_while(
     held = [each for each in tape.envelopes[:begin] if each[1].kind is Kind.ALIVE]
     late = Tape(tape.scenario, held + tape.envelopes[begin:], tape.about)
     again = replay(late)
-    found = match(late.runs[-1], recorded(late), again.output)
+    matched = match(late.runs[-1], recorded(late), again.output)
     assert again.late == ["a/board-a", "b/board-b"]
-    assert found.exact_from is not None
-    assert found.exact_from <= 3
-    assert any("came after the beginning" in line for line in told(again, found))
+    assert matched.exact_from is not None
+    assert matched.exact_from <= 3
+    assert any("came after the beginning" in line for line in told(again, matched))
 
 
 def test_what_a_replay_lacks_is_told() -> None:
@@ -182,10 +180,10 @@ def test_a_tape_that_breaks_off_between_a_journal_and_what_it_explains_is_as_rec
     at = next(i for i in reversed(journals) if any(i < c < journals[-1] for c in consensuses))
     broken = Tape(tape.scenario, tape.envelopes[: at + 1], tape.about)
     again = replay(broken)
-    found = match(broken.runs[0], recorded(broken), again.output, ended=False)
-    assert found.exact
-    assert found.cut_off > 0
-    assert f"breaks off before the last {found.cut_off} consensuses" in told(Replay(), found)[1]
+    matched = match(broken.runs[0], recorded(broken), again.output, ended=False)
+    assert matched.exact
+    assert matched.cut_off > 0
+    assert f"breaks off before the last {matched.cut_off} consensuses" in told(Replay(), matched)[1]
     assert not match(broken.runs[0], recorded(broken), again.output).exact
     lost = next(c for c in consensuses if "agreed/robot" in tape.envelopes[c][1].key)
     holey = Tape(tape.scenario, [e for i, e in enumerate(broken.envelopes) if i != lost], tape.about)

@@ -30,10 +30,10 @@ from tests.tape.teams import SMALL
 HASH = "8662e5fa738c97ce4c81bec1bf0087196248d33a435c0250a00758b77baed738"
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
+def as_json(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
     assert call(*arguments, "--json") == 0
-    found: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return found
+    printed: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return printed
 
 
 def rmse(card: dict[str, Any]) -> dict[tuple[str, str], float]:
@@ -47,14 +47,14 @@ def test_the_golden_tape_is_small_and_replayed(capsys: pytest.CaptureFixture[str
     status = call("replay", GOLDEN, "--json")
     card = json.loads(capsys.readouterr().out)
     assert status == (0 if card["hash"] == HASH else 1)  # 1 on a processor that rounds in another way
-    compared = told(capsys, "replay", GOLDEN, "--loss", "0.1")
+    compared = as_json(capsys, "replay", GOLDEN, "--loss", "0.1")
     assert compared["recorded"]["hash"] == HASH
     assert rmse(card) == pytest.approx(rmse(compared["recorded"]), abs=1e-4)
     assert (card["ticks"], card["mode"], card["fusion"], card["verdict"]) == (15, "lockstep", "joint", "PASS")
 
 
 def test_what_if_shows_what_was_recorded_beside_it(capsys: pytest.CaptureFixture[str]) -> None:
-    found = told(
+    report = as_json(
         capsys,
         "replay",
         GOLDEN,
@@ -67,12 +67,12 @@ def test_what_if_shows_what_was_recorded_beside_it(capsys: pytest.CaptureFixture
         "--loss",
         "0.1",
     )
-    assert found["changes"] == {"without": ["r3"], "rule": "cooperative", "set": ["board.gamma=0.3"], "loss": 0.1}
-    assert found["recorded"]["hash"] == HASH
-    assert rmse(found["unchanged"]) == pytest.approx(rmse(found["recorded"]), abs=1e-4)
-    assert found["what_if"]["hash"] != HASH
-    assert "r3" not in found["recorded"]["scores"]["robots"]["by_name"]
-    assert "do not hear the changed boards" in found["note"]
+    assert report["changes"] == {"without": ["r3"], "rule": "cooperative", "set": ["board.gamma=0.3"], "loss": 0.1}
+    assert report["recorded"]["hash"] == HASH
+    assert rmse(report["unchanged"]) == pytest.approx(rmse(report["recorded"]), abs=1e-4)
+    assert report["what_if"]["hash"] != HASH
+    assert "r3" not in report["recorded"]["scores"]["robots"]["by_name"]
+    assert "do not hear the changed boards" in report["note"]
 
 
 @pytest.mark.parametrize(
@@ -110,10 +110,10 @@ def test_settings_of_boards_and_of_nobody_else() -> None:
 
 
 def test_a_lie_is_a_change_with_intervals(capsys: pytest.CaptureFixture[str]) -> None:
-    found = told(capsys, "replay", GOLDEN, "--lie", "r2=6")
-    assert found["changes"] == {"lie": ["r2=6"]}
-    assert found["paired"]["robots"]["consensus"]["error"]["value"] > 0
-    assert found["what_if"]["hash"] != found["unchanged"]["hash"]
+    report = as_json(capsys, "replay", GOLDEN, "--lie", "r2=6")
+    assert report["changes"] == {"lie": ["r2=6"]}
+    assert report["paired"]["robots"]["consensus"]["error"]["value"] > 0
+    assert report["what_if"]["hash"] != report["unchanged"]["hash"]
 
 
 @pytest.mark.parametrize("change", [(), ("--without", "r3")])
@@ -121,9 +121,9 @@ def test_a_replay_says_how_far_it_is_on_standard_error(
     capsys: pytest.CaptureFixture[str], change: tuple[str, ...]
 ) -> None:
     call("replay", GOLDEN, "--json", *change)
-    told = capsys.readouterr()
-    assert json.loads(told.out)
-    lines = [line.split() for line in told.err.splitlines() if line.startswith("replay: ")]
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)
+    lines = [line.split() for line in printed.err.splitlines() if line.startswith("replay: ")]
     assert len(lines) == 11  # the first, and each tenth
     assert [line[1] for line in lines] == sorted((line[1] for line in lines), key=int)
     assert lines[-1][1] == lines[-1][3]
@@ -136,7 +136,7 @@ def test_help_says_what_a_replay_is(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_info_recover_and_cut(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert told(capsys, "tape", "info", GOLDEN)["runs"]
+    assert as_json(capsys, "tape", "info", GOLDEN)["runs"]
     broken, saved, part = (tmp_path / name for name in ("broken.mcap", "saved.mcap", "part.mcap"))
     broken.write_bytes(GOLDEN.read_bytes()[:-60_000])
     assert call("tape", "recover", broken, saved) == 0
@@ -193,9 +193,9 @@ def test_a_table_is_parquet_with_the_same_rows(tmp_path: Path) -> None:
     lines, columns = tmp_path / "x.jsonl", tmp_path / "x.parquet"
     assert call("tape", "table", GOLDEN, "--out", lines) == 0
     assert call("tape", "table", GOLDEN, "--out", columns) == 0
-    found = parquet.read_table(columns)
-    assert found.to_pylist() == [json.loads(line) for line in lines.read_text().splitlines()]
-    assert str(found.schema.field("error").type) == "double"
+    table = parquet.read_table(columns)
+    assert table.to_pylist() == [json.loads(line) for line in lines.read_text().splitlines()]
+    assert str(table.schema.field("error").type) == "double"
 
 
 def test_parquet_without_its_extra_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

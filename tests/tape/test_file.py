@@ -26,8 +26,8 @@ def test_what_was_written_is_read_in_its_order(tmp_path: Path) -> None:
 
 def test_mcap_tools_see_keys_encodings_and_schemas(tmp_path: Path) -> None:
     reader = make_reader(io.BytesIO(written()))
-    found = {(c.topic, c.message_encoding, s.name) for s, c, _ in reader.iter_messages() if s is not None}
-    assert found == {
+    channels = {(c.topic, c.message_encoding, s.name) for s, c, _ in reader.iter_messages() if s is not None}
+    assert channels == {
         ("cop/t/world/alive", "json", "cop.v1.Event"),
         ("cop/t/world/clock", "msgpack", "cop.v1.Clock"),
         ("cop/t/a/report/r1/object/ball", "msgpack", "cop.v1.Report"),
@@ -66,10 +66,10 @@ def test_a_broken_chunk_is_stepped_over(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="broken"):
         list(read(path))
     broken: list[int] = []
-    found = list(look_through(path, TapeAbout(), broken))
+    kept = list(look_through(path, TapeAbout(), broken))
     assert len(broken) == 1
-    assert found
-    assert all(each in ENVELOPES for each in found)
+    assert kept
+    assert all(each in ENVELOPES for each in kept)
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\x89MCAP0\r\n"])

@@ -60,9 +60,9 @@ def test_whatever_room_there_is_the_tape_is_a_whole_beginning_and_its_length_is_
             disk.room += rooms[number * len(rooms) // len(SENT)]
     writer.close()
     path = saved(tmp_path_factory.getbasetemp() / "full.mcap", disk.getvalue())
-    found = found_on(path)
-    assert found == SENT[: len(found)]
-    assert (writer.kept, writer.missing) == (len(found), len(SENT) - len(found))
+    kept = found_on(path)
+    assert kept == SENT[: len(kept)]
+    assert (writer.kept, writer.missing) == (len(kept), len(SENT) - len(kept))
 
 
 def test_a_disk_that_was_full_for_a_while_costs_nothing_where_the_rest_fits_into_memory(tmp_path: Path) -> None:
@@ -94,11 +94,11 @@ def test_what_waits_for_room_is_bounded_and_what_came_too_late_is_counted(
     writer.flush()
     writer.write(*SENT[-1])
     writer.close()
-    found = list(look_through(saved(tmp_path / "x.mcap", disk.getvalue()), TapeAbout()))
-    assert 0 < len(found) < 100
-    assert found[:-1] == SENT[: len(found) - 1]
-    assert found[-1] == SENT[-1]
-    assert writer.skipped["no_room"] == writer.missing == len(SENT) + 1 - len(found)
+    kept = list(look_through(saved(tmp_path / "x.mcap", disk.getvalue()), TapeAbout()))
+    assert 0 < len(kept) < 100
+    assert kept[:-1] == SENT[: len(kept) - 1]
+    assert kept[-1] == SENT[-1]
+    assert writer.skipped["no_room"] == writer.missing == len(SENT) + 1 - len(kept)
 
 
 def test_a_recorder_on_a_full_disk_goes_on_and_logs_it_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -129,13 +129,13 @@ def test_whoever_looks_on_has_an_alarm_of_a_full_disk_until_it_is_looked_at() ->
     assert until(1.0) == "no team is heard of here"
     disk.room = 0
     for now in range(2, 20):
-        told = until(float(now))
-    assert "! recorder cannot write its tape (No space left on device), 18 messages are missing, for 17 s" in told
+        shown = until(float(now))
+    assert "! recorder cannot write its tape (No space left on device), 18 messages are missing, for 17 s" in shown
     fold.hear_envelope(NEW_RUN, 19.0)
     disk.room = 1 << 20
     assert ", for 18 s; over since 0 s" in until(20.0)
     assert recorder.wake(21.0) == []
-    assert [it["over"] for it in summary(fold, 500.0)["teams"][0]["alarms"]] == [480.0]
+    assert [alarm["over"] for alarm in summary(fold, 500.0)["teams"][0]["alarms"]] == [480.0]
 
 
 def test_a_copy_that_finds_no_room_is_one_line_and_leaves_nothing(

@@ -62,9 +62,9 @@ def test_it_is_the_service_with_a_journal_ahead_of_what_it_sends() -> None:
     assert service.receive(Envelope("token", kind=Kind.ALIVE), 10.5) == []
     journal, answer = service.receive(Envelope("k", b"2"), 11.0)
     assert answer.key == "answer"
-    (told,) = journals([journal])
-    assert (told.began, told.first) == (10.0, 0)
-    assert told.events == [
+    (piece,) = journals([journal])
+    assert (piece.began, piece.first) == (10.0, 0)
+    assert piece.events == [
         (10.0, "put", digest(Envelope("k", b"1"))), (10.5, "alive", "token"), (11.0, "put", digest(Envelope("k", b"2"))),
     ]  # fmt: skip
     (woken,) = journals(service.wake(12.0))
@@ -76,8 +76,8 @@ def test_a_journal_is_sent_once_it_is_full_and_its_names_are_bounded() -> None:
     service.inner.receive = lambda envelope, now: []  # type: ignore[method-assign]
     out = [service.receive(Envelope("k" * 9999, kind=Kind.GONE), 1.0) for _ in range(MAX_OPINIONS)]
     assert [len(each) for each in out] == [0] * (MAX_OPINIONS - 1) + [1]
-    (told,) = journals(out[-1])
-    assert {name for _, _, name in told.events} == {"k" * MAX_JOURNAL_NAME}
+    (piece,) = journals(out[-1])
+    assert {name for _, _, name in piece.events} == {"k" * MAX_JOURNAL_NAME}
     assert digest(Envelope("k", bytes(MAX_BYTES + 1))) == TOO_LARGE
 
 

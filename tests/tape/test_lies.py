@@ -27,22 +27,22 @@ def tape(tmp_path_factory: pytest.TempPathFactory) -> Tape:
 
 
 def reports(tape: Tape) -> list[tuple[Envelope, Report]]:
-    found = ((e, open_envelope(e)[2]) for _, e in tape.envelopes if e.kind is Kind.PUT and keys.REPORT.match(e.key))
-    return [(envelope, report) for envelope, report in found if isinstance(report, Report)]
+    messages = ((e, open_envelope(e)[2]) for _, e in tape.envelopes if e.kind is Kind.PUT and keys.REPORT.match(e.key))
+    return [(envelope, report) for envelope, report in messages if isinstance(report, Report)]
 
 
 def test_everything_that_the_liar_reports_is_displaced_as_by_a_fault(tape: Tape) -> None:
     change = lying({"r2": 3.0})
-    found = [(report, envelope, change(envelope)) for envelope, report in reports(tape)]
-    assert all(after is before for report, before, after in found if report.source != "r2")
-    lies = [(report, open_envelope(after)[2]) for report, _, after in found if report.source == "r2"]
+    changes = [(report, envelope, change(envelope)) for envelope, report in reports(tape)]
+    assert all(after is before for report, before, after in changes if report.source != "r2")
+    lies = [(report, open_envelope(after)[2]) for report, _, after in changes if report.source == "r2"]
     assert len(lies) > 5
     assert any(report.evidence is not None for report, _ in lies)
     assert all(lie == displaced(report, (3.0, 0.0)) for report, lie in lies)
 
 
 def test_what_cannot_be_read_stays_as_it_is(tape: Tape) -> None:
-    change, (envelope, report) = lying({"r2": 3.0}), next(it for it in reports(tape) if it[1].source == "r2")
+    change, (envelope, report) = lying({"r2": 3.0}), next(said for said in reports(tape) if said[1].source == "r2")
     other = Envelope(envelope.key, envelope.payload[:-1])
     assert change(other) is other
     belief = report.belief.model_copy(update={"data": b"x"})
@@ -55,10 +55,10 @@ def test_a_liar_changes_what_the_boards_believe(tape: Tape) -> None:
     ones, others = list[Sample](), list[Sample]()
     judge(tape.scenario, story, what_if(tape, tape.scenario), record=ones.append)
     judge(tape.scenario, story, what_if(tape, tape.scenario, change=lying({"r2": 5.0})), record=others.append)
-    found = paired(ones, others)
-    assert found["robots"]["consensus"]["error"]["value"] > 0.2
-    assert found["robots"]["consensus"]["error"]["low"] is None  # a run of five ticks is too short
-    assert "too short" in text(found, "cell")
+    differences = paired(ones, others)
+    assert differences["robots"]["consensus"]["error"]["value"] > 0.2
+    assert differences["robots"]["consensus"]["error"]["low"] is None  # a run of five ticks is too short
+    assert "too short" in text(differences, "cell")
 
 
 @pytest.mark.parametrize("given", ["r2", "r9=3", "r2=far", "r2=nan", "r2=1e9", "=3"])

@@ -69,18 +69,18 @@ def test_the_hash_is_the_recorded_one(
     card, tape = recorded_run(
         tmp_path / "x.mcap", scenario.changed("board", fusion=fusion), story or (lambda team: None)
     )
-    one, other = hashes(tape)
-    assert one == other
+    first, second = hashes(tape)
+    assert first == second
     if story is None:
-        assert one == card["hash"]
+        assert first == card["hash"]
 
 
 def test_the_scorecard_of_a_tape_is_the_world_s(tmp_path: Path) -> None:
     card, tape = recorded_run(tmp_path / "x.mcap")
-    found = scorecard(judge(tape.scenario, course(tape, tape.runs[-1]), recorded(tape)))
-    assert found.keys() == card.keys()
+    judged = scorecard(judge(tape.scenario, course(tape, tape.runs[-1]), recorded(tape)))
+    assert judged.keys() == card.keys()
     own = ("wall_s", "messages", "bytes", "counters")  # what was on the network, and at the world's own process
-    assert {k: v for k, v in found.items() if k not in own} == {k: v for k, v in card.items() if k not in own}
+    assert {k: v for k, v in judged.items() if k not in own} == {k: v for k, v in card.items() if k not in own}
 
 
 def test_a_board_without_a_world_comes_out_the_same() -> None:
@@ -107,8 +107,10 @@ def test_a_board_without_a_world_comes_out_the_same() -> None:
     assert story.mode == "free"
     assert match("", recorded(tape), again.output).same > 5
     assert match("", recorded(tape), again.output).exact
-    one, other = (judge(SMALL, story, output).judgement.hash for output in (recorded(tape), again.output))
-    assert one == other != judge(SMALL, story, Output()).judgement.hash
+    recorded_hash, replayed_hash = (
+        judge(SMALL, story, output).judgement.hash for output in (recorded(tape), again.output)
+    )
+    assert recorded_hash == replayed_hash != judge(SMALL, story, Output()).judgement.hash
 
 
 def test_messages_on_a_tape_may_be_anything(tmp_path: Path) -> None:

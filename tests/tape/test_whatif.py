@@ -38,27 +38,29 @@ def test_a_board_that_was_started_again_is_started_again(tmp_path: Path) -> None
         team.restart("b")
 
     _, tape = recorded_run(tmp_path / "x.mcap", story=story)
-    found = match(tape.runs[0], recorded(tape), what_if(tape, tape.scenario))
-    assert (found.only_recorded, found.only_replayed) == (0, 0)
-    assert found.different <= 5  # the agreed beliefs of the tick in which it came back: there the order counts
+    matched = match(tape.runs[0], recorded(tape), what_if(tape, tape.scenario))
+    assert (matched.only_recorded, matched.only_replayed) == (0, 0)
+    assert matched.different <= 5  # the agreed beliefs of the tick in which it came back: there the order counts
 
 
 def test_another_rule_is_in_force(tape: Tape) -> None:
     output = what_if(tape, tape.scenario.with_rule("linear").changed("board", fusion="opinions"))
     assert {c.rule for c in consensuses(output)} == {"linear"}
-    one, other = (judge(tape.scenario, course(tape, tape.runs[0]), o).judgement for o in (recorded(tape), output))
-    assert one.hash != other.hash
-    assert one.scores["robots"]["agreed"]["n"] == other.scores["robots"]["agreed"]["n"]
-    assert one.scores["robots"]["solo"] == other.scores["robots"]["solo"]
+    recorded_judgement, replayed_judgement = (
+        judge(tape.scenario, course(tape, tape.runs[0]), o).judgement for o in (recorded(tape), output)
+    )
+    assert recorded_judgement.hash != replayed_judgement.hash
+    assert recorded_judgement.scores["robots"]["agreed"]["n"] == replayed_judgement.scores["robots"]["agreed"]["n"]
+    assert recorded_judgement.scores["robots"]["solo"] == replayed_judgement.scores["robots"]["solo"]
 
 
 def test_without_a_robot_nobody_knows_it_and_nobody_waits_for_it(tape: Tape) -> None:
     output = what_if(tape, tape.scenario, without=["r2"])
     assert {c.tick for c in consensuses(output)} == set(range(5))
     assert "r2" not in {used.source for c in consensuses(output) for used in c.used}
-    found = judge(tape.scenario, course(tape, tape.runs[0]), output, without=["r2"]).judgement
-    assert set(found.scores["robots"]["by_name"]) == {"r1", "r3"}
-    assert "r2 was never judged" not in found.reasons
+    judgement = judge(tape.scenario, course(tape, tape.runs[0]), output, without=["r2"]).judgement
+    assert set(judgement.scores["robots"]["by_name"]) == {"r1", "r3"}
+    assert "r2 was never judged" not in judgement.reasons
 
 
 @pytest.mark.parametrize("loss", [0.3, 1.0])
