@@ -48,15 +48,17 @@ def team(
     robots: Sequence[Robot], seconds: float, seed: int, names: Sequence[int] = range(len(PLACES))
 ) -> list[Readings]:
     """What robots r1, r2, ... measure. `names` has for each place the number of the landmark that is seen there."""
-    rng, found = np.random.default_rng(seed), list[Readings]()
+    rng, readings = np.random.default_rng(seed), list[Readings]()
     steps, each = round(seconds / FINE), round(TICK / FINE)
     ways = np.array([_way(robot, steps, 5.0 * n, rng) for n, robot in enumerate(robots)])  # (N, steps + 1, 3)
     for tick in range(steps // each + 1):
         at = tick * each
         for n, robot in enumerate(robots):
-            told = [_told(FINE * k + 5.0 * n) for k in range(at - each, at)] if tick else []
-            odometry = Odometry(distance=sum(a for a, _ in told) * FINE, turn=sum(b for _, b in told) * FINE, dt=TICK)
-            found.append(
+            commands = [_told(FINE * k + 5.0 * n) for k in range(at - each, at)] if tick else []
+            odometry = Odometry(
+                distance=sum(a for a, _ in commands) * FINE, turn=sum(b for _, b in commands) * FINE, dt=TICK
+            )
+            readings.append(
                 Readings(
                     run="x",
                     robot=f"r{n + 1}",
@@ -66,7 +68,7 @@ def team(
                     sightings=_seen(robot, n, ways[:, at], tick, names, rng) if tick else [],
                 )
             )
-    return found
+    return readings
 
 
 def _told(time: float) -> tuple[float, float]:
@@ -101,7 +103,7 @@ def _seen(
     x, y, heading = poses[n]
     there = [(f"landmark/{name}", place, PLACES[name]) for place, name in zip(PLACES, names, strict=True)]
     mates = [(f"robot/r{other + 1}", poses[other][:2], None) for other in range(len(poses)) if other != n]
-    found = []
+    sightings = []
     for number, (subject, place, known) in enumerate([*there, *mates]):
         away = math.dist(place, (x, y))
         angle = (math.atan2(place[1] - y, place[0] - x) - heading + math.pi) % (2 * math.pi) - math.pi
@@ -111,5 +113,5 @@ def _seen(
         angle += robot.bearing + robot.bearing_sigma * rng.normal()
         if rng.random() < robot.misread:
             distance, angle = 10 * rng.random(), 6 * rng.random() - 3
-        found.append(Sighting(subject=subject, range=max(0.0, distance), bearing=angle, landmark=known))
-    return found
+        sightings.append(Sighting(subject=subject, range=max(0.0, distance), bearing=angle, landmark=known))
+    return sightings

@@ -27,8 +27,10 @@ def taped(path: Path, readings: bool = True) -> Path:
     """A tape with what two robots measured, and their scenario."""
     file, scenario = io.BytesIO(), load("mrclam").changed("team", sub_teams={"a": ["r1", "r2"]})
     writer = TapeWriter(file, {"team": "mrclam", "scenario": scenario.to_json()})
-    for one in team([Robot(arc_turn=0.6), Robot()], 90.0, 1) if readings else ():
-        writer.write(1e9 + one.time, Envelope(keys.READING.key(team="mrclam", robot=one.robot), encode(one)))
+    for measured in team([Robot(arc_turn=0.6), Robot()], 90.0, 1) if readings else ():
+        writer.write(
+            1e9 + measured.time, Envelope(keys.READING.key(team="mrclam", robot=measured.robot), encode(measured))
+        )
     writer.close()
     path.write_bytes(file.getvalue())
     return path
@@ -56,9 +58,9 @@ def test_a_tape_gives_tables_that_a_scenario_takes(tape: Path) -> None:
 def test_as_json_there_is_nothing_else_also_where_residuals_are_drawn(tape: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra `plot`")
     ran = Ran("calibrate", str(tape), "--json", "--plot", str(tmp_path))
-    found = json.loads(ran.out)
-    assert list(found["robots"]) == ["r1", "r2"]
-    assert found["nats"]["found"] > found["nats"]["the scenario's"]
+    report = json.loads(ran.out)
+    assert list(report["robots"]) == ["r1", "r2"]
+    assert report["nats"]["found"] > report["nats"]["the scenario's"]
     assert {file.name for file in tmp_path.glob("*.png")} == {"residuals-r1.png", "residuals-r2.png", "ways.png"}
 
 
@@ -85,16 +87,16 @@ def test_what_the_recorded_robots_do_of_what_they_are_told_is_found() -> None:
     flags = ("--mrclam", str(DATASET9), "--start", "1288972460", "--seconds", "400", "--json")
     run = blackboard("calibrate", *flags, timeout=300)
     assert run.returncode == 0, run.stderr
-    found = json.loads(run.stdout)
-    numbers = [robot["numbers"] for robot in found["robots"].values()]
-    drifts = [one["drift"]["value"] for one in numbers]
-    pasted = [tables["odometry"]["drift"] for tables in found["scenario"]["robots"].values()]
+    report = json.loads(run.stdout)
+    numbers = [robot["numbers"] for robot in report["robots"].values()]
+    drifts = [robot["drift"]["value"] for robot in numbers]
+    pasted = [tables["odometry"]["drift"] for tables in report["scenario"]["robots"].values()]
     assert pasted == pytest.approx(drifts, abs=1e-4), (
         "all robots drift to one side: a team without landmarks cannot see it"
     )
     for name, low, high in (("turn, arc", 0.58, 0.66), ("turn, spin", 1.02, 1.06), ("way, straight", 1.02, 1.05)):
-        told = [one[name]["value"] for one in numbers if one[name] is not None and one[name]["within"] < 0.1]
-        assert told, name
-        assert all(0.9 * low < value < 1.1 * high for value in told), (name, told)
-    lags = [one["lag"]["value"] for one in numbers]
+        values = [robot[name]["value"] for robot in numbers if robot[name] is not None and robot[name]["within"] < 0.1]
+        assert values, name
+        assert all(0.9 * low < value < 1.1 * high for value in values), (name, values)
+    lags = [robot["lag"]["value"] for robot in numbers]
     assert statistics.mean(lags) == pytest.approx(0.10, rel=0.15)

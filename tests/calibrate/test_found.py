@@ -21,7 +21,7 @@ USUAL = Noise.alike(2, (0.03, 0.004, 0.03), 0.1, 0.04, 0.08, 0.02)
 
 
 @cache
-def found() -> FoundTeam:
+def found_team() -> FoundTeam:
     return calibrated(drives_of(team([ODD, NOISY], 180.0, 1)), 0.26, {"usual": USUAL})
 
 
@@ -43,7 +43,7 @@ TRUE = [
 @pytest.mark.parametrize(("name", "odd", "noisy", "within"), TRUE)
 def test_a_number_is_found_for_each_robot(name: str, odd: float, noisy: float, within: float) -> None:
     for robot, true, times in (("r1", odd, 1), ("r2", noisy, 3)):  # the noisy robot three times as far
-        number = found().robots[robot].numbers[name]
+        number = found_team().robots[robot].numbers[name]
         assert number.value is not None
         assert number.value == pytest.approx(true, abs=times * within)
         assert abs(number.value - true) < 2 * number.within, "twice half of an interval of 95 %"
@@ -51,64 +51,67 @@ def test_a_number_is_found_for_each_robot(name: str, odd: float, noisy: float, w
 
 def test_noise_of_ranges_and_misreads_are_found() -> None:
     for robot, sigma in (("r1", 0.05), ("r2", 0.15)):
-        table = found().robots[robot].ranges
+        table = found_team().robots[robot].ranges
         squared = sum(count * rms**2 for *_, count, rms in table) / sum(count for *_, count, _ in table)
         assert squared**0.5 == pytest.approx(sigma, rel=0.2)
-    assert found().robots["r1"].misread < 0.01
-    assert found().robots["r2"].misread == pytest.approx(0.05, abs=0.03)
-    assert found().landmarks == []
+    assert found_team().robots["r1"].misread < 0.01
+    assert found_team().robots["r2"].misread == pytest.approx(0.05, abs=0.03)
+    assert found_team().landmarks == []
 
 
 def test_errors_that_are_fresh_do_not_last() -> None:
-    assert all(it.lasting == {"range": 0.0, "bearing": 0.0} for it in found().robots.values())
+    assert all(robot.lasting == {"range": 0.0, "bearing": 0.0} for robot in found_team().robots.values())
 
 
 def test_what_was_found_predicts_the_half_that_was_not_fitted_better() -> None:
-    assert found().nats["found"] > found().nats["usual"] + 0.1
+    assert found_team().nats["found"] > found_team().nats["usual"] + 0.1
 
 
 def test_landmarks_that_carry_each_others_names_are_named_and_do_no_harm() -> None:
     names = [1, 0, *range(2, len(PLACES))]
-    it = calibrated(drives_of(team([Robot(), Robot()], 120.0, 3, names)), 0.26, {})
-    assert {(one.landmark, one.exchanged) for one in it.landmarks} == {
+    swapped = calibrated(drives_of(team([Robot(), Robot()], 120.0, 3, names)), 0.26, {})
+    assert {(landmark.landmark, landmark.exchanged) for landmark in swapped.landmarks} == {
         ("landmark/0", "landmark/1"),
         ("landmark/1", "landmark/0"),
     }
-    assert it.robots["r1"].numbers["range scale"].value == pytest.approx(1.0, abs=0.03)
-    assert "carry each other's names" in report.text(report.report(it, {}), "m")
+    assert swapped.robots["r1"].numbers["range scale"].value == pytest.approx(1.0, abs=0.03)
+    assert "carry each other's names" in report.text(report.report(swapped, {}), "m")
 
 
 def test_a_landmark_that_was_moved_is_named_with_where_it_is() -> None:
     readings = team([Robot(), Robot()], 120.0, 3)
     moved = (PLACES[6][0] + 0.8, PLACES[6][1])
-    told = [
-        one.model_copy(
+    displaced = [
+        reading.model_copy(
             update={
-                "sightings": [replace_place(it, moved) if it.subject == "landmark/6" else it for it in one.sightings]
+                "sightings": [
+                    replace_place(sighting, moved) if sighting.subject == "landmark/6" else sighting
+                    for sighting in reading.sightings
+                ]
             }
         )
-        for one in readings
+        for reading in readings
     ]
-    (it,) = calibrated(drives_of(told), 0.26, {}).landmarks
-    assert (it.landmark, it.exchanged) == ("landmark/6", "")
-    assert it.seen == pytest.approx(PLACES[6], abs=0.1)
-    assert it.off == pytest.approx(0.8, abs=0.1)
+    (landmark,) = calibrated(drives_of(displaced), 0.26, {}).landmarks
+    assert (landmark.landmark, landmark.exchanged) == ("landmark/6", "")
+    assert landmark.seen == pytest.approx(PLACES[6], abs=0.1)
+    assert landmark.off == pytest.approx(0.8, abs=0.1)
 
 
-def replace_place(it: object, place: tuple[float, float]) -> object:
-    return it.model_copy(update={"landmark": place})  # type: ignore[attr-defined]
+def replace_place(sighting: object, place: tuple[float, float]) -> object:
+    return sighting.model_copy(update={"landmark": place})  # type: ignore[attr-defined]
 
 
 def test_what_a_drive_does_not_show_is_left_open() -> None:
     """A robot that never drives a curve says nothing of curves, and one that never stands nothing of standing."""
     readings = team([Robot(), Robot()], 60.0, 4)
     straight = [
-        one.model_copy(update={"odometry": one.odometry and one.odometry.model_copy(update={"turn": 0.0})})
-        for one in readings
+        reading.model_copy(update={"odometry": reading.odometry and reading.odometry.model_copy(update={"turn": 0.0})})
+        for reading in readings
     ]
-    it = calibrated(drives_of(straight), 0.26, {})
-    assert it.robots["r1"].numbers["turn, arc"].value is None
-    tables = report.report(it, {})["scenario"]["robots"]["r1"]["odometry"]
+    found = calibrated(drives_of(straight), 0.26, {})
+    assert found.robots["r1"].numbers["turn, arc"].value is None
+    tables = report.report(found, {})["scenario"]["robots"]["r1"]["odometry"]
     assert "curve_turn_scale" not in tables
     assert "distance_scale" in tables
 
@@ -121,8 +124,10 @@ def test_too_little_is_said_in_a_line(seconds: float, landmarks: bool, complaint
     readings = team([Robot(), Robot()], seconds, 5)
     if not landmarks:
         readings = [
-            one.model_copy(update={"sightings": [it for it in one.sightings if it.landmark is None]})
-            for one in readings
+            reading.model_copy(
+                update={"sightings": [sighting for sighting in reading.sightings if sighting.landmark is None]}
+            )
+            for reading in readings
         ]
     with pytest.raises(UserError, match=complaint):
         calibrated(drives_of(readings), 0.26, {})
@@ -138,20 +143,20 @@ def test_the_bar_moves_and_never_past_its_end() -> None:
 def test_halves_are_apart() -> None:
     """What is scored was not fitted: a robot whose camera is spoilt in the second half is predicted worse there."""
     readings = team([Robot(), Robot()], 90.0, 7)
-    spoilt = [one if one.time < 45 else _shrunk(one) for one in readings]
+    spoilt = [reading if reading.time < 45 else _shrunk(reading) for reading in readings]
     sound = calibrated(drives_of(readings), 0.26, {}).nats["found"]
     assert calibrated(drives_of(spoilt), 0.26, {}).nats["found"] < sound - 0.2
 
 
-def _shrunk(one: object) -> object:
-    sightings = [it.model_copy(update={"range": 0.8 * it.range}) for it in one.sightings]  # type: ignore[attr-defined]
-    return one.model_copy(update={"sightings": sightings})  # type: ignore[attr-defined]
+def _shrunk(reading: object) -> object:
+    sightings = [sighting.model_copy(update={"range": 0.8 * sighting.range}) for sighting in reading.sightings]  # type: ignore[attr-defined]
+    return reading.model_copy(update={"sightings": sightings})  # type: ignore[attr-defined]
 
 
 def test_a_part_keeps_what_was_measured_in_it() -> None:
     drives = drives_of(team([Robot(), Robot()], 20.0, 8))
     first, second = drives.split()
     assert len(first.times) + len(second.times) == len(drives.times)
-    seen = [len(it.sightings.tick) for it in (first, second, drives)]
-    assert seen[0] + seen[1] in (seen[2], seen[2] - int((drives.sightings.tick == len(first.times)).sum()))
+    counts = [len(part.sightings.tick) for part in (first, second, drives)]
+    assert counts[0] + counts[1] in (counts[2], counts[2] - int((drives.sightings.tick == len(first.times)).sum()))
     assert np.array_equal(replace(second, robots=()).times, drives.times[len(first.times) :])

@@ -71,21 +71,21 @@ def scenario(truth: Truth, told: bool, **board: object) -> Scenario:
     )
 
 
-def gathered(it: Said, truth: Truth, sigmas: bool) -> SinceStep:
+def gathered(said: Said, truth: Truth, sigmas: bool) -> SinceStep:
     """What a robot is told; with `sigmas` how exact its odometry is, too."""
     own = {}
     if sigmas:
         own = {
-            "distance_sigma": truth.along * math.sqrt(abs(it.distance)),
-            "turn_sigma": truth.turn * math.sqrt(it.dt),
+            "distance_sigma": truth.along * math.sqrt(abs(said.distance)),
+            "turn_sigma": truth.turn * math.sqrt(said.dt),
         }
     fix = None
-    if it.start is not None:
-        fix = Fix(position=it.start[:2], sigma=truth.start, heading=it.start[2], heading_sigma=truth.start_heading)
-    elif it.gps is not None:
-        fix = Fix(position=it.gps, sigma=truth.gps)
+    if said.start is not None:
+        fix = Fix(position=said.start[:2], sigma=truth.start, heading=said.start[2], heading_sigma=truth.start_heading)
+    elif said.gps is not None:
+        fix = Fix(position=said.gps, sigma=truth.gps)
     return SinceStep(
-        None if it.start is not None else Odometry(distance=it.distance, turn=it.turn, dt=it.dt, **own),
+        None if said.start is not None else Odometry(distance=said.distance, turn=said.turn, dt=said.dt, **own),
         None,
         fix,
         tuple(
@@ -96,17 +96,17 @@ def gathered(it: Said, truth: Truth, sigmas: bool) -> SinceStep:
                 range_sigma=truth.range,
                 bearing_sigma=truth.bearing,
             )
-            for s in it.seen
+            for s in said.seen
         ),
     )
 
 
-def posterior(it: Said, truth: Truth, sigmas: bool, own: Central, robot: str) -> SinceStep:
+def posterior(said: Said, truth: Truth, sigmas: bool, own: Central, robot: str) -> SinceStep:
     """The same of a robot with a filter of its own, which took what the sensors said but the sightings."""
-    told = gathered(it, truth, sigmas)
+    step = gathered(said, truth, sigmas)
     mean, covariance = own.of(f"robot/{robot}")
-    still = Odometry(distance=0.0, turn=0.0, dt=it.dt)
-    return SinceStep(told.odometry or still, None, None, told.sightings, posterior=Moments(mean, covariance))
+    still = Odometry(distance=0.0, turn=0.0, dt=said.dt)
+    return SinceStep(step.odometry or still, None, None, step.sightings, posterior=Moments(mean, covariance))
 
 
 class Field(Scheduler):
@@ -139,13 +139,13 @@ class Field(Scheduler):
         self.board = board_of(chosen, "a", "board-a")
         self.join(self.board)
         for robot in world.robots:
-            news = TeamNews(chosen.grid, lambda it: self.agreed.update({it.subject: it})).take
-            it = driven(
+            news = TeamNews(chosen.grid, lambda agreed: self.agreed.update({agreed.subject: agreed})).take
+            driven_robot = driven(
                 news, chosen, team="t", sub_teams=["a"], robot=robot, grid=chosen.grid,
                 joint=chosen.board.fusion == "joint",
             )  # fmt: skip
-            self.robots[robot] = it
-            self.join(it)
+            self.robots[robot] = driven_robot
+            self.join(driven_robot)
         self.work: list[float] = []
         self.ages: list[float] = []  # of what is agreed on the ball, in seconds, whenever a robot steps
 
@@ -161,20 +161,20 @@ class Field(Scheduler):
             at = begin + world.time
             central.step(said)
             settled = world.time >= SETTLED
-            for robot, it in said.items():
-                alone[robot].step({robot: Said(it.distance, it.turn, it.dt, it.start, it.gps)})
+            for robot, step in said.items():
+                alone[robot].step({robot: Said(step.distance, step.turn, step.dt, step.start, step.gps)})
                 self.run_to(max(self.now, at + self.phases.get(robot, 0.0)))
-                told = gathered(it, self.claimed, self.sigmas)
-                if robot in self.unplaced and it.start is not None:
-                    told = SinceStep()
+                since = gathered(step, self.claimed, self.sigmas)
+                if robot in self.unplaced and step.start is not None:
+                    since = SinceStep()
                 if self.own:
                     if self.fed_back and (before := self.robots[robot].pose()) is not None:
                         alone[robot].take(before.mean, before.covariance)
-                    told = posterior(it, truth, self.sigmas, alone[robot], robot)
+                    since = posterior(step, truth, self.sigmas, alone[robot], robot)
                 if settled and (ball := self.agreed.get("object/ball")) is not None:
                     self.ages.append(self.now - ball.time)
                 began = time.thread_time()
-                pose, out = self.robots[robot].step(told, self.now, at)
+                pose, out = self.robots[robot].step(since, self.now, at)
                 self.work.append(time.thread_time() - began)
                 self.send(self.robots[robot], out)
                 if settled and pose is not None:
@@ -201,14 +201,21 @@ def main(
         began = 0.2 * (0.618 * seed % 1.0)  # no robot knows when a board's periods begin
         chosen = scenario(world.truth, told, **board)
         field_ = Field(world, chosen, sigmas, phases, own=own, fed_back=fed_back, began=began)
-        for who, found in field_.play(seconds).items():
-            for name, score in found.items():
+        for who, scores in field_.play(seconds).items():
+            for name, score in scores.items():
                 totals[who][name].take(score)
         work += field_.work
         ages += field_.ages
-        for robot, it in field_.robots.items():
-            if it.independence is not None:
-                print(seed, robot, it.independence.gains, it.independence.ratio, it.independence.fed_back, flush=True)
+        for robot, driven_robot in field_.robots.items():
+            if driven_robot.independence is not None:
+                print(
+                    seed,
+                    robot,
+                    driven_robot.independence.gains,
+                    driven_robot.independence.ratio,
+                    driven_robot.independence.fed_back,
+                    flush=True,
+                )
     for name in totals["team"]:
         team, central, alone = (totals[who].get(name) or Score() for who in ("team", "central", "alone"))
         print(

@@ -22,14 +22,14 @@ def played(seed: int, *, own: bool = False) -> Field:
 
 @pytest.fixture(scope="module")
 def scores() -> dict[str, dict[str, Score]]:
-    found: dict[str, dict[str, Score]] = {}
+    scores_of: dict[str, dict[str, Score]] = {}
     for seed in SEEDS:
         play = played(seed)
         for who, by_name in play.play(SECONDS).items():
             for name, score in by_name.items():
-                sums = found.setdefault(who, {}).setdefault(name, Score())
+                sums = scores_of.setdefault(who, {}).setdefault(name, Score())
                 sums.take(score)
-    return found
+    return scores_of
 
 
 @pytest.mark.parametrize("robot", ["r1", "r2", "r3"])
@@ -49,12 +49,12 @@ def test_the_ball_is_about_where_the_central_filter_has_it(scores: dict[str, dic
 @pytest.mark.long
 def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mates() -> None:
     """They have wheels and sightings alone. Seconds after they met a mate they are as exact as if they had known."""
-    found = {}
+    errors = {}
     for unplaced in ((), ("r2", "r3")):
-        it = Field(World(202), scenario(Truth(), told=False), unplaced=unplaced)
-        found[unplaced] = it.play(SECONDS)["team"]
+        field = Field(World(202), scenario(Truth(), told=False), unplaced=unplaced)
+        errors[unplaced] = field.play(SECONDS)["team"]
     for robot in ("r1", "r2", "r3"):
-        known, unknown = found[()][robot], found["r2", "r3"][robot]
+        known, unknown = errors[()][robot], errors["r2", "r3"][robot]
         late = len(unknown.squared) // 2
         assert np.mean(unknown.squared[late:]) <= 2 * np.mean(known.squared[late:])
         assert unknown.coverage() >= 0.85
@@ -63,11 +63,11 @@ def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mate
 @pytest.mark.long
 def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_no_liars() -> None:
     """They add little new to what the team believes, and some of that is new. Before, the ball was lost: 1.4 m, coverage .58."""
-    found = Field(World(101), scenario(Truth(), told=False), phases={"r2": 0.03, "r3": 0.06}, cautious=3.0).play(
+    by_who = Field(World(101), scenario(Truth(), told=False), phases={"r2": 0.03, "r3": 0.06}, cautious=3.0).play(
         SECONDS
     )
-    assert found["team"]["ball"].rmse <= 1.5 * found["central"]["ball"].rmse
-    assert found["team"]["ball"].coverage() >= 0.85
+    assert by_who["team"]["ball"].rmse <= 1.5 * by_who["central"]["ball"].rmse
+    assert by_who["team"]["ball"].coverage() >= 0.85
 
 
 def test_the_oracle_is_honest(scores: dict[str, dict[str, Score]]) -> None:
@@ -79,16 +79,16 @@ def test_robots_with_filters_of_their_own_are_nearly_as_good_and_are_not_accused
     scores = play.play(30.0)
     for robot in play.robots:
         assert scores["team"][robot].rmse <= 1.5 * scores["central"][robot].rmse
-    assert not any(it.independence is None or it.independence.fed_back for it in play.robots.values())
+    assert not any(driven.independence is None or driven.independence.fed_back for driven in play.robots.values())
 
 
 def test_a_ball_that_rolls_and_bounces_is_known_better_by_its_velocity_than_by_a_random_walk() -> None:
-    found = {}
+    by_motion = {}
     for motion in ("walk", "learn"):
         truth = Truth(rolls=1.0)
         chosen = scenario(truth, told=False, objects_motion=motion)
-        found[motion] = Field(World(101, truth), chosen, sigmas=False).play(SECONDS)["team"]
-    walk, learn = (found[motion]["ball"] for motion in ("walk", "learn"))
+        by_motion[motion] = Field(World(101, truth), chosen, sigmas=False).play(SECONDS)["team"]
+    walk, learn = (by_motion[motion]["ball"] for motion in ("walk", "learn"))
     assert learn.log_score >= walk.log_score + 0.3
     assert learn.coverage() >= 0.85
-    assert found["learn"]["velocity"].coverage() >= 0.85
+    assert by_motion["learn"]["velocity"].coverage() >= 0.85

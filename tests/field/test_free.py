@@ -36,24 +36,24 @@ class Told:
     def hear(self, envelope: Envelope) -> None:
         for topic in (keys.CONSENSUS, keys.AGREED):
             if topic.match(envelope.key) is not None:
-                it = decode(Consensus, envelope.payload)
-                self.names[it.board, it.level, it.subject, it.tick].add(envelope.payload)
-                if it.tick not in self.ticks[it.board][-1:]:
-                    self.ticks[it.board].append(it.tick)
+                consensus = decode(Consensus, envelope.payload)
+                self.names[consensus.board, consensus.level, consensus.subject, consensus.tick].add(envelope.payload)
+                if consensus.tick not in self.ticks[consensus.board][-1:]:
+                    self.ticks[consensus.board].append(consensus.tick)
 
 
 @pytest.mark.parametrize("fusion", ["joint", "opinions"])
 def test_what_is_agreed_is_at_most_as_old_as_a_step(fusion: str) -> None:
     """A period is two steps; before, it was up to a period old."""
-    told = Told(fusion)
-    assert max(told.field.ages) <= STEP + ALMOST
+    published = Told(fusion)
+    assert max(published.field.ages) <= STEP + ALMOST
 
 
 @pytest.mark.parametrize("period", [0.05, 0.2, 1.0])
 def test_each_settlement_has_a_tick_of_its_own(period: float) -> None:
-    told = Told(period=period, began=0.013)
-    assert all(len(payloads) == 1 for payloads in told.names.values())
-    (ticks,) = told.ticks.values()  # one board leads, the other says nothing
+    published = Told(period=period, began=0.013)
+    assert all(len(payloads) == 1 for payloads in published.names.values())
+    (ticks,) = published.ticks.values()  # one board leads, the other says nothing
     assert ticks == sorted(set(ticks))
     between = max(later - tick for tick, later in pairwise(ticks))
     assert between <= max(4, round(STEP / (period / 4)) + 1)

@@ -123,23 +123,26 @@ class World:
         distance = kit.speed * (1.0 if abs(off) < 1.0 else 0.2) * dt
         pose[:2] += distance * np.array([math.cos(pose[2] + turn / 2), math.sin(pose[2] + turn / 2)])
         pose[2] = math.remainder(pose[2] + turn, math.tau)
-        told = kit.way * (distance + draw() * kit.along * math.sqrt(distance)), turn + draw() * kit.turn * math.sqrt(dt)
+        measured = (
+            kit.way * (distance + draw() * kit.along * math.sqrt(distance)),
+            turn + draw() * kit.turn * math.sqrt(dt),
+        )
         gps = compass = None
         if kit.gps and self._is_due(robot, "gps", kit.gps_every, time):
             place = pose[:2] + draw(size=2) * kit.gps
             gps = float(place[0]), float(place[1])
         if kit.compass:
             compass = math.remainder(pose[2] + draw() * kit.compass, math.tau)
-        seen, ranged = [], []
+        sightings, ranged = [], []
         if kit.range and self._is_due(robot, "seen", kit.seen_every, time):
             for subject, (far, bearing) in self._around(robot).items():
                 if far < kit.reach and abs(bearing) < kit.view:
-                    seen.append((subject, max(0.0, far + draw() * kit.range), bearing + draw() * kit.bearing))
+                    sightings.append((subject, max(0.0, far + draw() * kit.range), bearing + draw() * kit.bearing))
         if kit.ranging and self._is_due(robot, "ranged", kit.ranged_every, time):
             for subject, (far, _) in self._around(robot).items():
                 if subject != BALL:
                     ranged.append((subject, max(0.0, far + draw() * kit.ranging)))
-        return Step(time, robot, *told, dt, gps=gps, compass=compass, seen=tuple(seen), ranged=tuple(ranged))
+        return Step(time, robot, *measured, dt, gps=gps, compass=compass, seen=tuple(sightings), ranged=tuple(ranged))
 
     def _is_due(self, robot: str, what: str, every: float, time: float) -> bool:
         if time < self.due[robot, what]:
@@ -302,12 +305,12 @@ class Yard(Scheduler):
         self.board = board_of(chosen, "a", "board-a")
         self.join(self.board)
         for robot in robots:
-            news = TeamNews(chosen.grid, lambda it: self.agreed.update({it.subject: it})).take
-            it = driven(
+            news = TeamNews(chosen.grid, lambda agreed: self.agreed.update({agreed.subject: agreed})).take
+            driven_robot = driven(
                 news, chosen, team="t", sub_teams=["a"], robot=robot, grid=chosen.grid, joint=chosen.board.fusion == "joint"
             )  # fmt: skip
-            self.robots[robot] = it
-            self.join(it)
+            self.robots[robot] = driven_robot
+            self.join(driven_robot)
 
     def play(self, seconds: float) -> dict[str, dict[str, Score]]:
         """Scores by who believes (`team`, `central`, `alone`) and robot."""
@@ -323,8 +326,8 @@ class Yard(Scheduler):
             central.step(step)
             alone[robot].step(step)
             self.run_to(max(self.now, begin + step.time + self.options.late))
-            told = readings(step, kit, self.options, alone[robot] if kit.own else None)
-            pose, out = self.robots[robot].step(told, self.now, begin + step.time)
+            since = readings(step, kit, self.options, alone[robot] if kit.own else None)
+            pose, out = self.robots[robot].step(since, self.now, begin + step.time)
             self.send(self.robots[robot], out)
             if step.time < SETTLED:
                 continue
@@ -356,8 +359,8 @@ def main(seeds: list[int], options: Options, seconds: float = 90.0) -> None:
                 f"c95 {team.coverage():.2f} | {best.coverage():.2f}",
                 flush=True,
             )
-        for who, found in played.items():
-            for name, score in found.items():
+        for who, scores in played.items():
+            for name, score in scores.items():
                 totals[who][name].take(score)
     for name in totals["team"]:
         team, central, alone = (totals[who].get(name) or Score() for who in ("team", "central", "alone"))
