@@ -35,8 +35,8 @@ def test_every_line_of_the_page_does_what_it_says(name: str) -> None:
         client = running.enter_context(program("-c", page))
         assert client.ends() == 0, client.err
     lines = client.out.splitlines()
-    for told in re.findall(r"# prints (.+)$", page, re.MULTILINE):
-        assert any(told in line for line in lines), f"{told!r} is not printed: {lines}"
+    for printed in re.findall(r"# prints (.+)$", page, re.MULTILINE):
+        assert any(printed in line for line in lines), f"{printed!r} is not printed: {lines}"
 
 
 def test_the_five_lines_are_five() -> None:

@@ -38,7 +38,7 @@ def test_a_client_a_wire_robot_and_robot_agent_share_one_board() -> None:
 
         def all_of_them() -> bool:
             for c in (decode(Consensus, e.payload) for e in link.receive(0.1)):
-                used[c.subject] = {one.source for one in c.used}
+                used[c.subject] = {opinion.source for opinion in c.used}
             everybody = {"agent", "wire", "client"}
             return used.get("object/ball") == everybody and all(used.get(f"robot/{r}") == {r} for r in everybody)
 
@@ -57,7 +57,7 @@ def test_the_robots_of_the_field_find_themselves(example: str) -> None:
         running.enter_context(board).says("ready")
         client = running.enter_context(program("-m", f"examples.field.{example}", "-e", endpoint, "--seconds", "10"))
         assert client.ends() == 0, client.err
-    off = [float(it) for it in re.findall(r"^r\d: RMSE ([\d.]+) m; ball at \[", client.out, re.MULTILINE)]
+    off = [float(rmse) for rmse in re.findall(r"^r\d: RMSE ([\d.]+) m; ball at \[", client.out, re.MULTILINE)]
     assert len(off) == 3, client.out
     assert max(off) < 0.5
 
@@ -74,20 +74,22 @@ def test_a_robot_by_the_client_one_with_a_filter_and_one_of_ros_are_a_team() -> 
         served = ("serve", "--sub-team", "a"), ("ros", *topics)
         services = [running.enter_context(program("-m", "blackboard", *words, *member)) for words in served]
         services.append(running.enter_context(program("-m", "robot_agent", "--id", "r3", *member)))
-        for it in services:
-            it.says("ready")
+        for service in services:
+            service.says("ready")
         common = ("-e", endpoint, "--seconds", "10", "--begin", str(UnixClock().now() + 20.0))
         examples = [("client", "r1"), ("own_filter", "r2"), ("ros", "r3")]
         robots = [
-            running.enter_context(program("-m", f"examples.field.{name}", *common, "--robots", it))
-            for name, it in examples
+            running.enter_context(program("-m", f"examples.field.{name}", *common, "--robots", robot))
+            for name, robot in examples
         ]
         assert [robot.ends() for robot in robots] == [0, 0, 0], [robot.err for robot in robots]
-        refused = [it.err for it in services if "refused" in it.err]
+        refused = [service.err for service in services if "refused" in service.err]
     assert not refused
-    told = "".join(robot.out for robot in robots)
-    off = {name: float(it) for name, it in re.findall(r"^(r\d): RMSE ([\d.]+) m; ball at \[", told, re.MULTILINE)}
-    assert sorted(off) == ["r1", "r2", "r3"], told
+    printed = "".join(robot.out for robot in robots)
+    off = {
+        name: float(rmse) for name, rmse in re.findall(r"^(r\d): RMSE ([\d.]+) m; ball at \[", printed, re.MULTILINE)
+    }
+    assert sorted(off) == ["r1", "r2", "r3"], printed
     assert max(off.values()) < 1.0  # who is late to begin has to catch up
 
 
@@ -111,7 +113,9 @@ def test_a_robot_goes_on_when_the_board_and_the_router_are_started_again_and_one
                 pose = robot.step()
                 assert pose is not None
             known = robots[0].agreed
-            return all(f"robot/{it.robot}" in known and known[f"robot/{it.robot}"].time > since for it in robots)
+            return all(
+                f"robot/{client.robot}" in known and known[f"robot/{client.robot}"].time > since for client in robots
+            )
 
         def agreed_again() -> None:
             since = robots[0].time

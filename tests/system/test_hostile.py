@@ -39,14 +39,14 @@ def flood() -> list[Envelope]:
     """What a stranger sends without any token, in the names of invented robots and boards."""
     scenario = DEMO
     team, sub_team = scenario.team.name, next(iter(scenario.team.sub_teams))
-    found = []
+    envelopes = []
     for i in range(200):
         status = Status(process=f"x{i}", kind="robot", tick=1, time=0.2, phase="reported", subjects=["object/ball"])
-        found.append(put(status, team=team, sub_team=sub_team))
+        envelopes.append(put(status, team=team, sub_team=sub_team))
         report = keys.REPORT.key(team=team, sub_team=sub_team, source=f"x{i}", subject="object/ball")
-        found.append(Envelope(report, bytes(500)))
-        found.append(Envelope(keys.FORWARD.key(team=team, sub_team=sub_team, board=f"x{i}"), b"\x80"))
-    return found
+        envelopes.append(Envelope(report, bytes(500)))
+        envelopes.append(Envelope(keys.FORWARD.key(team=team, sub_team=sub_team, board=f"x{i}"), b"\x80"))
+    return envelopes
 
 
 def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None], folder: Path) -> dict[str, Any]:
@@ -72,8 +72,8 @@ def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None], folder: Pa
 @cache
 def undisturbed() -> str:
     """The hash of the same run in one process, without a network."""
-    found: str = Team(DEMO).run()["hash"]
-    return found
+    undisturbed_hash: str = Team(DEMO).run()["hash"]
+    return undisturbed_hash
 
 
 @pytest.mark.long

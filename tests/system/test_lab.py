@@ -25,29 +25,29 @@ def small(tmp_path: Path) -> str:
 
 
 def test_the_lab_shows_a_table_to_people() -> None:
-    told = blackboard("lab", "--runs", "2")
-    assert told.returncode == 0
-    assert "two collude: 2 runs, 2 fusions" in told.stdout
-    assert "> coalition" in told.stdout
+    ran = blackboard("lab", "--runs", "2")
+    assert ran.returncode == 0
+    assert "two collude: 2 runs, 2 fusions" in ran.stdout
+    assert "> coalition" in ran.stdout
 
 
 @pytest.mark.long
 def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) -> None:
     done = blackboard("tune", small, "--variants", "2", "--held-out", "2", "--every", "1", "--json")
     assert done.returncode in (0, 1), done.stderr
-    found = json.loads(done.stdout)
+    report = json.loads(done.stdout)
     assert done.returncode == 1  # two held-out runs cannot tell
-    assert found["gain_over_default"]["low"] is None
-    assert found["recommended"]["which"] == "default"
-    assert set(found["held_out"]) == {"tuned", "default", "paper"}
-    assert found["held_out"]["paper"]["rule"] == {"rule": "cooperative", "k": 2.0, "gamma": 0.5}
-    assert len(found["team"]["gains"]) == 2
-    for choice in found["choices"].values():
+    assert report["gain_over_default"]["low"] is None
+    assert report["recommended"]["which"] == "default"
+    assert set(report["held_out"]) == {"tuned", "default", "paper"}
+    assert report["held_out"]["paper"]["rule"] == {"rule": "cooperative", "k": 2.0, "gamma": 0.5}
+    assert len(report["team"]["gains"]) == 2
+    for choice in report["choices"].values():
         assert all(e["low"] is None for e in choice["parameters"].values())
     scenario = tmp_path / "tuned.toml"
-    scenario.write_text(SMALL_FILE + found["board"])
+    scenario.write_text(SMALL_FILE + report["board"])
     team = blackboard("up", str(scenario), "--seconds", "1", "--json")
-    assert json.loads(team.stdout)["rule"] == found["recommended"]["rule"], team.stderr
+    assert json.loads(team.stdout)["rule"] == report["recommended"]["rule"], team.stderr
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_mistake_is_one_line_on_standard_error_and_status_2() -> None:
 
 def workers(pid: int) -> list[int]:
     """The processes that a process has started."""
-    found = []
+    pids = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
@@ -91,8 +91,8 @@ def workers(pid: int) -> list[int]:
                 continue
             state, parent = stat.rpartition(")")[2].split()[:2]
             if int(parent) == pid and state != "Z":
-                found.append(int(entry.name))
-    return found
+                pids.append(int(entry.name))
+    return pids
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")

@@ -34,31 +34,33 @@ def test_two_of_one_name_are_told_and_one_that_comes_back_is_not(endpoint: str, 
         return [decode(Status, envelope.payload) for envelope in link.get(status[name])]
 
     def counted(name: str) -> list[int]:
-        return [it.namesakes for it in statuses(name)]
+        return [status_.namesakes for status_ in statuses(name)]
 
     def sent(name: str) -> list[int]:
-        return [it.counters.get("sent", 0) for it in statuses(name)]
+        return [status_.counters.get("sent", 0) for status_ in statuses(name)]
 
     with ExitStack() as stack:
         twins = {name: [run(stack, name, endpoint) for _ in range(2)] for name in COMMANDS}
         for name, running in twins.items():
-            for one in running:
-                one.says(f"{status[name]}: {WARNING}")
+            for twin in running:
+                twin.says(f"{status[name]}: {WARNING}")
         wait_until(lambda: all(counted(name) == [1, 1] for name in COMMANDS), "each counts the other one")
         with program("-m", "blackboard", "status", "--json", "-e", endpoint) as shown:
             assert shown.ends() == 0, shown.err
-            found = json.loads(shown.out)["teams"][0]["processes"]
-            assert {it["name"]: it["counters"]["namesakes"] for it in found} == dict.fromkeys(COMMANDS, 1)
+            processes = json.loads(shown.out)["teams"][0]["processes"]
+            assert {process["name"]: process["counters"]["namesakes"] for process in processes} == dict.fromkeys(
+                COMMANDS, 1
+            )
         command = ("health", "board", "--id", "board-a", "--team", "t", "--max-age", "inf", "-e", endpoint)
         with program("-m", "blackboard", *command) as health:
             health.ends()
             assert health.out == "healthy, but 2 processes answer as board board-a\n"
-        for one in [one for running in twins.values() for one in running]:
-            one.running.kill()
-            one.ends()
-            assert one.err.count(WARNING) == 1
+        for twin in [twin for running in twins.values() for twin in running]:
+            twin.running.kill()
+            twin.ends()
+            assert twin.err.count(WARNING) == 1
         again = [run(stack, name, endpoint) for name in COMMANDS]
         # as many statuses as show another one of this name, one a second, and some more
         wait_until(lambda: all(min(sent(name), default=0) > SURE + 2 for name in COMMANDS), "they speak for a while")
         assert [counted(name) for name in COMMANDS] == [[0], [0]]
-        assert not any(WARNING in one.err for one in again)
+        assert not any(WARNING in twin.err for twin in again)

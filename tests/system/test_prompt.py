@@ -42,12 +42,12 @@ def lies() -> list[Report]:
 
     team.bus.spies.append(note)
     run_lie(team, lie)
-    busiest = max({it.tick for it in said}, key=lambda tick: sum(it.tick == tick for it in said))
-    return [it for it in said if it.tick == busiest]
+    busiest = max({report.tick for report in said}, key=lambda tick: sum(report.tick == tick for report in said))
+    return [report for report in said if report.tick == busiest]
 
 
 @contextmanager
-def crowd(endpoint: str, told: list[Report]) -> Iterator[None]:
+def crowd(endpoint: str, reports: list[Report]) -> Iterator[None]:
     """Many robots that say so again and again, as fast as they can."""
     over, clock = threading.Event(), UnixClock()
 
@@ -56,7 +56,7 @@ def crowd(endpoint: str, told: list[Report]) -> Iterator[None]:
         while not over.is_set():
             tick += 1
             for robot in CROWD:
-                for report in told:
+                for report in reports:
                     now = clock.now()
                     subject = f"robot/{robot}" if report.subject.startswith("robot/") else report.subject
                     more = {"source": robot, "subject": subject, "tick": tick, "time": now, "ancestors": {robot: now}}

@@ -29,14 +29,14 @@ def test_readings_reach_the_team_with_no_world_running() -> None:
         running.enter_context(program(str(example), "t", "r1", endpoint))
         link = running.enter_context(Link(LinkConfig(connect=(endpoint,)), "watcher", patience=30.0))
         link.subscribe("cop/t/a/agreed/**")
-        found: dict[str, Consensus] = {}
+        newest: dict[str, Consensus] = {}
 
         def agreed() -> bool:
-            found.update({c.subject: c for c in (decode(Consensus, e.payload) for e in link.receive(0.1))})
-            return {"robot/r1", "object/ball"} <= found.keys() and all(c.entropy < 5 for c in found.values())
+            newest.update({c.subject: c for c in (decode(Consensus, e.payload) for e in link.receive(0.1))})
+            return {"robot/r1", "object/ball"} <= newest.keys() and all(c.entropy < 5 for c in newest.values())
 
-        wait_until(agreed, lambda: f"the team agrees on what the robot reports; heard {found.keys()}")
-        place, ball = (unpack(found[subject].belief) for subject in ("robot/r1", "object/ball"))
+        wait_until(agreed, lambda: f"the team agrees on what the robot reports; heard {newest.keys()}")
+        place, ball = (unpack(newest[subject].belief) for subject in ("robot/r1", "object/ball"))
         assert place.mean() == pytest.approx((10, 20), abs=1.5)
         assert ball.mean() == pytest.approx((14.2, 24.3), abs=2.5)
         agent.says("no world gives the clock")

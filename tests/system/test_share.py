@@ -40,8 +40,8 @@ def test_an_object_that_one_team_sees_is_known_in_the_others(endpoint: str, conn
 
             def known_in_the_south() -> bool:
                 north.report(BALL, belief)
-                told = [decode(Consensus, envelope.payload) for envelope in link.get(agreed)]
-                return any("north..r1" in it.ancestors for it in told)
+                consensuses = [decode(Consensus, envelope.payload) for envelope in link.get(agreed)]
+                return any("north..r1" in consensus.ancestors for consensus in consensuses)
 
             wait_until(known_in_the_south, "the south knows of the ball")
         question = ("why", BALL, "--team", "south", "--json", "-e", endpoint)

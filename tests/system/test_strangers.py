@@ -54,14 +54,14 @@ def test_a_robot_from_the_wire_document_alone_is_understood(endpoint: str) -> No
     try:
         with Link(LinkConfig(connect=(endpoint,)), "watcher") as link:
             link.subscribe("cop/t/a/agreed/**")
-            found: list[Consensus] = []
+            consensuses: list[Consensus] = []
 
             def heard() -> bool:
-                found.extend(decode(Consensus, e.payload) for e in link.receive(0.1))
-                return {"robot/guest", "object/ball"} <= {c.subject for c in found}
+                consensuses.extend(decode(Consensus, e.payload) for e in link.receive(0.1))
+                return {"robot/guest", "object/ball"} <= {c.subject for c in consensuses}
 
             wait_until(heard, "the board agrees on what the guest reported")
-            place = next(c for c in found if c.subject == "robot/guest")
+            place = next(c for c in consensuses if c.subject == "robot/guest")
             assert place.ancestors.keys() == {"guest"}
             late = link.get("cop/t/a/agreed/robot/guest")
             assert [e.key for e in late] == ["cop/t/a/agreed/robot/guest"]

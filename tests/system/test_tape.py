@@ -31,12 +31,12 @@ def test_a_recorded_run_is_replayed_to_the_bit_in_lockstep_and_in_real_time(tmp_
             blackboard("demo", "--robots", "2", "--seconds", "3", "--record", str(tape), "--json", *more).stdout
         )
         again = blackboard("replay", str(tape), "--json")
-        found = json.loads(again.stdout)
+        report = json.loads(again.stdout)
         assert again.returncode == 0, again.stderr
-        assert (found["mode"], found["ticks"]) == (pace, 15)
-        assert found.keys() == card.keys()
+        assert (report["mode"], report["ticks"]) == (pace, 15)
+        assert report.keys() == card.keys()
         if pace == "lockstep":
-            assert found["hash"] == card["hash"]
+            assert report["hash"] == card["hash"]
 
 
 def with_little_room(size: int, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -58,10 +58,10 @@ def test_a_run_whose_tape_found_no_room_shows_its_scorecard_and_says_last_what_i
     done = with_little_room(40_000, tmp_path, *run)
     assert (done.returncode, json.loads(done.stdout)["ticks"]) == (1, 15)
     last = done.stderr.splitlines()[-1]
-    found = re.fullmatch(rf"error: {tape}: (\d+) of (\d+) messages are missing, because the disk was full .*", last)
-    assert found is not None, done.stderr
+    counts = re.fullmatch(rf"error: {tape}: (\d+) of (\d+) messages are missing, because the disk was full .*", last)
+    assert counts is not None, done.stderr
     assert blackboard("tape", "recover", str(tape), str(whole)).returncode == 0
-    assert len(list(read(whole))) == int(found[2]) - int(found[1]) > 0
+    assert len(list(read(whole))) == int(counts[2]) - int(counts[1]) > 0
 
 
 def test_a_disk_that_is_full_from_the_beginning_is_one_line(tmp_path: Path) -> None:
