@@ -21,9 +21,9 @@ def report(heading: float = 0.5) -> Report:
     mean = np.zeros(STATES)
     mean[:2], mean[HEADING] = (7.0, 8.0), heading
     covariance = np.diag([0.4, 0.4, 0.01, *[1e-4] * (STATES - 3)])
-    seen = Relative("robot/r1", "robot/r2", range=3.0, bearing=-0.2, range_variance=0.04, bearing_variance=0.01)
+    relative = Relative("robot/r1", "robot/r2", range=3.0, bearing=-0.2, range_variance=0.04, bearing_variance=0.01)
     increment = Increment(mean.copy(), np.diag([4.0, 4.0, *[0.0] * (STATES - 2)]), np.ones(STATES))
-    evidence = pack_evidence(0, Motion(1.0), Nuisance(), Moments(mean, covariance), increment, [seen])
+    evidence = pack_evidence(0, Motion(1.0), Nuisance(), Moments(mean, covariance), increment, [relative])
     belief = pack(gaussian(GRID, (7.0, 8.0), 0.6))
     return Report(
         source="r1",

@@ -65,17 +65,17 @@ def f32(mass: Array, rest: float = 0.0) -> PackedBelief:
 @given(belief=beliefs(), coding=CODINGS)
 def test_the_stated_error_bound_holds(belief: Belief, coding: Coding) -> None:
     scale = SCALES[coding]
-    found, least = unpack(pack(belief, coding), belief.grid).p, math.exp((0.5 - scale.top) * scale.step)
+    p, least = unpack(pack(belief, coding), belief.grid).p, math.exp((0.5 - scale.top) * scale.step)
     out = belief.p < belief.p.max() * least * (1 - 1e-12)
     kept = belief.p > belief.p.max() * least * (1 + 1e-12)
     assert least < 3.1e-6
-    assert np.abs(np.log(found[kept] / belief.p[kept])).max() <= scale.step + 1e-6
-    assert 0.5 * np.abs(found - belief.p).sum() <= scale.step / 4 + belief.p[~kept].sum() + 1e-6
-    assert np.unique(found[out]).size <= 1  # one even floor
-    assert found.min() >= 0
-    assert math.fsum(found.ravel()) == pytest.approx(1.0, abs=1e-14)
+    assert np.abs(np.log(p[kept] / belief.p[kept])).max() <= scale.step + 1e-6
+    assert 0.5 * np.abs(p - belief.p).sum() <= scale.step / 4 + belief.p[~kept].sum() + 1e-6
+    assert np.unique(p[out]).size <= 1  # one even floor
+    assert p.min() >= 0
+    assert math.fsum(p.ravel()) == pytest.approx(1.0, abs=1e-14)
     if not belief.p[~kept].any():
-        assert not found[~kept].any()  # true zeros stay
+        assert not p[~kept].any()  # true zeros stay
 
 
 @given(belief=beliefs(), coding=CODINGS)
@@ -119,9 +119,9 @@ def test_any_levels_come_back(data: st.DataObject) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_float32_is_read_as_well(kind: str) -> None:
     belief = belief_of(kind, Grid((9, 11)), np.random.default_rng(5))
-    found = unpack(f32(belief.p), belief.grid).p
-    np.testing.assert_allclose(found, belief.p, rtol=1e-6, atol=1e-37)
-    assert math.fsum(found.ravel()) == pytest.approx(1.0, abs=1e-14)
+    p = unpack(f32(belief.p), belief.grid).p
+    np.testing.assert_allclose(p, belief.p, rtol=1e-6, atol=1e-37)
+    assert math.fsum(p.ravel()) == pytest.approx(1.0, abs=1e-14)
 
 
 # --- single cases ------------------------------------------------------------------------------------------------------
@@ -139,8 +139,8 @@ def test_a_flat_belief_is_flat_again_to_the_bit() -> None:
 
 
 def test_float32_need_not_be_normalised_and_its_zeros_share_the_rest() -> None:
-    found = unpack(f32(np.array([[0.0, 3.0], [9.0, 0.0]]), rest=0.2)).p
-    np.testing.assert_allclose(found, [[0.1, 0.2], [0.6, 0.1]], rtol=1e-15)
+    p = unpack(f32(np.array([[0.0, 3.0], [9.0, 0.0]]), rest=0.2)).p
+    np.testing.assert_allclose(p, [[0.1, 0.2], [0.6, 0.1]], rtol=1e-15)
 
 
 @pytest.mark.parametrize("rest", [1.0, 0.5])
@@ -232,9 +232,9 @@ def test_a_bomb_is_never_inflated(coding: str) -> None:
 @pytest.mark.parametrize("step", [1e-9, 1.0])
 def test_the_widest_range_of_levels_is_still_a_belief(step: float) -> None:
     levels = np.where(np.arange(24) % 2, 65535, 1).astype(np.uint16)
-    found = unpack(GOOD.model_copy(update={**FINE, "step": step, "data": written(levels)}), GRID).p
-    assert math.fsum(found.ravel()) == pytest.approx(1.0, abs=1e-14)
-    assert found.min() >= 0
+    p = unpack(GOOD.model_copy(update={**FINE, "step": step, "data": written(levels)}), GRID).p
+    assert math.fsum(p.ravel()) == pytest.approx(1.0, abs=1e-14)
+    assert p.min() >= 0
 
 
 def test_the_largest_grid_costs_a_few_times_its_own_size() -> None:

@@ -33,10 +33,10 @@ objects = st.recursive(
 
 def a_message_or_refused(model: type[Message], payload: bytes) -> None:
     try:
-        found: Message | str = decode(model, payload)
+        result: Message | str = decode(model, payload)
     except Refused as refusal:
-        found = refusal.reason
-    assert found in REASONS if isinstance(found, str) else decode(model, encode(found)) is not None
+        result = refusal.reason
+    assert result in REASONS if isinstance(result, str) else decode(model, encode(result)) is not None
 
 
 @given(model=models, payload=st.binary(max_size=200))

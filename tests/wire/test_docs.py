@@ -30,9 +30,9 @@ MODELS = [
 
 
 def section(title: str) -> str:
-    found = re.search(rf"^#+ {re.escape(title)}$(.*?)(?=^#+ |\Z)", PAGE, re.MULTILINE | re.DOTALL)
-    assert found, f"no section {title}"
-    return found[1]
+    match = re.search(rf"^#+ {re.escape(title)}$(.*?)(?=^#+ |\Z)", PAGE, re.MULTILINE | re.DOTALL)
+    assert match, f"no section {title}"
+    return match[1]
 
 
 def rows(text: str) -> list[list[str]]:
@@ -82,9 +82,9 @@ def test_the_worked_example_of_fine_levels_is_true() -> None:
     packed = pack(Belief(Grid((3, 4), 0.5, (0.0, 0.0), "m"), p), "log16")
     assert packed.data == bytes.fromhex(dump)
     assert zlib.decompress(packed.data) == bytes.fromhex("fc33023603040000")
-    found = unpack(packed).p[1:3, 1:3].ravel()
-    told = [1, 0.496585, 0.252840, 0.252840]
-    np.testing.assert_allclose(found, np.array(told) / 2.002264 * (1 - packed.rest), rtol=3e-6)
+    masses = unpack(packed).p[1:3, 1:3].ravel()
+    expected = [1, 0.496585, 0.252840, 0.252840]
+    np.testing.assert_allclose(masses, np.array(expected) / 2.002264 * (1 - packed.rest), rtol=3e-6)
 
 
 def test_the_worked_example_is_true() -> None:
@@ -98,7 +98,7 @@ def test_the_worked_example_is_true() -> None:
     assert report.belief.data == data
     p = np.array([[0, 0, 0, 0], [0, 0.5, 0.25, 0], [0, 0.125, 0.124999, 0.000001]])
     grid = Grid((3, 4), 0.5, (0.0, 0.0), "m")
-    found = unpack(report.belief, grid)
-    np.testing.assert_array_equal(found.p, unpack(pack(Belief(grid, p))).p)
-    told = re.findall(r"^ {4}(1\.25e-07.*)$", text, re.MULTILINE)
-    np.testing.assert_allclose([[float(x) for x in line.split()] for line in told], found.p, atol=5.1e-9)
+    belief = unpack(report.belief, grid)
+    np.testing.assert_array_equal(belief.p, unpack(pack(Belief(grid, p))).p)
+    shown = re.findall(r"^ {4}(1\.25e-07.*)$", text, re.MULTILINE)
+    np.testing.assert_allclose([[float(x) for x in line.split()] for line in shown], belief.p, atol=5.1e-9)

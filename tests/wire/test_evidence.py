@@ -32,8 +32,8 @@ from tests.wire.messages import EVIDENCE, FORWARD, STATE, as_map
 
 
 def test_evidence_is_read_back_as_it_was() -> None:
-    (one,) = decode(Forward, encode(FORWARD)).evidence
-    assert one.evidence == EVIDENCE
+    (evidence,) = decode(Forward, encode(FORWARD)).evidence
+    assert evidence.evidence == EVIDENCE
     again = pack_evidence(
         EVIDENCE.epoch,
         unpack_motion(EVIDENCE.travelled),
@@ -54,8 +54,8 @@ def test_a_sighting_of_a_class_is_read_back_with_its_confidence_and_its_number()
 
 def test_who_names_a_robot_cannot_say_that_it_did_not() -> None:
     named = Relative("robot/r1", "robot/r2", 2.0, 0.0, 0.1, 0.1, mark=3)
-    (found,) = unpack_relatives(pack_evidence(0, Motion(), Nuisance(), None, None, [named]), "robot/r1")
-    assert found.mark is None
+    (relative,) = unpack_relatives(pack_evidence(0, Motion(), Nuisance(), None, None, [named]), "robot/r1")
+    assert relative.mark is None
 
 
 @pytest.mark.parametrize("subject", ["robot/?r", "landmark/?", "robot?", "robot/??", f"object/{'x' * 64}?"])
@@ -147,10 +147,10 @@ def test_a_sighting_of_a_kind_that_it_is_not_is_refused(
 
 
 def test_a_sighting_of_an_unknown_kind_is_read_and_left_out() -> None:
-    told = Seen(subject="robot/r2", kind="doppler", values=(1.0, 2.0), covariance=(0.1,))
+    unknown = Seen(subject="robot/r2", kind="doppler", values=(1.0, 2.0), covariance=(0.1,))
     known = Seen(subject="robot/r3", kind="range", values=(1.0,), covariance=(0.1,))
-    (found,) = unpack_relatives(EVIDENCE.model_copy(update={"seen": [told, known], "relatives": []}), "robot/r1")
-    assert (found.subject, found.kind) == ("robot/r3", "range")
+    (relative,) = unpack_relatives(EVIDENCE.model_copy(update={"seen": [unknown, known], "relatives": []}), "robot/r1")
+    assert (relative.subject, relative.kind) == ("robot/r3", "range")
 
 
 def test_a_pose_is_read_from_a_state_that_is_sound() -> None:

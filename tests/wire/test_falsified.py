@@ -25,15 +25,18 @@ def test_all_places_are_off_by_the_offset_in_beliefs_and_evidence() -> None:
     assert unpack_state(lie.evidence.state).mean[:3] == pytest.approx([9.0, 7.0, 0.5])
     assert unpack_increment(lie.evidence.increment).reference[:2] == pytest.approx([9.0, 7.0])
     assert true.evidence
-    (one,), (other,) = lie.evidence.relatives, true.evidence.relatives
-    at = [(it.range * np.cos(0.5 + it.bearing), it.range * np.sin(0.5 + it.bearing)) for it in (one, other)]
+    (off,), (right,) = lie.evidence.relatives, true.evidence.relatives
+    at = [
+        (relative.range * np.cos(0.5 + relative.bearing), relative.range * np.sin(0.5 + relative.bearing))
+        for relative in (off, right)
+    ]
     assert np.subtract(*at) == pytest.approx([2.0, -1.0])
 
 
-def seeing(*seen: Seen) -> Report:
+def seeing(*sightings: Seen) -> Report:
     said = report()
     assert said.evidence
-    return said.model_copy(update={"evidence": said.evidence.model_copy(update={"seen": list(seen)})})
+    return said.model_copy(update={"evidence": said.evidence.model_copy(update={"seen": list(sightings)})})
 
 
 def seen_in(said: Report) -> list[Seen]:
@@ -49,14 +52,14 @@ def test_sightings_of_further_kinds_are_off_and_too_sure_as_all_others() -> None
     said = seeing(position, pose, distance, bearing)
     off = seen_in(displaced(said, (2.0, -1.0)))
     turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])  # of the observer's heading
-    for one, other in zip(off[:2], (position, pose), strict=True):
-        assert turn @ np.subtract(one.values[:2], other.values[:2]) == pytest.approx([2.0, -1.0])
-        assert one.values[2:] == other.values[2:]
+    for lied, honest in zip(off[:2], (position, pose), strict=True):
+        assert turn @ np.subtract(lied.values[:2], honest.values[:2]) == pytest.approx([2.0, -1.0])
+        assert lied.values[2:] == honest.values[2:]
     assert [off[2].values, off[3].values] == [pytest.approx((3.0 + 5.0**0.5,)), (0.3,)]
     sure = seen_in(overconfident(said, 2.0))
-    assert [it.covariance[0] for it in sure] == pytest.approx([0.1] * 4)
+    assert [sighting.covariance[0] for sighting in sure] == pytest.approx([0.1] * 4)
     assert sure[2].biases == [(0.1, 10.0)]
-    assert [it.values for it in sure] == [it.values for it in seen_in(said)]
+    assert [sighting.values for sighting in sure] == [sighting.values for sighting in seen_in(said)]
 
 
 def test_a_belief_beyond_the_grid_stays_at_its_edge() -> None:

@@ -30,11 +30,11 @@ parts = st.fixed_dictionaries(
 @given(topic=st.sampled_from(keys.TOPICS), parts=parts)
 def test_a_key_of_a_topic_is_found_again(topic: keys.Topic, parts: dict[str, str]) -> None:
     key = topic.key(**parts)
-    found = keys.parse(key)
-    assert found is not None
-    assert found[0] is topic
-    assert topic.key(**found[1]) == key
-    assert all(parts[part] == value for part, value in found[1].items())
+    parsed = keys.parse(key)
+    assert parsed is not None
+    assert parsed[0] is topic
+    assert topic.key(**parsed[1]) == key
+    assert all(parts[part] == value for part, value in parsed[1].items())
 
 
 @given(topic=st.sampled_from(keys.TOPICS), parts=parts, part=st.integers(0, 9), wild=st.sampled_from("*?#$ /\n"))
@@ -47,8 +47,8 @@ def test_a_key_with_anything_wild_in_it_is_none(topic: keys.Topic, parts: dict[s
 
 @given(key=st.text(max_size=60))
 def test_any_text_is_parsed_or_none(key: str) -> None:
-    found = keys.parse(key)
-    assert found is None or found[0].key(**found[1]) == key
+    parsed = keys.parse(key)
+    assert parsed is None or parsed[0].key(**parsed[1]) == key
 
 
 @pytest.mark.parametrize("topic", keys.TOPICS, ids=lambda topic: topic.name)

@@ -49,9 +49,9 @@ def fields(model: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[tuple
     for name, field in model.model_fields.items():
         yield (*path, name)
         inner = [field.annotation, *get_args(field.annotation)]
-        for one in inner:
-            if isinstance(one, type) and issubclass(one, BaseModel):
-                yield from fields(one, (*path, name))
+        for kind in inner:
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield from fields(kind, (*path, name))
 
 
 def nested(path: tuple[str, ...], value: object) -> Any:
@@ -60,7 +60,7 @@ def nested(path: tuple[str, ...], value: object) -> Any:
 
 @pytest.mark.parametrize("name", SECTIONS)
 def test_no_wrong_value_of_any_key_is_told_in_pydantics_words(name: str) -> None:
-    model, told = SECTIONS[name], 0
+    model, mistakes = SECTIONS[name], 0
     for path in fields(model):
         for value in WRONG:
             try:
@@ -70,8 +70,8 @@ def test_no_wrong_value_of_any_key_is_told_in_pydantics_words(name: str) -> None
                 assert text.startswith(f"it.toml: {name}."), text
                 assert not PYDANTIC.search(text), text
                 assert "\n" not in text
-                told += 1
-    assert told > 3 * len(list(fields(model)))
+                mistakes += 1
+    assert mistakes > 3 * len(list(fields(model)))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -94,7 +94,7 @@ def test_faults_that_are_no_tables_are_told_too(tables: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("section", "told"),
+    ("section", "cure"),
     [
         ({"grid": {"shap": [5, 5]}}, "grid.shap: no such key; did you mean shape?; known are anchor, cell, frame"),
         ({"grid": {"shape": [5, 1]}}, "grid.shape.1: give a whole number from 2 to 1000 (got 1)"),
@@ -119,11 +119,11 @@ def test_faults_that_are_no_tables_are_told_too(tables: object) -> None:
         ({"tame": {}}, "unknown section or key 'tame'; did you mean "),
     ],
 )
-def test_the_cure_names_what_may_be_given(section: dict[str, Any], told: str) -> None:
+def test_the_cure_names_what_may_be_given(section: dict[str, Any], cure: str) -> None:
     (name,) = section
     with pytest.raises(UserError) as error:
         Scenario(section, "it.toml").section(name, SECTIONS.get(name, TeamSection))
-    assert told in str(error.value)
+    assert cure in str(error.value)
 
 
 def test_a_name_that_is_near_nothing_has_no_nearest() -> None:
@@ -146,4 +146,4 @@ def test_a_long_value_is_cut_and_costs_little() -> None:
 def test_what_is_allowed_is_said_of_every_key() -> None:
     for model in SECTIONS.values():
         root = schema_of(model)
-        assert not [name for name, one in root["properties"].items() if PYDANTIC.search(allowed(one, root))]
+        assert not [name for name, schema in root["properties"].items() if PYDANTIC.search(allowed(schema, root))]
