@@ -51,7 +51,7 @@ class One:
             raise KeyError("of the program's own")
 
     def tell(self, *envelopes: Envelope, now: float = NOW) -> list[Message]:
-        answers = opened(answer for it in envelopes for answer in self.member.receive(it, now))
+        answers = opened(answer for envelope in envelopes for answer in self.member.receive(envelope, now))
         self.member.check()
         return answers
 
@@ -71,8 +71,8 @@ def kinds(messages: list[Message]) -> list[str]:
 
 def settled(board: BoardService, now: float) -> list[str]:
     """What a board has beliefs about at a time."""
-    found = (keys.CONSENSUS.match(it.key) for it in board.wake(now))
-    return [parts["subject"] for parts in found if parts is not None]
+    matches = (keys.CONSENSUS.match(envelope.key) for envelope in board.wake(now))
+    return [parts["subject"] for parts in matches if parts is not None]
 
 
 # --- speaking ----------------------------------------------------------------------------------------------------------
@@ -203,7 +203,7 @@ def test_it_hears_what_a_real_board_agrees_on_also_where_a_callback_raises(raise
     board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
     board.receive(board_of("a", name="board-a"), NOW)
     board.receive(Envelope(robot.member.tokens[0], kind=Kind.ALIVE), NOW)
-    out = [e for it in robot.member.report("robot/r1", PLACE, NOW) for e in board.receive(it, NOW)]
+    out = [e for own in robot.member.report("robot/r1", PLACE, NOW) for e in board.receive(own, NOW)]
     for n in range(1, 20):
         out += board.wake(NOW + 0.2 * n)
     for envelope in out:
@@ -214,6 +214,6 @@ def test_it_hears_what_a_real_board_agrees_on_also_where_a_callback_raises(raise
     assert newest.subject == "robot/r1"
     assert newest.belief.mean() == pytest.approx((10, 10), abs=0.05)
     assert newest.story.used[0].source == "a"
-    ticks = [it.tick for it in robot.agreed]
+    ticks = [consensus.tick for consensus in robot.agreed]
     assert ticks == sorted(set(ticks))
     assert unpack(newest.story.belief, GRID).p == pytest.approx(newest.belief.p)

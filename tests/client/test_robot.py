@@ -26,28 +26,28 @@ NAN = math.nan
 def test_two_robots_on_a_field_know_themselves_and_what_they_see(endpoint: str) -> None:
     with (
         serving(endpoint, GRID, fusion="joint"),
-        Robot("r1", endpoint=endpoint) as one,
-        Robot("r2", endpoint=endpoint) as two,
+        Robot("r1", endpoint=endpoint) as first,
+        Robot("r2", endpoint=endpoint) as second,
     ):
-        assert one.step() is None
-        one.fix((2.0, 3.0), 0.05, 0.0, 0.02)
-        two.fix((4.0, 3.0), 1.0, math.pi, 0.05)  # nearly lost
+        assert first.step() is None
+        first.fix((2.0, 3.0), 0.05, 0.0, 0.02)
+        second.fix((4.0, 3.0), 1.0, math.pi, 0.05)  # nearly lost
 
-        def found() -> bool:
-            one.odometry(0.0, 0.0, 0.1)
-            two.odometry(0.0, 0.0, 0.1)
-            one.see("robot/r2", 2.5, 0.0, 0.05, 0.02)
-            two.see("object/ball", position=(1.0, 0.0), covariance=np.eye(2) * 0.01)
-            one.step()
-            pose = two.step()
+        def is_found() -> bool:
+            first.odometry(0.0, 0.0, 0.1)
+            second.odometry(0.0, 0.0, 0.1)
+            first.see("robot/r2", 2.5, 0.0, 0.05, 0.02)
+            second.see("object/ball", position=(1.0, 0.0), covariance=np.eye(2) * 0.01)
+            first.step()
+            pose = second.step()
             return pose is not None and abs(pose.mean[0] - 4.5) < 0.1 and math.sqrt(pose.covariance[0, 0]) < 0.15
 
-        wait_until(found, lambda: f"what r1 sees tells r2 where it is: {two.pose}")
-        ball = two.newest("object/ball", LONG)
-        wait_until(lambda: abs(two.agreed["object/ball"].belief.mean()[0] - 3.5) < 0.2, "the ball is in front of r2")
+        wait_until(is_found, lambda: f"what r1 sees tells r2 where it is: {second.pose}")
+        ball = second.newest("object/ball", LONG)
+        wait_until(lambda: abs(second.agreed["object/ball"].belief.mean()[0] - 3.5) < 0.2, "the ball is in front of r2")
         assert ball.belief.grid == GRID
-        assert "robot/r2: agreed by board-a" in str(two.why("robot/r2"))
-        assert two.refused == []
+        assert "robot/r2: agreed by board-a" in str(second.why("robot/r2"))
+        assert second.refused == []
 
 
 def test_poses_of_an_odometry_frame_are_moves(endpoint: str) -> None:
@@ -149,15 +149,15 @@ def test_a_fix_outside_the_grid_is_warned_of_once(caplog: pytest.LogCaptureFixtu
     robot = Robot("r1", "demo")
     for x in (25.0, 5400.0, 5401.0):
         robot.fix((x, 3.0), sigma=0.1)
-    (told,) = caplog.messages
-    assert "r1: a fix at (5400, 3) is outside the team's grid" in told
+    (line,) = caplog.messages
+    assert "r1: a fix at (5400, 3) is outside the team's grid" in line
 
 
 @pytest.mark.parametrize(("call", "names"), WRONG, ids=[names for _, names in WRONG])
 def test_a_wrong_call_is_one_sentence_that_names_the_argument(call: Callable[[Robot], object], names: str) -> None:
-    with pytest.raises(ValueError, match=f"^{names}") as told:
+    with pytest.raises(ValueError, match=f"^{names}") as error:
         call(Robot("r1", "demo"))
-    assert len(str(told.value)) < 300
+    assert len(str(error.value)) < 300
 
 
 @pytest.mark.parametrize(
@@ -206,8 +206,8 @@ def test_a_filter_of_its_own_and_particles(endpoint: str) -> None:
         pose = robot.step()
         assert present(pose).mean[0] == pytest.approx(2.2, abs=0.1)
         assert robot.newest("object/ball", LONG).belief.grid == GRID
-        found = robot.independence
-        assert not present(found).fed_back
+        independence = robot.independence
+        assert not present(independence).fed_back
         with pytest.raises(
             ValueError, match=r"^r1: gives either the readings of odometry, compass and fixes, or beliefs"
         ):

@@ -77,8 +77,8 @@ class Teams(Scheduler):
 
     def fresh(self, team: str, subject: str = BALL) -> bool:
         """Whether a team still agrees on something about a subject."""
-        found = self.agreed.get((team, subject))
-        return found is not None and self.now - found.time < 1.5
+        newest = self.agreed.get((team, subject))
+        return newest is not None and self.now - newest.time < 1.5
 
 
 SEEN = gaussian(GRID, (6.5, 8.5), 1.5)
@@ -174,13 +174,13 @@ def test_it_holds_a_token_in_the_team_that_it_tells_and_none_in_the_other() -> N
     share = teams.shares["north", "all"]
     assert share.tokens == (keys.MEMBER.key(team="all", sub_team="a", robot=f"{VIA}north"),)
     sent: list[str] = []
-    teams.bus.spies.append(lambda it: sent.append(it.key))
+    teams.bus.spies.append(lambda envelope: sent.append(envelope.key))
     teams.run(3.0, [("north", BALL, SEEN)])
     assert not [key for key in sent if key.startswith("cop/north/") and VIA in key]
     status = teams.link(share).newest[keys.STATUS.key(team="all", sub_team="a", process=f"{VIA}north")]
-    told = decode(Status, status)
-    assert told.subjects == [BALL]
-    assert told.counters["shared"] > 0
+    decoded = decode(Status, status)
+    assert decoded.subjects == [BALL]
+    assert decoded.counters["shared"] > 0
 
 
 def agreed(subject: str, time: float, team: str = "north", tick: int = 1, **until: float) -> Envelope:
@@ -190,7 +190,7 @@ def agreed(subject: str, time: float, team: str = "north", tick: int = 1, **unti
 
 
 def reports(out: Iterable[Envelope]) -> list[Report]:
-    return [decode(Report, it.payload) for it in out if keys.REPORT.match(it.key)]
+    return [decode(Report, envelope.payload) for envelope in out if keys.REPORT.match(envelope.key)]
 
 
 def ancestors(report: Report) -> dict[str, float]:
@@ -198,7 +198,7 @@ def ancestors(report: Report) -> dict[str, float]:
     return report.informed.ancestors
 
 
-def one(source: str = "north", to: str = "all", **options: object) -> tuple[Share, float]:
+def new_share(source: str = "north", to: str = "all", **options: object) -> tuple[Share, float]:
     """A share among two teams whose boards it knows, and the Unix time."""
     teams = Teams(source, to, pairs=[(source, to)], **options)
     teams.run(STEP)
@@ -206,20 +206,20 @@ def one(source: str = "north", to: str = "all", **options: object) -> tuple[Shar
 
 
 def test_no_more_objects_are_told_than_a_board_keeps_and_those_that_are_gone_make_room() -> None:
-    share, now = one(max_age=2.0)
+    share, now = new_share(max_age=2.0)
     subjects = [f"object/{n}" for n in range(MAX_SUBJECTS + 20)]
-    told = [it.subject for s in subjects for it in reports(share.receive(agreed(s, now, r1=now), now))]
-    assert told == subjects[:MAX_SUBJECTS]
+    subjects_told = [report.subject for s in subjects for report in reports(share.receive(agreed(s, now, r1=now), now))]
+    assert subjects_told == subjects[:MAX_SUBJECTS]
     share.check()
     share.wake(now + 6.0)
-    assert [it.subject for it in reports(share.receive(agreed("object/new", now + 6.0, r1=now + 6.0), now + 6.0))] == [
-        "object/new"
-    ]
+    assert [
+        report.subject for report in reports(share.receive(agreed("object/new", now + 6.0, r1=now + 6.0), now + 6.0))
+    ] == ["object/new"]
 
 
 def test_a_team_in_simulated_time_is_told_by_its_own_clock_how_old_it_is() -> None:
     """Stamps of one team mean nothing in the other one; how long ago they were does."""
-    share, now = one()
+    share, now = new_share()
     clock = Clock(run="one", tick=14, time=7.0, mode="lockstep", robots={"a": ["r1"]})
     world = Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE)
     for envelope in (world, Envelope(keys.CLOCK.key(team="all"), encode(clock))):
@@ -241,14 +241,14 @@ def test_in_another_run_of_the_team_that_is_told_it_is_told_again() -> None:
     link.send(Envelope(keys.CLOCK.key(team="all"), encode(clock)))
     before = len(teams.said)
     teams.run(3.0, [("north", BALL, SEEN)])
-    told = teams.said[before:]
-    assert len(told) >= 4
-    assert all(report.time < 10.0 for _, _, report in told[-3:])
+    since = teams.said[before:]
+    assert len(since) >= 4
+    assert all(report.time < 10.0 for _, _, report in since[-3:])
 
 
 @pytest.mark.parametrize("wrong", [-30.0, 30.0, -1e6])
 def test_the_clock_of_the_team_that_is_heard_may_be_wrong(wrong: float) -> None:
-    share, now = one(every=0.2)
+    share, now = new_share(every=0.2)
     (report,) = reports(share.receive(agreed(BALL, now + wrong, r1=now + wrong - 0.5), now))
     assert report.time == pytest.approx(now)
     assert ancestors(report) == {"north..r1": pytest.approx(now - 0.5)}
@@ -256,13 +256,13 @@ def test_the_clock_of_the_team_that_is_heard_may_be_wrong(wrong: float) -> None:
 
 @pytest.mark.parametrize("name", ["husky.1", "r.r.r", "n" * 50])
 def test_robots_with_dots_and_long_names_stay_those_of_their_team(name: str) -> None:
-    share, now = one("site.north", "site", subjects=["robot/*", "object/*"])
+    share, now = new_share("site.north", "site", subjects=["robot/*", "object/*"])
     (report,) = reports(share.receive(agreed(f"robot/{name}", now, "site.north", r1=now), now))
     assert report.subject == f"robot/site.north..{name}"
 
 
 def test_a_robot_whose_name_becomes_too_long_is_not_shared_and_no_name_ends_a_report() -> None:
-    share, now = one(subjects=["robot/*", "object/*"])
+    share, now = new_share(subjects=["robot/*", "object/*"])
     assert share.receive(agreed("robot/" + "n" * 62, now, r1=now), now) == []
     (report,) = reports(share.receive(agreed(BALL, now, **{"all..": now, "n" * 64: now, "r1": now}), now))
     assert set(ancestors(report)) == {"north..r1"}
@@ -280,7 +280,7 @@ def test_one_forged_message_far_in_the_future_ends_nothing_for_long() -> None:
 
 
 def test_what_is_remembered_of_a_flood_is_bounded() -> None:
-    share, now = one()
+    share, now = new_share()
     for n in range(REMEMBERED + 50):
         share.receive(agreed(f"object/x{n}", now, r1=now), now)
     share.check()
@@ -288,11 +288,11 @@ def test_what_is_remembered_of_a_flood_is_bounded() -> None:
 
 def test_a_worlds_referee_hears_nothing_of_it() -> None:
     """It has no place, so its uniform beliefs would only spoil the scores of the robots."""
-    share, now = one()
+    share, now = new_share()
     share.receive(Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE), now)
     clock = Clock(run="one", tick=3, time=1.0, mode="lockstep", robots={"a": ["r1"]})
     out = share.receive(Envelope(keys.CLOCK.key(team="all"), encode(clock)), now)
     out += share.receive(agreed(BALL, now, r1=now), now)
     out += share.receive(Envelope(keys.CLOCK.key(team="all"), encode(clock)), now)  # the world asks again
     assert len(reports(out)) == 2
-    assert not [it.key for it in out if keys.SOLO.match(it.key)]
+    assert not [envelope.key for envelope in out if keys.SOLO.match(envelope.key)]

@@ -66,12 +66,12 @@ def test_asyncio(endpoint: str) -> None:
     async def main() -> list[str]:
         async with Team("r1", endpoint=endpoint) as team:
             team.report("robot/r1", here(team))
-            found = [(await asyncio.wait_for(team.next("robot/r1"), LONG)).subject]
+            subjects = [(await asyncio.wait_for(team.next("robot/r1"), LONG)).subject]
             async for agreed in team:
-                found.append(agreed.subject)
-                if len(found) == 3:
+                subjects.append(agreed.subject)
+                if len(subjects) == 3:
                     await asyncio.to_thread(team.close)
-        return found
+        return subjects
 
     with serving(endpoint, GRID):
         assert set(asyncio.run(main())) == {"robot/r1"}

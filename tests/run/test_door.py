@@ -24,15 +24,15 @@ pytestmark = pytest.mark.system
 
 
 @pytest.mark.parametrize(
-    ("door", "told"), [("robot_agent.__main__", {}), ("blackboard.__main__", {"OPENBLAS_NUM_THREADS": "2"})]
+    ("door", "settings"), [("robot_agent.__main__", {}), ("blackboard.__main__", {"OPENBLAS_NUM_THREADS": "2"})]
 )
-def test_numpy_has_one_thread_unless_the_environment_says_otherwise(door: str, told: dict[str, str]) -> None:
+def test_numpy_has_one_thread_unless_the_environment_says_otherwise(door: str, settings: dict[str, str]) -> None:
     """Boards on hosts with different numbers of cores round alike."""
     asked = "import os, sys; sys.addaudithook(lambda event, found: event == 'import' and found[0] == 'numpy' and "
     asked += f"print(os.environ['OPENBLAS_NUM_THREADS'])); import {door}, numpy"
-    environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name} | told
+    environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name} | settings
     done = subprocess.run([sys.executable, "-c", asked], env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout.split()[0] == told.get("OPENBLAS_NUM_THREADS", "1")
+    assert done.stdout.split()[0] == settings.get("OPENBLAS_NUM_THREADS", "1")
 
 
 @pytest.mark.parametrize(
@@ -85,9 +85,9 @@ def test_so_is_every_mistake_that_is_found_before_anything_is_started(
 
 
 def test_help_keeps_asterisks_and_has_the_network_s_flags_apart() -> None:
-    told = Ran("echo", "--help").out
-    assert "cop/*/*/status/*" in told
-    assert told.index("--short") < told.index("Network (Zenoh's usual flags)") < told.index("--connect")
+    page = Ran("echo", "--help").out
+    assert "cop/*/*/status/*" in page
+    assert page.index("--short") < page.index("Network (Zenoh's usual flags)") < page.index("--connect")
     assert "kill-router" in Ran("chaos", "--help").out
 
 
@@ -141,9 +141,9 @@ def test_a_reader_that_has_enough_ends_a_command_quietly(arguments: tuple[str, .
 
 def test_another_broken_pipe_is_a_fault() -> None:
     script = "from blackboard.run import door; door.main(lambda **_: (_ for _ in ()).throw(BrokenPipeError()))"
-    found = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert found.returncode == 1
-    assert "BrokenPipeError" in found.stderr
+    ran = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ran.returncode == 1
+    assert "BrokenPipeError" in ran.stderr
 
 
 def test_sigint_stops_a_run_that_a_script_has_started_in_the_background() -> None:

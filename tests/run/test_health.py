@@ -59,8 +59,8 @@ def test_where_no_world_tells_the_time_unix_time_counts() -> None:
 
 
 def test_a_stamp_by_a_world_that_is_gone_is_no_age() -> None:
-    told = ask("robot", "r1", belief("r1", 60.0))
-    assert told == "the belief of robot r1 is stamped 60.0 s by the clock of a world that does not answer any more"
+    verdict = ask("robot", "r1", belief("r1", 60.0))
+    assert verdict == "the belief of robot r1 is stamped 60.0 s by the clock of a world that does not answer any more"
 
 
 def test_a_belief_of_another_run_is_not_fresh() -> None:
@@ -72,8 +72,8 @@ def test_the_beliefs_of_others_do_not_count() -> None:
 
 
 def test_who_does_not_answer_is_told_with_those_who_do() -> None:
-    told = ask("board", "x", clock(20.0), status("board-b", 20.0), status("board-a", 20.0))
-    assert (told or "").endswith("; there is board-a, board-b")
+    verdict = ask("board", "x", clock(20.0), status("board-b", 20.0), status("board-a", 20.0))
+    assert (verdict or "").endswith("; there is board-a, board-b")
     assert (ask("robot", "x", status("board-a", 20.0)) or "").endswith("; no robot of team t answers")
 
 
@@ -94,8 +94,8 @@ def test_a_board_that_repeats_its_status_and_settles_nothing_is_not_healthy(mode
 
     assert diagnosis(NOW) is None  # no world: it settles by Unix time
     board.receive(token(keys.WORLD), NOW)
-    told = Clock(run="1", tick=1, time=NOW, mode=mode)  # type: ignore[arg-type]
-    board.receive(put(told), NOW)
+    message = Clock(run="1", tick=1, time=NOW, mode=mode)  # type: ignore[arg-type]
+    board.receive(put(message), NOW)
     board.wake(NOW)  # as the loop does after a batch
     assert [diagnosis(NOW + seconds) for seconds in (1.0, 2.5, 4.0)] == [None] * 3
     assert "board a settled last" in (diagnosis(NOW + 6.0) or "")
@@ -119,10 +119,10 @@ def test_who_asks_has_come_through_the_router() -> None:
     assert ask("router", "router") is None
 
 
-@pytest.mark.parametrize(("follows", "told"), [(True, ", follows"), (False, "")])
-def test_a_board_that_follows_another_one_is_told_from_one_that_leads(follows: bool, told: str) -> None:
+@pytest.mark.parametrize(("follows", "verdict"), [(True, ", follows"), (False, "")])
+def test_a_board_that_follows_another_one_is_told_from_one_that_leads(follows: bool, verdict: str) -> None:
     network = Answers(put(Status(process="board-a2", kind="board", tick=1, time=3.0, follows=follows)))
-    assert part(network, "board", "board-a2", team="t") == told
+    assert part(network, "board", "board-a2", team="t") == verdict
     assert part(network, "robot", "board-a2", team="t") == ""
 
 
@@ -135,7 +135,7 @@ def test_a_healthy_world_says_its_tick() -> None:
 def test_several_processes_of_one_name_are_told() -> None:
     def answers(kind: ProcessKind, *sent: int) -> str:
         said = [Status(process="x", kind="board", tick=1, time=3.0, counters={"sent": n}) for n in sent]
-        return part(Answers(*(put(it, sub_team=s) for it in said for s in ("a", "b"))), kind, "x", team="t")
+        return part(Answers(*(put(message, sub_team=s) for message in said for s in ("a", "b"))), kind, "x", team="t")
 
     assert answers("robot", 1) == answers("board", 1, 1) == ""  # the same bytes again: who keeps what it sent
     assert answers("robot", 1, 2) == ", but 2 processes answer as robot x"

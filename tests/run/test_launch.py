@@ -169,15 +169,15 @@ def test_the_worlds_scorecard_and_status_are_the_result(
     run: Run, capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SEEN", str(tmp_path / "seen"))  # the world waits until its clock was seen
-    seen: list[tuple[int, int]] = []
+    counts: list[tuple[int, int]] = []
 
     def progress(done: int, total: int) -> None:
-        seen.append((done, total))
+        counts.append((done, total))
         if done == 3:
             (tmp_path / "seen").touch()
 
     assert run(MEMBER, progress=progress) == (1, {"verdict": "FAIL"})
-    assert seen == [(1, 20), (2, 20), (3, 20)]
+    assert counts == [(1, 20), (2, 20), (3, 20)]
     out, err = capfd.readouterr()
     assert out == ""
     assert {"      r1 | up", "   world | a log"} <= set(err.splitlines())

@@ -16,13 +16,13 @@ def test_the_launcher_sees_who_is_alive_and_the_clock_by_the_one_fold() -> None:
     bus = Bus()
     world, link = bus.connect(), bus.connect()
     alive: list[int] = []
-    seen: list[tuple[int, int]] = []
+    counts: list[tuple[int, int]] = []
 
     def look() -> None:
         for envelope in link.receive():
             observer.hear_envelope(envelope)
 
-    observer = Observer(link, SCENARIO, lambda: alive.append(len(seen)), lambda *at: seen.append(at))  # type: ignore[arg-type]
+    observer = Observer(link, SCENARIO, lambda: alive.append(len(counts)), lambda *at: counts.append(at))  # type: ignore[arg-type]
     world.token("cop/t/a/member/r1")
     look()
     assert (alive, observer.missing(frozenset({"cop/t/a/member/r1", "cop/t/a/board/x"}))) == ([], {"cop/t/a/board/x"})
@@ -33,7 +33,7 @@ def test_the_launcher_sees_who_is_alive_and_the_clock_by_the_one_fold() -> None:
     world.send(Envelope("cop/t/world/clock", b"!"))
     look()
     assert alive
-    assert seen[:2] == [(1, 20), (2, 20)]
+    assert counts[:2] == [(1, 20), (2, 20)]
     world.close()
     look()
     assert observer.missing(frozenset({"cop/t/a/member/r1"})) == {"cop/t/a/member/r1"}

@@ -30,5 +30,5 @@ def test_a_setting_has_values_as_in_toml_or_bare_words(given: str, key: str, val
 
 
 def test_a_rule_is_set_before_its_parameters_and_without_those_of_the_old_one() -> None:
-    one = with_settings(load("demo"), {"board.gamma": 0.4, "board.rule": "cooperative"})
-    assert one.board.in_force() == {"rule": "cooperative", "k": 2.0, "gamma": 0.4}
+    scenario = with_settings(load("demo"), {"board.gamma": 0.4, "board.rule": "cooperative"})
+    assert scenario.board.in_force() == {"rule": "cooperative", "k": 2.0, "gamma": 0.4}

@@ -19,8 +19,8 @@ COST = st.builds(Costs, GROWTHS, GROWTHS, GROWTHS)
 FLEETS = st.tuples(st.integers(1, 20_000), st.floats(0.1, 20.0), st.floats(1e4, 1e9), st.floats(1e4, 1e9), COST)
 
 
-def needed(it: Plan) -> tuple[int, int, int]:
-    return it.teams, it.boards, len(it.above)
+def needed(plan: Plan) -> tuple[int, int, int]:
+    return plan.teams, plan.boards, len(plan.above)
 
 
 def plan_of(robots: int, hertz: float, link: float, robot_link: float, costs: Costs) -> Plan | None:
@@ -35,12 +35,12 @@ def plan_of(robots: int, hertz: float, link: float, robot_link: float, costs: Co
 def test_all_robots_have_a_place_and_nothing_is_used_beyond_what_is_planned_for(
     fleet: tuple[int, float, float, float, Costs],
 ) -> None:
-    it = plan_of(*fleet)
-    if it is not None:
-        assert it.teams * it.robots >= fleet[0]
-        assert it.robots <= SOURCES
-        assert all(share <= MOST for share in it.used.values())
-        assert (it.binds is None) == (it.teams == 1)
+    plan = plan_of(*fleet)
+    if plan is not None:
+        assert plan.teams * plan.robots >= fleet[0]
+        assert plan.robots <= SOURCES
+        assert all(share <= MOST for share in plan.used.values())
+        assert (plan.binds is None) == (plan.teams == 1)
 
 
 @given(FLEETS, st.integers(0, 20_000), st.floats(1.0, 4.0), st.floats(1.0, 4.0), st.floats(1.0, 4.0))
@@ -48,19 +48,19 @@ def test_more_robots_faster_robots_and_poorer_links_never_need_less(
     fleet: tuple[int, float, float, float, Costs], more: int, faster: float, poorer: float, weaker: float
 ) -> None:
     robots, hertz, link, robot_link, costs = fleet
-    it = plan_of(*fleet)
+    plan = plan_of(*fleet)
     harder = plan_of(robots + more, hertz * faster, link / poorer, robot_link / weaker, costs)
     if harder is not None:
-        assert it is not None
-        assert all(one <= other for one, other in zip(needed(it), needed(harder), strict=True))
+        assert plan is not None
+        assert all(least <= other for least, other in zip(needed(plan), needed(harder), strict=True))
 
 
 @given(FLEETS)
 def test_a_team_is_as_large_as_it_can_be(fleet: tuple[int, float, float, float, Costs]) -> None:
     robots, hertz, link, robot_link, costs = fleet
-    it = plan_of(*fleet)
-    if it is not None and it.teams > 1:
-        fewer = -(-robots // (it.teams - 1))
+    plan = plan_of(*fleet)
+    if plan is not None and plan.teams > 1:
+        fewer = -(-robots // (plan.teams - 1))
         alone = plan_of(fewer, hertz, link, robot_link, costs)
         assert alone is None or alone.teams > 1
 
@@ -93,19 +93,19 @@ def test_links_are_read_with_their_unit(text: str, value: float) -> None:
 )
 def test_a_mistake_is_one_line(words: tuple[str, ...], said: str) -> None:
     robots, hertz, link, *more = words
-    it = Ran("plan", "--robots", robots, "--hz", hertz, "--link", link, *more)
-    assert it.status == 2
-    assert said in it.err
-    assert it.err.count("\n") == 1
+    ran = Ran("plan", "--robots", robots, "--hz", hertz, "--link", link, *more)
+    assert ran.status == 2
+    assert said in ran.err
+    assert ran.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("fusion", COSTS)
 def test_the_command_says_what_binds(fusion: str) -> None:
     words = ("plan", "--robots", "300", "--hz", "2", "--link", "20Mbit", "--fusion", fusion)
-    found = json.loads(Ran(*words, "--json").out)
+    report = json.loads(Ran(*words, "--json").out)
     text = Ran(*words).out
-    assert f"binds: {LIMITS[found['binds']]}" in text
-    assert f"boards: {found['boards']}, shares: {2 * (found['boards'] - 1)}" in text
+    assert f"binds: {LIMITS[report['binds']]}" in text
+    assert f"boards: {report['boards']}, shares: {2 * (report['boards'] - 1)}" in text
 
 
 PAGE = "scaling.md"
@@ -123,9 +123,9 @@ def test_the_page_s_table_is_what_is_planned() -> None:
         re.MULTILINE,
     )
     assert rows
-    for robots, hertz, link, *told in rows:
+    for robots, hertz, link, *cells in rows:
         speed = bits("--link", link)
         both = [planned(int(robots), float(hertz), speed, speed, COSTS[fusion]) for fusion in ("opinions", "joint")]
-        assert [int(one) for one in told] == [
-            n for pair in zip(*((it.teams, it.robots, it.boards) for it in both), strict=True) for n in pair
+        assert [int(cell) for cell in cells] == [
+            n for pair in zip(*((plan.teams, plan.robots, plan.boards) for plan in both), strict=True) for n in pair
         ]

@@ -54,8 +54,8 @@ def test_the_table_has_a_recorder_where_one_is_asked_for() -> None:
     assert process_table(scenario, "s.json", LinkConfig(), "tcp/127.0.0.1:1").recorder is None
     row = process_table(scenario, "s.json", LinkConfig(), "tcp/127.0.0.1:1", None, Path("x.mcap")).recorder
     assert row is not None
-    told = "-m blackboard record x.mcap --team t --scenario s.json --connect tcp/127.0.0.1:1"
-    assert " ".join(row.arguments[1:]) == told
+    command = "-m blackboard record x.mcap --team t --scenario s.json --connect tcp/127.0.0.1:1"
+    assert " ".join(row.arguments[1:]) == command
 
 
 def test_the_team_starts_once_it_listens_and_it_is_stopped_in_order(tmp_path: Path) -> None:

@@ -73,20 +73,20 @@ def supervise(body: Callable[[Supervisor, Diary], Awaitable[object]], released: 
 
 
 def test_a_result_is_kept_and_a_log_is_passed_on() -> None:
-    found: list[tuple[int, str]] = []
+    lines: list[tuple[int, str]] = []
     code = "import sys; print('a\\nb', file=sys.stderr); print('{\\n}', end=''); sys.stderr.write('end'); sys.exit(3)"
 
     async def body(supervisor: Supervisor, diary: Diary) -> None:
-        found.append(await supervisor.run(python("world", code)))
+        lines.append(await supervisor.run(python("world", code)))
 
     diary = supervise(body)
-    assert found == [(3, "{\n}")]
+    assert lines == [(3, "{\n}")]
     assert diary.lines == [("world", "a"), ("world", "b"), ("world", "end")]
 
 
-@pytest.mark.parametrize(("said", "found"), [(None, "2"), ("5", "5")])
+@pytest.mark.parametrize(("said", "heaps"), [(None, "2"), ("5", "5")])
 def test_processes_have_few_heaps_unless_the_environment_says_how_many(
-    said: str | None, found: str, monkeypatch: pytest.MonkeyPatch
+    said: str | None, heaps: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("MALLOC_ARENA_MAX", raising=False)
     if said is not None:
@@ -96,7 +96,7 @@ def test_processes_have_few_heaps_unless_the_environment_says_how_many(
         code = "import os, sys; print(os.environ['MALLOC_ARENA_MAX'], file=sys.stderr)"
         await supervisor.run(python("world", code))
 
-    assert supervise(body).lines == [("world", found)]
+    assert supervise(body).lines == [("world", heaps)]
 
 
 def test_a_line_without_an_end_is_broken_and_what_is_no_text_is_shown_as_such() -> None:

@@ -17,15 +17,15 @@ OBJECTS = "[world.objects]\nball = {}\ncan = {}\n"
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What would have been started: a team, or a service by its name."""
-    found: list[str] = []
+    names: list[str] = []
 
     def run_scenario(*_: object, **__: object) -> tuple[int, dict[str, Any]]:
-        found.append("team")
+        names.append("team")
         return 0, {}
 
     monkeypatch.setattr(launch, "run_scenario", run_scenario)
-    monkeypatch.setattr(door, "serve", lambda service, name, flags, **_: found.append(name))
-    return found
+    monkeypatch.setattr(door, "serve", lambda service, name, flags, **_: names.append(name))
+    return names
 
 
 def call(*arguments: str) -> None:
@@ -69,7 +69,7 @@ def test_a_recording_names_no_objects_and_a_board_alone_reads_no_world(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "cure"),
     [
         ('[team]\nsub_teams = { a = ["r1", "r1"] }\n', "team.sub_teams: r1 is in sub-team a more than once"),
         ("[team]\nsub_teams = { a = [] }\n", "team.sub_teams: no robot in any sub-team; name one at least"),
@@ -86,13 +86,13 @@ def test_a_recording_names_no_objects_and_a_board_alone_reads_no_world(tmp_path:
     ],
 )
 def test_names_and_times_that_do_not_fit_together_are_told_in_one_line(
-    text: str, told: str, tmp_path: Path, started: list[str]
+    text: str, cure: str, tmp_path: Path, started: list[str]
 ) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(text)
     with pytest.raises(UserError) as error:
         call("up", str(file), "--json")
-    assert str(error.value).startswith(f"{file}: {told}")
+    assert str(error.value).startswith(f"{file}: {cure}")
     assert started == []
 
 
@@ -102,8 +102,8 @@ def test_the_rule_of_an_object_that_the_world_does_not_have_is_told_in_one_line(
     file = tmp_path / "mine.toml"
     file.write_text('[board.subjects."object/bal"]\nindependence = 1\n[board.subjects."object/*"]\ngate = 3\n')
     call("up", str(file), "--json")
-    told = "board.subjects.object/bal: the world has no such object; did you mean ball?; it has ball, can"
-    assert caplog.messages == [f"{file}: {told}"]
+    line = "board.subjects.object/bal: the world has no such object; did you mean ball?; it has ball, can"
+    assert caplog.messages == [f"{file}: {line}"]
     assert started == ["team"]
 
 
