@@ -29,7 +29,7 @@ def test_a_client_with_a_certificate_takes_part_and_is_told_why_it_is_refused(sh
         with Team("r2", endpoint=shut[0], keys=str(keys), grid=other) as stranger:
             stranger.report("object/ball", uniform(other))
             wait_until(lambda: stranger.refused, "the board says so")
-            assert [it.reason for it in stranger.refused] == ["grid"]
+            assert [refusal.reason for refusal in stranger.refused] == ["grid"]
         assert "robot/r2/1 may not" not in shut[1].err
         assert team.refused == []
 

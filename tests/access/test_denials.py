@@ -80,8 +80,8 @@ def test_every_denial_is_read_and_nothing_else() -> None:
 
 
 def test_the_lists_of_two_threads_do_not_hide_each_others_decisions() -> None:
-    one, two = listing(R1, "robot/r1/1", "x"), listing(VIEW, "viewer/viewer/1", "y", thread=10)
-    mixed = [part for pair in zip(one, two, strict=True) for part in pair]
+    first, second = listing(R1, "robot/r1/1", "x"), listing(VIEW, "viewer/viewer/1", "y", thread=10)
+    mixed = [part for pair in zip(first, second, strict=True) for part in pair]
     denied = line(f"Using cached result: {VIEW} is unauthorized to Put (ingress) on y", thread=10)
     assert read_all([*mixed, denied]) == [Denial("viewer/viewer/1", "put", "y")]
 
@@ -140,8 +140,8 @@ def test_a_member_is_told_what_of_it_was_denied_and_not_too_often() -> None:
     assert {read(envelope.payload) for envelope in keeper.greet()} == {(0, "")}
     assert keeper.messages_due(0.0) == []
     keeper.count([Denial("robot/r1/1", "put", "cop/t/world/clock"), Denial("", "a connection was refused: x")])
-    told = {envelope.key: read(envelope.payload) for envelope in keeper.messages_due(0.0)}
-    assert told == {
+    denials = {envelope.key: read(envelope.payload) for envelope in keeper.messages_due(0.0)}
+    assert denials == {
         "door/t/robot/r1/1": (1, "robot/r1/1 may not put cop/t/world/clock"),
         "door/t/strangers": (1, "a connection was refused: x"),
     }

@@ -109,11 +109,11 @@ def test_no_certificate_outlives_its_authority() -> None:
 
 
 def test_an_authority_without_its_own_key_signs_nothing() -> None:
-    one, other = new_authority("t", NOW), new_authority("t", NOW)
+    first, second = new_authority("t", NOW), new_authority("t", NOW)
     with pytest.raises(UserError, match="does not belong to its certificate"):
-        issue(Pair(one.certificate, other.key), R1, (), NOW, 1.0)
+        issue(Pair(first.certificate, second.key), R1, (), NOW, 1.0)
     with pytest.raises(UserError, match="cannot be read"):
-        issue(Pair(one.certificate, b"nonsense"), R1, (), NOW, 1.0)
+        issue(Pair(first.certificate, b"nonsense"), R1, (), NOW, 1.0)
 
 
 @pytest.mark.parametrize("name", ["a/b", "a b", "*.local", "", "käse"])

@@ -85,14 +85,14 @@ def test_what_r1_writes_for_many_of_its_own_subjects_is_refused_by_whoever_hears
 
 @pytest.mark.parametrize("who", ["viewer", "recorder"])
 def test_who_looks_on_writes_nothing(let_in: Enter, who: str) -> None:
-    one, board = let_in(who), let_in("board/board-a")
+    onlooker, board = let_in(who), let_in("board/board-a")
     for key_expr in ("cop/t/a/report/*/**", "cop/t/*/status/*", "cop/t/world/clock", "cop/t/*/consensus/**"):
         board.subscribe(key_expr)
     board.watch("cop/t/*/member/*")
     for key in ("cop/t/a/report/r1/robot/r1", "cop/t/a/status/r1", "cop/t/world/clock", "cop/t/a/consensus/robot/r1"):
-        one.send(put(key))
-    one.token("cop/t/a/member/r1")
-    wait_until(lambda: denied(one) >= 5, lambda: f"all is denied, not {denied(one)}")
+        onlooker.send(put(key))
+    onlooker.token("cop/t/a/member/r1")
+    wait_until(lambda: denied(onlooker) >= 5, lambda: f"all is denied, not {denied(onlooker)}")
     assert board.receive(0.1) == []
 
 
@@ -114,7 +114,8 @@ def test_a_robot_reads_neither_the_truth_nor_what_another_measures(let_in: Enter
     for envelope in secret:
         world.send(envelope)
     Letters(viewer).until(*secret)
-    assert not [it for it in r1.receive(0.1) if it.key.startswith("cop/")]  # the door tells it what it was denied
+    # The door tells it what it was denied.
+    assert not [heard for heard in r1.receive(0.1) if heard.key.startswith("cop/")]
     for key_expr in ("cop/t/world/truth", "cop/t/world/reading/r2", "cop/**", "cop/t/*/report/r2/**"):
         assert r1.get(key_expr) == []
     assert viewer.get("cop/t/world/truth") == secret[:1]
@@ -166,8 +167,8 @@ def test_nobody_can_replay_what_another_said(let_in: Enter) -> None:
 def test_what_a_robot_says_again_itself_is_refused_or_changes_nothing() -> None:
     old, new = (report("r1", at(x, 10, 2.0), time=time, tick=tick) for x, time, tick in ((5, 1.0, 5), (30, 8.0, 40)))
     hears, replayed = new_board(), new_board()
-    for one in (hears, replayed):
-        one.hear(new, 8.0)
+    for link in (hears, replayed):
+        link.hear(new, 8.0)
     replayed.hear(old, 8.1)
     assert replayed.settle(41, 8.2) == hears.settle(41, 8.2)
     with pytest.raises(Refused, match="^past"):

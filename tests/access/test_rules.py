@@ -37,11 +37,11 @@ def included(key: str, expressions: tuple[str, ...]) -> bool:
 
 
 def all_keys(topic: Topic) -> list[tuple[str, dict[str, str]]]:
-    found: list[dict[str, str]] = [{}]
+    parts_of_keys: list[dict[str, str]] = [{}]
     for part, values in PARTS.items():
         if f"{{{part}}}" in topic.pattern:
-            found = [{**parts, part: value} for parts in found for value in values]
-    return [(topic.key(**parts), parts) for parts in found]
+            parts_of_keys = [{**parts, part: value} for parts in parts_of_keys for value in values]
+    return [(topic.key(**parts), parts) for parts in parts_of_keys]
 
 
 def should_write(member: CertificateHolder, topic: Topic, parts: dict[str, str]) -> bool:
@@ -122,21 +122,21 @@ def test_nobody_writes_for_several_at_once(who: str) -> None:
 def services() -> dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]]:
     """What every service listens to, watches and holds."""
     grid = Scenario({}).grid
-    found: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {}
+    by_name: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {}
     for fusion in ("opinions", "joint"):
         settings = BoardSection.model_validate({"fusion": fusion})
         board = BoardService(team="t", sub_team="a", board="board-a", grid=grid, settings=settings)
-        found[f"board/board-a {fusion}"] = board.listens, board.watches, board.tokens
+        by_name[f"board/board-a {fusion}"] = board.listens, board.watches, board.tokens
     robot = AgentService(team="t", sub_teams=["a"], robot="r1", grid=grid, settings=RobotSection())
-    found["robot/r1"] = robot.listens, robot.watches, robot.tokens
+    by_name["robot/r1"] = robot.listens, robot.watches, robot.tokens
     names = [
         t.key(team="t", sub_team="*", process="*", subject="**", robot="*")
         for t in (keys.SOLO, keys.CONSENSUS, keys.AGREED, keys.STATUS)
     ]
     tokens = [t.key(team="t", sub_team="*", board="*", robot="*") for t in (keys.WORLD, keys.MEMBER, keys.BOARD)]
-    found["world"] = tuple(names), tuple(tokens), (keys.WORLD.key(team="t"),)
-    found["viewer"] = ("cop/*/**", "cop/t/**", "cop/**"), ("cop/*/**",), ()
-    return found
+    by_name["world"] = tuple(names), tuple(tokens), (keys.WORLD.key(team="t"),)
+    by_name["viewer"] = ("cop/*/**", "cop/t/**", "cop/**"), ("cop/*/**",), ()
+    return by_name
 
 
 @pytest.mark.parametrize("who", services())

@@ -32,13 +32,13 @@ def linked_keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def routers(linked_keys: Path) -> Iterator[dict[str, tuple[str, Program]]]:
     """The routers of the sites a and b, that of b connected to that of a: where each listens, and its program."""
     at = {site: f"tls/127.0.0.1:{free_port()}" for site in "ab"}
-    found = {}
+    links = {}
     with ExitStack() as running:
         for site, more in (("a", ()), ("b", ("-e", at["a"]))):
             arguments = ("-m", "blackboard", "router", "--keys", str(linked_keys), "-l", at[site], *more)
-            found[site] = at[site], running.enter_context(program(*arguments))
-            found[site][1].says("ready")
-        yield found
+            links[site] = at[site], running.enter_context(program(*arguments))
+            links[site][1].says("ready")
+        yield links
 
 
 @pytest.fixture

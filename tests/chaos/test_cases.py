@@ -38,9 +38,9 @@ def test_who_is_troubled() -> None:
 
 
 def test_a_run_is_in_real_time_and_long_enough() -> None:
-    found = prepared(DEMO, CASES["cut-robot"], 7)
-    assert (found.time.mode, found.time.seconds) == ("realtime", WARM_UP + 3 + REST)
-    assert json.loads(found.to_json())["world"]["seed"] == 7
+    scenario = prepared(DEMO, CASES["cut-robot"], 7)
+    assert (scenario.time.mode, scenario.time.seconds) == ("realtime", WARM_UP + 3 + REST)
+    assert json.loads(scenario.to_json())["world"]["seed"] == 7
 
 
 def test_reports_are_lost_by_all_but_one_robot_of_each_sub_team() -> None:
@@ -60,9 +60,9 @@ def test_errors_and_regions_of_samples() -> None:
         sample("agreed", "object/ball", 1.0, region=0.97),
         sample("consensus", "robot/r1", 99.0),
     ]
-    found = judged(samples)
-    assert (found["solo"], found["robots"], found["objects"]) == (4.0, pytest.approx(12.5**0.5), 1.0)
-    assert (found["coverage"], found["samples"]) == (pytest.approx(2 / 3), 3)
+    verdict = judged(samples)
+    assert (verdict["solo"], verdict["robots"], verdict["objects"]) == (4.0, pytest.approx(12.5**0.5), 1.0)
+    assert (verdict["coverage"], verdict["samples"]) == (pytest.approx(2 / 3), 3)
     assert judged([])["robots"] is None
 
 

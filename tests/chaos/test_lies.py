@@ -22,7 +22,7 @@ def sample(robot: str, subject: str, mean_x: float, time: float = 10.0, region: 
 CALM = Trial([sample("r1", "robot/r1", 1.0), sample("r3", "robot/r3", 1.0), sample("r1", "object/ball", 2.0)], {}, 5.0)
 
 
-def found(**more: Any) -> dict[str, Any]:
+def row_with(**more: Any) -> dict[str, Any]:
     """The row of a lie that costs nothing, with some columns changed."""
     return row(DEMO, 1, CATALOGUE["off-3"], CALM, CALM) | more
 
@@ -34,15 +34,15 @@ def test_only_the_honest_are_judged_and_only_from_the_beginning_of_the_lie() -> 
 
 def test_a_row_compares_with_the_calm_run() -> None:
     lied = [sample("r1", "robot/r1", 2.0, region=0.97), sample("r3", "robot/r3", 9.0), sample("r1", "object/ball", 2.0)]
-    it = row(DEMO, 7, CATALOGUE["off-3"], CALM, Trial(lied, {}, 10.0))
-    assert (it["robots"], it["objects"], it["told"], it["slower"]) == (2.0, 1.0, 1.0, 2.0)
-    assert (it["coverage"], it["log_score"], it["seed"]) == (0.0, 0.0, 7)
+    columns = row(DEMO, 7, CATALOGUE["off-3"], CALM, Trial(lied, {}, 10.0))
+    assert (columns["robots"], columns["objects"], columns["told"], columns["slower"]) == (2.0, 1.0, 1.0, 2.0)
+    assert (columns["coverage"], columns["log_score"], columns["seed"]) == (0.0, 0.0, 7)
 
 
 def test_what_was_never_told_is_no_error() -> None:
-    it = row(DEMO, 1, CATALOGUE["off-3"], CALM, Trial([CALM.samples[2]], {}, 5.0))
-    assert (it["robots"], it["coverage"], it["told"]) == (None, None, 0.5)
-    assert not asked([it], "joint")[0][0]
+    columns = row(DEMO, 1, CATALOGUE["off-3"], CALM, Trial([CALM.samples[2]], {}, 5.0))
+    assert (columns["robots"], columns["coverage"], columns["told"]) == (None, None, 0.5)
+    assert not asked([columns], "joint")[0][0]
 
 
 @pytest.mark.parametrize(
@@ -55,19 +55,23 @@ def test_what_was_never_told_is_no_error() -> None:
     ],
 )
 def test_when_a_liar_is_named_and_cleared(times: list[float], named: float | None, cleared: float | None) -> None:
-    it = row(DEMO, 1, CATALOGUE["off-3"], CALM, Trial(CALM.samples, {"r3": times} if times else {}, 5.0))
-    assert (it["named"], it["cleared"]) == (named, pytest.approx(cleared) if cleared is not None else None)
+    columns = row(DEMO, 1, CATALOGUE["off-3"], CALM, Trial(CALM.samples, {"r3": times} if times else {}, 5.0))
+    assert (columns["named"], columns["cleared"]) == (named, pytest.approx(cleared) if cleared is not None else None)
 
 
 def test_how_long_an_honest_robot_was_named() -> None:
-    it = row(DEMO, 1, CATALOGUE["off-3"], CALM, Trial(CALM.samples, {"r1": [1.0, 2.0, 2.5, 9.0, 10.0]}, 5.0))
-    assert it["innocent"] == 1.5
+    columns = row(DEMO, 1, CATALOGUE["off-3"], CALM, Trial(CALM.samples, {"r1": [1.0, 2.0, 2.5, 9.0, 10.0]}, 5.0))
+    assert columns["innocent"] == 1.5
 
 
 def test_what_is_asked_for() -> None:
-    rows = [found(robots=1.3), found(lie="x", robots=0.8, coverage=0.95), found(lie="two", liars=2, robots=1.4)]
-    told = dict(asked(rows, "joint"))
-    assert len(told) == 2  # by whether it holds
+    rows = [
+        row_with(robots=1.3),
+        row_with(lie="x", robots=0.8, coverage=0.95),
+        row_with(lie="two", liars=2, robots=1.4),
+    ]
+    criteria = dict(asked(rows, "joint"))
+    assert len(criteria) == 2  # by whether it holds
     lines = [f"{'yes' if holds else 'NO'} {what}" for holds, what in asked(rows, "joint")]
     assert lines == [
         "yes one liar, robots, mean, at most 1.1: 1.05",
@@ -82,7 +86,7 @@ def test_what_is_asked_for() -> None:
 
 
 def test_the_table_has_a_line_for_each_lie_with_the_mean_of_its_seeds() -> None:
-    rows = [found(robots=1.0, named=2.0), found(seed=2, robots=1.5, named=None)]
+    rows = [row_with(robots=1.0, named=2.0), row_with(seed=2, robots=1.5, named=None)]
     lines = text({"rows": rows, "asked": asked(rows, "joint"), "what": "ratios"}).splitlines()
     assert lines[2] == "| off-3 | 1.25 | 1.50 | 1.00 | +0.00 | 1.00 | 1.00 | - | - | 0.0 s | 1.0 |"
     assert lines[-1] == "ratios"

@@ -23,7 +23,7 @@ def agreed(sub_team: str, subject: str, time: float, **ancestors: float) -> Enve
     return put(consensus(BELIEF, subject, board=f"board-{sub_team}", sub_team=sub_team, time=time, ancestors=ancestors))
 
 
-def told(*envelopes: Envelope) -> Sight:
+def sight_of(*envelopes: Envelope) -> Sight:
     sight = Sight(TEAM)
     for envelope in envelopes:
         sight.hear_envelope(envelope, 0.0)
@@ -35,36 +35,36 @@ def everything(time: float, **ancestors: float) -> list[Envelope]:
 
 
 def test_all_is_settled_where_each_board_has_every_robot_fresh() -> None:
-    sight = told(clock(10.0), *everything(10.0, r1=9.8, r2=9.8))
+    sight = sight_of(clock(10.0), *everything(10.0, r1=9.8, r2=9.8))
     assert sight.look(0.0).missing == ()
     assert sight.look(0.0).of == 4
 
 
 def test_a_belief_that_rests_on_an_old_report_is_not_settled() -> None:
-    sight = told(clock(10.0), *everything(10.0, r1=10.0 - FRESH - 0.1, r2=9.8))
+    sight = sight_of(clock(10.0), *everything(10.0, r1=10.0 - FRESH - 0.1, r2=9.8))
     assert sight.look(0.0).missing == (("a", "robot/r1"), ("b", "robot/r1"))
     assert sight.look(0.0, away={"r1"}).missing == ()
 
 
 def test_an_old_belief_is_not_settled_whatever_it_rests_on() -> None:
-    sight = told(clock(10.0), *everything(10.0, r1=10.0, r2=10.0), agreed("b", "object/ball", 10.0 - FRESH - 0.1))
+    sight = sight_of(clock(10.0), *everything(10.0, r1=10.0, r2=10.0), agreed("b", "object/ball", 10.0 - FRESH - 0.1))
     assert sight.look(0.0).missing == (("a", "object/ball"), ("b", "object/ball"))
 
 
 def test_team_time_goes_on_while_no_clock_is_heard() -> None:
-    sight = told(clock(10.0), *everything(10.0, r1=10.0, r2=10.0))
+    sight = sight_of(clock(10.0), *everything(10.0, r1=10.0, r2=10.0))
     assert len(sight.look(FRESH + 0.1).missing) == 4
 
 
 def test_nothing_is_expected_of_a_sub_team_without_its_board() -> None:
-    sight = told(clock(10.0), agreed("a", "robot/r1", 10.0, r1=10.0))
+    sight = sight_of(clock(10.0), agreed("a", "robot/r1", 10.0, r1=10.0))
     assert len(sight.look(0.0).missing) == 3
     assert sight.look(0.0, away={"board-b"}).missing == ()
 
 
 def test_messages_are_counted_by_whom_they_are_from() -> None:
     status = Status(process="r1", kind="robot", tick=1, time=1.0, counters={"sent": 7})
-    sight = told(
+    sight = sight_of(
         Envelope(keys.REPORT.key(team="t", sub_team="a", source="r1", subject="robot/r1"), b"?"),
         Envelope(keys.SOLO.key(team="t", robot="r1"), b"?"),
         Envelope(keys.SOLO.key(team="t", robot="r2"), b"?"),
@@ -74,7 +74,7 @@ def test_messages_are_counted_by_whom_they_are_from() -> None:
 
 
 def test_who_holds_a_token() -> None:
-    sight = told(token(keys.MEMBER, "r1"))
+    sight = sight_of(token(keys.MEMBER, "r1"))
     assert (sight.holds("r1"), sight.holds("r2")) == (True, False)
     sight.hear_envelope(token(keys.MEMBER, "r1", kind=Kind.GONE), 1.0)
     assert not sight.holds("r1")

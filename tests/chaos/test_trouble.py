@@ -19,17 +19,17 @@ def test_without_trouble_nothing_is_late() -> None:
 
 
 def test_a_delay_is_even_around_its_middle() -> None:
-    found = late(Trouble(delay=0.5, jitter=0.1))
-    assert min(found) >= 0.4 - 1e-9
-    assert max(found) <= 0.6 + 1e-9
-    assert np.mean(found) == pytest.approx(0.5, abs=0.01)
+    delays = late(Trouble(delay=0.5, jitter=0.1))
+    assert min(delays) >= 0.4 - 1e-9
+    assert max(delays) <= 0.6 + 1e-9
+    assert np.mean(delays) == pytest.approx(0.5, abs=0.01)
 
 
 @pytest.mark.parametrize(("segments", "share"), [(1, 0.2), (3, 1 - 0.8**3)])
 def test_a_lost_segment_costs_the_time_until_it_is_sent_again(segments: int, share: float) -> None:
-    found = late(Trouble(loss=0.2), size=1448 * segments)
-    kept = [seconds for seconds in found if seconds > 1e-6]
-    assert len(kept) / len(found) == pytest.approx(share, abs=0.03)
+    delays = late(Trouble(loss=0.2), size=1448 * segments)
+    kept = [seconds for seconds in delays if seconds > 1e-6]
+    assert len(kept) / len(delays) == pytest.approx(share, abs=0.03)
     assert min(kept) == pytest.approx(RETRANSMISSION)
     assert max(kept) <= LONGEST + 1e-9
 

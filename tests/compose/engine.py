@@ -64,7 +64,7 @@ def now() -> str:
 
 def first_line(command: list[str], wanted: Callable[[str], bool], seconds: float, what: str) -> str:
     """The first line of a command's output that is wanted; the command is ended then, or at the deadline."""
-    seen = []
+    lines = []
     with Popen(command, stdout=PIPE, stderr=STDOUT, text=True) as process:
         deadline = threading.Timer(seconds, process.kill)
         deadline.start()
@@ -72,11 +72,11 @@ def first_line(command: list[str], wanted: Callable[[str], bool], seconds: float
             for line in process.stdout or ():
                 if wanted(line):
                     return line
-                seen.append(line)
+                lines.append(line)
         finally:
             deadline.cancel()
             process.kill()
-    raise AssertionError(f"{what}: not within {seconds:g} s; last seen:\n{''.join(seen[-20:])}")
+    raise AssertionError(f"{what}: not within {seconds:g} s; last seen:\n{''.join(lines[-20:])}")
 
 
 # --- what an image is built from -------------------------------------------------------------------------------------
@@ -94,9 +94,9 @@ def compose_command() -> list[str]:
 
 def base_image(work: Path) -> str:
     """The official base image; where no registry answers, a stand-in by Debian's debootstrap, kept under its tag."""
-    found = re.search(r"^ARG BASE=(\S+)", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
-    assert found, "the Dockerfile names no default base"
-    official = found[1]
+    match = re.search(r"^ARG BASE=(\S+)", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    assert match, "the Dockerfile names no default base"
+    official = match[1]
     if works("docker", "image", "inspect", official) or works("docker", "pull", official, seconds=120):
         return official
     if not works("docker", "image", "inspect", STAND_IN):
@@ -187,17 +187,17 @@ class Project:
         return call("docker", "ps", "--all", "--quiet", "--no-trunc", *of).split()
 
     def container(self, service: str) -> str:
-        (found,) = self.containers(service)
-        return found
+        (container,) = self.containers(service)
+        return container
 
     def state(self, service: str) -> dict[str, Any]:
-        told = call("docker", "inspect", "--format", "{{json .State}}", self.container(service))
-        state: dict[str, Any] = json.loads(told)
+        shown = call("docker", "inspect", "--format", "{{json .State}}", self.container(service))
+        state: dict[str, Any] = json.loads(shown)
         return state
 
     def network(self) -> str:
-        (found,) = call("docker", "network", "ls", "--quiet", "--filter", self._label()).split()
-        return found
+        (network,) = call("docker", "network", "ls", "--quiet", "--filter", self._label()).split()
+        return network
 
     def log(self, service: str) -> str:
         return self("logs", "--no-color", service)
@@ -235,9 +235,9 @@ class Project:
     def left_behind(self) -> list[str]:
         """Containers, networks, volumes and images of this project that are still there."""
         kinds = (["ps", "--all"], ["network", "ls"], ["volume", "ls"])
-        found = [call("docker", *kind, "--quiet", "--filter", self._label()) for kind in kinds]
-        found.append(call("docker", "image", "ls", "--quiet", self.environment["IMAGE"]))
-        return "".join(found).split()
+        names = [call("docker", *kind, "--quiet", "--filter", self._label()) for kind in kinds]
+        names.append(call("docker", "image", "ls", "--quiet", self.environment["IMAGE"]))
+        return "".join(names).split()
 
     def _label(self) -> str:
         return f"label=com.docker.compose.project={self.name}"

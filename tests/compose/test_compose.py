@@ -185,7 +185,7 @@ def test_after_all_that_it_is_still_a_pass(team: Project, absent: list[int]) -> 
     command = ["docker", "logs", "--follow", team.container("world")]
     first_line(
         command,
-        lambda line: (found := re.search(r" tick (\d+)$", line.strip())) is not None and int(found[1]) >= far,
+        lambda line: (match := re.search(r" tick (\d+)$", line.strip())) is not None and int(match[1]) >= far,
         1400,
         f"tick {far}",
     )
@@ -197,9 +197,9 @@ def test_after_all_that_it_is_still_a_pass(team: Project, absent: list[int]) -> 
 def tick(team: Project) -> int:
     """The tick that the world is in."""
     said = call("docker", "exec", team.container("world"), *CHECK, "world", "--connect", ROUTER)
-    found = re.search(r", tick (\d+)$", said.strip())
-    assert found, said
-    return int(found[1])
+    match = re.search(r", tick (\d+)$", said.strip())
+    assert match, said
+    return int(match[1])
 
 
 def test_everybody_stops_within_five_seconds(team: Project) -> None:

@@ -41,8 +41,8 @@ def test_what_is_attached_and_who_comes_late(endpoint: str) -> None:
         wait_until(
             lambda: link.send(Envelope("x", b"first")) or threading.Event().wait(0.05) or live, "what is live comes"
         )
-        told = Letters(watcher)
-        wait_until(lambda: Envelope("tokens/x", kind=Kind.ALIVE) in told.take(), "the publisher has a token")
+        letters = Letters(watcher)
+        wait_until(lambda: Envelope("tokens/x", kind=Kind.ALIVE) in letters.take(), "the publisher has a token")
         link.send(Envelope("x", b"last"))
         wait_until(lambda: live[-1].payload.to_bytes() == b"last", "the last one comes")
         numbers = [sample.attachment.to_bytes() for sample in live if sample.attachment is not None]
@@ -55,15 +55,17 @@ def test_what_is_attached_and_who_comes_late(endpoint: str) -> None:
         assert late[0].attachment is not None
         assert late[0].attachment.to_bytes() == numbers[-1]
         latecomer.undeclare()
-        assert told.take() == [Envelope("tokens/x", kind=Kind.ALIVE)]  # nothing was sent on y
+        assert letters.take() == [Envelope("tokens/x", kind=Kind.ALIVE)]  # nothing was sent on y
 
 
 def test_what_has_no_outlet_goes_as_in_any_link(endpoint: str) -> None:
-    config, seen = LinkConfig(connect=(endpoint,)), list[zenoh.Sample]()
+    config, samples = LinkConfig(connect=(endpoint,)), list[zenoh.Sample]()
     with AttachedLink(config, "a") as link, zenoh.open(config.build("c")) as other:
-        other.declare_subscriber("cop/**", seen.append)
+        other.declare_subscriber("cop/**", samples.append)
         link.outlet = {"x": Counted()}.get
-        wait_until(lambda: link.send(Envelope("cop/t/a", b"1")) or threading.Event().wait(0.05) or seen, "it arrives")
-        assert seen[0].attachment is None
-        assert str(seen[0].encoding) == ENCODING
-        assert [it.payload for it in link.get("cop/t/a")] == [b"1"]
+        wait_until(
+            lambda: link.send(Envelope("cop/t/a", b"1")) or threading.Event().wait(0.05) or samples, "it arrives"
+        )
+        assert samples[0].attachment is None
+        assert str(samples[0].encoding) == ENCODING
+        assert [envelope.payload for envelope in link.get("cop/t/a")] == [b"1"]

@@ -106,8 +106,8 @@ def test_what_the_holder_of_a_token_writes_is_what_it_may_write_as_itself(token:
 
 def test_a_board_hears_its_robots_and_other_boards_and_no_invented_names() -> None:
     board = BoardService(team="t", sub_team="a", board="x", grid=Scenario({}).grid, settings=BoardSection())
-    found = narrowed(board.listens, TOKENS, zenoh.KeyExpr)
-    assert found == {
+    expressions = narrowed(board.listens, TOKENS, zenoh.KeyExpr)
+    assert expressions == {
         "cop/t/world/clock",
         "cop/t/a/report/r1/**",
         "cop/t/a/consensus/**",
@@ -120,10 +120,10 @@ def test_a_board_hears_its_robots_and_other_boards_and_no_invented_names() -> No
 
 
 def test_who_looks_at_everything_hears_each_message_once() -> None:
-    found = narrowed(["cop/t/**"], TOKENS, zenoh.KeyExpr)
+    expressions = narrowed(["cop/t/**"], TOKENS, zenoh.KeyExpr)
     for key in ("cop/t/world/clock", "cop/t/score/solo/r1", "cop/t/b/report/r2/object/x", "cop/t/a/agreed/robot/r1"):
-        assert sum(intersects(expression, key) for expression in found) == 1, key
-    assert not any(intersects(expression, "cop/t/a/status/z") for expression in found)
+        assert sum(intersects(expression, key) for expression in expressions) == 1, key
+    assert not any(intersects(expression, "cop/t/a/status/z") for expression in expressions)
 
 
 def test_what_is_narrow_already_stays() -> None:

@@ -26,11 +26,11 @@ def fill(inbox: Inbox, letters: list[tuple[Kind, int]]) -> list[Envelope]:
 
 
 def drain(inbox: Inbox) -> list[Envelope]:
-    found: list[Envelope] = []
+    envelopes: list[Envelope] = []
     while batch := inbox.drain(0.0):
         assert len(batch) <= inbox.batch
-        found += batch
-    return found
+        envelopes += batch
+    return envelopes
 
 
 @given(LETTERS, st.integers(1, 10), st.integers(0, 100))

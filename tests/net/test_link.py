@@ -30,24 +30,24 @@ def answers(link: Link, key_expr: str, *wanted: Envelope) -> None:
 def test_a_sample_carries_its_encoding_and_a_stamp(endpoint: str, connect: Connect) -> None:
     config = LinkConfig(connect=(endpoint,)).build("plain")
     arrived = threading.Event()
-    seen: list[zenoh.Sample] = []
+    samples: list[zenoh.Sample] = []
     with (
         zenoh.open(config) as session,
-        session.declare_subscriber("x", lambda sample: (seen.append(sample), arrived.set())),
+        session.declare_subscriber("x", lambda sample: (samples.append(sample), arrived.set())),
     ):
         a = connect("a")
         wait_until(lambda: a.send(Envelope("x", b"1")) or arrived.wait(0.05), "it arrives")
-    assert str(seen[0].encoding) == ENCODING
-    assert seen[0].timestamp is not None
+    assert str(samples[0].encoding) == ENCODING
+    assert samples[0].timestamp is not None
 
 
 def test_what_is_urgent_is_sent_with_a_priority_of_its_own(endpoint: str, connect: Connect) -> None:
     """By the topic table; the queue of each priority that is used holds as much."""
     config = LinkConfig(connect=(endpoint,)).build("plain")
-    seen: dict[str, zenoh.Priority] = {}
+    priorities: dict[str, zenoh.Priority] = {}
     with (
         zenoh.open(config) as session,
-        session.declare_subscriber("cop/**", lambda sample: seen.update({str(sample.key_expr): sample.priority})),
+        session.declare_subscriber("cop/**", lambda sample: priorities.update({str(sample.key_expr): sample.priority})),
     ):
         a = connect("a")
         asked = {
@@ -57,8 +57,10 @@ def test_what_is_urgent_is_sent_with_a_priority_of_its_own(endpoint: str, connec
             "cop/t/world/truth": zenoh.Priority.DATA_LOW,
             "cop/of/no/topic": zenoh.Priority.DATA,
         }
-        wait_until(lambda: [a.send(Envelope(key, b"1")) for key in asked] and set(seen) == set(asked), "all arrive")
-    assert seen == asked
+        wait_until(
+            lambda: [a.send(Envelope(key, b"1")) for key in asked] and set(priorities) == set(asked), "all arrive"
+        )
+    assert priorities == asked
     for name in ("interactive_high", "data", "data_low"):
         assert config.get_json(f"transport/link/tx/queue/size/{name}") == "16", name
 

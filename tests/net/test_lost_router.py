@@ -56,11 +56,11 @@ def test_who_was_never_connected_has_lost_nothing() -> None:
 
 
 def test_a_router_that_flaps_is_few_lines() -> None:
-    outage, told = connected(), 0
+    outage, lines = connected(), 0
     for n in range(1000):
         outage.hear_router("R1", 1.0 + 0.1 * n, here=n % 2 == 1)
-        told += len(outage.look(1.0 + 0.1 * n))
-    assert told <= 2 * (100.0 / PAUSE + 1)
+        lines += len(outage.look(1.0 + 0.1 * n))
+    assert lines <= 2 * (100.0 / PAUSE + 1)
 
 
 def test_a_loss_soon_after_another_one_is_told_later() -> None:

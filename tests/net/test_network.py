@@ -113,9 +113,9 @@ def test_of_what_is_too_large_only_that_it_is_too_large_arrives(connect: Connect
     b.subscribe("x")
     introduce(b, a)
     a.send(Envelope("x", b"\xff" * size))
-    found: list[Envelope] = []
-    wait_until(lambda: found or found.extend(b.receive(0.1)), "it arrives")
-    assert len(found[0].payload) == min(size, MAX_BYTES + 1)
+    envelopes: list[Envelope] = []
+    wait_until(lambda: envelopes or envelopes.extend(b.receive(0.1)), "it arrives")
+    assert len(envelopes[0].payload) == min(size, MAX_BYTES + 1)
     assert b.counters["bytes"] == size
     wait_until(lambda: [len(e.payload) for e in b.get("x")] == [min(size, MAX_BYTES + 1)], "it is answered as such")
 
@@ -225,8 +225,8 @@ CHUNKS = st.lists(st.sampled_from(["a", "b", "*", "**", "@a"]), min_size=1, max_
 
 @settings(max_examples=400)
 @given(CHUNKS, CHUNKS)
-def test_key_expressions_intersect_as_zenoh_says(one: list[str], other: list[str]) -> None:
-    exprs = [zenoh.KeyExpr.autocanonize("/".join(chunks)) for chunks in (one, other)]
+def test_key_expressions_intersect_as_zenoh_says(first: list[str], second: list[str]) -> None:
+    exprs = [zenoh.KeyExpr.autocanonize("/".join(chunks)) for chunks in (first, second)]
     assert intersects(str(exprs[0]), str(exprs[1])) == exprs[0].intersects(exprs[1])
 
 
@@ -234,13 +234,13 @@ def test_what_is_on_its_way_can_be_watched_lost_and_taken_in_any_order() -> None
     bus = Bus()
     a, b = bus.connect(), bus.connect()
     b.subscribe("**")
-    seen: list[Envelope] = []
-    bus.spies.append(seen.append)
+    envelopes: list[Envelope] = []
+    bus.spies.append(envelopes.append)
     bus.lose = lambda envelope: envelope.key == "lost"
     sent = put("1", "lost", "2")
     for envelope in sent:
         a.send(envelope)
-    assert seen == sent
+    assert envelopes == sent
     assert bus.waiting.pop() == Delivery(b, put("2")[0], a)
     assert b.receive() == put("1")
     a.send(put("3")[0])

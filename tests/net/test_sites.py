@@ -69,12 +69,12 @@ def test_a_slow_link_carries_what_the_other_site_needs(tmp_path: Path) -> None:
 
         wait_until(another, "both consensuses come a second time, a second later")
         took = clock.now() - began
-    seen = Counter(envelope.key for envelope in came.read)
-    assert [seen[key] for key in WHOLE] == [TIMES * rounds] * len(WHOLE)
-    assert [seen[key] for key in STAYS] == [0] * len(STAYS)
-    assert all(seen[key] <= 2 + took for key in THINNED), "one a second"
+    counts = Counter(envelope.key for envelope in came.read)
+    assert [counts[key] for key in WHOLE] == [TIMES * rounds] * len(WHOLE)
+    assert [counts[key] for key in STAYS] == [0] * len(STAYS)
+    assert all(counts[key] <= 2 + took for key in THINNED), "one a second"
     assert TIMES * rounds > 4 * (2 + took), "or the machine is too slow for this test to say anything"
-    assert seen["cop/demo/a/forward/board-a2"] == 0, "it is larger than the link may carry"
+    assert counts["cop/demo/a/forward/board-a2"] == 0, "it is larger than the link may carry"
 
 
 def test_an_exchange_resumes_by_itself_when_a_site_s_router_is_back(tmp_path: Path) -> None:
