@@ -30,12 +30,12 @@ def test_two_sites_go_on_by_themselves_and_a_killed_robot_comes_back(tmp_path: P
     command = ("-m", "blackboard", "chaos", str(scenario), "--json", "--only")
     with program(*command, "sites") as partition, program(*command, "kill-robot") as killing:
         cases = {"sites": partition, "kill-robot": killing}
-        found = {}
+        by_site = {}
         for name, case in cases.items():
             wait_until(partial(_has_ended, case), f"{name} is done", 100)  # it takes 25
             assert case.ends() == 0, case.err
-            (found[name],) = json.loads(case.out)["rows"]
-    assert {row["case"] for row in found.values()} == set(cases)
-    assert all(row["recovery"] is not None and row["samples"] > 0 for row in found.values())
+            (by_site[name],) = json.loads(case.out)["rows"]
+    assert {row["case"] for row in by_site.values()} == set(cases)
+    assert all(row["recovery"] is not None and row["samples"] > 0 for row in by_site.values())
     # the partition was real, and of 2 x 3 robots each site had its own all the time: at least (2 + 1) / 6
-    assert 0.5 < found["sites"]["settled"] < 0.99
+    assert 0.5 < by_site["sites"]["settled"] < 0.99

@@ -22,12 +22,12 @@ def held(team: Team, tick: int) -> list[Counter[str]]:
     looks = []
     for k in range(LOOKS):
         team.run_until(lambda at=tick + 3 * k: team.world.tick >= at)  # type: ignore[misc]
-        found = holdings(team.world, "world")
+        sizes = holdings(team.world, "world")
         for board in team.boards.values():
-            found += holdings(board, "board")
+            sizes += holdings(board, "board")
         for robot in team.robots.values():
-            found += holdings(robot, "robot")
-        looks.append(found)
+            sizes += holdings(robot, "robot")
+        looks.append(sizes)
     return looks
 
 

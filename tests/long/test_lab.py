@@ -10,11 +10,11 @@ from tests.commands import blackboard
 from tests.scenarios import SMALL_FILE
 
 
-def without_time(found: dict[str, Any]) -> dict[str, Any]:
-    for trial in found["trials"].values():
+def without_time(report: dict[str, Any]) -> dict[str, Any]:
+    for trial in report["trials"].values():
         for row in [*trial["rules"].values(), trial["best"]]:
             del row["ms"]
-    return found
+    return report
 
 
 def test_the_lab_twice_with_one_seed_says_the_same(tmp_path: Path) -> None:
@@ -25,11 +25,11 @@ def test_the_lab_twice_with_one_seed_says_the_same(tmp_path: Path) -> None:
     first, second = (blackboard(*arguments) for _ in range(2))
     assert first.returncode == 0, first.stderr
     assert [line.split(" (")[0] for line in first.stderr.splitlines()] == [f"lab: {n} of 5" for n in range(1, 6)]
-    found = json.loads(first.stdout)
-    assert without_time(found) == without_time(json.loads(second.stdout))
-    assert len(found["trials"]) == 8  # five trials, the team, its robots, its objects
-    assert found["trials"]["team scenario"]["runs"] == 2
-    assert found["trials"]["team scenario"]["cases"] > 10
+    report = json.loads(first.stdout)
+    assert without_time(report) == without_time(json.loads(second.stdout))
+    assert len(report["trials"]) == 8  # five trials, the team, its robots, its objects
+    assert report["trials"]["team scenario"]["runs"] == 2
+    assert report["trials"]["team scenario"]["cases"] > 10
     assert picture.stat().st_size > 10_000
 
 
@@ -40,10 +40,10 @@ def test_a_sweep_has_the_numbers_of_the_same_runs_as_processes(tmp_path: Path) -
     done = blackboard("sweep", *arguments)
     assert done.returncode == 0, done.stderr
     first, second = json.loads(done.stdout)["combinations"]
-    for found, rule in ((first, ()), (second, ("--rule", "cooperative", "--fusion", "joint"))):
+    for sweep_run, rule in ((first, ()), (second, ("--rule", "cooperative", "--fusion", "joint"))):
         card = json.loads(blackboard("demo", "--seed", "7", *rule, *team).stdout)
-        assert found["hashes"] == {"7": card["hash"]}
-        assert found["scores"]["robots"]["agreed"]["rmse"]["value"] == card["scores"]["robots"]["agreed"]["rmse"]
+        assert sweep_run["hashes"] == {"7": card["hash"]}
+        assert sweep_run["scores"]["robots"]["agreed"]["rmse"]["value"] == card["scores"]["robots"]["agreed"]["rmse"]
     again = blackboard("sweep", *arguments)
     assert again.stdout == done.stdout
     assert (again.stderr, len(kept.read_text().splitlines())) == ("", 2)
@@ -56,13 +56,13 @@ def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
         done = blackboard("figures", "--out", str(tmp_path / name), *small, *(["--json"] if name == "first" else []))
         assert done.returncode == 0, done.stderr
         said.append(done.stdout)
-    told = json.loads(said[0])
-    assert set(told) == {"files", *(f"fig{n}" for n in range(1, 8))}
-    *pictures, page = told["files"]
+    figures = json.loads(said[0])
+    assert set(figures) == {"files", *(f"fig{n}" for n in range(1, 8))}
+    *pictures, page = figures["files"]
     assert pictures == sorted(pictures, key=lambda name: (name[:-4], name[-4:] != ".svg"))
     assert [f'src="fig{n}.svg"' in Path(page).read_text() for n in range(1, 8)] == [True] * 7
-    assert sorted(told["files"]) == sorted(str(path) for path in (tmp_path / "first").iterdir())
-    assert said[1].splitlines() == [name.replace("/first/", "/second/") for name in told["files"]]
+    assert sorted(figures["files"]) == sorted(str(path) for path in (tmp_path / "first").iterdir())
+    assert said[1].splitlines() == [name.replace("/first/", "/second/") for name in figures["files"]]
     files = sorted(path.name for path in (tmp_path / "first").iterdir())
     assert files == [*(f"fig{n}.{ending}" for n in range(1, 8) for ending in ("png", "svg")), "index.html"]
     for file in files:

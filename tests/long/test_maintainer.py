@@ -29,9 +29,9 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copytree(ROOT / name, where / name, ignore=shutil.ignore_patterns("__pycache__"))
         else:
             shutil.copy(ROOT / name, where / name)
-    for one in blocks(PAGE):
-        if one.language == "python":
-            put(where, one)
+    for code in blocks(PAGE):
+        if code.language == "python":
+            put(where, code)
     change(where, "blackboard/opinion/rules.py", r"(OWN = \{.*?)\}\n", r'\1    "halfway": "averages",\n}\n')
     change(where, "tests/opinion/test_laws.py", r"^(IDEMPOTENT = \{)", r'\1"halfway", ')  # "the sets of the laws"
     # "its name goes into `MODELS`"
@@ -46,18 +46,18 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return where
 
 
-def put(where: Path, one: Block) -> None:
+def put(where: Path, added: Block) -> None:
     """Add a block to the file that its first line names: `# FILE, at the end`, or `# FILE, before LINE`."""
-    found = re.fullmatch(r"# (\S+), (at the end|before (.+))", one.first)
-    assert found, one.first
-    code = one.text.partition("\n")[2]
-    file = where / found[1]
+    place = re.fullmatch(r"# (\S+), (at the end|before (.+))", added.first)
+    assert place, added.first
+    code = added.text.partition("\n")[2]
+    file = where / place[1]
     text = file.read_text(encoding="utf-8")
-    if found[3] is None:
+    if place[3] is None:
         file.write_text(f"{text}\n\n{code}", encoding="utf-8")
         return
-    assert text.count(f"\n{found[3]}") == 1
-    file.write_text(text.replace(f"\n{found[3]}", f"\n{code}\n\n{found[3]}"), encoding="utf-8")
+    assert text.count(f"\n{place[3]}") == 1
+    file.write_text(text.replace(f"\n{place[3]}", f"\n{code}\n\n{place[3]}"), encoding="utf-8")
 
 
 def change(where: Path, name: str, pattern: str, new: str) -> None:
@@ -80,7 +80,7 @@ def said(where: Path, *arguments: str) -> str:
 
 def test_what_the_page_adds_passes_the_tests_that_it_names(copy: Path) -> None:
     """The first one is `Run one test` of the page."""
-    named = [command.split()[1:] for one in blocks(PAGE) for command in one.commands if " pytest " in command]
+    named = [command.split()[1:] for block in blocks(PAGE) for command in block.commands if " pytest " in command]
     assert len(named) == 4
     for arguments in named:
         assert re.search(r"^[1-9]\d* passed", said(copy, *arguments), re.MULTILINE)

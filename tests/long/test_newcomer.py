@@ -81,11 +81,13 @@ def started(clone: Path, command: str) -> Iterator[Program]:
 
 def page(program: Program) -> str:
     """The HTML of the live page that a program serves; its address is in the program's log."""
-    told = r"http://127\.0\.0\.1:\d+/"
-    wait_until(lambda: re.search(told, program.out + program.err), lambda: f"it tells an address: {program.err}", 60.0)
-    found = re.search(told, program.out + program.err)
-    assert found
-    with urllib.request.urlopen(found[0], timeout=30) as answer:
+    address = r"http://127\.0\.0\.1:\d+/"
+    wait_until(
+        lambda: re.search(address, program.out + program.err), lambda: f"it tells an address: {program.err}", 60.0
+    )
+    match = re.search(address, program.out + program.err)
+    assert match
+    with urllib.request.urlopen(match[0], timeout=30) as answer:
         text: str = answer.read().decode()
     return text
 
@@ -102,8 +104,8 @@ def assert_told(shown: str, said: str, off: float = 0.1) -> None:
     """What a page shows is what was printed; numbers may be `off`, as sums are on another processor."""
     number = r"-?\d+\.\d+"
     assert re.sub(number, "#", shown) == re.sub(number, "#", said)
-    told = zip(re.findall(number, shown), re.findall(number, said), strict=True)
-    assert [(a, b) for a, b in told if abs(float(a) - float(b)) > off] == []
+    pairs = zip(re.findall(number, shown), re.findall(number, said), strict=True)
+    assert [(a, b) for a, b in pairs if abs(float(a) - float(b)) > off] == []
 
 
 def test_make_demo_in_a_clone(made: tuple[Path, str]) -> None:
@@ -112,11 +114,11 @@ def test_make_demo_in_a_clone(made: tuple[Path, str]) -> None:
     assert "\nPASS" in said
     off = 0.1 if NOT_AGAIN in said else 0.005  # a slow host may end a wait, and then a run is another one
     head, *rows = block("README.md", " " * 20).text.splitlines()
-    assert head.split() in [told.split() for told in said.splitlines()]
+    assert head.split() in [line.split() for line in said.splitlines()]
     for row in rows:
-        found = re.search(rf"^{' '.join(row.split()[:2])} +\d+ .*", said, re.MULTILINE)
-        assert found
-        assert_told(" ".join(row.split()), " ".join(found[0].split()[: len(row.split())]), off)
+        shown = re.search(rf"^{' '.join(row.split()[:2])} +\d+ .*", said, re.MULTILINE)
+        assert shown
+        assert_told(" ".join(row.split()), " ".join(shown[0].split()[: len(row.split())]), off)
 
 
 def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
@@ -124,10 +126,10 @@ def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
 
     `shorter`: what is added to the command lines in which these words stand.
     """
-    for one in blocks("tutorial.md"):
-        if one.language == "toml":
-            (where / "my-team.toml").write_text(one.text)
-        for command in one.commands if one.language == "shell" else ():
+    for code in blocks("tutorial.md"):
+        if code.language == "toml":
+            (where / "my-team.toml").write_text(code.text)
+        for command in code.commands if code.language == "shell" else ():
             if command == "make demo" or "pip install" in command:
                 continue  # the fixtures do it
             if " view " in command:
@@ -163,7 +165,7 @@ def test_the_tutorial_and_the_readme_with_the_wheel_alone(clone: Path, tmp_path:
     assert shell(tmp_path, ".venv/bin/python -c 'import blackboard; print(blackboard.__file__)'").startswith(
         str(tmp_path)
     )
-    assert {record, why} < {command for one in blocks("tutorial.md") for command in one.commands}
+    assert {record, why} < {command for code in blocks("tutorial.md") for command in code.commands}
     follow_the_tutorial(tmp_path, {" demo --record": "--seconds 21", " sweep ": "--seconds 2"})
 
 

@@ -34,7 +34,7 @@ def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
         card = json.loads((tmp_path / f"C_blind12-{fusion}.json").read_text())["card"]
         assert card["fusion"] == fusion
         for level, way in (("solo", SOLO[fusion]), ("agreed", fusion)):
-            told, found = card["scores"]["robots"][level], scores["team"][way]
+            live, taped = card["scores"]["robots"][level], scores["team"][way]
             for name in ("n", "rmse", "mean", "p95", "max", "log_score"):
-                assert found[name] == pytest.approx(told[name])
-            assert {k: c["value"] for k, c in found["coverage"].items()} == pytest.approx(told["coverage"])
+                assert taped[name] == pytest.approx(live[name])
+            assert {k: c["value"] for k, c in taped["coverage"].items()} == pytest.approx(live["coverage"])

@@ -15,10 +15,10 @@ from tests.processes import children, program, wait_until
 
 def child(pid: int, named: str) -> int | None:
     """A child whose command line names something."""
-    for one in children(pid):
+    for started in children(pid):
         with suppress(FileNotFoundError, ProcessLookupError):
-            if named in Path(f"/proc/{one}/cmdline").read_text().split("\0"):
-                return one
+            if named in Path(f"/proc/{started}/cmdline").read_text().split("\0"):
+                return started
     return None
 
 

@@ -18,14 +18,14 @@ pytestmark = pytest.mark.skipif(not UWB.is_file(), reason="needs the recording i
 @pytest.mark.parametrize("off", [False, True], ids=["as it is", "scale, bias and outliers added"])
 def test_a_team_with_ranges_alone_is_as_good_as_one_filter_that_has_everything(off: bool, tmp_path: Path) -> None:
     """Starts known to 0.5 m and 0.1 rad, 40 s of each of three seeds."""
-    found = []
+    results = []
     for seed in (1, 2, 3):
         file = UWB
         if off:
             file = tmp_path / f"spoilt{seed}.pyfg"
             spoilt(UWB, file, seed)
-        it = new_scenario(file, seed, 40.0)
-        found.append((*joint_of_a_team(it), *one_filter(it)))
-    team, covered, one, _ = np.array(found).T
-    assert np.sqrt(np.mean(team**2)) <= 1.3 * np.sqrt(np.mean(one**2))
+        scenario = new_scenario(file, seed, 40.0)
+        results.append((*joint_of_a_team(scenario), *one_filter(scenario)))
+    team, covered, single, _ = np.array(results).T
+    assert np.sqrt(np.mean(team**2)) <= 1.3 * np.sqrt(np.mean(single**2))
     assert covered.mean() >= 0.9

@@ -34,13 +34,13 @@ def test_two_robots_without_landmarks_are_kept_in_place_by_their_mates(turn: flo
 
 def test_wheels_that_slip_more_than_the_physics_say_are_found_out() -> None:
     """Three times the error along the way. Without `noise.py` .72 of the 95 % ellipses held the truth, with it .87."""
-    found = run("A_all", slipping(0.08))
-    assert found.rmse < 0.17, "metres; 0.172 without"
-    assert found.coverage() > 0.8
+    score = run("A_all", slipping(0.08))
+    assert score.rmse < 0.17, "metres; 0.172 without"
+    assert score.coverage() > 0.8
 
 
 @pytest.mark.parametrize("name", ["camera x3", "camera claimed /3"])
 def test_a_camera_that_is_worse_than_its_model_leaves_the_team_honest(name: str) -> None:
     """Four robots see mates only. Before errors of ranges were taken at the expected range .36 and .80, now .87 and .97."""
-    found = run("D_one3", SPOILS[name], 300.0, 60.0)
-    assert found.coverage() > 0.82
+    score = run("D_one3", SPOILS[name], 300.0, 60.0)
+    assert score.coverage() > 0.82

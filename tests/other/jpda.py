@@ -74,36 +74,40 @@ class Central:
     def hear(self, truth: Truth, readings: list[Readings]) -> None:
         """Take the frames of a tick, one after the other."""
         now = EPOCH + timedelta(seconds=truth.time)
-        for it in readings:
-            self._frame(now, truth, it)
+        for own in readings:
+            self._frame(now, truth, own)
         for track in self._tracks:
             if track.timestamp < now:
                 track.append(self._predictor.predict(track, timestamp=now))
-        over = self._deleter.delete_tracks(self._tracks) | {it for it in self._tracks if self._missed[it] >= MISSES}
+        over = self._deleter.delete_tracks(self._tracks) | {old for old in self._tracks if self._missed[old] >= MISSES}
         self._tracks -= over
 
     def places(self) -> Mapping[str, tuple[float, float]]:
         """Where each track is."""
-        return {it.id: (float(it.state_vector[0]), float(it.state_vector[2])) for it in self._tracks}
+        return {track.id: (float(track.state_vector[0]), float(track.state_vector[2])) for track in self._tracks}
 
     def _frame(self, now: datetime, truth: Truth, readings: Readings) -> None:
         (x, y), heading = truth.positions[f"robot/{readings.robot}"], truth.headings[f"robot/{readings.robot}"]
-        seen = set()
-        for it in readings.sightings:
-            sigma = vision_sigma(it.range, self.vision.scale, self.vision.floor)
-            if is_class(it.subject):
-                angle = heading + it.bearing
-                place = [x + it.range * math.cos(angle), y + it.range * math.sin(angle)]
+        detections = set()
+        for sighting in readings.sightings:
+            sigma = vision_sigma(sighting.range, self.vision.scale, self.vision.floor)
+            if is_class(sighting.subject):
+                angle = heading + sighting.bearing
+                place = [x + sighting.range * math.cos(angle), y + sighting.range * math.sin(angle)]
                 noise = np.eye(2) * (sigma or 13.0 * self.vision.scale) ** 2
-                seen.add(Detection(place, timestamp=now, measurement_model=LinearGaussian(4, (0, 2), noise)))
-        shown = {it for it in self._tracks if self._is_shown(it, (x, y, heading), now)}
+                detections.add(Detection(place, timestamp=now, measurement_model=LinearGaussian(4, (0, 2), noise)))
+        shown = {near for near in self._tracks if self._is_shown(near, (x, y, heading), now)}
         used = set()
-        for track, hypotheses in self._associator.associate(shown, seen, now).items():
-            used |= {it.measurement for it in hypotheses if it and float(it.probability) > 0.05}
-            missed = max(float(it.probability) for it in hypotheses if not it)
+        for track, hypotheses in self._associator.associate(shown, detections, now).items():
+            used |= {
+                hypothesis.measurement
+                for hypothesis in hypotheses
+                if hypothesis and float(hypothesis.probability) > 0.05
+            }
+            missed = max(float(hypothesis.probability) for hypothesis in hypotheses if not hypothesis)
             self._missed[track] = self._missed[track] + 1 if missed > 0.5 else 0
             self._update(track, hypotheses)
-        new = self._initiator.initiate(seen - used, now)
+        new = self._initiator.initiate(detections - used, now)
         self._missed |= dict.fromkeys(new, 0)
         self._tracks |= new
 
@@ -113,10 +117,10 @@ class Central:
         return NEAR < math.hypot(dx, dy) < FAR and abs(wrap(math.atan2(dy, dx) - pose[2])) < self.vision.half_angle
 
     def _update(self, track: Track, hypotheses: Any) -> None:
-        after = [self._updater.update(it) if it else it.prediction for it in hypotheses]
+        after = [self._updater.update(hypothesis) if hypothesis else hypothesis.prediction for hypothesis in hypotheses]
         mean, covariance = gm_reduce_single(
-            StateVectors([it.state_vector for it in after]),
-            np.stack([it.covar for it in after], axis=2),
-            np.array([float(it.probability) for it in hypotheses]),
+            StateVectors([state.state_vector for state in after]),
+            np.stack([state.covar for state in after], axis=2),
+            np.array([float(hypothesis.probability) for hypothesis in hypotheses]),
         )
         track.append(GaussianStateUpdate(mean, covariance, hypotheses, hypotheses[0].measurement.timestamp))

@@ -37,14 +37,16 @@ def centralised(scenario: Scenario) -> dict[str, Any]:
     for tick in played(scenario):
         tracker.hear(tick.truth, tick.readings)
         if tick.judged:
-            things = {it: place for it, place in tick.truth.positions.items() if it.startswith("person/")}
-            judge.judge_instant(things, {it: TrackAt(place) for it, place in tracker.places().items()})
+            things = {
+                subject: place for subject, place in tick.truth.positions.items() if subject.startswith("person/")
+            }
+            judge.judge_instant(things, {track: TrackAt(place) for track, place in tracker.places().items()})
     return judge.summary()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_team_follows_people_about_as_well_as_one_computer_that_knows_where_all_robots_are(seed: int) -> None:
-    found, central = Team(people(seed)).run()["tracks"]["person"], centralised(people(seed))
-    assert found["gospa"] <= 1.1 * central["gospa"]
-    assert found["switches"] <= central["switches"]
-    assert found["false"] <= central["false"]
+    team, central = Team(people(seed)).run()["tracks"]["person"], centralised(people(seed))
+    assert team["gospa"] <= 1.1 * central["gospa"]
+    assert team["switches"] <= central["switches"]
+    assert team["false"] <= central["false"]

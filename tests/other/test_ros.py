@@ -50,12 +50,14 @@ def test_a_node_receives_what_the_running_demo_agrees_on_and_sees_the_bridge(bui
 
         wait_until(all_came, lambda: f"{poses.out} {poses.err} {maps.err} {states.out} {bridge.err}", 90.0)
 
-        found, now = heard(poses), UnixClock().now()
-        numbers = [int(message[1]) for message in found]
+        newest, now = heard(poses), UnixClock().now()
+        numbers = [int(message[1]) for message in newest]
         assert numbers[0] >= 1
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-        (token,) = {it.key for it in tokens.read if "/MP/" in it.key and "%demo%robot%r1%pose" in it.key}
-        for where, _, time, publisher, frame, x, y, xx, yy, yaw, second in found:
+        (token,) = {
+            living.key for living in tokens.read if "/MP/" in living.key and "%demo%robot%r1%pose" in living.key
+        }
+        for where, _, time, publisher, frame, x, y, xx, yy, yaw, second in newest:
             assert where == key(0, R1, POSE)
             assert where.endswith(f"RIHS01_{HASHES[POSE]}")
             assert now - 100 < int(time) / 1e9 < now + 1
@@ -72,8 +74,8 @@ def test_a_node_receives_what_the_running_demo_agrees_on_and_sees_the_bridge(bui
         assert (width, height, resolution, peak) == ("50", "50", "1", "100")
         assert 0 <= int(column) < 50
         assert 0 <= int(row) < 50
-        told = "node / cop_blackboard", f"topic {R1} geometry_msgs::msg::dds_::PoseWithCovarianceStamped_"
-        wait_until(lambda: all(f"{line}\n" in graph.out for line in told), lambda: f"it sees the bridge: {graph.out}")
+        names = "node / cop_blackboard", f"topic {R1} geometry_msgs::msg::dds_::PoseWithCovarianceStamped_"
+        wait_until(lambda: all(f"{line}\n" in graph.out for line in names), lambda: f"it sees the bridge: {graph.out}")
 
 
 def test_a_node_drives_a_robot_by_its_odometry_and_one_that_comes_late_gets_the_last_pose(

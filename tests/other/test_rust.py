@@ -42,7 +42,7 @@ def test_the_robot_in_rust_is_in_the_consensus_of_a_board_with_robots_of_three_o
 
         def all_of_them() -> bool:
             for c in (decode(Consensus, e.payload) for e in link.receive(0.1)):
-                used[c.subject] = {one.source for one in c.used}
+                used[c.subject] = {opinion.source for opinion in c.used}
             everybody = {"agent", "wire", "client", "rust"}
             return used.get("object/ball") == everybody and all(used.get(f"robot/{r}") == {r} for r in everybody)
 
@@ -63,8 +63,8 @@ def test_the_robot_in_rust_is_in_the_consensus_of_a_board_with_robots_of_three_o
         token = "cop/t/a/member/rust"
         link.watch(token)
         rust.running.terminate()
-        told = Letters(link)
-        wait_until(lambda: Envelope(token, kind=Kind.GONE) in told.take(), "nobody waits for it any more")
+        letters = Letters(link)
+        wait_until(lambda: Envelope(token, kind=Kind.GONE) in letters.take(), "nobody waits for it any more")
 
 
 LOCKSTEP = """
