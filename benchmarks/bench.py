@@ -51,17 +51,17 @@ def main() -> None:
     )
     parser.add_argument("scripts", nargs="*", choices=[[], *SCRIPTS], help="which questions [default: all]")
     given = parser.parse_args()
-    found: dict[str, list[dict[str, object]]] = {}
+    results: dict[str, list[dict[str, object]]] = {}
     if not given.json:
         print(machine(), flush=True)
     for name in given.scripts or SCRIPTS:
-        rows = found.setdefault(name, [])
+        rows = results.setdefault(name, [])
         for row in SCRIPTS[name]():
             rows.append(row.as_json())
             if not given.json:
                 print(row.line(), flush=True)
     if given.json:
-        print(json.dumps({"machine": machine(), "rows": found}))
+        print(json.dumps({"machine": machine(), "rows": results}))
 
 
 if __name__ == "__main__":

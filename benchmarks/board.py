@@ -83,7 +83,7 @@ class Team:
 
     def said(self, tick: int) -> list[Envelope]:
         """The reports of a tick and the statuses after them."""
-        found = [
+        envelopes = [
             Envelope(
                 keys.REPORT.key(**HOME, source=robot, subject=subject),
                 encode(Report(source=robot, subject=subject, belief=belief, tick=tick, time=tick * TICK)),
@@ -94,8 +94,8 @@ class Team:
             status = Status(
                 process=robot, kind="robot", phase="reported", subjects=SUBJECTS, tick=tick, time=tick * TICK
             )
-            found.append(Envelope(keys.STATUS.key(**HOME, process=robot), encode(status)))
-        return found
+            envelopes.append(Envelope(keys.STATUS.key(**HOME, process=robot), encode(status)))
+        return envelopes
 
     def clock(self, tick: int, mode: str) -> Envelope:
         clock = Clock(run="b", tick=tick, time=tick * TICK, mode=mode, robots={"a": ROBOTS})  # type: ignore[arg-type]
@@ -122,15 +122,15 @@ class Team:
         """Milliseconds of the same reports there and back."""
         for envelope in self.said(self.tick)[: -len(ROBOTS)]:
             self.link.send(Envelope(envelope.key.replace("cop/bench/", THERE, 1), envelope.payload))
-        return self._until(lambda: sum(it.kind is Kind.PUT for it in self.link.receive(5.0)), len(self.beliefs))
+        return self._until(lambda: sum(back.kind is Kind.PUT for back in self.link.receive(5.0)), len(self.beliefs))
 
     def _until(self, came: Callable[[], int], most: int) -> float:
         began = time.perf_counter()
         left = most
         while left > 0:
-            found = came()
-            left -= found
-            if not found and time.perf_counter() - began > 20.0:
+            count = came()
+            left -= count
+            if not count and time.perf_counter() - began > 20.0:
                 raise RuntimeError(f"{left} of {most} messages did not come back within 20 s")
         return 1e3 * (time.perf_counter() - began)
 
@@ -143,11 +143,11 @@ class Team:
         begin = time.perf_counter()
 
         def take(timeout: float) -> int:
-            found = self.seen(timeout)
-            for tick, at in found:
+            settled = self.seen(timeout)
+            for tick, at in settled:
                 if tick in sent:
                     delays[tick] = max(delays[tick], at - sent[tick])
-            return len(found)
+            return len(settled)
 
         for i, envelopes in enumerate(said):
             while (left := begin + i / hertz - time.perf_counter()) > 0:

@@ -90,20 +90,22 @@ class Recorded(Around):
         return self._kept(super().wake(now), now)
 
     def _kept(self, out: list[Envelope], now: float) -> list[Envelope]:
-        self.said += [(now, it) for it in out if not keys.SOLO.match(it.key)]
+        self.said += [(now, envelope) for envelope in out if not keys.SOLO.match(envelope.key)]
         return out
 
 
-def record(robots: int, fusion: str, seconds: float, seen: str = "ball") -> Recording:
+def record(robots: int, fusion: str, seconds: float, subject: str = "ball") -> Recording:
     """Let the demo's robots run at 1 Hz, with its ball under the name `seen`."""
     names = [f"r{i + 1}" for i in range(robots)]
     demo = load("demo").changed("team", name="fleet", sub_teams={"a": names}).changed("board", fusion=fusion)
-    objects = {seen if name == "ball" else name: it for name, it in demo.tables["world"]["objects"].items()}
+    objects = {subject if name == "ball" else name: table for name, table in demo.tables["world"]["objects"].items()}
     tables = demo.tables | {"world": demo.tables["world"] | {"objects": objects}}
     scenario = Scenario(tables).changed("time", tick=1.0, seconds=seconds + 2.0, mode="realtime")
     said, world = Said(), Said()
     team = Team(scenario, around=lambda _, robot: Recorded(robot, said))
-    team.bus.spies.append(lambda it: world.append((team.now, it)) if keys.CLOCK.match(it.key) else None)
+    team.bus.spies.append(
+        lambda envelope: world.append((team.now, envelope)) if keys.CLOCK.match(envelope.key) else None
+    )
     team.run()
     return Recording(scenario, said, world, team.robots[names[0]].listens)
 
@@ -115,13 +117,13 @@ class Voice(Quiet):
         self, said: Said, team: str, later: float, tokens: tuple[str, ...], listens: tuple[str, ...] = ()
     ) -> None:
         self.said, self.team, self.later, self.next = said, team, later, 0
-        self.tokens, self.listens = (tuple(_of(team, key) for key in it) for it in (tokens, listens))
+        self.tokens, self.listens = (tuple(_of(team, key) for key in key_exprs) for key_exprs in (tokens, listens))
 
     def wake(self, now: float) -> list[Envelope]:
         out = []
         while (at := self.wake_at(now)) is not None and at <= now:
-            it = self.said[self.next][1]
-            out.append(Envelope(_of(self.team, it.key), it.payload, it.kind))
+            envelope = self.said[self.next][1]
+            out.append(Envelope(_of(self.team, envelope.key), envelope.payload, envelope.kind))
             self.next += 1
         return out
 
@@ -166,7 +168,7 @@ class Counted(Around):
 
     def _counted(self, out: list[Envelope], began: float) -> list[Envelope]:
         self.spent.seconds += time.process_time() - began
-        self.spent.out += sum(len(it.key) + len(it.payload) for it in out)
+        self.spent.out += sum(len(envelope.key) + len(envelope.payload) for envelope in out)
         return out
 
 
@@ -263,17 +265,17 @@ class Fleet:
                     self.teams[to].send(mouth, mouth.receive(envelope, self.now))
 
     def count_anew(self) -> None:
-        for it in (*self.boards.values(), *self.robots.values(), *(mouth for mouth, _ in self.shares.values())):
-            it.spent = Spent()
+        for service in (*self.boards.values(), *self.robots.values(), *(mouth for mouth, _ in self.shares.values())):
+            service.spent = Spent()
 
     def knows(self, name: str) -> Knows | None:
         """What a team agreed on about the ball in the last second; None: nothing."""
         at, payload = self._balls.get(name, (-math.inf, b""))
         if at < self.now - FRESH:
             return None
-        it = decode(Consensus, payload)
-        seen = max(until for robot, until in it.ancestors.items() if not robot.startswith(VIA))
-        return Knows(it.time - seen + self.now - at, entropy(unpack(it.belief).p))
+        consensus = decode(Consensus, payload)
+        gathered = max(until for robot, until in consensus.ancestors.items() if not robot.startswith(VIA))
+        return Knows(consensus.time - gathered + self.now - at, entropy(unpack(consensus.belief).p))
 
 
 def tree(teams: int) -> dict[str, str]:
@@ -317,8 +319,8 @@ def grown(robots: int, recordings: Sequence[Recording]) -> tuple[list[list[str]]
             fleet.run(STEP)
             for name in path:
                 known[name] += [knows] if (knows := fleet.knows(name)) is not None and second >= WARM else []
-        heard = np.mean([it.spent.into for it in fleet.robots.values()]) / max(1, second + 1 - WARM) / 1e3
-        know = [f"{it.age:.1f}" for name in path if (it := fleet.knows(name)) is not None]
+        heard = np.mean([crew.spent.into for crew in fleet.robots.values()]) / max(1, second + 1 - WARM) / 1e3
+        know = [f"{knowledge.age:.1f}" for name in path if (knowledge := fleet.knows(name)) is not None]
         left = (time.perf_counter() - began) / (second + 1) * (WARM + COUNTED - second - 1)
         print(
             f"{robots} robots, {second + 1} s of {WARM + COUNTED}: {heard:.2f} kB/s into a robot, ages {' '.join(know)} s, "
@@ -331,23 +333,23 @@ def grown(robots: int, recordings: Sequence[Recording]) -> tuple[list[list[str]]
     )
     shares, crews = [mouth.spent for mouth, _ in fleet.shares.values()], [crew.spent for crew in fleet.robots.values()]
     spent = {
-        "a board with robots, ms": 1e3 * np.median([it.seconds for it in leaves]),
-        "the busiest without, ms": 1e3 * max(it.seconds for it in inner),
-        "all boards, cores": sum(it.seconds for it in (*leaves, *inner)),
-        "all shares, cores": sum(it.seconds for it in shares),
-        "into a board, kB": np.median([it.into for it in leaves]) / 1e3,
-        "into one without robots, kB": max(it.into for it in inner) / 1e3,
-        "a share hears, kB": max(it.into for it in shares) / 1e3,
-        "a share says, kB": max(it.out for it in shares) / 1e3,
-        "out of a robot, kB": np.mean([it.out for it in crews]) / SIZE / 1e3,
-        "into a robot, kB": np.mean([it.into for it in crews]) / 1e3,
-        "at most, kB": max(it.into for it in crews) / 1e3,
+        "a board with robots, ms": 1e3 * np.median([used.seconds for used in leaves]),
+        "the busiest without, ms": 1e3 * max(used.seconds for used in inner),
+        "all boards, cores": sum(used.seconds for used in (*leaves, *inner)),
+        "all shares, cores": sum(used.seconds for used in shares),
+        "into a board, kB": np.median([used.into for used in leaves]) / 1e3,
+        "into one without robots, kB": max(used.into for used in inner) / 1e3,
+        "a share hears, kB": max(used.into for used in shares) / 1e3,
+        "a share says, kB": max(used.out for used in shares) / 1e3,
+        "out of a robot, kB": np.mean([used.out for used in crews]) / SIZE / 1e3,
+        "into a robot, kB": np.mean([used.into for used in crews]) / 1e3,
+        "at most, kB": max(used.into for used in crews) / 1e3,
     }
     rows = [["robots", f"{robots}"], ["boards", f"{len(fleet.boards)}"]]
     rows += [[name, f"{value / COUNTED:.3g}"] for name, value in spent.items()]
     rows += [["wall, s", f"{time.perf_counter() - began:.0f}"], ["processor, s", f"{time.process_time() - worked:.0f}"]]
     rows += [["memory, GiB", f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2:.2f}"]]
-    told = [
+    table = [
         [
             f"{robots}",
             f"{shares_on}",
@@ -358,35 +360,35 @@ def grown(robots: int, recordings: Sequence[Recording]) -> tuple[list[list[str]]
         for shares_on, name in enumerate(path)
         if known[name]
     ]
-    return [list(row) for row in zip(*rows, strict=True)], told
+    return [list(row) for row in zip(*rows, strict=True)], table
 
 
 def died(recordings: Sequence[Recording]) -> list[str]:
     """A node in the middle dies and comes back: until when others know of the ball, and from when on again."""
     above = tree(SIZE**2)
-    it, middle = planted(above, recordings), above["t0.0"]
+    fleet, middle = planted(above, recordings), above["t0.0"]
     lines = []
 
     def look(seconds: float, until: Callable[[], bool]) -> float:
         """Seconds until a fact holds first, of those that are let pass."""
         first = math.inf
         for step in range(1, round(seconds / STEP) + 1):
-            it.run(STEP)
+            fleet.run(STEP)
             first = min(first, step * STEP if until() else math.inf)
         return first
 
     last = f"t0.{SIZE**2 - 1}"
-    it.run(WARM)
-    before = it.knows("t0.0"), it.knows(last)
-    it.board_dies(middle)
-    gone = look(DEAD, lambda: it.knows(last) is None)
+    fleet.run(WARM)
+    before = fleet.knows("t0.0"), fleet.knows(last)
+    fleet.board_dies(middle)
+    gone = look(DEAD, lambda: fleet.knows(last) is None)
     lines.append(
-        f"{middle} dies: {last} knows nothing of the ball after {gone:.1f} s; t0.0 knew it {before[0]}, then {it.knows('t0.0')}"
+        f"{middle} dies: {last} knows nothing of the ball after {gone:.1f} s; t0.0 knew it {before[0]}, then {fleet.knows('t0.0')}"
     )
-    it.board_begins(middle)
-    again = look(HEALED, lambda: it.knows(last) is not None)
+    fleet.board_begins(middle)
+    again = look(HEALED, lambda: fleet.knows(last) is not None)
     lines.append(
-        f"{middle} comes back: {last} knows of the ball after {again:.1f} s; it knew it {before[1]}, then {it.knows(last)}"
+        f"{middle} comes back: {last} knows of the ball after {again:.1f} s; it knew it {before[1]}, then {fleet.knows(last)}"
     )
     return lines
 
@@ -402,10 +404,10 @@ def circle(recordings: Sequence[Recording]) -> str:
     ]
     gained = -math.inf  # nats
     for _ in range(round((WARM + COUNTED) / STEP)):
-        for it in fleets:
-            it.run(STEP)
+        for fleet in fleets:
+            fleet.run(STEP)
         for name in names:
-            open_, closed = (it.knows(name) for it in fleets)
+            open_, closed = (fleet.knows(name) for fleet in fleets)
             if open_ is not None and closed is not None:
                 gained = max(gained, open_.entropy - closed.entropy)
     return f"a circle of {SIZE} teams is surer of the ball than a line, at most, by {gained:.3g} nats"
@@ -427,8 +429,8 @@ class Cost:
 
 def cost(robots: int, fusion: str) -> Cost:
     """Processor time of a real board and router; bytes as in virtual time."""
-    it = record(robots, fusion, EARLY + TIMED)
-    alone = Fleet({"fleet": it}, [])
+    recording = record(robots, fusion, EARLY + TIMED)
+    alone = Fleet({"fleet": recording}, [])
     alone.run(EARLY)
     alone.count_anew()
     alone.run(TIMED)
@@ -436,8 +438,10 @@ def cost(robots: int, fusion: str) -> Cost:
     assert isinstance(crew.inner, Voice)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         file = Path(folder) / "fleet.toml"
-        tables = it.scenario.tables
-        file.write_text("\n".join(f"[{it}]\n" + _toml(tables[it], "\n") for it in ("team", "grid", "board")))
+        tables = recording.scenario.tables
+        file.write_text(
+            "\n".join(f"[{section}]\n" + _toml(tables[section], "\n") for section in ("team", "grid", "board"))
+        )
         router = stack.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
         serve = ("-m", "blackboard", "serve", "--scenario", str(file), "--sub-team", "a", "-e", endpoint)
         board = stack.enter_context(program(*serve))
@@ -445,14 +449,16 @@ def cost(robots: int, fusion: str) -> Cost:
         for token in (keys.WORLD.key(team="fleet"), *crew.tokens):
             link.token(token)
         link.subscribe(keys.AGREED.key(team="fleet", sub_team="a", subject="robot/r1"))
-        said = sorted([*it.world, *it.robots], key=lambda one: one[0])
+        said = sorted([*recording.world, *recording.robots], key=lambda pair: pair[0])
         begin = time.monotonic() - BEGIN
-        _play(link, [one for one in said if one[0] < BEGIN + EARLY], begin)
+        _play(link, [pair for pair in said if pair[0] < BEGIN + EARLY], begin)
         before = board.processor_seconds(), router.processor_seconds()
-        settled = _play(link, [one for one in said if BEGIN + EARLY <= one[0] < BEGIN + EARLY + TIMED], begin)
-        spent = [1e3 * (one.processor_seconds() - was) for one, was in zip((board, router), before, strict=True)]
+        settled = _play(link, [pair for pair in said if BEGIN + EARLY <= pair[0] < BEGIN + EARLY + TIMED], begin)
+        spent = [
+            1e3 * (process.processor_seconds() - was) for process, was in zip((board, router), before, strict=True)
+        ]
     of = crew.spent
-    return Cost(*(one / TIMED for one in (*spent, of.out / 1e3, of.into / 1e3, settled)))
+    return Cost(*(number / TIMED for number in (*spent, of.out / 1e3, of.into / 1e3, settled)))
 
 
 def _play(link: Link, said: Said, begin: float) -> int:
@@ -460,7 +466,7 @@ def _play(link: Link, said: Said, begin: float) -> int:
     settled = 0
     for at, envelope in said:
         while (left := begin + at - time.monotonic()) > 0:
-            settled += sum(it.kind is Kind.PUT for it in link.receive(left))
+            settled += sum(answer.kind is Kind.PUT for answer in link.receive(left))
         link.send(envelope)
     return settled
 
@@ -469,7 +475,7 @@ def _toml(value: object, between: str = ", ") -> str:
     """What stands in a table of a scenario, or with braces a value in it."""
     if not isinstance(value, dict):
         return json.dumps(value)
-    text = between.join(f"{key} = {_toml(it)}" for key, it in value.items())
+    text = between.join(f"{key} = {_toml(item)}" for key, item in value.items())
     return text if between == "\n" else f"{{{text}}}"
 
 
@@ -496,22 +502,22 @@ def main() -> None:
     parser.add_argument("--robots", type=int, nargs="*", default=SIZES, help="sizes of the tree; none: no tree")
     parser.add_argument("--trouble", action="store_true", help="a node that dies, and a circle of teams")
     parser.add_argument("--costs", type=int, nargs="*", default=(), help="sizes of one team, with real processes")
-    told = parser.parse_args()
-    if told.costs:
-        found = {}
-        for robots in told.costs:
-            found[robots] = cost(robots, told.fusion)
-            print(f"{robots} robots: {found[robots]}", flush=True)
-        timely = {robots: one for robots, one in found.items() if one.settled > SETTLED}
-        print("board, ms:", fitted({robots: one.board for robots, one in timely.items()}))
-        print("out, kB:", fitted({robots: one.out for robots, one in found.items()}))
-        print("into, kB:", fitted({robots: one.into for robots, one in found.items()}), flush=True)
-    if told.robots or told.trouble:
-        recordings = [record(SIZE, told.fusion, WARM + DEAD + HEALED, seen) for seen in ("ball", "mine")]
-    for robots in told.robots:
+    args = parser.parse_args()
+    if args.costs:
+        by_size = {}
+        for robots in args.costs:
+            by_size[robots] = cost(robots, args.fusion)
+            print(f"{robots} robots: {by_size[robots]}", flush=True)
+        timely = {robots: measured for robots, measured in by_size.items() if measured.settled > SETTLED}
+        print("board, ms:", fitted({robots: measured.board for robots, measured in timely.items()}))
+        print("out, kB:", fitted({robots: measured.out for robots, measured in by_size.items()}))
+        print("into, kB:", fitted({robots: measured.into for robots, measured in by_size.items()}), flush=True)
+    if args.robots or args.trouble:
+        recordings = [record(SIZE, args.fusion, WARM + DEAD + HEALED, subject) for subject in ("ball", "mine")]
+    for robots in args.robots:
         costs, knowing = grown(robots, recordings)
         print("\n".join([*markdown_table(costs), "", *markdown_table([TOLD, *knowing]), ""]), flush=True)
-    if told.trouble:
+    if args.trouble:
         print("\n".join([*died(recordings), circle(recordings)]))
 
 

@@ -66,7 +66,7 @@ def lost(everything: Watch, few: Watch) -> dict[str, float]:
     by_subject: dict[str, list[float]] = {}
     for asked, score in everything.scores.items():
         by_subject.setdefault(asked[0], []).append(score - few.scores.get(asked, uniform))
-    return {subject: float(np.mean(found)) for subject, found in sorted(by_subject.items())}
+    return {subject: float(np.mean(losses)) for subject, losses in sorted(by_subject.items())}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -75,23 +75,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[101, 102, 103, 104])
     parser.add_argument("--rates", type=float, nargs="+", default=[25.0, 15.0, 10.0, 7.0, 5.0])
     parser.add_argument("--seconds", type=float, default=20.0)
-    told = parser.parse_args(arguments)
-    scenario = load(told.scenario).changed("time", seconds=told.seconds)
-    if told.scenario == "demo":
+    args = parser.parse_args(arguments)
+    scenario = load(args.scenario).changed("time", seconds=args.seconds)
+    if args.scenario == "demo":
         scenario = scenario.changed("team", sub_teams=ROBOTS)
-    everything = {seed: watched(scenario.changed("world", seed=seed)) for seed in told.seeds}
+    everything = {seed: watched(scenario.changed("world", seed=seed)) for seed in args.seeds}
     print("rate Hz   messages/s   bytes/s a robot   largest   nats lost: robots, objects, all   by seed")
-    for rate in (math.inf, *told.rates):
-        found, runs = [], list[Watch]()
+    for rate in (math.inf, *args.rates):
+        losses, runs = [], list[Watch]()
         for seed, whole in everything.items():
             slow = scenario.changed("world", seed=seed).changed("robot", send={"rate": rate})
             runs.append(whole if math.isinf(rate) else watched(slow))
-            found.append(lost(whole, runs[-1]))
+            losses.append(lost(whole, runs[-1]))
         sizes = [size for run in runs for size in run.sizes]
-        seconds = told.seconds * len(runs)
-        kinds = [[x for one in found for s, x in one.items() if s.startswith(kind)] for kind in ("robot", "object", "")]
+        seconds = args.seconds * len(runs)
+        kinds = [
+            [x for by_subject in losses for s, x in by_subject.items() if s.startswith(kind)]
+            for kind in ("robot", "object", "")
+        ]
         means = ", ".join(f"{np.mean(kind):+.3f}" if kind else "-" for kind in kinds)
-        by_seed = ", ".join(f"{np.mean(list(one.values())):+.2f}" for one in found)
+        by_seed = ", ".join(f"{np.mean(list(by_subject.values())):+.2f}" for by_subject in losses)
         each = sum(sizes) / seconds / len(scenario.team.robots)
         print(
             f"{rate:7g} {len(sizes) / seconds:12.1f} {each:17.0f} {max(sizes):9d}   {means:>32}   {by_seed}", flush=True

@@ -47,12 +47,12 @@ def logarithmic(p: Array, w: Array) -> Array:
 def enumerated(p: Array, w: Array) -> Array:
     """COP as the paper writes it: the sum over every subset, of opinions (N, cells)."""
     n, alpha = len(p), alphas(len(p))
-    found = np.zeros(p.shape[1])
+    total = np.zeros(p.shape[1])
     for q in range(1, n + 1):
         subsets = combinations(range(n), q)
         c = sum((w[list(s)].sum() * p[list(s)].prod(axis=0) for s in subsets), np.zeros(p.shape[1]))
-        found += c ** (1 / alpha[q - 1])  # (V-.2)
-    return found
+        total += c ** (1 / alpha[q - 1])  # (V-.2)
+    return total
 
 
 def rows() -> Iterator[Row]:
@@ -98,8 +98,8 @@ def main() -> None:
     print("every rule, N = 5, 50 x 50, ms:", end=" ")
     times = milliseconds(*(partial(POOLS[name], p) for name in names))
     print(", ".join(f"{name} {ms:.2f}" for name, ms in zip(names, times, strict=True)))
-    one = Belief(small, p[0])
-    print(f"pack and unpack a belief of 50 x 50: {milliseconds(lambda: unpack(pack(one)))[0]:.2f} ms")
+    belief_small = Belief(small, p[0])
+    print(f"pack and unpack a belief of 50 x 50: {milliseconds(lambda: unpack(pack(belief_small)))[0]:.2f} ms")
 
 
 if __name__ == "__main__":

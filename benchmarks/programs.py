@@ -30,9 +30,9 @@ class Program:
 
     def mebibytes(self, of: str = "VmRSS") -> float:
         """Its memory: now, or with "VmHWM" the most that it ever had."""
-        found = re.search(rf"{of}:\s+(\d+)", Path(f"/proc/{self.process.pid}/status").read_text())
-        assert found is not None
-        return int(found[1]) / 1024
+        match = re.search(rf"{of}:\s+(\d+)", Path(f"/proc/{self.process.pid}/status").read_text())
+        assert match is not None
+        return int(match[1]) / 1024
 
 
 @contextmanager

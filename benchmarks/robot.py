@@ -102,11 +102,11 @@ def _filterpy(
     return [as_it_is, with_numpy]
 
 
-def _check_alike(grid: Grid, one: Array, other: Array) -> None:
+def _check_alike(grid: Grid, first: Array, second: Array) -> None:
     """RuntimeError where one of them is no belief, or they are not about the same place."""
-    means = [[float((p * axis).sum()) for axis in grid.mesh()] for p in (one, other)]
-    if not (math.isclose(other.sum(), 1.0) and math.dist(*means) < grid.cell):
-        raise RuntimeError(f"FilterPy's result sums to {other.sum():g} around {means[1]}, ours is around {means[0]}")
+    means = [[float((p * axis).sum()) for axis in grid.mesh()] for p in (first, second)]
+    if not (math.isclose(second.sum(), 1.0) and math.dist(*means) < grid.cell):
+        raise RuntimeError(f"FilterPy's result sums to {second.sum():g} around {means[1]}, ours is around {means[0]}")
 
 
 def pose(cell: float, degrees: int) -> float:
@@ -120,15 +120,15 @@ def pose(cell: float, degrees: int) -> float:
     sighting = Sighting(subject="landmark/6", range=2.0, bearing=0.3)
 
     def course() -> object:
-        it, found = begun, None
+        localizer, belief = begun, None
         for step in range(STEPS):
             angle = 0.05 * (step + 1)
-            it = it.predict(moved, None)
+            localizer = localizer.predict(moved, None)
             place = np.array([2.0 + 2 * math.sin(angle), 2 - 2 * math.cos(angle)])  # of a circle of 2 m, about
             place += 2.0 * np.array([math.cos(angle + 0.3), math.sin(angle + 0.3)])
-            it = it.update_with_sighting(sighting, moved, place, np.zeros((2, 2)))
-            found = it.marginal()
-        return found
+            localizer = localizer.update_with_sighting(sighting, moved, place, np.zeros((2, 2)))
+            belief = localizer.marginal()
+        return belief
 
     return milliseconds(course, rounds=5)[0] / STEPS
 

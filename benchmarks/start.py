@@ -24,23 +24,23 @@ BIN = Path(sys.executable).parent
 
 def cpu(*command: str) -> float:
     """Processor seconds of a command that ends by itself, the best of `ROUNDS`."""
-    found = []
+    times = []
     for _ in range(ROUNDS):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        found.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
-    return min(found)
+        times.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
+    return min(times)
 
 
 def seconds_to_ready(*command: str) -> float:
     """From `exec` until a program is ready, the best of `ROUNDS`."""
-    found = []
+    times = []
     for _ in range(ROUNDS):
         begin = time.monotonic()
         with program(*command):
-            found.append(time.monotonic() - begin)
-    return min(found)
+            times.append(time.monotonic() - begin)
+    return min(times)
 
 
 def idle_share(running: Program) -> float:

@@ -49,12 +49,12 @@ class Tick:
 
 
 def tick(scenario: Scenario) -> Tick:
-    team, sent, seen = Team(scenario), [0], [0]
+    team, sent, sightings = Team(scenario), [0], [0]
 
     def count(envelope: Envelope) -> None:
         sent[0] += 1
         if envelope.kind is Kind.PUT and keys.READING.match(envelope.key):
-            seen[0] += sum(it.landmark is None for it in decode(Readings, envelope.payload).sightings)
+            sightings[0] += sum(sighting.landmark is None for sighting in decode(Readings, envelope.payload).sightings)
 
     team.bus.spies.append(count)
     spent = [stopwatch(board) for board in team.boards.values()]
@@ -62,7 +62,7 @@ def tick(scenario: Scenario) -> Tick:
     ticks = team.run()["ticks"]
     per_tick = 1e3 / ticks
     board = sum(sum(each) for each in spent) / len(spent)
-    return Tick(per_tick * (time.process_time() - begin), per_tick * board, sent[0] / ticks, seen[0] / ticks)
+    return Tick(per_tick * (time.process_time() - begin), per_tick * board, sent[0] / ticks, sightings[0] / ticks)
 
 
 def stopwatch(board: BoardService) -> list[float]:
@@ -94,16 +94,21 @@ def rows() -> Iterator[Row]:
     for where, side in (("in the same arena", lambda share: 50), ("in room for each", lambda share: 50 * share**0.5)):
         measured = {FIRST: first} | {n: tick(demo(n, round(side(n / FIRST)))) for n in ROBOTS[1:]}
         for robots in ROBOTS[1:]:
-            share, it = robots / FIRST, measured[robots]
-            yield Row(f"a tick of {robots} robots / {share:g} times that of {FIRST}, {where}", it.ms / first.ms / share)
-            yield Row(f"its messages / {share:g} times those of {FIRST}", it.messages / first.messages / share)
-            yield Row(f"its sightings / {share:g} times those of {FIRST}", it.seen / first.seen / share)
+            share, measured_tick = robots / FIRST, measured[robots]
+            yield Row(
+                f"a tick of {robots} robots / {share:g} times that of {FIRST}, {where}",
+                measured_tick.ms / first.ms / share,
+            )
+            yield Row(
+                f"its messages / {share:g} times those of {FIRST}", measured_tick.messages / first.messages / share
+            )
+            yield Row(f"its sightings / {share:g} times those of {FIRST}", measured_tick.seen / first.seen / share)
         for last in (24, 48):
             some = [n for n in ROBOTS if n <= last]
             power = growth([(n, measured[n].ms) for n in some])
             yield Row(f"a tick grows as the robots to the power of, {where}, {FIRST} to {last}", power, "", most=1.0)
         if where == "in the same arena":
-            board = [(it.seen, it.board) for it in measured.values()]
+            board = [(ticked.seen, ticked.board) for ticked in measured.values()]
             yield Row(f"a board grows as the sightings to the power of, {where}", growth(board), "", most=1.2)
             question = f"a tick of one board of {ROBOTS[-1]} robots, {where}, at 5 Hz on one core"
             yield Row(question, measured[ROBOTS[-1]].board, "ms", most=200.0)

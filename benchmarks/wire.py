@@ -87,8 +87,8 @@ def there_and_back(payload: bytes, *works: Callable[[], object]) -> list[float]:
                 stamps.append(time.perf_counter())
             times.append([1e3 * (b - a) for a, b in pairwise(stamps)])
     finally:
-        for one in keep:
-            one.undeclare()  # type: ignore[no-untyped-call]
+        for entity in keep:
+            entity.undeclare()  # type: ignore[no-untyped-call]
         for session in ends:
             session.close()  # type: ignore[no-untyped-call]
     return [float(median) for median in np.median(times, axis=0)]
@@ -99,11 +99,14 @@ def _matches(publisher: Any) -> bool:
 
 
 def rows() -> Iterator[Row]:
-    one = belief()
+    belief_sent = belief()
     said = encode(report("r1"))
-    raw64, raw32 = one.p.tobytes(), one.p.astype(np.float32).tobytes()
+    raw64, raw32 = belief_sent.p.tobytes(), belief_sent.p.astype(np.float32).tobytes()
     for coding in CODINGS:
-        size, loss = len(encode(report("r1", coding=coding))), kullback_leibler(one.p, unpack(pack(one, coding)).p)
+        size, loss = (
+            len(encode(report("r1", coding=coding))),
+            kullback_leibler(belief_sent.p, unpack(pack(belief_sent, coding)).p),
+        )
         yield Row(f"bytes of a Report of a Gaussian of sigma 5, {coding}", size, "bytes", most=700.0)
         yield Row(f"what is lost of it (Kullback-Leibler), {coding}", loss, "nats", most=1e-4)
         sizes, losses = zip(*elsewhere(coding), strict=True)
@@ -115,7 +118,7 @@ def rows() -> Iterator[Row]:
         size = len(encode(consensus(robots)))
         yield Row(f"bytes of a Consensus of {robots} robots / a Report", size / len(said), most=3.0)
 
-    ways = [partial(_ours, one, report("r1"), coding) for coding in CODINGS]
+    ways = [partial(_ours, belief_sent, report("r1"), coding) for coding in CODINGS]
     trip, *taken = there_and_back(raw64, *ways)
     for coding, own, mine in zip(CODINGS, ways, taken, strict=True):
         about = f"encode + decode a Report / Zenoh carries 320 kB there and back ({trip:.2f} ms), {coding}"
@@ -128,14 +131,14 @@ def elsewhere(coding: Coding) -> Iterator[tuple[int, float]]:
     """The bytes of a Report, and what is lost of it, for the same Gaussian at other places."""
     rng = np.random.default_rng(7)
     for place in rng.uniform(60, 140, (PLACES, 2)):
-        one = gaussian(GRID, tuple(place), 5.0)
-        packed = pack(one, coding)
+        placed = gaussian(GRID, tuple(place), 5.0)
+        packed = pack(placed, coding)
         said = report("r1").model_copy(update={"belief": packed})
-        yield len(encode(said)), kullback_leibler(one.p, unpack(packed).p)
+        yield len(encode(said)), kullback_leibler(placed.p, unpack(packed).p)
 
 
-def _ours(one: Belief, made: Report, coding: Coding) -> None:
-    said = encode(made.model_copy(update={"belief": pack(one, coding)}))
+def _ours(given: Belief, made: Report, coding: Coding) -> None:
+    said = encode(made.model_copy(update={"belief": pack(given, coding)}))
     unpack(decode(Report, said).belief, GRID)
 
 

@@ -44,7 +44,7 @@ def pictures() -> dict[str, str]:
     chance = np.random.default_rng(1)
     turn = np.array([[2.0, 1.2], [1.2, 1.0]])
     xy = np.concatenate([chance.normal((3.5, 5), 0.7, (150, 2)), chance.normal((8, 3), 0.4, (80, 2))])
-    seen = {"distance": 6.0, "distance_sigma": 0.3}
+    sighting = {"distance": 6.0, "distance_sigma": 0.3}
     rooms = np.full(GRID.shape, -1)
     rooms[6:22, 6:26], rooms[22:30, 14:18], rooms[30:42, 6:26] = 0, 0, 0
     rooms[12:16, 12:16] = 100
@@ -54,9 +54,9 @@ def pictures() -> dict[str, str]:
         "mixture": picture(Belief.from_mixture(GRID, [(3, 5), (8.5, 3)], [0.4 * turn, 0.5 * np.eye(2)], [1, 2])),
         "particles": picture(Belief.from_particles(GRID, xy, bandwidth=0.3), xy),
         "sighting": picture(
-            Belief.from_range_bearing(GRID, (2, 2), 0.2, **seen, bearing=0.3, bearing_sigma=0.15), robot=(2, 2, 0.2)
+            Belief.from_range_bearing(GRID, (2, 2), 0.2, **sighting, bearing=0.3, bearing_sigma=0.15), robot=(2, 2, 0.2)
         ),
-        "range": picture(Belief.from_range_bearing(GRID, (2, 2), 0.2, **seen), robot=(2, 2, 0.2)),
+        "range": picture(Belief.from_range_bearing(GRID, (2, 2), 0.2, **sighting), robot=(2, 2, 0.2)),
         "occupancy": picture(Belief.from_occupancy(GRID, rooms, unknown=100, free=True)),
         "resampled": picture(gaussian.resampled(Grid((12, 8), 1.0, unit="m"))),
     }

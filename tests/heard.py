@@ -20,6 +20,8 @@ class Heard:
 
     def of(self, topic: Topic, **parts: str) -> list[Any]:
         """The messages of a topic whose keys have these parts, in the order of sending."""
-        puts = ((topic.match(it.key), it.payload) for it in self.envelopes if it.kind is Kind.PUT)
+        puts = (
+            (topic.match(envelope.key), envelope.payload) for envelope in self.envelopes if envelope.kind is Kind.PUT
+        )
         model = MODELS[topic.message]
         return [decode(model, payload) for named, payload in puts if named and parts.items() <= named.items()]

@@ -27,36 +27,36 @@ OPAQUE = (
 
 def holdings(root: object, name: str) -> Counter[str]:
     """Entries by path of attributes; keys of tables and places in lists are left out of a path."""
-    found: Counter[str] = Counter()
-    seen: set[int] = set()
+    sizes: Counter[str] = Counter()
+    visited: set[int] = set()
     waiting: list[tuple[str, Any]] = [(name, root)]
     while waiting:
-        path, it = waiting.pop()
-        if isinstance(it, OPAQUE) or id(it) in seen:
+        path, value = waiting.pop()
+        if isinstance(value, OPAQUE) or id(value) in visited:
             continue
-        seen.add(id(it))
-        if isinstance(it, np.ndarray | array):
-            found[path] += it.size if isinstance(it, np.ndarray) else len(it)
-        elif isinstance(it, dict | list | tuple | set | frozenset | deque):
-            found[path] += len(it)
-            entries = [*it.keys(), *it.values()] if isinstance(it, dict) else list(it)
+        visited.add(id(value))
+        if isinstance(value, np.ndarray | array):
+            sizes[path] += value.size if isinstance(value, np.ndarray) else len(value)
+        elif isinstance(value, dict | list | tuple | set | frozenset | deque):
+            sizes[path] += len(value)
+            entries = [*value.keys(), *value.values()] if isinstance(value, dict) else list(value)
             waiting += [(f"{path}[]", entry) for entry in entries]
         else:
-            waiting += [(f"{path}.{key}", value) for key, value in attributes(it)]
-    return found
+            waiting += [(f"{path}.{key}", value) for key, value in attributes(value)]
+    return sizes
 
 
-def attributes(it: object) -> Iterator[tuple[str, Any]]:
+def attributes(owner: object) -> Iterator[tuple[str, Any]]:
     """Names and values of an object's own attributes, also of slots; of a function's bindings and the like what the collector sees."""
-    slots = [slot for kind in type(it).__mro__ for slot in getattr(kind, "__slots__", ())]
+    slots = [slot for kind in type(owner).__mro__ for slot in getattr(kind, "__slots__", ())]
     own = {
-        **getattr(it, "__dict__", {}),
-        **{slot: getattr(it, slot) for slot in slots if hasattr(it, slot) and slot != "__dict__"},
+        **getattr(owner, "__dict__", {}),
+        **{slot: getattr(owner, slot) for slot in slots if hasattr(owner, slot) and slot != "__dict__"},
     }
     if own:
         yield from own.items()
-    elif type(it).__module__ not in ("builtins", "numpy.random._generator"):
-        yield from ((type(other).__name__, other) for other in gc.get_referents(it))
+    elif type(owner).__module__ not in ("builtins", "numpy.random._generator"):
+        yield from ((type(other).__name__, other) for other in gc.get_referents(owner))
 
 
 def grown(before: Counter[str], after: Counter[str]) -> dict[str, tuple[int, int]]:

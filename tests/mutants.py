@@ -214,8 +214,8 @@ def judge(change: MutationSpec, limit: float) -> Verdict:
     old = [text[1:].strip() for text in lines if text.startswith("-") and not text.startswith("---")]
     new = [text[1:].strip() for text in lines if text.startswith("+") and not text.startswith("+++")]
     noticed = result.test_outcome is TestOutcome.KILLED
-    told = old[0] if old else before[line - 1].strip()
-    return Verdict(path, line, told, " ".join(new), noticed, "hung" if result.output == "timeout" else "")
+    source = old[0] if old else before[line - 1].strip()
+    return Verdict(path, line, source, " ".join(new), noticed, "hung" if result.output == "timeout" else "")
 
 
 def main() -> int:
@@ -271,12 +271,12 @@ def report(verdicts: list[Verdict], least: float) -> int:
     survivors = sorted({str(verdict) for verdict in verdicts if not verdict.noticed})
     share = sum(verdict.noticed for verdict in verdicts) / max(1, len(verdicts))
     print(f"\nnoticed {100 * share:.1f} % of {len(verdicts)}; asked {100 * least:g} %")
-    for title, found in (
+    for title, lines in (
         ("survived, not in docs/notes/mutants.md", [line for line in survivors if line not in known]),
         ("survived, explained in docs/notes/mutants.md", [line for line in survivors if line in known]),
         ("in docs/notes/mutants.md, of lines that have changed since", outdated(known)),
     ):
-        print(f"\n{title}: {len(found)}", *found, sep="\n")
+        print(f"\n{title}: {len(lines)}", *lines, sep="\n")
     return int(share < least)
 
 

@@ -36,13 +36,13 @@ def cooperative_terms(
 
 def _component(p: list[list[Decimal]], w: list[Decimal], cell: int, q: int) -> Decimal:
     """C_q in one cell: over all subsets of q opinions, the sum of their weights times the product of their values."""
-    found = Decimal(0)
+    total = Decimal(0)
     for subset in combinations(range(len(p)), q):
         product = Decimal(1)
         for i in subset:
             product *= p[i][cell]
-        found += product if q == len(p) else sum((w[i] for i in subset), Decimal(0)) * product
-    return found
+        total += product if q == len(p) else sum((w[i] for i in subset), Decimal(0)) * product
+    return total
 
 
 def cooperative(terms: list[list[Decimal]]) -> tuple[Array, Array]:
@@ -65,9 +65,9 @@ def cliques(near: npt.NDArray[np.bool_]) -> list[tuple[int, ...]]:
     """All largest sets of nodes that are pairwise near, by trying all sets, in ascending order."""
     n = len(near)
     for size in range(n, 0, -1):
-        found = [s for s in combinations(range(n), size) if all(near[i, j] for i, j in combinations(s, 2))]
-        if found:
-            return found
+        largest = [s for s in combinations(range(n), size) if all(near[i, j] for i, j in combinations(s, 2))]
+        if largest:
+            return largest
     return []
 
 
@@ -86,10 +86,10 @@ def random_walk(n: int, variance: float) -> Array:
     """What becomes of mass in each of n cells between two walls, shape (n, n): 2^20 little steps to either side."""
     steps = 1 << 20
     rate = variance / 2 / steps
-    one = np.eye(n) * (1 - 2 * rate) + rate * (np.eye(n, k=1) + np.eye(n, k=-1))
-    one[0, 0] += rate
-    one[-1, -1] += rate
-    return np.linalg.matrix_power(one, steps)
+    step = np.eye(n) * (1 - 2 * rate) + rate * (np.eye(n, k=1) + np.eye(n, k=-1))
+    step[0, 0] += rate
+    step[-1, -1] += rate
+    return np.linalg.matrix_power(step, steps)
 
 
 def memberships(opinions: Array, weights: Sequence[float], mass: Array) -> Array:
@@ -99,7 +99,7 @@ def memberships(opinions: Array, weights: Sequence[float], mass: Array) -> Array
     n = len(opinions)
     w = [Decimal(x) / sum((Decimal(x) for x in weights), Decimal(0)) for x in weights]
     p = [[Decimal(x) for x in opinion.ravel().tolist()] for opinion in opinions]
-    found = [Decimal(0)] * n
+    masses = [Decimal(0)] * n
     with localcontext(EXACT):
         for q in range(1, n + 1):
             for cell in range(len(p[0])):
@@ -109,8 +109,8 @@ def memberships(opinions: Array, weights: Sequence[float], mass: Array) -> Array
                 total = sum(terms.values(), Decimal(0))
                 for subset, term in terms.items():
                     for i in subset:
-                        found[i] += Decimal(float(mass[q - 1, cell])) * term / total if total else 0
-    return np.array([float(x) for x in found])
+                        masses[i] += Decimal(float(mass[q - 1, cell])) * term / total if total else 0
+    return np.array([float(x) for x in masses])
 
 
 def _product(p: list[list[Decimal]], subset: Sequence[int], cell: int) -> Decimal:

@@ -83,15 +83,15 @@ def is_running(pid: int) -> bool:
 
 def children(parent: int) -> list[int]:
     """The processes that were told to follow this one, whoever their parent is by now."""
-    told = f"{PARENT}={parent}".encode()
-    found = []
+    variable = f"{PARENT}={parent}".encode()
+    pids = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if told in (folder / "environ").read_bytes().split(b"\0") and is_running(int(folder.name)):
-                found.append(int(folder.name))
+            if variable in (folder / "environ").read_bytes().split(b"\0") and is_running(int(folder.name)):
+                pids.append(int(folder.name))
         except (FileNotFoundError, ProcessLookupError, PermissionError):
             continue
-    return found
+    return pids
 
 
 class Program:
@@ -157,15 +157,15 @@ def command(*words: str, keep: Sequence[str] = ()) -> Iterator[Program]:
             started.read_all()
 
 
-def seconds_to_end(it: Program) -> float:
+def seconds_to_end(started: Program) -> float:
     """How long a program takes to end at a SIGTERM, without the time in which others had the processor that it waited for."""
-    clock, pid = UnixClock(), it.running.pid
+    clock, pid = UnixClock(), started.running.pid
     began = clock.now() - _seconds_kept_waiting(pid)
-    it.running.send_signal(signal.SIGTERM)
+    started.running.send_signal(signal.SIGTERM)
     wait_until(lambda: not is_running(pid), "it ends")
-    found = clock.now() - began - _seconds_kept_waiting(pid)
-    it.running.wait()
-    return found
+    seconds = clock.now() - began - _seconds_kept_waiting(pid)
+    started.running.wait()
+    return seconds
 
 
 def _seconds_kept_waiting(pid: int) -> float:

@@ -53,12 +53,12 @@ ROW = re.compile(r"^\| (`[^|]*) \| ([^|]*) \| ([^|]*) \|$", re.MULTILINE)
 
 def listed(text: str) -> tuple[Room, ...]:
     """The rooms of the table of docs/design.md, from the bottom to the top: a room imports only rooms that stand above it."""
-    found = []
+    rooms = []
     for names, _, imported in ROW.findall(text):
         modules = re.sub("[`,]", "", names).replace("/ ", " ").rstrip("/").replace("/", ".")
         now, _, later = imported.partition("(")
-        found.append(Room(modules, now.strip(" -"), later.rstrip(")")))
-    return tuple(found)
+        rooms.append(Room(modules, now.strip(" -"), later.rstrip(")")))
+    return tuple(rooms)
 
 
 ROOMS = listed(page("design.md"))
@@ -123,15 +123,15 @@ def room_of(module: str) -> Room | None:
 @cache
 def imports(module: str) -> tuple[Import, ...]:
     """What a module imports of the project, and of libraries that are not free."""
-    found = set[Import]()
+    made = set[Import]()
     for name, late, line in _imported(ast.parse(modules()[module].read_text(encoding="utf-8"))):
         target = name
         while target and target not in modules():
             target = target.rpartition(".")[0]
         target = target or name.split(".")[0]
         if target != module and target not in FREE:
-            found.add(Import(module, target, late, line))
-    return tuple(sorted(found, key=lambda one: (one.line, one.target)))
+            made.add(Import(module, target, late, line))
+    return tuple(sorted(made, key=lambda imported: (imported.line, imported.target)))
 
 
 def _imported(node: ast.AST, late: bool = False) -> Iterator[tuple[str, bool, int]]:
@@ -152,35 +152,37 @@ def _imported(node: ast.AST, late: bool = False) -> Iterator[tuple[str, bool, in
 def broken() -> list[str]:
     """A line for each import that the list does not allow, for what it allows to no purpose, and for each circle of imports."""
     order = {room: place for place, room in enumerate(ROOMS)}
-    found = [f"{room.modules} stands above {other.modules}, which it may import" for room, other in _upwards(order)]
+    faults = [f"{room.modules} stands above {other.modules}, which it may import" for room, other in _upwards(order)]
     for module in modules():
         room = room_of(module)
         if room is None:
-            found.append(f"{module} is in no room")
+            faults.append(f"{module} is in no room")
             continue
-        for one in imports(module):
-            target = _place(one.target)
-            allowed = target in room.names or room.allows(target, one.late, module)
-            if not allowed and (module, one.target) not in EXCEPTIONS:
-                found.append(
-                    f"{_where(one)}, which {room.modules} may not" + (" when it is loaded" if not one.late else "")
+        for imported in imports(module):
+            target = _place(imported.target)
+            allowed = target in room.names or room.allows(target, imported.late, module)
+            if not allowed and (module, imported.target) not in EXCEPTIONS:
+                faults.append(
+                    f"{_where(imported)}, which {room.modules} may not"
+                    + (" when it is loaded" if not imported.late else "")
                 )
-    return [*found, *_idle(), *(" -> ".join(circle) for circle in circles())]
+    return [*faults, *_idle(), *(" -> ".join(circle) for circle in circles())]
 
 
 def _idle() -> Iterator[str]:
     """A line for each import that a room may make, and each exception, that no module makes; what is shared may be left alone."""
-    made = [one for module in modules() for one in imports(module)]
+    made = [imported for module in modules() for imported in imports(module)]
     for room in ROOMS:
         for word in f"{room.imports} {room.later}".split():
             only = Room(room.modules, word)
             if word != "shared" and not any(
-                room_of(one.module) is room and only.allows(_place(one.target), True, one.module) for one in made
+                room_of(imported.module) is room and only.allows(_place(imported.target), True, imported.module)
+                for imported in made
             ):
                 yield f"{room.modules} may import {word}, and does not"
     yield from (
-        f"{one} may import {other}, and does not"
-        for one, other in EXCEPTIONS - {(one.module, one.target) for one in made}
+        f"{module} may import {target}, and does not"
+        for module, target in EXCEPTIONS - {(imported.module, imported.target) for imported in made}
     )
 
 
@@ -199,19 +201,19 @@ def _upwards(order: Mapping[Room, int]) -> Iterator[tuple[Room, Room]]:
                 yield room, other
 
 
-def _where(one: Import) -> str:
-    return f"{modules()[one.module].relative_to(ROOT)}:{one.line} imports {one.target}"
+def _where(imported: Import) -> str:
+    return f"{modules()[imported.module].relative_to(ROOT)}:{imported.line} imports {imported.target}"
 
 
 def circles() -> list[list[str]]:
     """A shortest circle of imports through each module that is in one, but for those that another circle shows already."""
-    found, seen = list[list[str]](), set[str]()
+    all_circles, visited = list[list[str]](), set[str]()
     for module in modules():
-        way = None if module in seen else chain(module, {module})
+        way = None if module in visited else chain(module, {module})
         if way is not None:
-            found.append(way)
-            seen |= set(way)
-    return found
+            all_circles.append(way)
+            visited |= set(way)
+    return all_circles
 
 
 def chain(module: str, targets: Iterable[str], late: bool = True) -> list[str] | None:
@@ -219,19 +221,21 @@ def chain(module: str, targets: Iterable[str], late: bool = True) -> list[str] |
     wanted, ways, known = set(targets), [[module]], {module}
     while ways:
         way = ways.pop(0)
-        for one in imports(way[-1]):
-            if one.target in modules() and (late or not one.late):
-                if one.target in wanted:
-                    return [*way, one.target]
-                if one.target not in known:
-                    known.add(one.target)
-                    ways.append([*way, one.target])
+        for imported in imports(way[-1]):
+            if imported.target in modules() and (late or not imported.late):
+                if imported.target in wanted:
+                    return [*way, imported.target]
+                if imported.target not in known:
+                    known.add(imported.target)
+                    ways.append([*way, imported.target])
     return None
 
 
 def loaded_by(room: str) -> frozenset[str]:
     """What a fresh interpreter has loaded after importing every module of a room."""
-    names = [module for module in modules() if (found := room_of(module)) is not None and full(room) in found.names]
+    names = [
+        module for module in modules() if (room_found := room_of(module)) is not None and full(room) in room_found.names
+    ]
     code = "import sys\n" + "".join(f"import {name}\n" for name in names) + "print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -240,18 +244,18 @@ def loaded_by(room: str) -> frozenset[str]:
 
 def may_load(room: str) -> set[str]:
     """The first names of all rooms, and the libraries, that a room may load when it is imported: what it imports, and in turn they."""
-    by_name, found, todo = {name: one for one in ROOMS for name in one.names}, set[str](), {full(room)}
+    by_name, names, todo = {name: each for each in ROOMS for name in each.names}, set[str](), {full(room)}
     while todo:
-        one = by_name[todo.pop()]
-        found.add(one.names[0])
-        words = {word.partition("@")[0] for word in one.imports.replace("shared", SHARED).split()}
-        words |= {_place(other) for module, other in EXCEPTIONS if room_of(module) is one}
-        found |= {word for word in words if full(word) not in by_name}
-        todo |= {full(word) for word in words if full(word) in by_name} - found
-    return found
+        own = by_name[todo.pop()]
+        names.add(own.names[0])
+        words = {word.partition("@")[0] for word in own.imports.replace("shared", SHARED).split()}
+        words |= {_place(other) for module, other in EXCEPTIONS if room_of(module) is own}
+        names |= {word for word in words if full(word) not in by_name}
+        todo |= {full(word) for word in words if full(word) in by_name} - names
+    return names
 
 
 if __name__ == "__main__":
-    found = broken()
-    print(*found, sep="\n", file=sys.stderr)
-    sys.exit(1 if found else 0)
+    wrong = broken()
+    print(*wrong, sep="\n", file=sys.stderr)
+    sys.exit(1 if wrong else 0)

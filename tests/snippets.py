@@ -57,26 +57,26 @@ class Block:
 def pages() -> dict[str, str]:
     """The text of every page that is written by hand, by the file's name; a note is `notes/NAME.md`."""
     site = ROOT / "docs"
-    found = {file.name: file for file in (ROOT / "README.md", ROOT / "CONTRIBUTING.md")}
-    found |= {str(file.relative_to(site)): file for file in sorted(site.glob("**/*.md")) if file.name not in MADE}
-    return {name: file.read_text(encoding="utf-8") for name, file in found.items()}
+    files = {file.name: file for file in (ROOT / "README.md", ROOT / "CONTRIBUTING.md")}
+    files |= {str(file.relative_to(site)): file for file in sorted(site.glob("**/*.md")) if file.name not in MADE}
+    return {name: file.read_text(encoding="utf-8") for name, file in files.items()}
 
 
 @cache
 def blocks(page: str) -> tuple[Block, ...]:
     """The blocks of a page in their order."""
-    text, found = pages()[page], []
+    text, of_page = pages()[page], []
     for match in BLOCK.finditer(text):
         inside = match["fenced"] if match["indented"] is None else re.sub(r"^ {4}", "", match["indented"], flags=re.M)
         line = text.count("\n", 0, match.start()) + (1 if match["indented"] else 2)
-        found.append(Block(page, line, _language(match["word"], inside), inside.rstrip() + "\n"))
-    return tuple(found)
+        of_page.append(Block(page, line, _language(match["word"], inside), inside.rstrip() + "\n"))
+    return tuple(of_page)
 
 
 def block(page: str, first: str) -> Block:
     """The one block of a page whose first line begins so."""
-    (found,) = (one for one in blocks(page) if one.first.startswith(first))
-    return found
+    (only,) = (each for each in blocks(page) if each.first.startswith(first))
+    return only
 
 
 def _language(word: str | None, text: str) -> str:

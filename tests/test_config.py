@@ -66,21 +66,21 @@ def board(**table: Any) -> BoardSection:
 )
 def test_a_mistake_is_one_line_that_names_the_key(table: dict[str, Any], text: str) -> None:
     """Fault 6: a parameter of another rule was taken silently."""
-    with pytest.raises(UserError, match=f"^team.toml: {re.escape(text)}") as told:
+    with pytest.raises(UserError, match=f"^team.toml: {re.escape(text)}") as error:
         board(**table)
-    assert "\\n" not in str(told.value)
+    assert "\\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("rule", POOLS)
 def test_what_is_in_force_is_read_as_the_same(rule: str) -> None:
-    found = board(rule=rule).in_force()
-    assert found["rule"] == rule
-    assert board(**found).in_force() == found
-    assert read_rule(found).in_force() == found
+    in_force = board(rule=rule).in_force()
+    assert in_force["rule"] == rule
+    assert board(**in_force).in_force() == in_force
+    assert read_rule(in_force).in_force() == in_force
 
 
 def test_a_subject_keeps_what_it_does_not_set_unless_it_names_another_rule() -> None:
-    it = board(k=1, gate=3, subjects={
+    section = board(k=1, gate=3, subjects={
         "object/*": {"independence": 1},
         "object/ball": {"gamma": 0.4},
         "robot/*": {"rule": "cooperative"},
@@ -96,9 +96,9 @@ def test_a_subject_keeps_what_it_does_not_set_unless_it_names_another_rule() -> 
         "landmark/l2": {"rule": "clique", "inner": "cooperative", "xi": 2.0, "k": 2.0, "gamma": 0.3},
         "landmark/l1": {"rule": "clique", "inner": "linear", "xi": 2.0, "k": 2.0},
     }
-    assert {subject: it.of(subject).in_force() for subject in expected} == expected
-    assert it.in_force()["rule"] == "coalition"
-    assert it.in_force()["robot/r1.reference_cell"] == 2.0
+    assert {subject: section.of(subject).in_force() for subject in expected} == expected
+    assert section.in_force()["rule"] == "coalition"
+    assert section.in_force()["robot/r1.reference_cell"] == 2.0
 
 
 def test_another_rule_leaves_the_parameters_of_the_old_one_behind() -> None:

@@ -35,12 +35,12 @@ COMMAND = re.compile(
 
 def lines() -> list[tuple[str, str]]:
     """Page and command line of every line of code that is a command of ours, without its comment; what goes on is joined."""
-    found = []
+    long_lines = []
     for page in PAGES:
         text = re.sub(r" *\\\n +", " ", page.read_text(encoding="utf-8"))
         for line in COMMAND.findall(text):
-            found.append((page.name, re.split(r"\s+#|\s+[>|&]", line)[0].strip()))
-    return found
+            long_lines.append((page.name, re.split(r"\s+#|\s+[>|&]", line)[0].strip()))
+    return long_lines
 
 
 @pytest.mark.parametrize(("page", "line"), lines(), ids=lambda value: value)

@@ -80,9 +80,9 @@ def test_every_kind_is_known_by_its_name() -> None:
         "freeze": {"what": "process"},
     }
     assert tuple(parameters) == KINDS
-    found = faults_of(scenario(*({"kind": kind, "robots": ["r1", "r3"], **parameters[kind]} for kind in KINDS)))
-    assert [fault.kind for fault in found if is_of_sensors(fault)] == ["drift"]
-    assert {fault.names for fault in found} == {("r1", "r3")}
+    faults = faults_of(scenario(*({"kind": kind, "robots": ["r1", "r3"], **parameters[kind]} for kind in KINDS)))
+    assert [fault.kind for fault in faults if is_of_sensors(fault)] == ["drift"]
+    assert {fault.names for fault in faults} == {("r1", "r3")}
 
 
 def test_the_liar_of_five_comes_with_the_package() -> None:

@@ -20,10 +20,10 @@ def test_the_version_is_the_one_of_the_metadata() -> None:
 
 
 def test_the_newest_release_of_the_changelog_is_this_version() -> None:
-    (told,) = re.findall(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE)
+    (declared,) = re.findall(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE)
     heads = re.findall(r"^## \[(.+?)\](?: - (.+))?$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert heads[0] == ("Unreleased", "")
-    assert heads[1][0] == told
+    assert heads[1][0] == declared
     assert all(re.fullmatch(r"\d{4}-\d\d-\d\d", date) for _, date in heads[1:])
 
 

@@ -18,7 +18,11 @@ from tests.snippets import block, blocks
 
 def tables(page: str, first: str) -> list[dict[str, Any]]:
     """The TOML blocks of a page that begin so."""
-    return [tomllib.loads(one.text) for one in blocks(page) if one.language == "toml" and one.first.startswith(first)]
+    return [
+        tomllib.loads(block.text)
+        for block in blocks(page)
+        if block.language == "toml" and block.first.startswith(first)
+    ]
 
 
 def test_the_pools_alone() -> None:
@@ -30,27 +34,27 @@ def test_the_pools_alone() -> None:
 
 
 def test_a_board_as_the_page_sets_it() -> None:
-    for found in tables("rules.md", "[board]"):
-        board = Scenario(found).board
-        assert board.fusion == found["board"].get("fusion", "opinions")
-    rules, joint = (Scenario(found).board for found in tables("rules.md", "[board]"))
+    for table in tables("rules.md", "[board]"):
+        board = Scenario(table).board
+        assert board.fusion == table["board"].get("fusion", "opinions")
+    rules, joint = (Scenario(table).board for table in tables("rules.md", "[board]"))
     assert (rules.rule, joint.objects_drift) == ("coalition", 0.5)
 
 
 def test_a_poor_link_as_the_page_sets_it() -> None:
-    (found,) = tables("network.md", "[robot.send]")
-    send = Scenario(found).section("robot", RobotSection).send
-    assert {name: getattr(send, name) for name in found["robot"]["send"]} == found["robot"]["send"]
+    (table,) = tables("network.md", "[robot.send]")
+    send = Scenario(table).section("robot", RobotSection).send
+    assert {name: getattr(send, name) for name in table["robot"]["send"]} == table["robot"]["send"]
 
 
 def test_a_fault_as_the_page_writes_it() -> None:
-    (found,) = tables("faults.md", "[[fault]]")
-    (fault,) = faults_of(Scenario({"team": {"sub_teams": {"a": ["r1", "r3"]}}, **found}))
-    assert fault.kind == found["fault"][0]["kind"] == "lie"
+    (table,) = tables("faults.md", "[[fault]]")
+    (fault,) = faults_of(Scenario({"team": {"sub_teams": {"a": ["r1", "r3"]}}, **table}))
+    assert fault.kind == table["fault"][0]["kind"] == "lie"
 
 
 def test_entry_points_are_of_the_groups_that_are_looked_up() -> None:
-    groups = [name for found in tables("rules.md", "[project") for name in found["project"]["entry-points"]]
+    groups = [name for table in tables("rules.md", "[project") for name in table["project"]["entry-points"]]
     assert groups == [plugins.POOLS, plugins.LOCALIZERS]
 
 

@@ -23,17 +23,19 @@ def sentences(page: str) -> list[str]:
     text = re.sub(r"^(#|\||:::|!\[).*$", "", text, flags=re.MULTILINE)
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(r"`[^`]*`", "code", text)
-    found = []
+    parts = []
     for paragraph in re.split(r"\n\s*\n|\n(?=- )", text):
-        found += [it for it in re.split(r"(?<=[.!?:])[\"*)]*\s+", " ".join(paragraph.split())) if re.search(r"\w", it)]
-    return found
+        parts += [
+            part for part in re.split(r"(?<=[.!?:])[\"*)]*\s+", " ".join(paragraph.split())) if re.search(r"\w", part)
+        ]
+    return parts
 
 
 @pytest.mark.parametrize("page", PLAIN)
 def test_sentences_are_short(page: str) -> None:
-    long = [it for it in sentences(page) if len(it.split()) > MOST]
+    long = [sentence for sentence in sentences(page) if len(sentence.split()) > MOST]
     assert long == []
-    lengths = [len(it.split()) for it in sentences(page)]
+    lengths = [len(sentence.split()) for sentence in sentences(page)]
     assert sum(lengths) <= MEAN * len(lengths)
 
 

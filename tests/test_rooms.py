@@ -24,14 +24,16 @@ def test_nothing_breaks_the_list() -> None:
 
 def test_exceptions_are_few_and_only_between_a_team_and_its_parts() -> None:
     assert len(rooms.EXCEPTIONS) <= 12
-    assert {(one.split(".")[0], other.split(".")[0]) for one, other in rooms.EXCEPTIONS} == {
+    assert {(room.split(".")[0], other.split(".")[0]) for room, other in rooms.EXCEPTIONS} == {
         ("blackboard", "robot_agent"),
         ("blackboard", "sim_world"),
     }
 
 
 def test_every_room_has_modules() -> None:
-    assert [name for room in ROOMS for name in room.names if not any(room_of(it) is room for it in modules())] == []
+    assert [
+        name for room in ROOMS for name in room.names if not any(room_of(module) is room for module in modules())
+    ] == []
 
 
 def test_the_page_has_every_room() -> None:
@@ -59,9 +61,11 @@ def test_a_fresh_interpreter_loads_what_the_list_says(room: str) -> None:
     """So no name that is only looked up at run time, and no package that imports its modules, loads anything else."""
     loaded = loaded_by(room)
     # An empty package is loaded with what is in it.
-    found = {it.names[0] for name in loaded & modules().keys() if imports(name) and (it := room_of(name)) is not None}
-    found |= {name.partition(".")[0] for name in loaded} & LIBRARIES
-    more = found - may_load(room) - {"blackboard"}
+    names = {
+        owner.names[0] for name in loaded & modules().keys() if imports(name) and (owner := room_of(name)) is not None
+    }
+    names |= {name.partition(".")[0] for name in loaded} & LIBRARIES
+    more = names - may_load(room) - {"blackboard"}
     assert {name: chain(full(room), [name], late=False) for name in more} == {}
 
 
@@ -114,7 +118,7 @@ def faults() -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("file", "line", "told"),
+    ("file", "line", "fault"),
     [
         (
             "board/x.py",
@@ -140,12 +144,12 @@ def faults() -> list[str]:
     ],
 )
 def test_an_import_that_is_not_allowed_is_named_with_its_place(
-    written: Callable[[str, str], None], file: str, line: str, told: str
+    written: Callable[[str, str], None], file: str, line: str, fault: str
 ) -> None:
     for other in ("blackboard/net/link.py", "blackboard/tape/file.py", "sim_world/world.py"):
         written(other, "")
     written(f"blackboard/{file}", f"import math, numpy\n{line}\n")
-    assert told in faults()[0]
+    assert fault in faults()[0]
 
 
 @pytest.mark.parametrize(
@@ -177,7 +181,7 @@ def test_a_circle_is_shown_once_also_where_a_function_closes_it(written: Callabl
 
 
 def test_nothing_sleeps() -> None:
-    found = []
+    sleepers = []
     for path in sources(*PACKAGES, "tests", "examples", "benchmarks"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         named = {ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
@@ -189,5 +193,5 @@ def test_nothing_sleeps() -> None:
         }
         asleep = {"time.sleep"} | ({"asyncio.sleep"} if path.is_relative_to(ROOT / "tests") else set())
         if named & asleep:
-            found.append(path)
-    assert found == []
+            sleepers.append(path)
+    assert sleepers == []

@@ -164,11 +164,11 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
 
 @pytest.mark.parametrize("page", pages())
 def test_every_block_is_claimed_once_and_every_claim_is_of_a_block(page: str) -> None:
-    claims, found = CLAIMS.get(page, ()), blocks(page)
-    told = [f"{page}:{one.line}: {one.first}" for one in found]
-    assert len(claims) == len(found), told
-    for (start, _), one, line in zip(claims, found, told, strict=True):
-        assert one.first.lstrip().startswith(start), line
+    claims, of_page = CLAIMS.get(page, ()), blocks(page)
+    lines = [f"{page}:{each.line}: {each.first}" for each in of_page]
+    assert len(claims) == len(of_page), lines
+    for (start, _), each, line in zip(claims, of_page, lines, strict=True):
+        assert each.first.lstrip().startswith(start), line
 
 
 @cache
@@ -197,7 +197,7 @@ def test_a_shell_block_has_commands_only() -> None:
     """What the parser takes for a table or a drawing holds no command of ours at the beginning of a line."""
     ours = ("blackboard ", ".venv/", "make ", "robot-agent ", "sim-world ", "docker ")
 
-    def hides(one: Block) -> bool:
-        return one.language == "text" and any(line.startswith(ours) for line in one.text.splitlines())
+    def hides(block: Block) -> bool:
+        return block.language == "text" and any(line.startswith(ours) for line in block.text.splitlines())
 
-    assert [(one.page, one.line) for page in pages() for one in blocks(page) if hides(one)] == []
+    assert [(block.page, block.line) for page in pages() for block in blocks(page) if hides(block)] == []

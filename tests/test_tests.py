@@ -35,7 +35,11 @@ def private(tree: ast.AST) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             yield from (alias.name for alias in node.names if is_private(alias.name))
         elif isinstance(node, ast.Call) and called(node.func) in SETTERS:
-            texts = [one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str)]
+            texts = [
+                argument.value
+                for argument in node.args
+                if isinstance(argument, ast.Constant) and isinstance(argument.value, str)
+            ]
             yield from (text for text in texts if is_private(text.rpartition(".")[2]))
 
 
@@ -43,17 +47,17 @@ def called(function: ast.expr) -> str:
     return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
 
 
-def found(what: Callable[[ast.AST], Iterator[str]]) -> dict[str, list[str]]:
+def by_file(what: Callable[[ast.AST], Iterator[str]]) -> dict[str, list[str]]:
     by_file = {path: list(what(ast.parse(path.read_text(encoding="utf-8")))) for path in FILES}
     return {str(path.relative_to(ROOT)): names for path, names in by_file.items() if names}
 
 
 def test_nobody_imports_from_a_module_with_tests() -> None:
-    assert found(borrowed) == {}
+    assert by_file(borrowed) == {}
 
 
 def test_nothing_private_of_the_product_is_looked_at() -> None:
-    assert {path: names for path, names in found(private).items() if path not in PRIVATE} == {}
+    assert {path: names for path, names in by_file(private).items() if path not in PRIVATE} == {}
 
 
 def test_a_module_without_tests_says_in_its_first_sentence_what_it_is_for() -> None:

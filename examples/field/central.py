@@ -31,20 +31,20 @@ class Central:
         return self.mean[at].copy(), self.covariance[at, at].copy()
 
     def step(self, said: Mapping[str, Said]) -> None:
-        for robot, it in said.items():
-            self._drive(robot, it)
+        for robot, step in said.items():
+            self._drive(robot, step)
         self.covariance[self.ball, self.ball] += np.eye(2) * self.truth.ball**2 * self.truth.dt
-        for robot, it in said.items():
-            if it.start is not None:
+        for robot, step in said.items():
+            if step.start is not None:
                 sigmas = [self.truth.start, self.truth.start, self.truth.start_heading]
-                self.mean[self._at(robot)] = it.start
+                self.mean[self._at(robot)] = step.start
                 self.covariance[self._at(robot), self._at(robot)] = np.diag(np.square(sigmas))
-            if it.gps is not None:
+            if step.gps is not None:
                 rows = np.zeros((2, len(self.mean)))
                 rows[:, self._at(robot)] = np.eye(2, 3)
-                self._correct(np.array(it.gps) - self.mean[self._at(robot)][:2], rows, np.eye(2) * self.truth.gps**2)
-            for one in it.seen:
-                self._see(robot, one.subject, one.range, one.bearing)
+                self._correct(np.array(step.gps) - self.mean[self._at(robot)][:2], rows, np.eye(2) * self.truth.gps**2)
+            for sighting in step.seen:
+                self._see(robot, sighting.subject, sighting.range, sighting.bearing)
 
     def take(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Take a pose of the first robot for a measurement, as who feeds back what the team believes."""
@@ -56,29 +56,29 @@ class Central:
         first = 3 * self.robots.index(robot)
         return slice(first, first + 3)
 
-    def _drive(self, robot: str, it: Said) -> None:
+    def _drive(self, robot: str, step: Said) -> None:
         at, truth = self._at(robot), self.truth
         x, y, heading = self.mean[at]
-        c, s = math.cos(heading + it.turn / 2), math.sin(heading + it.turn / 2)
-        self.mean[at] = x + it.distance * c, y + it.distance * s, heading + it.turn
+        c, s = math.cos(heading + step.turn / 2), math.sin(heading + step.turn / 2)
+        self.mean[at] = x + step.distance * c, y + step.distance * s, heading + step.turn
         transition = np.eye(len(self.mean))
-        transition[at, at][:2, 2] = -it.distance * s, it.distance * c
-        by = np.array([[c, -it.distance * s / 2], [s, it.distance * c / 2], [0, 1]])
-        noise = np.diag([truth.along**2 * abs(it.distance), truth.turn**2 * it.dt if it.start is None else 0.0])
+        transition[at, at][:2, 2] = -step.distance * s, step.distance * c
+        by = np.array([[c, -step.distance * s / 2], [s, step.distance * c / 2], [0, 1]])
+        noise = np.diag([truth.along**2 * abs(step.distance), truth.turn**2 * step.dt if step.start is None else 0.0])
         self.covariance = transition @ self.covariance @ transition.T
         self.covariance[at, at] += by @ noise @ by.T
 
     def _see(self, robot: str, subject: str, distance: float, bearing: float) -> None:
         me = self._at(robot)
-        it = self.ball if subject == "object/ball" else self._at(subject.partition("/")[2])
-        if subject == "object/ball" and self.covariance[it, it][0, 0] > FLAT / 2:
+        at = self.ball if subject == "object/ball" else self._at(subject.partition("/")[2])
+        if subject == "object/ball" and self.covariance[at, at][0, 0] > FLAT / 2:
             angle = self.mean[me][2] + bearing
-            self.mean[it] = self.mean[me][:2] + distance * np.array([math.cos(angle), math.sin(angle)])
-        dx, dy = self.mean[it][:2] - self.mean[me][:2]
+            self.mean[at] = self.mean[me][:2] + distance * np.array([math.cos(angle), math.sin(angle)])
+        dx, dy = self.mean[at][:2] - self.mean[me][:2]
         far = max(math.hypot(dx, dy), 1e-6)
         rows = np.zeros((2, len(self.mean)))
         place = np.array([[dx / far, dy / far], [-dy / far**2, dx / far**2]])
-        rows[:, it.start : it.start + 2], rows[:, me.start : me.start + 2] = place, -place
+        rows[:, at.start : at.start + 2], rows[:, me.start : me.start + 2] = place, -place
         rows[1, me.start + 2] = -1.0
         off = math.remainder(bearing - math.atan2(dy, dx) + self.mean[me][2], math.tau)
         self._correct(np.array([distance - far, off]), rows, np.diag([self.truth.range**2, self.truth.bearing**2]))

@@ -33,8 +33,8 @@ def tell(robot: Robot, said: Said, world: World) -> None:
         robot.odometry(said.distance, said.turn, said.dt)
     if said.gps is not None:
         robot.fix(said.gps, truth.gps)
-    for seen in said.seen:
-        robot.see(seen.subject, seen.range, seen.bearing, truth.range, truth.bearing)
+    for sighting in said.seen:
+        robot.see(sighting.subject, sighting.range, sighting.bearing, truth.range, truth.bearing)
 
 
 def main(args: argparse.Namespace, tell: Callable[[Robot, Said, World], None] = tell) -> None:
@@ -62,18 +62,18 @@ def each_step(world: World, args: argparse.Namespace) -> Iterator[tuple[float, M
 
 def report(name: str, off: list[float], ball: np.ndarray) -> None:
     """Print how far off a robot was."""
-    rmse = math.sqrt(sum(it**2 for it in off) / len(off))
+    rmse = math.sqrt(sum(distance**2 for distance in off) / len(off))
     print(f"{name}: RMSE {rmse:.2f} m; ball at {ball.round(1)}", flush=True)
 
 
 def parser(about: str | None) -> argparse.ArgumentParser:
-    found = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-    found.add_argument("-e", "--connect", default="tcp/127.0.0.1:7447")
-    found.add_argument("--seconds", type=float, default=30.0)
-    found.add_argument("--seed", type=int, default=1)
-    found.add_argument("--robots", nargs="+", default=World.robots, choices=World.robots, help="play these alone")
-    found.add_argument("--begin", type=float, default=0.0, help="Unix time at which programs of one world begin")
-    return found
+    arguments = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("-e", "--connect", default="tcp/127.0.0.1:7447")
+    arguments.add_argument("--seconds", type=float, default=30.0)
+    arguments.add_argument("--seed", type=int, default=1)
+    arguments.add_argument("--robots", nargs="+", default=World.robots, choices=World.robots, help="play these alone")
+    arguments.add_argument("--begin", type=float, default=0.0, help="Unix time at which programs of one world begin")
+    return arguments
 
 
 if __name__ == "__main__":

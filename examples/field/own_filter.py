@@ -22,8 +22,8 @@ def tell(robot: Robot, said: Said, world: World) -> None:
     own.step({name: Said(said.distance, said.turn, said.dt, said.start, said.gps)})
     mean, covariance = own.of(f"robot/{name}")
     robot.belief(mean, covariance, (said.distance, said.turn, said.dt))
-    for seen in said.seen:
-        robot.see(seen.subject, seen.range, seen.bearing, truth.range, truth.bearing)
+    for sighting in said.seen:
+        robot.see(sighting.subject, sighting.range, sighting.bearing, truth.range, truth.bearing)
 
 
 if __name__ == "__main__":

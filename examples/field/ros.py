@@ -56,13 +56,13 @@ class Nodes:
             unknown = math.pi**2  # GPS knows no heading
             at = pose((*said.gps, 0.0), np.diag([truth.gps**2, truth.gps**2, unknown]))
             self._say("fix", POSE, header=header("map"), pose=at)
-        for seen in said.seen:
-            ahead = np.array([math.cos(seen.bearing), math.sin(seen.bearing)])
+        for sighting in said.seen:
+            ahead = np.array([math.cos(sighting.bearing), math.sin(sighting.bearing)])
             turned = np.array([ahead, [-ahead[1], ahead[0]]])  # along and across the line of sight
             covariance = np.diag([0.0, 0.0, math.pi**2])
-            covariance[:2, :2] = turned.T @ np.diag([truth.range**2, (seen.range * truth.bearing) ** 2]) @ turned
-            place = pose((*(seen.range * ahead), 0.0), covariance)
-            self._say(f"sees/{seen.subject}", POSE, header=header("base"), pose=place)
+            covariance[:2, :2] = turned.T @ np.diag([truth.range**2, (sighting.range * truth.bearing) ** 2]) @ turned
+            place = pose((*(sighting.range * ahead), 0.0), covariance)
+            self._say(f"sees/{sighting.subject}", POSE, header=header("base"), pose=place)
 
     def _say(self, topic: str, kind: str, **fields: Any) -> None:
         payload = bytes(STORE.serialize_cdr(made(kind, **fields), kind))
@@ -89,8 +89,8 @@ def pose(at: Sequence[float], covariance: np.ndarray) -> Any:
     full[np.ix_((0, 1, 5), (0, 1, 5))] = covariance
     turned = made("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
     place = made("geometry_msgs/msg/Point", x=float(x), y=float(y), z=0.0)
-    found = made("geometry_msgs/msg/Pose", position=place, orientation=turned)
-    return made("geometry_msgs/msg/PoseWithCovariance", pose=found, covariance=full.ravel())
+    message = made("geometry_msgs/msg/Pose", position=place, orientation=turned)
+    return made("geometry_msgs/msg/PoseWithCovariance", pose=message, covariance=full.ravel())
 
 
 if __name__ == "__main__":
@@ -103,9 +103,9 @@ if __name__ == "__main__":
     with zenoh.open(config) as session:
         robots = {name: Nodes(session, name, world.truth) for name in args.robots}
         for _, said in each_step(world, args):
-            for name, it in robots.items():
-                it.tell(said[name])
-                if (place := it.heard.get(f"robot/{name}")) is not None:
+            for name, nodes in robots.items():
+                nodes.tell(said[name])
+                if (place := nodes.heard.get(f"robot/{name}")) is not None:
                     off.setdefault(name, []).append(math.dist(place, world.poses[name][:2]))
-        for name, it in robots.items():
-            report(name, off[name], it.heard["object/ball"])
+        for name, nodes in robots.items():
+            report(name, off[name], nodes.heard["object/ball"])

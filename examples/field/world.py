@@ -95,13 +95,13 @@ class World:
         pose[0] += distance * math.cos(pose[2] + turn / 2)
         pose[1] += distance * math.sin(pose[2] + turn / 2)
         pose[2] = math.remainder(pose[2] + turn, math.tau)
-        told = distance + draw() * truth.along * math.sqrt(distance), turn + draw() * truth.turn * math.sqrt(dt)
+        measured = distance + draw() * truth.along * math.sqrt(distance), turn + draw() * truth.turn * math.sqrt(dt)
         gps = None
         if robot in truth.gps_of and number % round(truth.gps_every / dt) == 0:
             place = pose[:2] + draw(size=2) * truth.gps
             gps = float(place[0]), float(place[1])
-        seen = tuple(self._seen(robot)) if (number + 1) % round(truth.seen_every / dt) == 0 else ()
-        return Said(*told, dt, gps=gps, seen=seen)
+        sightings = tuple(self._seen(robot)) if (number + 1) % round(truth.seen_every / dt) == 0 else ()
+        return Said(*measured, dt, gps=gps, seen=sightings)
 
     def _seen(self, robot: str) -> Iterator[Seen]:
         pose, draw = self.poses[robot], self.random.normal

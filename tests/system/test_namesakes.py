@@ -34,10 +34,10 @@ def test_two_of_one_name_are_told_and_one_that_comes_back_is_not(endpoint: str, 
         return [decode(Status, envelope.payload) for envelope in link.get(status[name])]
 
     def counted(name: str) -> list[int]:
-        return [status_.namesakes for status_ in statuses(name)]
+        return [said.namesakes for said in statuses(name)]
 
     def sent(name: str) -> list[int]:
-        return [status_.counters.get("sent", 0) for status_ in statuses(name)]
+        return [said.counters.get("sent", 0) for said in statuses(name)]
 
     with ExitStack() as stack:
         twins = {name: [run(stack, name, endpoint) for _ in range(2)] for name in COMMANDS}
