@@ -15,7 +15,7 @@ from blackboard.client import Team
 def main(args: argparse.Namespace) -> None:
     pause, end = threading.Event(), time.monotonic() + args.seconds
     with Team(args.id, args.scenario, endpoint=args.connect, team=args.team, sub_team=args.sub_team) as team:
-        team.on_agreed(lambda it: print(it.tick, it.subject, *it.belief.mode().round(3), flush=True))
+        team.on_agreed(lambda agreed: print(agreed.tick, agreed.subject, *agreed.belief.mode().round(3), flush=True))
         while time.monotonic() < end:
             team.report(f"robot/{args.id}", Belief.from_gaussian(team.grid, args.at, np.eye(2)))
             team.report("object/ball", Belief.from_gaussian(team.grid, np.add(args.at, 5), 4 * np.eye(2)))

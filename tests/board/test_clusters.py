@@ -215,11 +215,13 @@ def test_a_name_that_a_robot_gives_stands_beside_what_has_none() -> None:
 
 
 def test_a_robot_that_invents_classes_leaves_little_behind_and_nobody_forgets_a_class_for_it() -> None:
-    it, rng = new_board(), np.random.default_rng(12)
+    board, rng = new_board(), np.random.default_rng(12)
     sizes = []
     for tick in range(40):
         invented = [(f"object/x{16 * tick + i}?", at(5 + i, 25, 0.5)) for i in range(16)]
-        agreed = settled(it, tick, [sees("r9", at(5, 20, 0.5), invented, tick), frame("r1", tick, [(12.0, 10.0)], rng)])
-        sizes.append(sum(holdings(it, "board").values()))
+        agreed = settled(
+            board, tick, [sees("r9", at(5, 20, 0.5), invented, tick), frame("r1", tick, [(12.0, 10.0)], rng)]
+        )
+        sizes.append(sum(holdings(board, "board").values()))
     assert set(agreed) == {"person/a-1"}
     assert sizes[-1] <= sizes[20]

@@ -109,9 +109,9 @@ def test_what_a_drive_does_not_show_is_left_open() -> None:
         reading.model_copy(update={"odometry": reading.odometry and reading.odometry.model_copy(update={"turn": 0.0})})
         for reading in readings
     ]
-    found = calibrated(drives_of(straight), 0.26, {})
-    assert found.robots["r1"].numbers["turn, arc"].value is None
-    tables = report.report(found, {})["scenario"]["robots"]["r1"]["odometry"]
+    team_found = calibrated(drives_of(straight), 0.26, {})
+    assert team_found.robots["r1"].numbers["turn, arc"].value is None
+    tables = report.report(team_found, {})["scenario"]["robots"]["r1"]["odometry"]
     assert "curve_turn_scale" not in tables
     assert "distance_scale" in tables
 

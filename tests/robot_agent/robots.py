@@ -76,7 +76,7 @@ def by_subject(reports: Iterable[Report]) -> dict[str, Report]:
 Pose = tuple[float, float, float]
 
 
-def seen(pose: Pose, name: str, place: tuple[float, float], landmark: bool = True) -> Sighting:
+def sight_of(pose: Pose, name: str, place: tuple[float, float], landmark: bool = True) -> Sighting:
     dx, dy = place[0] - pose[0], place[1] - pose[1]
     bearing = math.atan2(dy, dx) - pose[2]
     return Sighting(subject=name, range=math.hypot(dx, dy), bearing=bearing, landmark=place if landmark else None)

@@ -75,7 +75,7 @@ def slipping(along: float, heading: float = 0.0) -> Spoil:
     return Spoil(spoilt)
 
 
-def seen(scale: float = 1.0, askew: float = 0.0, noise: float = 0.0) -> Spoil:
+def sightings_spoilt(scale: float = 1.0, askew: float = 0.0, noise: float = 0.0) -> Spoil:
     """Sightings that report so many times each range and `askew` rad more, with white noise of `noise` times the camera's."""
 
     def spoilt(sighting: Sighting, random: Random) -> Sighting:
@@ -106,7 +106,7 @@ SPOILS: Mapping[str, Spoil] = {
     "turn noise x3": slipping(0.0, MORE * HEADING),
     "wheels claimed x3": claimed(wheels=TIMES),
     "wheels claimed /3": claimed(wheels=1 / TIMES),
-    "camera x3": seen(noise=MORE),
+    "camera x3": sightings_spoilt(noise=MORE),
     "camera claimed x3": claimed(camera=TIMES),
     "camera claimed /3": claimed(camera=1 / TIMES),
     "lag 0": Spoil(lag=0.0),
@@ -114,8 +114,8 @@ SPOILS: Mapping[str, Spoil] = {
     "way x.7": driven(way=0.7),
     "way x1.3": driven(way=1.3),
     "arcs x.6": driven(arc=0.6),
-    "range x1.15": seen(scale=1.15),
-    "bearing +.05": seen(askew=0.05),
+    "range x1.15": sightings_spoilt(scale=1.15),
+    "bearing +.05": sightings_spoilt(askew=0.05),
 }
 
 

@@ -18,7 +18,7 @@ from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.agent import JointAgent
 from tests.present import present
-from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, seen
+from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, sight_of
 
 MATE = Sighting(subject="robot/r2", range=6.0, bearing=-0.2)
 
@@ -176,7 +176,7 @@ def standing(tick: int, pose: Pose) -> Readings:
         tick=tick,
         time=float(tick),
         odometry=Odometry(distance=0.0, turn=0.0, dt=1.0) if tick else None,
-        sightings=[seen(pose, name, place) for name, place in MARKS.items()],
+        sightings=[sight_of(pose, name, place) for name, place in MARKS.items()],
     )
 
 

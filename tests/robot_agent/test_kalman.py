@@ -14,7 +14,7 @@ from robot_agent.config import OdometrySection
 from robot_agent.gaussian.filter import LOST, FirstHand
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated, wheels_of
 from tests.present import present
-from tests.robot_agent.robots import Pose, seen
+from tests.robot_agent.robots import Pose, sight_of
 
 ROBOT = "robot/r1"
 LANDMARKS = {"landmark/6": (2.0, 1.0), "landmark/7": (1.0, -2.0), "landmark/8": (3.0, -0.5)}
@@ -26,7 +26,7 @@ def readings(tick: int, **what: object) -> Readings:
 
 
 def standing(tick: int, pose: Pose, **what: object) -> Readings:
-    sightings = [seen(pose, name, place) for name, place in LANDMARKS.items()]
+    sightings = [sight_of(pose, name, place) for name, place in LANDMARKS.items()]
     return readings(tick, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings, **what)
 
 
@@ -54,7 +54,7 @@ def test_without_a_heading_it_has_no_belief_and_no_increment() -> None:
 
 def test_with_a_compass_one_landmark_tells_where_it_is() -> None:
     robot, pose = FirstHand(ROBOT), (-1.0, 0.5, 0.7)
-    sightings = [seen(pose, "landmark/6", LANDMARKS["landmark/6"])]
+    sightings = [sight_of(pose, "landmark/6", LANDMARKS["landmark/6"])]
     first = robot.step(readings(0, compass=0.7))
     assert np.trace(present(first.belief).covariance[AXES, AXES]) > 1e5
     result = robot.step(readings(1, compass=0.7, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings))
@@ -83,7 +83,7 @@ def test_three_barcodes_on_one_post_tell_little_more_than_one() -> None:
         robot = FirstHand(ROBOT)
         fix = Fix(position=(0.0, 0.0), sigma=1.0, heading=0.0, heading_sigma=0.001)
         robot.step(readings(0, fix=fix))
-        sightings = [seen((0.0, 0.0, 0.0), name, place) for name, place in landmarks.items()]
+        sightings = [sight_of((0.0, 0.0, 0.0), name, place) for name, place in landmarks.items()]
         result = robot.step(readings(1, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings))
         return 1 / float(present(result.belief).covariance[0, 0])
 
@@ -95,7 +95,7 @@ def test_three_barcodes_on_one_post_tell_little_more_than_one() -> None:
 def test_mates_are_told_relative_and_not_taken_as_evidence() -> None:
     robot = started()
     before = robot.belief
-    result = robot.step(readings(1, sightings=[seen((0.0, 0.0, 0.0), "robot/r2", (1.0, 1.0), landmark=False)]))
+    result = robot.step(readings(1, sightings=[sight_of((0.0, 0.0, 0.0), "robot/r2", (1.0, 1.0), landmark=False)]))
     assert [r.subject for r in result.relatives] == ["robot/r2"]
     assert result.increment is None
     assert np.array_equal(present(robot.belief).mean, present(before).mean)
