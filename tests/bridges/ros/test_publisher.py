@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 
-typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
+pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
 from blackboard.bridges.ros.names import HASHES, MAP, ODOMETRY, POINTS, POSE, TRANSFORMS, Node, key
 from blackboard.bridges.ros.publisher import MAX_SUBJECTS
 from blackboard.bridges.ros.service import RosBridge, RosTopics
@@ -22,25 +21,13 @@ from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.gaussians import pack_state, pack_velocity
 from blackboard.wire.messages import Consensus, Status
+from tests.bridges.ros.jazzy import GRID, START, of
 from tests.files import GOLDEN
 from tests.wire.envelopes import consensus, put, token
-
-JAZZY = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")
-START = 1.8e9  # Unix seconds
 
 
 def new_bridge(team: str = "t") -> RosBridge:
     return RosBridge(team, Node("n", "ab", 0, lambda: START), RosTopics(), {}, team)
-
-
-def of(out: list[Envelope], topic: str, type_name: str) -> list[Any]:
-    """The messages on a topic among what was sent."""
-    return [
-        JAZZY.deserialize_cdr(envelope.payload, type_name)
-        for envelope in out
-        if envelope.key == key(0, topic, type_name)
-    ]
 
 
 @pytest.fixture(scope="module")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 
-typesys = pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
+pytest.importorskip("rosbags.typesys", reason="no rosbags: pip install '.[ros]'")
 from blackboard.board.service import BoardService
 from blackboard.bridges.ros import convert
 from blackboard.bridges.ros.names import DETECTIONS, DIAGNOSTICS, ODOMETRY, POSE, Node, key
@@ -25,10 +24,7 @@ from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Readings, Status
 from tests.bridges.ros.detections import detected, result
-
-JAZZY = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-GRID = Grid((30, 20), 1.0, (0.0, 0.0), "m", "map")
-START = 1.8e9  # Unix seconds
+from tests.bridges.ros.jazzy import GRID, JAZZY, START, of
 
 
 def new_bridge(sources: RosTopics) -> RosBridge:
@@ -55,15 +51,6 @@ def moved(stamp: float, x: float) -> bytes:
         twist=types["geometry_msgs/msg/Twist"](linear=zero, angular=zero), covariance=np.zeros(36)
     )
     return convert.encode(types[ODOMETRY](header=plain.header, child_frame_id="base", pose=plain.pose, twist=twist))
-
-
-def of(out: list[Envelope], topic: str, type_name: str) -> list[Any]:
-    """The messages on a topic among what was sent."""
-    return [
-        JAZZY.deserialize_cdr(envelope.payload, type_name)
-        for envelope in out
-        if envelope.key == key(0, topic, type_name)
-    ]
 
 
 def team(*services: Service) -> tuple[Callable[[float], list[Envelope]], Bus]:
