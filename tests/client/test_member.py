@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +16,11 @@ from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
-from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
 from tests.board.desk import GRID, NOW, WORLD, board_of, clock
-from tests.wire.envelopes import put
+from tests.wire.envelopes import kinds, opened, put
 
 PLACE = gaussian(GRID, (10, 10), 1.0)
 
@@ -59,14 +57,6 @@ class One:
         self, subject: str = "robot/r1", belief: Belief = PLACE, now: float = NOW, **more: object
     ) -> list[Message]:
         return opened(self.member.report(subject, belief, now, **more))
-
-
-def opened(envelopes: Iterable[Envelope]) -> list[Message]:
-    return [open_envelope(envelope)[2] for envelope in envelopes]
-
-
-def kinds(messages: list[Message]) -> list[str]:
-    return [type(message).__name__ for message in messages]
 
 
 def settled(board: BoardService, now: float) -> list[str]:

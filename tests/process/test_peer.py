@@ -13,11 +13,10 @@ from blackboard.process.reactions import REACTIONS, Cue, Place
 from blackboard.process.team_clock import WORLD_SILENT, News
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
-from tests.wire.envelopes import consensus, put, token
+from tests.wire.envelopes import consensus, kinds, opened, put, token, world
 
 NOW = 1_000_000.0
 PLACE = gaussian(Grid((10, 10)), (5, 5), 1.0)
@@ -55,20 +54,8 @@ class Robot:
         return said
 
 
-def opened(envelopes: list[Envelope]) -> list[Message]:
-    return [open_envelope(envelope)[2] for envelope in envelopes]
-
-
-def kinds(messages: list[Message]) -> list[str]:
-    return [type(message).__name__ for message in messages]
-
-
 def clock(tick: int, run: str = "x", **more: Any) -> Envelope:
     return put(Clock(run=run, tick=tick, time=0.2 * tick, mode="lockstep", **more))
-
-
-def world(kind: Kind = Kind.ALIVE) -> Envelope:
-    return token(keys.WORLD, kind=kind)
 
 
 # --- the clock ---------------------------------------------------------------------------------------------------------

@@ -7,13 +7,11 @@ from collections.abc import Iterable
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
-from blackboard.wire.codec import open_envelope
-from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Clock, Fix, Odometry, Readings
-from blackboard.wire.types import Message
 from robot_agent.config import RobotSection
 from robot_agent.service import AgentService
-from tests.wire.envelopes import consensus, put, token
+from tests.wire.envelopes import consensus, opened, put, token
 
 GRID = Grid((20, 20))
 NOW = 1_000_000.0
@@ -52,13 +50,5 @@ def agreed(tick: int, subject: str = "robot/r1", board: str = "board-a", time: f
     )
 
 
-def world(kind: Kind = Kind.ALIVE) -> Envelope:
-    return token(keys.WORLD, kind=kind)
-
-
-def said(answers: Iterable[Envelope]) -> list[Message]:
-    return [open_envelope(envelope)[2] for envelope in answers]
-
-
 def kinds(answers: Iterable[Envelope]) -> list[str]:
-    return [type(message).__name__ for message in said(answers)]
+    return [type(message).__name__ for message in opened(answers)]

@@ -14,7 +14,8 @@ from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
 from robot_agent.driven import Driven, SinceStep, driven, sensors_in
 from tests.present import present
-from tests.robot_agent.services import NOW, clock, kinds, said, world
+from tests.robot_agent.services import NOW, clock, kinds
+from tests.wire.envelopes import opened, world
 
 GRID = Grid((20, 20), 0.5, unit="m")
 START = SinceStep(fix=Fix(position=(5.0, 5.0), sigma=0.1, heading=0.0, heading_sigma=0.05))
@@ -45,10 +46,10 @@ def test_a_step_moves_it_and_tells_the_board(joint: bool) -> None:
     assert pose.time == NOW + 1.0
     assert pose.mean == pytest.approx((6.0, 5.0, 0.0), abs=0.15)
     assert pose.covariance.shape == (3, 3)
-    reports = [message for message in said(out) if isinstance(message, Report)]
+    reports = [message for message in opened(out) if isinstance(message, Report)]
     assert [report.subject for report in reports] == ["robot/r1"]
     assert (reports[0].evidence is not None) == joint
-    assert isinstance(said(out)[-1], Status)
+    assert isinstance(opened(out)[-1], Status)
     assert "Readings" not in kinds(out)
 
 

@@ -10,7 +10,8 @@ from blackboard.process.team_clock import WORLD_SILENT
 from blackboard.wire.envelope import Kind
 from blackboard.wire.messages import Report, Status
 from robot_agent.inputs import MAX_AGREED
-from tests.robot_agent.services import NOW, agreed, clock, kinds, readings, said, service, world
+from tests.robot_agent.services import NOW, agreed, clock, kinds, readings, service
+from tests.wire.envelopes import opened, world
 
 
 def test_without_a_world_a_robot_reports_with_its_readings(caplog: pytest.LogCaptureFixture) -> None:
@@ -18,7 +19,7 @@ def test_without_a_world_a_robot_reports_with_its_readings(caplog: pytest.LogCap
     robot = service()
     with caplog.at_level(logging.INFO):
         for tick in range(20):
-            answers = said(robot.receive(readings(tick, time=NOW + 0.2 * tick), NOW + 0.2 * tick))
+            answers = opened(robot.receive(readings(tick, time=NOW + 0.2 * tick), NOW + 0.2 * tick))
             assert [type(message) for message in answers] == [Report, Status]
             report, status = answers
             assert isinstance(report, Report)
@@ -33,7 +34,7 @@ def test_without_a_world_it_takes_agreed_beliefs_whose_ticks_are_the_boards_own(
     robot = service()
     robot.receive(readings(0, time=NOW), NOW)
     robot.receive(agreed(5_000_000, time=NOW + 0.1), NOW + 0.1)
-    (report, _) = said(robot.receive(readings(1, time=NOW + 0.2), NOW + 0.2))
+    (report, _) = opened(robot.receive(readings(1, time=NOW + 0.2), NOW + 0.2))
     assert isinstance(report, Report)
     assert report.informed is not None
     assert robot.refused == {}
@@ -99,7 +100,7 @@ def test_the_world_that_asks_again_gets_the_same_answers_and_the_last_word_gets_
     robot.receive(readings(0), NOW)
     first = robot.receive(clock(0), NOW)
     again = robot.receive(clock(0), NOW + 1)
-    assert said(again)[:-1] == said(first)[:-1]
+    assert opened(again)[:-1] == opened(first)[:-1]
     assert robot.counters["repeated"] == 1
     assert robot.receive(clock(0, end=True), NOW + 2) == []
 
@@ -145,7 +146,7 @@ def test_agreed_beliefs_of_two_boards_do_not_hide_each_other() -> None:
         robot.receive(readings(0), NOW)
         for board in boards:
             robot.receive(agreed(0, board=board), NOW)
-        reports.append(said(robot.receive(readings(1), NOW))[0])
+        reports.append(opened(robot.receive(readings(1), NOW))[0])
     assert reports[0] == reports[1]
 
 

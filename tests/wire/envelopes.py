@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from blackboard.opinion.belief import Belief
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import encode
+from blackboard.wire.codec import encode, open_envelope
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.keys import Topic
 from blackboard.wire.messages import Consensus, PackedBelief
@@ -47,3 +48,18 @@ def put(message: Message, *, team: str = "t", sub_team: str = "a") -> Envelope:
 def token(topic: Topic, name: str = "", *, team: str = "t", sub_team: str = "a", kind: Kind = Kind.ALIVE) -> Envelope:
     """That the token of a world, or of the robot or board of this name, is there, or is gone."""
     return Envelope(topic.key(team=team, sub_team=sub_team, robot=name, board=name), kind=kind)
+
+
+def world(kind: Kind = Kind.ALIVE) -> Envelope:
+    """That the token of the world is there, or is gone."""
+    return token(keys.WORLD, kind=kind)
+
+
+def opened(envelopes: Iterable[Envelope]) -> list[Message]:
+    """The messages in envelopes."""
+    return [open_envelope(envelope)[2] for envelope in envelopes]
+
+
+def kinds(messages: Iterable[Message]) -> list[str]:
+    """The names of their types."""
+    return [type(message).__name__ for message in messages]
