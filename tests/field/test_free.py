@@ -20,7 +20,7 @@ STEP = 0.1  # seconds between two steps of a robot
 ALMOST = 1e-3  # seconds: woken services let a little time pass
 
 
-class Told:
+class Published:
     """What boards publish in a field."""
 
     def __init__(self, fusion: str = "joint", period: float = 0.2, began: float = 0.07, seconds: float = 7.0) -> None:
@@ -45,13 +45,13 @@ class Told:
 @pytest.mark.parametrize("fusion", ["joint", "opinions"])
 def test_what_is_agreed_is_at_most_as_old_as_a_step(fusion: str) -> None:
     """A period is two steps; before, it was up to a period old."""
-    published = Told(fusion)
+    published = Published(fusion)
     assert max(published.field.ages) <= STEP + ALMOST
 
 
 @pytest.mark.parametrize("period", [0.05, 0.2, 1.0])
 def test_each_settlement_has_a_tick_of_its_own(period: float) -> None:
-    published = Told(period=period, began=0.013)
+    published = Published(period=period, began=0.013)
     assert all(len(payloads) == 1 for payloads in published.names.values())
     (ticks,) = published.ticks.values()  # one board leads, the other says nothing
     assert ticks == sorted(set(ticks))
