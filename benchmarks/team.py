@@ -94,15 +94,13 @@ def rows() -> Iterator[Row]:
     for where, side in (("in the same arena", lambda share: 50), ("in room for each", lambda share: 50 * share**0.5)):
         measured = {FIRST: first} | {n: tick(demo(n, round(side(n / FIRST)))) for n in ROBOTS[1:]}
         for robots in ROBOTS[1:]:
-            share, measured_tick = robots / FIRST, measured[robots]
+            share, cost = robots / FIRST, measured[robots]
             yield Row(
                 f"a tick of {robots} robots / {share:g} times that of {FIRST}, {where}",
-                measured_tick.ms / first.ms / share,
+                cost.ms / first.ms / share,
             )
-            yield Row(
-                f"its messages / {share:g} times those of {FIRST}", measured_tick.messages / first.messages / share
-            )
-            yield Row(f"its sightings / {share:g} times those of {FIRST}", measured_tick.seen / first.seen / share)
+            yield Row(f"its messages / {share:g} times those of {FIRST}", cost.messages / first.messages / share)
+            yield Row(f"its sightings / {share:g} times those of {FIRST}", cost.seen / first.seen / share)
         for last in (24, 48):
             some = [n for n in ROBOTS if n <= last]
             power = growth([(n, measured[n].ms) for n in some])

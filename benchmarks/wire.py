@@ -99,13 +99,13 @@ def _matches(publisher: Any) -> bool:
 
 
 def rows() -> Iterator[Row]:
-    belief_sent = belief()
+    sent = belief()
     said = encode(report("r1"))
-    raw64, raw32 = belief_sent.p.tobytes(), belief_sent.p.astype(np.float32).tobytes()
+    raw64, raw32 = sent.p.tobytes(), sent.p.astype(np.float32).tobytes()
     for coding in CODINGS:
         size, loss = (
             len(encode(report("r1", coding=coding))),
-            kullback_leibler(belief_sent.p, unpack(pack(belief_sent, coding)).p),
+            kullback_leibler(sent.p, unpack(pack(sent, coding)).p),
         )
         yield Row(f"bytes of a Report of a Gaussian of sigma 5, {coding}", size, "bytes", most=700.0)
         yield Row(f"what is lost of it (Kullback-Leibler), {coding}", loss, "nats", most=1e-4)
@@ -118,7 +118,7 @@ def rows() -> Iterator[Row]:
         size = len(encode(consensus(robots)))
         yield Row(f"bytes of a Consensus of {robots} robots / a Report", size / len(said), most=3.0)
 
-    ways = [partial(_ours, belief_sent, report("r1"), coding) for coding in CODINGS]
+    ways = [partial(_ours, sent, report("r1"), coding) for coding in CODINGS]
     trip, *taken = there_and_back(raw64, *ways)
     for coding, own, mine in zip(CODINGS, ways, taken, strict=True):
         about = f"encode + decode a Report / Zenoh carries 320 kB there and back ({trip:.2f} ms), {coding}"

@@ -207,15 +207,8 @@ def main(
         work += field_.work
         ages += field_.ages
         for robot, driven_robot in field_.robots.items():
-            if driven_robot.independence is not None:
-                print(
-                    seed,
-                    robot,
-                    driven_robot.independence.gains,
-                    driven_robot.independence.ratio,
-                    driven_robot.independence.fed_back,
-                    flush=True,
-                )
+            if (judged := driven_robot.independence) is not None:
+                print(seed, robot, judged.gains, judged.ratio, judged.fed_back, flush=True)
     for name in totals["team"]:
         team, central, alone = (totals[who].get(name) or Score() for who in ("team", "central", "alone"))
         print(

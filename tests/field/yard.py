@@ -123,10 +123,7 @@ class World:
         distance = kit.speed * (1.0 if abs(off) < 1.0 else 0.2) * dt
         pose[:2] += distance * np.array([math.cos(pose[2] + turn / 2), math.sin(pose[2] + turn / 2)])
         pose[2] = math.remainder(pose[2] + turn, math.tau)
-        measured = (
-            kit.way * (distance + draw() * kit.along * math.sqrt(distance)),
-            turn + draw() * kit.turn * math.sqrt(dt),
-        )
+        step = kit.way * (distance + draw() * kit.along * math.sqrt(distance)), turn + draw() * kit.turn * math.sqrt(dt)
         gps = compass = None
         if kit.gps and self._is_due(robot, "gps", kit.gps_every, time):
             place = pose[:2] + draw(size=2) * kit.gps
@@ -142,7 +139,7 @@ class World:
             for subject, (far, _) in self._around(robot).items():
                 if subject != BALL:
                     ranged.append((subject, max(0.0, far + draw() * kit.ranging)))
-        return Step(time, robot, *measured, dt, gps=gps, compass=compass, seen=tuple(sightings), ranged=tuple(ranged))
+        return Step(time, robot, *step, dt, gps=gps, compass=compass, seen=tuple(sightings), ranged=tuple(ranged))
 
     def _is_due(self, robot: str, what: str, every: float, time: float) -> bool:
         if time < self.due[robot, what]:

@@ -129,12 +129,12 @@ def test_a_memory_that_is_none_harms_nobody() -> None:
     before = memory(follower)
     run = follower.clock.followed.run  # type: ignore[union-attr]
     empty = PackedMemory(learner=PackedLearner())
-    empty_memory = Memory(board="board-a", sub_team="a", run=run, tick=9, time=99.0, consensus=empty, agreed=empty)
+    blank = Memory(board="board-a", sub_team="a", run=run, tick=9, time=99.0, consensus=empty, agreed=empty)
     key = keys.MEMORY.key(team="t", sub_team="a", board="board-a")
     for wrong in (
-        empty_memory,
-        empty_memory.model_copy(update={"run": "x", "time": 2.0}),
-        empty_memory.model_copy(update={"board": "board-b"}),
+        blank,
+        blank.model_copy(update={"run": "x", "time": 2.0}),
+        blank.model_copy(update={"board": "board-b"}),
     ):
         follower.receive(Envelope(key, encode(wrong)), team.now)
     assert memory(follower) == before

@@ -150,11 +150,7 @@ def test_in_real_time_the_death_of_a_leader_costs_two_ticks_at_most(fusion: str,
     assert team.world.why == ""
     assert not any(board.refused for board in team.boards.values())
     assert not any(robot.refused for robot in team.robots.values())
-    agreed = {
-        (consensus.sub_team, consensus.tick)
-        for consensus in stream.sent
-        if consensus.level == "agreed" and consensus.subject == "robot/r1"
-    }
+    agreed = {(c.sub_team, c.tick) for c in stream.sent if c.level == "agreed" and c.subject == "robot/r1"}
     assert len({t for sub_team, t in agreed if sub_team == "a"}) >= 9 - 2
     missing = team.world.referee.missing().get("robot/r1", {}).get("agreed", 0)
     assert missing <= 2

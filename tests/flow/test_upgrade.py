@@ -131,11 +131,7 @@ def test_members_may_change_their_coding_one_after_another(scenario: Any) -> Non
         services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
         assert {str(dict(service.refused)) for service in services} == {"{}"}
         said = agreed(sent)
-        reports = [
-            decode(Report, envelope.payload)
-            for envelope in sent
-            if keys.REPORT.match(envelope.key) and envelope.kind is Kind.PUT
-        ]
+        reports = [decode(Report, e.payload) for e in sent if keys.REPORT.match(e.key) and e.kind is Kind.PUT]
         assert {consensus.belief.coding for consensus in said.values()} == {board}
         assert {report.belief.coding for report in reports} == {robot}
         places.append({where: unpack(consensus.belief).mean() for where, consensus in said.items()})

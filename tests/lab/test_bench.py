@@ -142,11 +142,11 @@ def test_the_runs_of_a_family_are_judged_together() -> None:
         replace(run(name, "joint", 0.1, verdict=verdict), samples=[at(1, error, subject=f"object/robot{n}")])
         for n, (name, verdict, error) in enumerate([("O2_mate1", "PASS", 3.0), ("O2_mate2", "FAIL", 4.0)])
     ]
-    family = bench.together("O2_mate", runs)
-    assert (family.protocol, family.card["verdict"], family.asked_ticks) == (
+    both = bench.together("O2_mate", runs)
+    assert (both.protocol, both.card["verdict"], both.asked_ticks) == (
         "O2_mate",
         "FAIL",
         sum(r.asked_ticks for r in runs),
     )
-    scores = bench.report([family])["protocols"]["O2_mate"]["scores"]["objects"]["joint"]
+    scores = bench.report([both])["protocols"]["O2_mate"]["scores"]["objects"]["joint"]
     assert (scores["n"], scores["rmse"]) == (2, pytest.approx(math.sqrt(12.5)))

@@ -26,11 +26,7 @@ class Played:
         self.stage.play(until)
 
     def said(self, process: str, begin: float = 0.0, end: float = 1e9) -> list[Said]:
-        return [
-            event
-            for event in self.events
-            if isinstance(event, Said) and event.process == process and begin < event.at < end
-        ]
+        return [e for e in self.events if isinstance(e, Said) and e.process == process and begin < e.at < end]
 
     def sources(self, begin: float, end: float, sub_team: str = "a") -> set[str]:
         """Of whom it was agreed where they are."""
@@ -62,11 +58,7 @@ def test_the_same_night_is_the_same_to_the_bit() -> None:
         faults.Killed(4.0, 5.0, "robot/r2"),
     )
     runs = [
-        [
-            (event.at, event.process, event.envelope)
-            for event in Played(*night, until=8.0).events
-            if isinstance(event, Said)
-        ]
+        [(e.at, e.process, e.envelope) for e in Played(*night, until=8.0).events if isinstance(e, Said)]
         for _ in range(2)
     ]
     assert runs[0] == runs[1]
@@ -136,11 +128,7 @@ def test_without_a_router_nobody_hears_anybody(fault: Fault) -> None:
 def test_a_clock_is_off_for_a_life_of_its_process() -> None:
     team = replace(TEAM, mode="free")
     played = Played(faults.ClockOff(3.0, 7.0, "robot/r2", 5.0), until=9.0, team=team)
-    stamps = [
-        (event.at, event.message.time - event.at)
-        for event in played.said("robot/r2")
-        if isinstance(event.message, Report)
-    ]
+    stamps = [(e.at, e.message.time - e.at) for e in played.said("robot/r2") if isinstance(e.message, Report)]
     off = {at: round(stamp - stamps[0][1], 1) for at, stamp in stamps}
     assert {ahead for at, ahead in off.items() if 3.5 < at < 6.9} == {5.0}
     assert {ahead for at, ahead in off.items() if at > 7.5} == {0.0}

@@ -65,11 +65,7 @@ def test_boards_that_do_not_agree_again_are_named(events: list[Event]) -> None:
 def test_two_robots_lie_and_so_does_a_guest(lie: faults.Fault) -> None:
     team = replace(TEAM, sub_teams={"a": ("r1", "r2"), "b": ("r3", "r4")}, boards=1)
     lived = played(Night(team, (lie,), seed=5), until=6.0)
-    truths = {
-        event.message.tick: event.message
-        for event in lived
-        if isinstance(event, Said) and isinstance(event.message, Truth)
-    }
+    truths = {e.message.tick: e.message for e in lived if isinstance(e, Said) and isinstance(e.message, Truth)}
     off = defaultdict[str, float](float)
     for event in lived:
         if isinstance(event, Said) and isinstance(event.message, Report) and event.message.subject == event.process:

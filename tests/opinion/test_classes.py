@@ -26,8 +26,4 @@ def test_a_track_of_a_class_belongs_to_it_and_a_robot_of_no_team_is_no_member() 
     assert not could_be("person/?", "object/robot-7")
     assert stem("robot/r?") == "object/robot-r-", "also where a class has a part of a name"
     assert len(stem(f"object/{'x' * 63}?")) < 64
-    assert [kind_of(subject) for subject in ("object/robot-7", "object/ball-7", "robot/r1")] == [
-        "robot",
-        "object",
-        "robot",
-    ]
+    assert [kind_of(s) for s in ("object/robot-7", "object/ball-7", "robot/r1")] == ["robot", "object", "robot"]

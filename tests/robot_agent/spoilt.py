@@ -145,12 +145,8 @@ def recorded(
 
 def _spoilt(readings: Readings, spoil: Spoil, random: Random) -> Readings:
     odometry = None if readings.odometry is None else spoil.odometry(readings.odometry, random)
-    return readings.model_copy(
-        update={
-            "odometry": odometry,
-            "sightings": [spoil.sighting(sighting, random) for sighting in readings.sightings],
-        }
-    )
+    sightings = [spoil.sighting(sighting, random) for sighting in readings.sightings]
+    return readings.model_copy(update={"odometry": odometry, "sightings": sightings})
 
 
 #: Worlds of a field, over the one that its robots take theirs for: how many times as noisy their wheels are.

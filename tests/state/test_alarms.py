@@ -17,11 +17,7 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Dissent, Refusal, Status
 from tests.view.recorded import folded, recorded
 
-CONSENSUS = next(
-    decode(Consensus, envelope.payload)
-    for envelope, _ in recorded()
-    if envelope.kind is Kind.PUT and "/agreed/" in envelope.key
-)
+CONSENSUS = next(decode(Consensus, e.payload) for e, _ in recorded() if e.kind is Kind.PUT and "/agreed/" in e.key)
 R1 = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
 
 

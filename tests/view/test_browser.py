@@ -177,11 +177,7 @@ def test_a_killed_robot_is_shown_as_gone_within_two_seconds(look: Callable[[str]
 
 def test_alarms_that_are_over_are_one_card(look: Callable[[str], Browser]) -> None:
     live = Live()
-    tokens = [
-        envelope.key
-        for envelope, _ in recorded()
-        if envelope.kind is Kind.ALIVE and envelope.key.endswith(("/r1", "/r2"))
-    ]
+    tokens = [e.key for e, _ in recorded() if e.kind is Kind.ALIVE and e.key.endswith(("/r1", "/r2"))]
     with served(live, "t") as url:
         page = look(url)
         alarms = "[...document.querySelectorAll('#alarms li')]"

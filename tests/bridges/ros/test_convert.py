@@ -207,17 +207,11 @@ def test_of_each_detection_the_likeliest_class_counts_where_it_is_told_or_in_the
         ([result("dog", 0.2, 8.0, 8.0), result("person", 0.7, 3.0, -1.0, 0.25)], (9.0, 9.0)),
         ([result("sports ball", 0.5)], (2.0, 1.0)),
     )
-    first, second = convert.detections(payload)
-    assert (first.kind, first.confidence, first.place.stamp, first.place.x, first.place.y) == (
-        "person/?",
-        0.7,
-        12.0,
-        3.0,
-        -1.0,
-    )
-    assert first.place.covariance[:2, :2] == pytest.approx(np.eye(2) * 0.25)
-    assert (second.kind, second.place.x, second.place.y) == ("object/sports_ball?", 2.0, 1.0)
-    assert not second.place.covariance.any()
+    man, ball = convert.detections(payload)
+    assert (man.kind, man.confidence, man.place.stamp, man.place.x, man.place.y) == ("person/?", 0.7, 12.0, 3.0, -1.0)
+    assert man.place.covariance[:2, :2] == pytest.approx(np.eye(2) * 0.25)
+    assert (ball.kind, ball.place.x, ball.place.y) == ("object/sports_ball?", 2.0, 1.0)
+    assert not ball.place.covariance.any()
 
 
 @pytest.mark.parametrize(

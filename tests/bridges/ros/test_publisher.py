@@ -57,11 +57,7 @@ def test_each_agreed_belief_is_published_once(taped: tuple[list[Envelope], list[
         assert all(occupancy.data.max() == 100 and occupancy.data.min() >= 0 for occupancy in maps)
     robots = {consensus.subject for consensus in agreed if consensus.subject.startswith("robot/")}
     assert {envelope.key for envelope in out} == {
-        *(
-            key(0, f"demo/{consensus.subject}/{what}", kind)
-            for consensus in agreed
-            for what, kind in (("pose", POSE), ("map", MAP))
-        ),
+        *(key(0, f"demo/{c.subject}/{what}", kind) for c in agreed for what, kind in (("pose", POSE), ("map", MAP))),
         *(key(0, f"demo/{robot}/mates", POINTS) for robot in robots),
         *(
             key(0, f"demo/{consensus.subject}/odometry", ODOMETRY)

@@ -121,12 +121,8 @@ def test_what_a_detector_sees_goes_with_the_robots_readings_and_bad_messages_are
     bus.send(Envelope(where, detected(([], (1.0, 1.0)))))
     readings = [decode(Readings, envelope.payload) for envelope in run(1.0) if envelope.key == "cop/t/world/reading/r1"]
     (sighted,) = [sighting for reading in readings for sighting in reading.seen]
-    assert (sighted.subject, sighted.kind, sighted.values, sighted.confidence) == (
-        "person/?",
-        "position",
-        (5.0, 6.0),
-        0.7,
-    )
+    assert (sighted.subject, sighted.kind) == ("person/?", "position")
+    assert (sighted.values, sighted.confidence) == ((5.0, 6.0), 0.7)
     assert bridge.refused == {"fields": 1}
 
 
@@ -214,9 +210,5 @@ def test_a_robot_that_it_speaks_for_answers_a_world_that_waits() -> None:
     sent = bridge.receive(Envelope(key(0, "amcl_pose", POSE), pose(5, 6)), START)
     assert [envelope.key for envelope in sent] == ["cop/t/a/report/r7/robot/r7", "cop/t/a/status/r7"]
     answers = bridge.receive(Envelope("cop/t/world/clock", encode(clocks[1])), START + 0.2)
-    assert [envelope.key for envelope in answers] == [
-        "cop/t/a/report/r7/robot/r7",
-        "cop/t/score/solo/r7",
-        "cop/t/a/status/r7",
-    ]
+    assert [e.key for e in answers] == ["cop/t/a/report/r7/robot/r7", "cop/t/score/solo/r7", "cop/t/a/status/r7"]
     assert decode(Status, answers[-1].payload).tick == 4
