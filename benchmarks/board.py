@@ -122,7 +122,7 @@ class Team:
         """Milliseconds of the same reports there and back."""
         for envelope in self.said(self.tick)[: -len(ROBOTS)]:
             self.link.send(Envelope(envelope.key.replace("cop/bench/", THERE, 1), envelope.payload))
-        return self._until(lambda: sum(back.kind is Kind.PUT for back in self.link.receive(5.0)), len(self.beliefs))
+        return self._until(lambda: sum(e.kind is Kind.PUT for e in self.link.receive(5.0)), len(self.beliefs))
 
     def _until(self, came: Callable[[], int], most: int) -> float:
         began = time.perf_counter()

@@ -13,7 +13,7 @@ from blackboard.opinion.pools import POOLS
 from blackboard.opinion.rules import read_rule
 
 
-def board(**table: Any) -> BoardSection:
+def new_board(**table: Any) -> BoardSection:
     return Scenario({"board": table}, "team.toml").board
 
 
@@ -67,20 +67,20 @@ def board(**table: Any) -> BoardSection:
 def test_a_mistake_is_one_line_that_names_the_key(table: dict[str, Any], text: str) -> None:
     """Fault 6: a parameter of another rule was taken silently."""
     with pytest.raises(UserError, match=f"^team.toml: {re.escape(text)}") as error:
-        board(**table)
+        new_board(**table)
     assert "\\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("rule", POOLS)
 def test_what_is_in_force_is_read_as_the_same(rule: str) -> None:
-    in_force = board(rule=rule).in_force()
+    in_force = new_board(rule=rule).in_force()
     assert in_force["rule"] == rule
-    assert board(**in_force).in_force() == in_force
+    assert new_board(**in_force).in_force() == in_force
     assert read_rule(in_force).in_force() == in_force
 
 
 def test_a_subject_keeps_what_it_does_not_set_unless_it_names_another_rule() -> None:
-    section = board(k=1, gate=3, subjects={
+    section = new_board(k=1, gate=3, subjects={
         "object/*": {"independence": 1},
         "object/ball": {"gamma": 0.4},
         "robot/*": {"rule": "cooperative"},

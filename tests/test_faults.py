@@ -13,7 +13,7 @@ from blackboard.faults import KINDS, faults_of, faulty_robots, is_of_sensors, wi
 LIE = {"kind": "lie", "robot": "r2", "offset": [8, 0]}
 
 
-def scenario(*faults: dict[str, Any]) -> Scenario:
+def new_scenario(*faults: dict[str, Any]) -> Scenario:
     return Scenario({"fault": list(faults)}, "team.toml")
 
 
@@ -23,13 +23,13 @@ def test_a_scenario_without_faults_has_none() -> None:
 
 
 def test_a_fault_lasts_from_its_start_until_its_end() -> None:
-    (fault,) = faults_of(scenario({**LIE, "start": 5, "end": 9}))
+    (fault,) = faults_of(new_scenario({**LIE, "start": 5, "end": 9}))
     assert [time for time in (0.0, 4.9, 5.0, 8.9, 9.0) if fault.concerns("r2", time)] == [5.0, 8.9]
     assert not fault.concerns("r1", 6.0)
 
 
 def test_without_faults_nothing_is_wrong_and_the_same_robots_are_scored_apart() -> None:
-    calm = without_faults(scenario(LIE))
+    calm = without_faults(new_scenario(LIE))
     assert not any(fault.concerns("r2", 1.0) for fault in faults_of(calm))
     assert faulty_robots(calm) == {"r2"}
     assert without_faults(Scenario({})).tables == {}
@@ -64,7 +64,7 @@ def test_without_faults_nothing_is_wrong_and_the_same_robots_are_scored_apart() 
 )
 def test_a_mistake_is_one_line_that_says_where(table: dict[str, Any], message: str) -> None:
     with pytest.raises(UserError) as error:
-        faults_of(scenario(table))
+        faults_of(new_scenario(table))
     assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)
 
@@ -80,7 +80,7 @@ def test_every_kind_is_known_by_its_name() -> None:
         "freeze": {"what": "process"},
     }
     assert tuple(parameters) == KINDS
-    faults = faults_of(scenario(*({"kind": kind, "robots": ["r1", "r3"], **parameters[kind]} for kind in KINDS)))
+    faults = faults_of(new_scenario(*({"kind": kind, "robots": ["r1", "r3"], **parameters[kind]} for kind in KINDS)))
     assert [fault.kind for fault in faults if is_of_sensors(fault)] == ["drift"]
     assert {fault.names for fault in faults} == {("r1", "r3")}
 

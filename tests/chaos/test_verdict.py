@@ -81,8 +81,8 @@ def test_a_long_life_may_grow_by_no_more_than_a_short_one() -> None:
 
 def test_the_longest_time_without_a_belief_is_of_one_belief() -> None:
     ones, twos = (("a", "robot/r1"),), (("b", "robot/r1"),)
-    seconds = [Look(float(t), float(t), ones if t < 3 else twos, 9) for t in range(7)]
-    assert longest(seconds) == (3.0, "robot/r1 in b at 6 s")
+    history = [Look(float(t), float(t), ones if t < 3 else twos, 9) for t in range(7)]
+    assert longest(history) == (3.0, "robot/r1 in b at 6 s")
 
 
 def test_a_table_says_yes_or_no_in_each_line() -> None:
@@ -93,9 +93,9 @@ def test_a_table_says_yes_or_no_in_each_line() -> None:
 def test_the_gauges_of_a_process() -> None:
     import os
 
-    numbers = read(1.0, "me", os.getpid())
-    assert numbers is not None
-    assert numbers.memory > 1
-    assert numbers.threads >= 1
-    assert numbers.descriptors >= 3
+    usage = read(1.0, "me", os.getpid())
+    assert usage is not None
+    assert usage.memory > 1
+    assert usage.threads >= 1
+    assert usage.descriptors >= 3
     assert read(1.0, "nobody", 1 << 30) is None

@@ -193,7 +193,7 @@ def test_it_hears_what_a_real_board_agrees_on_also_where_a_callback_raises(raise
     board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
     board.receive(board_of("a", name="board-a"), NOW)
     board.receive(Envelope(robot.member.tokens[0], kind=Kind.ALIVE), NOW)
-    out = [e for own in robot.member.report("robot/r1", PLACE, NOW) for e in board.receive(own, NOW)]
+    out = [e for said in robot.member.report("robot/r1", PLACE, NOW) for e in board.receive(said, NOW)]
     for n in range(1, 20):
         out += board.wake(NOW + 0.2 * n)
     for envelope in out:

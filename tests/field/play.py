@@ -58,7 +58,7 @@ class Score:
         return float(np.mean(np.array(self.distances) <= CHI[level])) if self.distances else math.nan
 
 
-def scenario(truth: Truth, told: bool, **board: object) -> Scenario:
+def new_scenario(truth: Truth, told: bool, **board: object) -> Scenario:
     """`told`: the robots' odometry is in the scenario."""
     robot = {"robot": {"odometry": {"along": 0.05, "across": 0.0, "turn": truth.turn}}} if told else {}
     return Scenario(
@@ -199,7 +199,7 @@ def main(
     for seed in seeds:
         world = World(seed)
         began = 0.2 * (0.618 * seed % 1.0)  # no robot knows when a board's periods begin
-        chosen = scenario(world.truth, told, **board)
+        chosen = new_scenario(world.truth, told, **board)
         field_ = Field(world, chosen, sigmas, phases, own=own, fed_back=fed_back, began=began)
         for who, scores in field_.play(seconds).items():
             for name, score in scores.items():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from examples.field.world import Truth, World
-from tests.field.play import Field, Score, scenario
+from tests.field.play import Field, Score, new_scenario
 
 pytestmark = pytest.mark.team
 SEEDS = (101, 102)  # the longer runs of `python -m tests.field.play` are on others
@@ -16,7 +16,7 @@ SECONDS = 40.0
 def played(seed: int, *, own: bool = False) -> Field:
     """A field whose robots do not step at the same time, and know nothing of their wheels."""
     truth, phases = Truth(), {"r2": 0.03, "r3": 0.06}
-    chosen = scenario(truth, told=False)
+    chosen = new_scenario(truth, told=False)
     return Field(World(seed, truth), chosen, sigmas=False, phases=phases, own=own)
 
 
@@ -51,7 +51,7 @@ def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mate
     """They have wheels and sightings alone. Seconds after they met a mate they are as exact as if they had known."""
     errors = {}
     for unplaced in ((), ("r2", "r3")):
-        field = Field(World(202), scenario(Truth(), told=False), unplaced=unplaced)
+        field = Field(World(202), new_scenario(Truth(), told=False), unplaced=unplaced)
         errors[unplaced] = field.play(SECONDS)["team"]
     for robot in ("r1", "r2", "r3"):
         known, unknown = errors[()][robot], errors["r2", "r3"][robot]
@@ -63,7 +63,7 @@ def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mate
 @pytest.mark.long
 def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_no_liars() -> None:
     """They add little new to what the team believes, and some of that is new. Before, the ball was lost: 1.4 m, coverage .58."""
-    by_who = Field(World(101), scenario(Truth(), told=False), phases={"r2": 0.03, "r3": 0.06}, cautious=3.0).play(
+    by_who = Field(World(101), new_scenario(Truth(), told=False), phases={"r2": 0.03, "r3": 0.06}, cautious=3.0).play(
         SECONDS
     )
     assert by_who["team"]["ball"].rmse <= 1.5 * by_who["central"]["ball"].rmse
@@ -86,7 +86,7 @@ def test_a_ball_that_rolls_and_bounces_is_known_better_by_its_velocity_than_by_a
     by_motion = {}
     for motion in ("walk", "learn"):
         truth = Truth(rolls=1.0)
-        chosen = scenario(truth, told=False, objects_motion=motion)
+        chosen = new_scenario(truth, told=False, objects_motion=motion)
         by_motion[motion] = Field(World(101, truth), chosen, sigmas=False).play(SECONDS)["team"]
     walk, learn = (by_motion[motion]["ball"] for motion in ("walk", "learn"))
     assert learn.log_score >= walk.log_score + 0.3

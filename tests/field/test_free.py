@@ -13,7 +13,7 @@ from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus
 from examples.field.world import Truth, World
-from tests.field.play import Field, scenario
+from tests.field.play import Field, new_scenario
 
 pytestmark = pytest.mark.team
 STEP = 0.1  # seconds between two steps of a robot
@@ -24,7 +24,7 @@ class Published:
     """What boards publish in a field."""
 
     def __init__(self, fusion: str = "joint", period: float = 0.2, began: float = 0.07, seconds: float = 7.0) -> None:
-        chosen = scenario(Truth(), told=False, fusion=fusion, period=period)
+        chosen = new_scenario(Truth(), told=False, fusion=fusion, period=period)
         phases = {"r2": 0.03, "r3": 0.06}
         self.field = Field(World(101), chosen, sigmas=False, phases=phases, began=began)
         self.field.join(board_of(chosen, "a", "board-b"))  # it follows

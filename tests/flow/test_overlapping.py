@@ -15,7 +15,7 @@ from tests.heard import Heard
 PRODUCT = {"independence": 1.0, "gate": 50.0}
 
 
-def scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
+def new_scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
     """Robots that take nothing back, so that what they report is the same whatever their boards do."""
     return Scenario(
         {
@@ -30,7 +30,7 @@ def scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
 
 def agreed(sub_teams: dict[str, list[str]], **board: object) -> dict[str, dict[tuple[int, str], Consensus]]:
     """Sub-team -> tick and subject -> what was agreed, in a run to the end."""
-    team = Team(scenario(sub_teams, **board))
+    team = Team(new_scenario(sub_teams, **board))
     heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""

@@ -14,7 +14,7 @@ from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Informed, Report, Status
 from tests.board.desk import NOW, Desk, clock, report, reported
 from tests.hostile.attack import Attack, calm, report_key, status_key
-from tests.robot_agent.services import kinds, readings, service
+from tests.robot_agent.services import kinds, new_service, readings
 from tests.scenarios import JOINT, SCENARIO
 from tests.wire.messages import as_map
 
@@ -190,7 +190,7 @@ def test_a_message_that_is_lost_once_is_asked_for_again_and_changes_not_a_bit(ke
 
 
 def test_readings_of_another_run_or_far_ahead_are_believed_with_the_second_ones() -> None:
-    robot = service()
+    robot = new_service()
     for tick in range(3):
         robot.receive(readings(tick, time=NOW + tick), NOW + tick)
     agent = robot.agent
@@ -205,7 +205,7 @@ def test_readings_of_another_run_or_far_ahead_are_believed_with_the_second_ones(
 
 
 def test_after_a_false_jump_the_true_readings_are_followed_again() -> None:
-    robot = service()
+    robot = new_service()
     robot.receive(readings(0, time=NOW), NOW)
     for tick in (5000, 5001):
         robot.receive(readings(tick, time=NOW), NOW)
@@ -216,7 +216,7 @@ def test_after_a_false_jump_the_true_readings_are_followed_again() -> None:
 
 
 def test_an_agent_that_fails_again_and_again_begins_anew(caplog: pytest.LogCaptureFixture) -> None:
-    robot = service()
+    robot = new_service()
     robot.receive(readings(0, time=NOW), NOW)
     broken = robot.agent
     broken.tick = lambda readings, agreed: 1 // 0  # type: ignore[assignment, method-assign, return-value]

@@ -74,12 +74,12 @@ class Central:
     def hear(self, truth: Truth, readings: list[Readings]) -> None:
         """Take the frames of a tick, one after the other."""
         now = EPOCH + timedelta(seconds=truth.time)
-        for own in readings:
-            self._frame(now, truth, own)
+        for reading in readings:
+            self._frame(now, truth, reading)
         for track in self._tracks:
             if track.timestamp < now:
                 track.append(self._predictor.predict(track, timestamp=now))
-        over = self._deleter.delete_tracks(self._tracks) | {old for old in self._tracks if self._missed[old] >= MISSES}
+        over = self._deleter.delete_tracks(self._tracks) | {t for t in self._tracks if self._missed[t] >= MISSES}
         self._tracks -= over
 
     def places(self) -> Mapping[str, tuple[float, float]]:
@@ -96,7 +96,7 @@ class Central:
                 place = [x + sighting.range * math.cos(angle), y + sighting.range * math.sin(angle)]
                 noise = np.eye(2) * (sigma or 13.0 * self.vision.scale) ** 2
                 detections.add(Detection(place, timestamp=now, measurement_model=LinearGaussian(4, (0, 2), noise)))
-        shown = {near for near in self._tracks if self._is_shown(near, (x, y, heading), now)}
+        shown = {t for t in self._tracks if self._is_shown(t, (x, y, heading), now)}
         used = set()
         for track, hypotheses in self._associator.associate(shown, detections, now).items():
             used |= {

@@ -54,9 +54,7 @@ def test_a_node_receives_what_the_running_demo_agrees_on_and_sees_the_bridge(bui
         numbers = [int(message[1]) for message in newest]
         assert numbers[0] >= 1
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-        (token,) = {
-            living.key for living in tokens.read if "/MP/" in living.key and "%demo%robot%r1%pose" in living.key
-        }
+        (token,) = {e.key for e in tokens.read if "/MP/" in e.key and "%demo%robot%r1%pose" in e.key}
         for where, _, time, publisher, frame, x, y, xx, yy, yaw, second in newest:
             assert where == key(0, R1, POSE)
             assert where.endswith(f"RIHS01_{HASHES[POSE]}")

@@ -18,7 +18,7 @@ NOW = 1_000_000.0
 WORLD = keys.WORLD.key(team="t")
 
 
-def service(*sub_teams: str) -> AgentService:
+def new_service(*sub_teams: str) -> AgentService:
     robot = AgentService(team="t", sub_teams=sub_teams or ("a",), robot="r1", grid=GRID, settings=RobotSection())
     for board in ("board-a", "one", "two"):
         robot.receive(token(keys.BOARD, board), NOW)

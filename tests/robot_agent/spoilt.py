@@ -29,7 +29,7 @@ from examples.field.world import Truth, World
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import Sensors, sensors_of
-from tests.field.play import Field, Score, scenario
+from tests.field.play import Field, Score, new_scenario
 
 Random = np.random.Generator
 SETTLED = 60.0  # seconds of a recording after which errors count
@@ -162,7 +162,7 @@ def fields(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Score, f
                 usual = Truth()
                 truth = replace(usual, along=by * usual.along, turn=by * usual.turn)
                 team = Field(
-                    World(seed, truth), scenario(usual, source != "by nobody"), False, {"r2": 0.03, "r3": 0.06}
+                    World(seed, truth), new_scenario(usual, source != "by nobody"), False, {"r2": 0.03, "r3": 0.06}
                 )
                 for who, scores in team.play(seconds).items():
                     for subject, score in scores.items():

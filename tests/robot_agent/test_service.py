@@ -10,13 +10,13 @@ from blackboard.process.team_clock import WORLD_SILENT
 from blackboard.wire.envelope import Kind
 from blackboard.wire.messages import Report, Status
 from robot_agent.inputs import MAX_AGREED
-from tests.robot_agent.services import NOW, agreed, clock, kinds, readings, service
+from tests.robot_agent.services import NOW, agreed, clock, kinds, new_service, readings
 from tests.wire.envelopes import opened, world
 
 
 def test_without_a_world_a_robot_reports_with_its_readings(caplog: pytest.LogCaptureFixture) -> None:
     """Real robots have no world: nobody publishes a Clock."""
-    robot = service()
+    robot = new_service()
     with caplog.at_level(logging.INFO):
         for tick in range(20):
             answers = opened(robot.receive(readings(tick, time=NOW + 0.2 * tick), NOW + 0.2 * tick))
@@ -31,7 +31,7 @@ def test_without_a_world_a_robot_reports_with_its_readings(caplog: pytest.LogCap
 
 
 def test_without_a_world_it_takes_agreed_beliefs_whose_ticks_are_the_boards_own() -> None:
-    robot = service()
+    robot = new_service()
     robot.receive(readings(0, time=NOW), NOW)
     robot.receive(agreed(5_000_000, time=NOW + 0.1), NOW + 0.1)
     (report, _) = opened(robot.receive(readings(1, time=NOW + 0.2), NOW + 0.2))
@@ -41,7 +41,7 @@ def test_without_a_world_it_takes_agreed_beliefs_whose_ticks_are_the_boards_own(
 
 
 def test_readings_that_come_again_are_not_counted_twice() -> None:
-    robot = service()
+    robot = new_service()
     robot.receive(readings(3, time=NOW), NOW)
     assert robot.receive(readings(3, time=NOW), NOW + 0.1) == []
     assert robot.receive(readings(2, time=NOW), NOW + 0.1) == []
@@ -49,7 +49,7 @@ def test_readings_that_come_again_are_not_counted_twice() -> None:
 
 
 def test_in_lockstep_it_waits_for_the_clock_and_for_what_was_agreed() -> None:
-    robot = service()
+    robot = new_service()
     robot.receive(world(), NOW)
     assert robot.receive(readings(0), NOW) == []
     assert kinds(robot.receive(clock(0), NOW)) == ["Report", "Solo", "Status"]
@@ -61,7 +61,7 @@ def test_in_lockstep_it_waits_for_the_clock_and_for_what_was_agreed() -> None:
 
 
 def test_in_lockstep_its_patience_ends() -> None:
-    robot = service()
+    robot = new_service()
     for envelope in (world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"])):
         robot.receive(envelope, NOW)
     patience = robot.settings.patience
@@ -74,7 +74,7 @@ def test_in_lockstep_its_patience_ends() -> None:
 
 
 def test_a_robot_that_comes_in_the_middle_waits_for_nothing_that_was_agreed_before() -> None:
-    robot = service()
+    robot = new_service()
     robot.receive(world(), NOW)
     robot.receive(readings(5), NOW)
     assert "Report" in kinds(robot.receive(clock(5, settled=["robot/r1", "object/ball"]), NOW))
@@ -85,7 +85,7 @@ def test_a_robot_that_comes_in_the_middle_waits_for_nothing_that_was_agreed_befo
 
 
 def test_its_patience_does_not_begin_anew_when_the_world_asks_again() -> None:
-    robot = service()
+    robot = new_service()
     for envelope in (world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"])):
         robot.receive(envelope, NOW)
     patience = robot.settings.patience
@@ -95,7 +95,7 @@ def test_its_patience_does_not_begin_anew_when_the_world_asks_again() -> None:
 
 
 def test_the_world_that_asks_again_gets_the_same_answers_and_the_last_word_gets_none() -> None:
-    robot = service()
+    robot = new_service()
     robot.receive(world(), NOW)
     robot.receive(readings(0), NOW)
     first = robot.receive(clock(0), NOW)
@@ -107,7 +107,7 @@ def test_the_world_that_asks_again_gets_the_same_answers_and_the_last_word_gets_
 
 def test_a_clock_of_nobody_stops_no_robot() -> None:
     """A Clock without a world's token is not followed for good."""
-    robot = service()
+    robot = new_service()
     robot.receive(clock(7, run="forged"), NOW)
     robot.receive(readings(0, time=NOW), NOW)
     later = NOW + WORLD_SILENT + 0.1
@@ -116,7 +116,7 @@ def test_a_clock_of_nobody_stops_no_robot() -> None:
 
 
 def test_when_the_world_has_gone_it_goes_by_its_readings_again(caplog: pytest.LogCaptureFixture) -> None:
-    robot = service()
+    robot = new_service()
     for envelope in (world(), readings(0), clock(0), world(Kind.GONE)):
         robot.receive(envelope, NOW)
     assert robot.receive(readings(1), NOW + 0.1) == []  # it may come back
@@ -127,7 +127,7 @@ def test_when_the_world_has_gone_it_goes_by_its_readings_again(caplog: pytest.Lo
 
 
 def test_another_run_begins_anew() -> None:
-    robot = service()
+    robot = new_service()
     for envelope in (world(), readings(0), clock(0), readings(1), clock(1)):
         robot.receive(envelope, NOW)
     assert robot.tick == 1
@@ -142,7 +142,7 @@ def test_agreed_beliefs_of_two_boards_do_not_hide_each_other() -> None:
     """The newest tick counts, then the first name, whatever the order of arrival."""
     reports = []
     for boards in (("one", "two"), ("two", "one")):
-        robot = service()
+        robot = new_service()
         robot.receive(readings(0), NOW)
         for board in boards:
             robot.receive(agreed(0, board=board), NOW)
@@ -151,7 +151,7 @@ def test_agreed_beliefs_of_two_boards_do_not_hide_each_other() -> None:
 
 
 def test_agreed_beliefs_are_bounded_in_number() -> None:
-    robot = service()
+    robot = new_service()
     for i in range(MAX_AGREED + 5):
         robot.receive(agreed(0, f"object/o{i}"), NOW)
     robot.check()
@@ -160,7 +160,7 @@ def test_agreed_beliefs_are_bounded_in_number() -> None:
 
 def test_what_was_agreed_before_a_world_came_does_not_stand_for_what_is_agreed_in_its_run() -> None:
     """Boards that go by Unix time count ticks in the thousands of millions, and readings may come before the first Clock."""
-    robot = service()
+    robot = new_service()
     robot.receive(world(), NOW)
     robot.receive(readings(0), NOW)
     robot.receive(agreed(5_000_000, time=NOW), NOW)
@@ -172,7 +172,7 @@ def test_what_was_agreed_before_a_world_came_does_not_stand_for_what_is_agreed_i
 
 
 def test_who_joins_a_run_takes_what_was_agreed_in_the_tick_before() -> None:
-    robot = service()
+    robot = new_service()
     robot.receive(world(), NOW)
     robot.receive(clock(20, settled=["robot/r1"]), NOW)
     robot.receive(agreed(19), NOW)

@@ -27,7 +27,7 @@ OWN = keys.WORLD.key(team="demo")
 Lost = Callable[[Envelope], bool]
 
 
-def service(
+def new_service(
     sub_teams: Mapping[str, list[str]], time: Mapping[str, object], world: Mapping[str, object], guests: str = "watch"
 ) -> WorldService:
     scenario = Scenario(
@@ -64,7 +64,7 @@ class Desk:
         **world: object,
     ) -> None:
         self.teams = {"a": ["r1", "r2"]} if sub_teams is None else dict(sub_teams)
-        self.world = service(self.teams, time or {}, world, guests)
+        self.world = new_service(self.teams, time or {}, world, guests)
         self.grid = self.world.referee.grid
         self.now = NOW
         self.said: list[Envelope] = []

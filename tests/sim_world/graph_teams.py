@@ -44,11 +44,11 @@ def joint_of_a_team(scenario: Scenario) -> Judged:
     team, judge = TeamJoint(), _Judge()
     for truth, readings, judged in ticks(scenario):
         evidence = []
-        for own in readings:
-            subject = f"robot/{own.robot}"
+        for reading in readings:
+            subject = f"robot/{reading.robot}"
             at = team.pose(subject) if subject in team.joint else None
-            result = robots[own.robot].step(own, at)
-            evidence.append(result.evidence(subject, own.tick, own.time, sensors.wheels.nuisance))
+            result = robots[reading.robot].step(reading, at)
+            evidence.append(result.evidence(subject, reading.tick, reading.time, sensors.wheels.nuisance))
         team.settle(truth.tick, scenario.time.tick, evidence)
         if judged:
             judge.take(truth, {subject: team.marginal(subject) for subject in truth.positions})
@@ -61,19 +61,19 @@ def one_filter(scenario: Scenario) -> Judged:
     last: dict[str, Odometry] = {}
     for truth, readings, judged in ticks(scenario):
         motions: dict[str, Motion] = {}
-        for own in readings:
-            subject = f"robot/{own.robot}"
-            if (pose := starting_pose(own, sensors.compass)) is not None:
+        for reading in readings:
+            subject = f"robot/{reading.robot}"
+            if (pose := starting_pose(reading, sensors.compass)) is not None:
                 joint.add(subject, entering(pose, sensors.wheels.nuisance))
-            if own.odometry is not None:
-                motions[subject] = sensors.wheels.motion(own.odometry, last.get(subject))
-                last[subject] = own.odometry
+            if reading.odometry is not None:
+                motions[subject] = sensors.wheels.motion(reading.odometry, last.get(subject))
+                last[subject] = reading.odometry
                 drive(joint, subject, motions[subject], sensors.wheels.nuisance)
         forget_biases(joint, scenario.time.tick)
-        for own in readings:
-            for sighting in own.seen:
+        for reading in readings:
+            for sighting in reading.seen:
                 place = None if sighting.landmark is None else np.array(sighting.landmark)
-                factor = linearise(joint, sensors.relative(f"robot/{own.robot}", sighting), motions, place)
+                factor = linearise(joint, sensors.relative(f"robot/{reading.robot}", sighting), motions, place)
                 innovation = joint.innovation(factor)
                 if innovation.squared <= quantile(GATE, innovation.freedom):
                     correct(joint, factor)

@@ -76,12 +76,12 @@ def test_people_are_never_named_and_the_truth_says_who_they_are() -> None:
     met = set()
     for truth, readings in crowd():
         assert len([s for s in truth.positions if s.startswith("person/")]) == 3
-        for own in readings:
-            classes = [s for s in own.subjects if is_class(s)]
-            who = truth.unnamed.get(own.robot, [])
+        for reading in readings:
+            classes = [s for s in reading.subjects if is_class(s)]
+            who = truth.unnamed.get(reading.robot, [])
             assert len(classes) == len(who)
             assert all(could_be(a, b) for a, b in zip(classes, who, strict=True))
-            assert not any(s.startswith("person/") and not is_class(s) for s in own.subjects)
+            assert not any(s.startswith("person/") and not is_class(s) for s in reading.subjects)
             met |= set(who)
     assert met == {"person/p1", "person/p2", "person/p3"}
 
@@ -90,11 +90,11 @@ def test_each_unnamed_sighting_is_near_to_whom_the_truth_says() -> None:
     """The order of the two lists is the same, also of those whom another one is nearer."""
     off = []
     for truth, readings in crowd(anonymous=["robot", "person", "object"]):
-        for own in readings:
-            x, y = truth.positions[f"robot/{own.robot}"]
-            heading = truth.headings[f"robot/{own.robot}"]
-            unnamed = [s for s in own.sightings if is_class(s.subject)]
-            for anonymous, who in zip(unnamed, truth.unnamed.get(own.robot, []), strict=True):
+        for reading in readings:
+            x, y = truth.positions[f"robot/{reading.robot}"]
+            heading = truth.headings[f"robot/{reading.robot}"]
+            unnamed = [s for s in reading.sightings if is_class(s.subject)]
+            for anonymous, who in zip(unnamed, truth.unnamed.get(reading.robot, []), strict=True):
                 angle = heading + anonymous.bearing
                 place = x + anonymous.range * math.cos(angle), y + anonymous.range * math.sin(angle)
                 off.append(math.dist(place, truth.positions[who]))
@@ -105,8 +105,8 @@ def test_what_is_unnamed_comes_in_no_order_that_tells_who_it_is() -> None:
     ticks = crowd(anonymous=["robot", "person", "object"])
     orders = [who for truth, _ in ticks for who in truth.unnamed.values() if len(set(who)) > 1]
     assert any(who != sorted(who) for who in orders)
-    for own in (own for _, readings in ticks for own in readings):
-        bearings = [s.bearing for s in own.sightings]
+    for reading in (reading for _, readings in ticks for reading in readings):
+        bearings = [s.bearing for s in reading.sightings]
         assert bearings == sorted(bearings)
 
 

@@ -23,8 +23,8 @@ def readings(*faults: dict[str, Any], ticks: int = 21) -> dict[str, list[Reading
     source = open_sensor_source(Scenario({**TABLES, "fault": list(faults)}))
     by_robot: dict[str, list[Readings]] = {"r1": [], "r2": []}
     for tick in range(ticks):
-        for own in source.advance("run", tick)[1]:
-            by_robot[own.robot].append(own)
+        for reading in source.advance("run", tick)[1]:
+            by_robot[reading.robot].append(reading)
     return by_robot
 
 

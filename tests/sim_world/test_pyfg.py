@@ -105,8 +105,8 @@ def test_a_tick_holds_the_way_and_the_measurements_of_its_time(file: Path) -> No
     ]
     assert {s.kind for s in ticks[2][1][0].seen} == {"range", "pose"}
     for truth, readings in ticks:
-        for own in readings:
-            assert all(0 <= s.age < 0.2 + 1e-9 for s in own.seen)
+        for reading in readings:
+            assert all(0 <= s.age < 0.2 + 1e-9 for s in reading.seen)
         assert truth.positions["robot/A"] == pytest.approx(
             (math.cos(0.3 * truth.time), math.sin(0.3 * truth.time)), abs=1e-3
         )

@@ -86,9 +86,9 @@ def test_whatever_the_opinions_are_the_choice_is_one(seed: int) -> None:
 @pytest.mark.parametrize("piece", [increment_at(3.0, 4.0), sees("robot/r2", "robot/r1", (3.0, 4.0))])
 def test_what_a_piece_says_of_a_place_does_not_depend_on_what_was_believed_of_it(piece: Increment | Relative) -> None:
     source = "robot/r1" if isinstance(piece, Increment) else piece.observer
-    place_of = about(new_team().joint, "robot/r1", {source: piece}, {})[source]
-    assert place_of.mean == pytest.approx((3.0, 4.0), abs=0.05)
-    assert math.sqrt(place_of.covariance[0, 0]) < 0.5
+    claimed = about(new_team().joint, "robot/r1", {source: piece}, {})[source]
+    assert claimed.mean == pytest.approx((3.0, 4.0), abs=0.05)
+    assert math.sqrt(claimed.covariance[0, 0]) < 0.5
 
 
 def test_what_an_increment_says_of_the_heading_alone_is_no_opinion_on_a_place() -> None:

@@ -65,6 +65,6 @@ def test_whatever_is_heard_it_is_a_probability() -> None:
         squared = float(10.0 ** rng.uniform(-12, 12))
         names = rng.choice(["robot/r1", "robot/r2", "robot/new", "object/ball"], 2)
         kind = "relative" if names[0] != names[1] else "increment"
-        heard_verdict = Verdict(str(names[0]), str(names[1]), kind, squared, int(rng.integers(1, 10)), taken=False)
-        lost.hear(float(rng.uniform(0, 1e6)), ROBOTS, [heard_verdict], {"robot/r1": squared})
+        drawn = Verdict(str(names[0]), str(names[1]), kind, squared, int(rng.integers(1, 10)), taken=False)
+        lost.hear(float(rng.uniform(0, 1e6)), ROBOTS, [drawn], {"robot/r1": squared})
         assert all(0.0 < probability < 1.0 for probability in probabilities(lost))
