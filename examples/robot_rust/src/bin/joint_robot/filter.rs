@@ -1,17 +1,19 @@
 //! What the robot knows from its own sensors alone: its pose, a Gaussian of x, y and heading, and where objects are.
 //! Beside that, for each tick, the evidence for a joint: how far it drove, what it learned of its place, and whom it saw.
 
-use crate::messages::{nine, triangle, Evidence, Increment, Motion, Readings, Relative, Seen, Sighting, State};
+use crate::messages::{nine, triangle, Evidence, Increment, Motion, Nuisance, Readings, Relative, Seen, Sighting, State};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation2, SMatrix, SVector, Vector1, Vector2, Vector3};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 /// How exact the sensors are, where the Readings do not say it. Lengths are in the grid's unit, angles in radians.
-const DEMO: [(&str, f64); 11] = [
+const DEMO: [(&str, f64); 13] = [
     ("along", 0.5),  // of the way, per square root of a second in motion
     ("across", 0.0), // across the way, likewise
     ("drift", 0.0),  // of the heading, likewise
     ("turn", 0.01),  // of a turn, per square root of a radian
+    ("scale", 0.0),      // of the share of a way by which it may be off for ever
+    ("turn_scale", 0.0), // the same of a turn
     ("compass", 0.01),
     ("gain", 0.05),  // of the camera of the simulated world,
     ("floor", 0.5),  // and its least sigma of a place
@@ -180,7 +182,7 @@ impl Filter {
         self.learn(&gained);
         self.look(readings);
         let vector = [gained.vector.as_slice(), &[0.0; 6]].concat();
-        let (reference, information) = (nine(&prediction.mean), triangle(&gained.information));
+        let (reference, information) = (nine(&prediction.mean), triangle(&gained.information, [0.0; 2]));
         let something = gained.information != Matrix3::zeros();
         self.evidence(readings, something.then_some(Increment { reference, information, vector }))
     }
@@ -334,18 +336,19 @@ impl Filter {
                 seen.push(Seen { mark, ..s.clone() });
             }
         }
+        let wheels = [self.sensors.of("scale"), self.sensors.of("turn_scale")];
         let told = readings.sightings.iter().any(|s| s.range_sigma.is_some());
         relatives.truncate(64);
         seen.truncate(64);
         Evidence {
             epoch: self.epoch,
             travelled: self.travelled.clone(),
-            state: State { mean: nine(&self.pose.mean), covariance: triangle(&self.pose.covariance) },
+            state: State { mean: nine(&self.pose.mean), covariance: triangle(&self.pose.covariance, wheels) },
+            nuisance: Nuisance::of(wheels),
             increment,
             relatives,
             profile: if told { Vec::new() } else { self.sensors.profile() },
             seen,
-            ..Evidence::default()
         }
     }
 }

@@ -5,12 +5,11 @@ mod filter;
 mod messages;
 
 use filter::{Filter, Sensors};
-use messages::{gaussian, packed, Belief, Clock, Evidence, Fault, Grid, Readings, Report, Solo, State, Status};
-use nalgebra::Vector2;
+use messages::{gaussian, packed, Clock, Evidence, Fault, Grid, Readings, Report, Solo, State, Status};
 use serde::{de::DeserializeOwned, Deserialize};
 use std::collections::BTreeMap;
 use std::sync::{mpsc, Arc, Mutex};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 use zenoh::{key_expr::KeyExpr, sample::SampleKind, Session, Wait};
 
 const ENCODING: &str = "application/msgpack;cop.v1";

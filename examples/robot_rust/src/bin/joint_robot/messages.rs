@@ -78,7 +78,7 @@ pub struct Seen {
     pub mark: Option<u64>,
 }
 
-#[derive(Clone, Default, Serialize)]
+#[derive(Clone, Serialize)]
 pub struct Evidence {
     pub epoch: u64,
     pub travelled: Motion,
@@ -113,9 +113,11 @@ pub struct Nuisance {
     memory: [f64; 3],
 }
 
-impl Default for Nuisance {
-    fn default() -> Self {
-        Nuisance { forward: 1.0, turn: 1.0, sigmas: [0.0; 6], walks: [0.0; 3], memory: [0.0; 3] }
+impl Nuisance {
+    /// `wheels`: sigmas of both scales, which stay as they are.
+    pub fn of(wheels: [f64; 2]) -> Self {
+        let sigmas = [wheels[0], wheels[1], 0.0, 0.0, 0.0, 0.0];
+        Nuisance { forward: 1.0, turn: 1.0, sigmas, walks: [0.0; 3], memory: [0.0; 3] }
     }
 }
 
@@ -138,8 +140,12 @@ pub fn nine(pose: &Vector3<f64>) -> Vec<f64> {
 }
 
 /// The upper triangle, row by row, of a 9 x 9 matrix that has nothing but this in its corner.
-pub fn triangle(corner: &Matrix3<f64>) -> Vec<f64> {
-    let entry = |i: usize, j: usize| if j < 3 { corner[(i, j)] } else { 0.0 };
+pub fn triangle(corner: &Matrix3<f64>, wheels: [f64; 2]) -> Vec<f64> {
+    let entry = |i: usize, j: usize| match (i, j) {
+        (_, 0..=2) => corner[(i, j)],
+        (3, 3) | (4, 4) => wheels[i - 3].powi(2),
+        _ => 0.0,
+    };
     (0..9).flat_map(|i| (i..9).map(move |j| entry(i, j))).collect()
 }
 
