@@ -1,24 +1,24 @@
 //! What the robot knows from its own sensors alone: its pose, a Gaussian of x, y and heading, and where objects are.
-//! Beside that, for each tick, the evidence for a joint: how far it drove, what it learned of its place, and whom it saw.
+//! Beside that what evidence for a joint is made of: how far it drove, and what a tick said of its pose.
 
-use crate::messages::{nine, triangle, Evidence, Increment, Motion, Nuisance, Readings, Relative, Seen, Sighting, State};
+use crate::messages::{Odometry, Readings, Sighting};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Rotation2, SMatrix, SVector, Vector1, Vector2, Vector3};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 /// How exact the sensors are, where the Readings do not say it. Lengths are in the grid's unit, angles in radians.
 const DEMO: [(&str, f64); 13] = [
-    ("along", 0.5),  // of the way, per square root of a second in motion
-    ("across", 0.0), // across the way, likewise
-    ("drift", 0.0),  // of the heading, likewise
-    ("turn", 0.01),  // of a turn, per square root of a radian
-    ("scale", 0.0),      // of the share of a way by which it may be off for ever
-    ("turn_scale", 0.0), // the same of a turn
+    ("along", 0.5),       // of the way, per square root of a second in motion
+    ("across", 0.0),      // across the way, likewise
+    ("drift", 0.0),       // of the heading, likewise
+    ("turn", 0.01),       // of a turn, per square root of a radian
+    ("scale", 0.05),      // of the share of a way by which it may be off for ever
+    ("turn_scale", 0.05), // the same of a turn
     ("compass", 0.01),
-    ("gain", 0.05),  // of the camera of the simulated world,
-    ("floor", 0.5),  // and its least sigma of a place
-    ("range", 0.0),  // above 0: of another camera, its sigma of a range,
-    ("share", 0.0),  // with so much of the range beside it,
+    ("gain", 0.05),   // of the camera of the simulated world,
+    ("floor", 0.5),   // and its least sigma of a place
+    ("range", 0.0),   // above 0: of another camera, its sigma of a range,
+    ("share", 0.0),   // with so much of the range beside it,
     ("bearing", 0.0), // and its sigma of a bearing
     ("objects", 0.3), // how objects walk, per square root of a second
 ];
@@ -38,7 +38,7 @@ impl Sensors {
         Ok(Sensors(numbers))
     }
 
-    fn of(&self, name: &str) -> f64 {
+    pub fn of(&self, name: &str) -> f64 {
         self.0[name]
     }
 
@@ -50,13 +50,13 @@ impl Sensors {
     }
 
     /// The same as pairs of distance and variance; empty for the other camera.
-    fn profile(&self) -> Vec<[f64; 2]> {
+    pub fn profile(&self) -> Vec<[f64; 2]> {
         let all = (4..=52).map(|quarter| quarter as f64 / 4.0);
         all.filter(|_| self.of("range") == 0.0).map(|distance| [distance, self.seen(distance).powi(2)]).collect()
     }
 
     /// The sigmas of a range and a bearing to what is so far away.
-    fn sigmas(&self, distance: f64) -> [f64; 2] {
+    pub fn sigmas(&self, distance: f64) -> [f64; 2] {
         match self.of("range") > 0.0 {
             true => [self.of("range").hypot(self.of("share") * distance), self.of("bearing")],
             false => [self.seen(distance), self.seen(distance) / distance.max(1.0)],
@@ -90,23 +90,17 @@ impl Pose {
 }
 
 /// What a tick says about the pose: the likelihood exp(v d - d I d / 2) of d = pose - prediction.
-#[derive(Default)]
-struct Gained {
-    information: Matrix3<f64>,
-    vector: Vector3<f64>,
+pub struct Gained {
+    pub prediction: Pose,
+    pub information: Matrix3<f64>,
+    pub vector: Vector3<f64>,
     places: Vec<bool>, // of each measurement of the place whether it was taken
 }
 
 impl Gained {
     /// A measurement: by how much it is off the prediction, the derivative by the pose, its noise. Beyond 99.9 % it is left out.
-    fn measure<const N: usize>(
-        &mut self,
-        prediction: &Pose,
-        off: SVector<f64, N>,
-        by: SMatrix<f64, N, 3>,
-        noise: SMatrix<f64, N, N>,
-    ) {
-        let spread = by * prediction.covariance * by.transpose() + noise;
+    fn measure<const N: usize>(&mut self, off: SVector<f64, N>, by: SMatrix<f64, N, 3>, noise: SMatrix<f64, N, N>) {
+        let spread = by * self.prediction.covariance * by.transpose() + noise;
         let inverses = spread.try_inverse().zip(noise.try_inverse());
         let taken = inverses.filter(|(inverse, _)| off.dot(&(inverse * off)) < [10.8, 13.8][N - 1]);
         if let Some((_, weight)) = taken {
@@ -128,12 +122,16 @@ fn wrap(angle: f64) -> f64 {
     (angle + PI).rem_euclid(2.0 * PI) - PI
 }
 
+/// Sums since the epoch began: distance, turn, time, time in motion, and the variances along, across and of the heading.
+pub type Travelled = SVector<f64, 7>;
+
 pub struct Filter {
-    sensors: Sensors,
+    pub sensors: Sensors,
     pub pose: Pose,
     pub objects: BTreeMap<String, Object>,
-    epoch: u64,
-    travelled: Motion,
+    pub gained: Option<Gained>, // in the newest tick; none: it has just begun
+    pub epoch: u64,
+    pub travelled: Travelled,
     tick: u64,
     time: f64,
     speed: f64,
@@ -141,11 +139,12 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// Begin with a fix and a heading, and the evidence of that tick; none where the Readings lack one of the two.
-    pub fn begin(sensors: &Sensors, readings: &Readings) -> Option<(Filter, Evidence)> {
+    /// Begin with a fix and a heading; none where the Readings lack one of the two.
+    pub fn begin(sensors: &Sensors, readings: &Readings) -> Option<Filter> {
         let fix = readings.fix.as_ref()?;
         let told = fix.heading.map(|heading| (heading, fix.heading_sigma.unwrap_or(0.05)));
-        let compass = readings.compass.map(|heading| (heading, readings.compass_sigma.unwrap_or(sensors.of("compass"))));
+        let compass =
+            readings.compass.map(|heading| (heading, readings.compass_sigma.unwrap_or(sensors.of("compass"))));
         let (heading, sigma) = told.or(compass)?;
         let mean = Vector3::new(fix.position[0], fix.position[1], wrap(heading));
         let variances = Vector3::new(fix.sigma, fix.sigma, sigma).map(|sigma| sigma * sigma);
@@ -154,15 +153,15 @@ impl Filter {
             pose: Pose { mean, covariance: Matrix3::from_diagonal(&variances) },
             objects: BTreeMap::new(),
             epoch: (readings.time * 1000.0).max(0.0) as u64,
-            travelled: Motion::default(),
+            gained: None,
+            travelled: Travelled::zeros(),
             tick: readings.tick,
             time: readings.time,
             speed: 0.0,
             refuted: 0,
         };
         filter.look(readings);
-        let evidence = filter.evidence(readings, None); // a robot enters a joint by its state
-        Some((filter, evidence))
+        Some(filter)
     }
 
     /// Whether what it measures contradicts its pose for long. Then begin anew.
@@ -171,9 +170,8 @@ impl Filter {
     }
 
     /// Take the Readings of a later tick in.
-    pub fn take(&mut self, readings: &Readings) -> Evidence {
+    pub fn take(&mut self, readings: &Readings) {
         self.drive(readings);
-        let prediction = self.pose.clone();
         let gained = self.gain(readings);
         match gained.places.contains(&true) {
             true => self.refuted = 0,
@@ -181,48 +179,38 @@ impl Filter {
         }
         self.learn(&gained);
         self.look(readings);
-        let vector = [gained.vector.as_slice(), &[0.0; 6]].concat();
-        let (reference, information) = (nine(&prediction.mean), triangle(&gained.information, [0.0; 2]));
-        let something = gained.information != Matrix3::zeros();
-        self.evidence(readings, something.then_some(Increment { reference, information, vector }))
+        self.gained = Some(gained);
     }
 
     /// Drive along the chord. Where Readings were lost, it may have gone anywhere meanwhile.
     fn drive(&mut self, readings: &Readings) {
         let past = (readings.time - self.time).max(0.0);
-        let (distance, turn, dt) = readings.odometry.as_ref().map_or((0.0, 0.0, past), |o| (o.distance, o.turn, o.dt));
+        let odometry = readings.odometry.unwrap_or(Odometry { dt: past, ..Odometry::default() });
+        let Odometry { distance, turn, dt, .. } = odometry;
         let moving = if distance != 0.0 || turn != 0.0 { dt } else { 0.0 };
         let walk = |name| self.sensors.of(name).powi(2) * moving;
-        let told = |sigma: Option<f64>, variance: f64| sigma.map_or(variance, |sigma| sigma * sigma);
-        let odometry = readings.odometry.as_ref();
-        let mut along = told(odometry.and_then(|o| o.distance_sigma), walk("along"));
-        let mut across = walk("across");
-        let turned = self.sensors.of("turn").powi(2) * turn.abs() + walk("drift");
-        let mut heading = told(odometry.and_then(|o| o.turn_sigma), turned);
+        let turned = walk("drift") + self.sensors.of("turn").powi(2) * turn.abs();
+        let told = |sigma: Option<f64>, variance| sigma.map_or(variance, |sigma| sigma * sigma);
+        let along = told(odometry.distance_sigma, walk("along"));
+        let mut variances = [along, walk("across"), told(odometry.turn_sigma, turned)];
         if readings.tick > self.tick + 1 {
             let missing = (past - dt).max(0.0);
-            along += (self.speed * missing).powi(2);
-            across += (self.speed * missing).powi(2);
-            heading += missing.powi(2);
+            let way = (self.speed * missing).powi(2);
+            variances = [variances[0] + way, variances[1] + way, variances[2] + missing * missing];
         }
         let (sin, cos) = (self.pose.mean.z + turn / 2.0).sin_cos();
         self.pose.mean += Vector3::new(distance * cos, distance * sin, turn);
         self.pose.mean.z = wrap(self.pose.mean.z);
         let by = Matrix3::new(1.0, 0.0, -distance * sin, 0.0, 1.0, distance * cos, 0.0, 0.0, 1.0);
         let axes = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
-        let noise = axes * Matrix3::from_diagonal(&Vector3::new(along, across, heading)) * axes.transpose();
+        let noise = axes * Matrix3::from_diagonal(&Vector3::from(variances)) * axes.transpose();
         self.pose.covariance = by * self.pose.covariance * by.transpose() + noise;
         for object in self.objects.values_mut() {
             object.cross *= by.transpose();
             object.covariance += Matrix2::identity() * self.sensors.of("objects").powi(2) * past;
         }
-        self.travelled.distance += distance;
-        self.travelled.turn += turn;
-        self.travelled.time += past.max(dt);
-        self.travelled.moving += moving;
-        self.travelled.along += along;
-        self.travelled.across += across;
-        self.travelled.heading += heading;
+        let [along, across, heading] = variances;
+        self.travelled += Travelled::from([distance, turn, past.max(dt), moving, along, across, heading]);
         self.speed = distance.abs() / dt.max(1e-3);
         (self.tick, self.time) = (readings.tick, readings.time);
     }
@@ -240,25 +228,28 @@ impl Filter {
 
     /// What fix, compass and landmarks say. What is seen of mates and objects is for the team, not for this filter.
     fn gain(&self, readings: &Readings) -> Gained {
-        let (pose, mut gained) = (&self.pose, Gained::default());
+        let pose = &self.pose;
+        let (information, vector) = (Matrix3::zeros(), Vector3::zeros());
+        let mut gained = Gained { prediction: pose.clone(), information, vector, places: Vec::new() };
         let heading = SMatrix::<f64, 1, 3>::new(0.0, 0.0, 1.0);
         let mut headings = Vec::new();
-        headings.extend(readings.compass.map(|told| (told, readings.compass_sigma.unwrap_or(self.sensors.of("compass")))));
+        headings
+            .extend(readings.compass.map(|told| (told, readings.compass_sigma.unwrap_or(self.sensors.of("compass")))));
         if let Some(fix) = &readings.fix {
             headings.extend(fix.heading.map(|told| (told, fix.heading_sigma.unwrap_or(0.05))));
             let off = Vector2::from(fix.position) - pose.mean.xy();
-            gained.measure(pose, off, Matrix2x3::identity(), Matrix2::identity() * fix.sigma.powi(2));
+            gained.measure(off, Matrix2x3::identity(), Matrix2::identity() * fix.sigma.powi(2));
         }
         for sighting in &readings.sightings {
             if let Some(place) = sighting.landmark {
                 let (expected, by) = self.earlier(sighting.age, readings).view(Vector2::from(place));
                 let noise = self.sensors.noise(sighting, expected.norm());
-                gained.measure(pose, polar(sighting.range, sighting.bearing) - expected, by, noise);
+                gained.measure(polar(sighting.range, sighting.bearing) - expected, by, noise);
             }
         }
         let count = gained.places.len();
         for (told, sigma) in headings {
-            gained.measure(pose, Vector1::new(wrap(told - pose.mean.z)), heading, Vector1::new(sigma * sigma));
+            gained.measure(Vector1::new(wrap(told - pose.mean.z)), heading, Vector1::new(sigma * sigma));
         }
         gained.places.truncate(count); // a compass says nothing about the place
         gained
@@ -309,51 +300,9 @@ impl Filter {
             self.objects.insert(sighting.subject.clone(), Object { mean, covariance, cross: by * pose.covariance });
         }
     }
-
-    /// What the team is told of this tick.
-    fn evidence(&self, readings: &Readings, increment: Option<Increment>) -> Evidence {
-        let mut marks = 0..; // unnamed sightings are numbered, those in `sightings` first
-        let (mut relatives, mut seen) = (Vec::new(), Vec::new());
-        for s in &readings.sightings {
-            let mark = unnamed(&s.subject).then(|| marks.next()).flatten();
-            if s.landmark.is_none() && !s.subject.starts_with("landmark/") {
-                let sigmas = self.sensors.sigmas(s.range);
-                relatives.push(Relative {
-                    subject: s.subject.clone(),
-                    range: s.range,
-                    bearing: s.bearing,
-                    range_variance: s.range_sigma.unwrap_or(sigmas[0]).powi(2),
-                    bearing_variance: s.bearing_sigma.unwrap_or(sigmas[1]).powi(2),
-                    age: s.age,
-                    confidence: s.confidence,
-                    mark,
-                });
-            }
-        }
-        for s in &readings.seen {
-            let mark = unnamed(&s.subject).then(|| marks.next()).flatten();
-            if s.landmark.is_none() && !s.subject.starts_with("landmark/") && !s.covariance.is_empty() {
-                seen.push(Seen { mark, ..s.clone() });
-            }
-        }
-        let wheels = [self.sensors.of("scale"), self.sensors.of("turn_scale")];
-        let told = readings.sightings.iter().any(|s| s.range_sigma.is_some());
-        relatives.truncate(64);
-        seen.truncate(64);
-        Evidence {
-            epoch: self.epoch,
-            travelled: self.travelled.clone(),
-            state: State { mean: nine(&self.pose.mean), covariance: triangle(&self.pose.covariance, wheels) },
-            nuisance: Nuisance::of(wheels),
-            increment,
-            relatives,
-            profile: if told { Vec::new() } else { self.sensors.profile() },
-            seen,
-        }
-    }
 }
 
-fn unnamed(subject: &str) -> bool {
+pub fn unnamed(subject: &str) -> bool {
     subject.ends_with('?')
 }
 

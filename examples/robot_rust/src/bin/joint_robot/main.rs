@@ -1,12 +1,14 @@
 //! A robot that takes part in a joint, written from docs/wire.md and its pages alone. It reads Readings as `robot-agent` does,
 //! runs its own filter, and reports what it believes with the evidence for the team. It prints where the team has it.
 
+mod evidence;
 mod filter;
 mod messages;
 
 use filter::{Filter, Sensors};
-use messages::{gaussian, packed, Clock, Evidence, Fault, Grid, Readings, Report, Solo, State, Status};
+use messages::{gaussian, packed, Clock, Fault, Grid, Readings, Report, Solo, Status};
 use serde::{de::DeserializeOwned, Deserialize};
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::{mpsc, Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -36,6 +38,11 @@ struct Agreed {
 }
 
 #[derive(Deserialize)]
+struct State {
+    mean: Vec<f64>,
+}
+
+#[derive(Deserialize)]
 struct Refusal {
     board: String,
     reason: String,
@@ -45,7 +52,9 @@ struct Refusal {
 fn main() -> Result<(), Fault> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let [team, sub_team, me, endpoint, settings @ ..] = &args[..] else {
-        return Err("give a team, a sub-team, a name and an endpoint: demo a r1 tcp/127.0.0.1:7447 [along=0.5 ...]".into());
+        return Err(
+            "give a team, a sub-team, a name and an endpoint: demo a r1 tcp/127.0.0.1:7447 [along=0.5 ...]".into()
+        );
     };
     let sensors = Sensors::new(settings)?;
     let mut config = zenoh::Config::from_json5("{mode: 'client', scouting: {multicast: {enabled: false}}}")?;
@@ -76,20 +85,32 @@ fn main() -> Result<(), Fault> {
     let to = sender.clone();
     hear(&session, format!("{world}/reading/{me}"), move |readings| drop(to.send(Event::Readings(readings))))?;
     hear(&session, format!("{home}/agreed/robot/{me}"), |agreed: Agreed| {
-        if let Some(State { mean, .. }) = agreed.state {
+        if let Some(State { mean }) = agreed.state {
             println!("{} {:.3} {:.3} {:.3}", agreed.tick, mean[0], mean[1], mean[2]);
         }
     })?;
     hear(&session, format!("{home}/refused/{me}"), |refusal: Refusal| {
         eprintln!("{} refused: {} {}", refusal.board, refusal.reason, refusal.text.unwrap_or_default());
     })?;
-    let alive = session.liveliness().declare_subscriber(format!("{world}/alive")).history(true).callback(move |sample| {
-        let _ = sender.send(Event::World(sample.kind() == SampleKind::Put));
-    });
+    let alive =
+        session.liveliness().declare_subscriber(format!("{world}/alive")).history(true).callback(move |sample| {
+            let _ = sender.send(Event::World(sample.kind() == SampleKind::Put));
+        });
     alive.background().wait()?;
     let _member = session.liveliness().declare_token(format!("{home}/member/{me}")).wait()?; // held until it is dropped
 
-    let mut robot = Robot { session, newest, home, solo, me: me.clone(), grid, sensors, world: false, clock: None, at: At::default() };
+    let mut robot = Robot {
+        session,
+        newest,
+        home,
+        solo,
+        me: me.clone(),
+        grid,
+        sensors,
+        world: false,
+        clock: None,
+        at: At::default(),
+    };
     let mut last = Instant::now();
     robot.idle()?;
     loop {
@@ -112,7 +133,7 @@ struct At {
     taken: Option<(u64, f64)>, // tick and time of the newest Readings in the filter
     reported: Option<u64>,
     filter: Option<Filter>, // none while the robot does not know where it is
-    evidence: Option<Evidence>,
+    evidence: Option<Value>,
 }
 
 struct Robot {
@@ -170,10 +191,13 @@ impl Robot {
     fn take(&mut self, readings: &Readings) {
         let at = &mut self.at;
         at.taken = Some((readings.tick, readings.time));
-        at.evidence = at.filter.as_mut().map(|filter| filter.take(readings));
-        if at.filter.as_ref().is_none_or(Filter::lost) {
-            (at.filter, at.evidence) = Filter::begin(&self.sensors, readings).unzip();
+        if let Some(filter) = &mut at.filter {
+            filter.take(readings);
         }
+        if at.filter.as_ref().is_none_or(Filter::lost) {
+            at.filter = Filter::begin(&self.sensors, readings);
+        }
+        at.evidence = at.filter.as_ref().map(|filter| evidence::evidence(filter, readings));
     }
 
     fn report(&mut self, tick: u64, time: f64) -> Result<(), Fault> {
@@ -210,7 +234,13 @@ impl Robot {
         self.say_all()
     }
 
-    fn status(&self, tick: u64, time: f64, phase: &str, subjects: Vec<&String>) -> Result<(KeyExpr<'static>, Vec<u8>), Fault> {
+    fn status(
+        &self,
+        tick: u64,
+        time: f64,
+        phase: &str,
+        subjects: Vec<&String>,
+    ) -> Result<(KeyExpr<'static>, Vec<u8>), Fault> {
         let status = Status { version: 1, process: &self.me, kind: "robot", tick, time, phase, subjects };
         Ok((format!("{}/status/{}", self.home, self.me).try_into()?, packed(&status)?))
     }

@@ -1,8 +1,9 @@
 //! The messages of docs/messages.md, as far as this robot needs them, and a Gaussian as bytes (docs/bytes.md).
 //! Fields that have their default are left out.
 
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::Write;
 
@@ -27,10 +28,10 @@ pub struct Readings {
     pub compass_sigma: Option<f64>,
     pub fix: Option<Fix>,
     pub sightings: Vec<Sighting>,
-    pub seen: Vec<Seen>,
+    pub seen: Vec<Value>, // sightings of other kinds: handed on as they are
 }
 
-#[derive(Clone, Deserialize)]
+#[derive(Clone, Copy, Default, Deserialize)]
 pub struct Odometry {
     pub distance: f64,
     pub turn: f64,
@@ -58,109 +59,6 @@ pub struct Sighting {
     pub range_sigma: Option<f64>,
     pub bearing_sigma: Option<f64>,
     pub confidence: Option<f64>,
-}
-
-/// In Readings, and in evidence.
-#[derive(Clone, Deserialize, Serialize)]
-pub struct Seen {
-    pub subject: String,
-    pub kind: String,
-    pub values: Vec<f64>,
-    #[serde(default)]
-    pub covariance: Vec<f64>,
-    #[serde(skip_serializing)]
-    pub landmark: Option<[f64; 2]>,
-    #[serde(default)]
-    pub age: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub confidence: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mark: Option<u64>,
-}
-
-#[derive(Clone, Serialize)]
-pub struct Evidence {
-    pub epoch: u64,
-    pub travelled: Motion,
-    pub nuisance: Nuisance,
-    pub state: State,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub increment: Option<Increment>,
-    pub relatives: Vec<Relative>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub profile: Vec<[f64; 2]>,
-    pub seen: Vec<Seen>,
-}
-
-#[derive(Clone, Default, Serialize)]
-pub struct Motion {
-    pub distance: f64,
-    pub turn: f64,
-    pub time: f64,
-    pub moving: f64,
-    pub along: f64,
-    pub across: f64,
-    pub heading: f64,
-}
-
-/// Neither wheels nor camera have an error that lasts: this robot estimates none.
-#[derive(Clone, Serialize)]
-pub struct Nuisance {
-    forward: f64,
-    turn: f64,
-    sigmas: [f64; 6],
-    walks: [f64; 3],
-    memory: [f64; 3],
-}
-
-impl Nuisance {
-    /// `wheels`: sigmas of both scales, which stay as they are.
-    pub fn of(wheels: [f64; 2]) -> Self {
-        let sigmas = [wheels[0], wheels[1], 0.0, 0.0, 0.0, 0.0];
-        Nuisance { forward: 1.0, turn: 1.0, sigmas, walks: [0.0; 3], memory: [0.0; 3] }
-    }
-}
-
-#[derive(Clone, Default, Deserialize, Serialize)]
-pub struct State {
-    pub mean: Vec<f64>,
-    pub covariance: Vec<f64>,
-}
-
-#[derive(Clone, Serialize)]
-pub struct Increment {
-    pub reference: Vec<f64>,
-    pub information: Vec<f64>,
-    pub vector: Vec<f64>,
-}
-
-/// The nine states of a joint, of a pose: both scales are 1, all other errors 0.
-pub fn nine(pose: &Vector3<f64>) -> Vec<f64> {
-    vec![pose.x, pose.y, pose.z, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]
-}
-
-/// The upper triangle, row by row, of a 9 x 9 matrix that has nothing but this in its corner.
-pub fn triangle(corner: &Matrix3<f64>, wheels: [f64; 2]) -> Vec<f64> {
-    let entry = |i: usize, j: usize| match (i, j) {
-        (_, 0..=2) => corner[(i, j)],
-        (3, 3) | (4, 4) => wheels[i - 3].powi(2),
-        _ => 0.0,
-    };
-    (0..9).flat_map(|i| (i..9).map(move |j| entry(i, j))).collect()
-}
-
-#[derive(Clone, Serialize)]
-pub struct Relative {
-    pub subject: String,
-    pub range: f64,
-    pub bearing: f64,
-    pub range_variance: f64,
-    pub bearing_variance: f64,
-    pub age: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub confidence: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mark: Option<u64>,
 }
 
 #[derive(Clone, Deserialize, Serialize)]
@@ -220,7 +118,7 @@ pub struct Report<'a> {
     pub time: f64,
     pub belief: &'a Belief,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub evidence: Option<&'a Evidence>,
+    pub evidence: Option<&'a Value>,
 }
 
 #[derive(Serialize)]
