@@ -124,8 +124,11 @@ def _array(schema: Schema, root: Schema) -> str:
     if "prefixItems" in schema:
         each = list(dict.fromkeys(allowed(one, root) for one in schema["prefixItems"]))
         return f"a list of {len(schema['prefixItems'])}, each {_one_of(each)}"
-    most = f" of at most {schema['maxItems']}" if "maxItems" in schema else ""
-    return f"a list{most}, each {allowed(schema['items'], root)}" if schema.get("items") else f"a list{most}"
+    least, most = schema.get("minItems", 0), schema.get("maxItems")
+    size = "" if most is None else f" of at most {most}"
+    if least and most is not None:
+        size = f" of {most}" if least == most else f" of {least} to {most}"
+    return f"a list{size}, each {allowed(schema['items'], root)}" if schema.get("items") else f"a list{size}"
 
 
 def _text(schema: Schema) -> str:

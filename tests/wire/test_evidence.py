@@ -182,6 +182,15 @@ def test_scales_by_kind_of_motion_travel_and_a_robot_without_them_sends_none() -
     assert unpack_nuisance(former.nuisance) == Nuisance()
 
 
+def test_a_state_of_too_few_numbers_is_told_how_many_it_has() -> None:
+    import msgpack
+
+    whole = as_map(FORWARD)
+    whole["evidence"][0]["evidence"]["state"]["mean"] = [1.0, 2.0, 0.0]
+    with pytest.raises(Refused, match="give a list of 9 to 12, each a number"):
+        decode(Forward, msgpack.packb(whole))
+
+
 @pytest.mark.parametrize("sizes", [(9, 78), (12, 45), (10, 55), (11, 66)])
 def test_rows_and_matrices_of_different_sizes_are_refused(sizes: tuple[int, int]) -> None:
     with pytest.raises(ValidationError, match="a state has 9 or 12 numbers"):

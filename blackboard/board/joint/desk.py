@@ -132,7 +132,11 @@ class JointDesk:
         if packed.epoch > 1000 * (time + self.settings.future + skew):
             raise Refused("future", f"epoch {packed.epoch} of {robot} is later than {1000 * time:.0f} ms of team time")
         if before is not None and shrank(before, packed):
-            raise Refused("backwards", f"the sums of {robot} shrank within epoch {packed.epoch}; begin a greater epoch")
+            raise Refused(
+                "backwards",
+                f"travelled of {robot} shrank within epoch {packed.epoch}: it is summed since the epoch began; after a new start "
+                "begin a greater epoch",
+            )
         if before is None and len(self._newest) >= MAX_ROBOTS:
             raise Refused("too-many", f"{robot} would be one more than {MAX_ROBOTS} robots in the joint")
         evidence = self._bounded(unpack(robot, tick, time, packed))

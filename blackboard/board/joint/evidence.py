@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 
@@ -10,6 +11,7 @@ from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.vehicle import FORWARD, TURN
 from blackboard.wire.evidence import PackedEvidence
 from blackboard.wire.gaussians import unpack_increment, unpack_motion, unpack_nuisance, unpack_relatives, unpack_state
 from blackboard.wire.messages import Learned
@@ -17,6 +19,7 @@ from blackboard.wire.messages import Learned
 MOST = 1e7  # of places and their variances: ten times what stands for a place of which nothing is known
 MOST_ERROR = 1e3  # of angles (rad), of scales, and of their errors and walks
 WAYS = ("distance", "along", "across", "curved", "driven", "faster", "quicker")  # that no robot has more than `MOST` of
+TICK = 10.0  # seconds: longer than any tick, and a sum of so little time is told exactly enough on a poor link, too
 GROWING = ("time", "moving", "along", "across", "heading")  # sums of an epoch that never shrink
 
 
@@ -42,7 +45,11 @@ def unpack(robot: str, tick: int, time: float, packed: PackedEvidence) -> Eviden
 
 
 def check(packed: PackedEvidence) -> None:
-    """Refused: "fields", numbers so large that they would spoil, by rounding, what others say in the same joint."""
+    """Refused: "fields".
+
+    That are numbers so large that they would spoil, by rounding, what others say in the same joint; wheels that never move it;
+    and a profile that is not in the order of its distances.
+    """
     places, errors = [abs(getattr(packed.travelled, name)) for name in WAYS], [0.0]
     if packed.state is not None:
         places += [abs(value) for value in (*packed.state.mean, *packed.state.covariance)]
@@ -53,7 +60,15 @@ def check(packed: PackedEvidence) -> None:
         numbers = [abs(number) for number in (*seen.values, *seen.covariance, *(sigma for sigma, _ in seen.biases))]
         (errors if seen.kind == "bearing" else places).extend(numbers)
     places += [number for pair in packed.profile for number in pair]
+    if any(then >= now for (then, _), (now, _) in itertools.pairwise(packed.profile)):
+        raise Refused("fields", "evidence.profile: give pairs (distance, variance) whose distances grow")
     nuisance = packed.nuisance
+    scales = {"nuisance": (nuisance.forward, nuisance.turn)}
+    if packed.state is not None:
+        scales["state"] = packed.state.mean[FORWARD], packed.state.mean[TURN]
+    for place, both in scales.items():
+        if 0.0 in both:
+            raise Refused("fields", f"evidence.{place}: a scale of its wheels is 0; 1 is a scale without an error")
     errors += [abs(nuisance.forward), abs(nuisance.turn), *nuisance.sigmas, *nuisance.walks]
     for largest, most in ((max(places), MOST), (max(errors), MOST_ERROR)):
         if largest > most:
@@ -61,9 +76,14 @@ def check(packed: PackedEvidence) -> None:
 
 
 def shrank(before: PackedEvidence, packed: PackedEvidence) -> bool:
-    """Whether a time or a variance that is summed over an epoch is less than it was in the same epoch."""
-    sums = ((getattr(before.travelled, name), getattr(packed.travelled, name)) for name in GROWING)
-    return packed.epoch == before.epoch and any(now < then for then, now in sums)
+    """Whether a time or a variance that is summed over an epoch is less than it was in the same epoch, or it moved in no time.
+
+    A robot that tells the odometry of each tick instead of its sum does the one or the other.
+    """
+    sums = [(getattr(before.travelled, name), getattr(packed.travelled, name)) for name in GROWING]
+    then, now = ((its.time, its.distance, its.turn) for its in (before.travelled, packed.travelled))
+    in_no_time = 0.0 < then[0] == now[0] < TICK and then != now
+    return packed.epoch == before.epoch and (in_no_time or any(now < then for then, now in sums))
 
 
 def names(sources: Iterable[str]) -> str:

@@ -278,6 +278,41 @@ def test_sums_that_shrink_and_epochs_to_come_are_refused() -> None:
     assert means(desk.settle(0.2, MAKE)) == {"robot/r1": (12.0, 10.0)}
 
 
+def test_odometry_that_is_not_summed_is_refused_and_the_cure_is_named() -> None:
+    """A robot of somebody else that tells each tick's odometry would stand still in the joint, and nobody would say why."""
+    desk, packed = new_desk(), at(10, 10)
+    step = packed.travelled.model_copy(update={"distance": 0.2, "time": 0.2})
+    desk.take_evidence("r1", 0, 0.0, packed.model_copy(update={"travelled": step}), own=True)
+    again = step.model_copy(update={"distance": 0.21})
+    with pytest.raises(Refused, match="backwards: .* summed since the epoch began"):
+        desk.take_evidence("r1", 1, 0.2, packed.model_copy(update={"travelled": again}), own=True)
+    summed = step.model_copy(update={"distance": 0.41, "time": 0.4})
+    desk.take_evidence("r1", 1, 0.2, packed.model_copy(update={"travelled": summed}), own=True)
+
+
+@pytest.mark.parametrize("place", ["state", "nuisance"])
+def test_a_scale_of_0_is_refused_and_the_cure_is_named(place: str) -> None:
+    """Who has no error of its wheels has scales of 1. With 0 its robot would never move in the joint."""
+    packed = at(10, 10)
+    assert packed.state is not None
+    mean = (*packed.state.mean[:3], 0.0, *packed.state.mean[4:])
+    none = {
+        "state": packed.state.model_copy(update={"mean": mean}),
+        "nuisance": packed.nuisance.model_copy(update={"turn": 0.0}),
+    }
+    with pytest.raises(Refused, match=f"fields: .*{place}.* scale .* 1 is a scale without an error"):
+        new_desk().take_evidence("r1", 0, 0.0, packed.model_copy(update={place: none[place]}), own=True)
+
+
+@pytest.mark.parametrize("profile", [[(3.0, 0.1), (1.0, 0.2)], [(0.25, 7.0), (0.25, 8.0)]])
+def test_a_profile_whose_distances_do_not_grow_is_refused_and_the_cure_is_named(
+    profile: list[tuple[float, float]],
+) -> None:
+    packed = at(10, 10, sees=sighting("object/ball", 5.0)).model_copy(update={"profile": profile})
+    with pytest.raises(Refused, match="fields: .*profile: give .*distance, variance.*"):
+        new_desk().take_evidence("r1", 0, 0.0, packed, own=True)
+
+
 def test_a_robot_whose_clock_was_set_back_counts_again_and_what_it_said_before_counts_once() -> None:
     """Epochs are numbered by the robot's own clock, which was 3 s ahead; the times are those of the board's."""
     desk = new_desk()
