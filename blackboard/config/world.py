@@ -29,7 +29,7 @@ class WorldVisionSection(Section):
     preset: Literal["paper", "camera"] = "camera"
     "A gain by name: 1 is the paper's sensor (sigma up to 37 cells), 0.05 a camera (up to 1.9 cells)."
     gain: Positive | None = None
-    "[factor] Gain of (VI-.1), instead of the preset's."
+    "[factor] Gain of (VI-.1), instead of the preset's: at distance d of 8 abs(d - 7.5), below 3 and above 11 of 20 ln abs(d - 7.5)."
     floor: Positive = 0.5
     "[unit] Least sigma of a seen position; the printed sigma is 0 at a distance of 7.5."
     half_angle: Annotated[float, Field(gt=0, le=3.1416)] = 1.5708

@@ -63,7 +63,8 @@ class PackedState(Part):
     """The states are x, y, heading; forward and turn scale, drift, bearing bias, slip, range scale; and what differs
     by kind of motion: by how much the scale of the way is larger on a curve, by how much the scale of a turn is
     larger while driving, and by how many seconds the motion lags behind the odometry. A robot that does not know
-    the last three leaves them out everywhere, and so do older members; they count as 0.
+    the last three leaves them out everywhere, and so do older members; they count as 0. Of a robot without such errors
+    both scales are 1 and the rest is 0, with variances of 0. A heading may be told in any turn.
     """
 
     mean: State
@@ -93,7 +94,10 @@ class PackedVelocity(Part):
 
 
 class PackedIncrement(Part):
-    """The likelihood exp(v d - d I d / 2) of d = state - reference."""
+    """The likelihood exp(v d - d I d / 2) of d = state - reference: what the robot's own sensors (fix, compass, landmarks)
+    measured in the tick. A sighting of a mate or an object is not in it. Of independent measurements z = h(state) + noise of
+    covariance R, with the derivative H of h at the reference, I is the sum of H^T R^-1 H, and v that of H^T R^-1 (z - h(reference)).
+    """
 
     reference: State
     """the prediction's mean"""
@@ -109,7 +113,9 @@ class PackedIncrement(Part):
 
 
 class PackedMotion(Part):
-    """The odometry since the epoch began, summed up, so that a lost report loses no motion: the fields of a `Motion` in its order."""
+    """The odometry since the epoch began, summed up, so that a lost report loses no motion: the fields of a `Motion` in its order.
+    It is not that of the tick. A robot that lost Readings adds what it may have driven meanwhile to the variances.
+    """
 
     distance: Finite
     """forward, in the grid's unit, as the odometry measured it"""
@@ -136,7 +142,10 @@ class PackedMotion(Part):
 
 
 class PackedNuisance(Part):
-    """How the lasting errors of wheels and camera behave (`vehicle.Nuisance`); a memory of 0 s is for ever."""
+    """How the lasting errors of wheels and camera behave (`vehicle.Nuisance`); a memory of 0 s is for ever. A robot whose filter
+    does not estimate its wheels may say all the same how far they may be off: sigmas here, their squares as variances in
+    `state`. The joint then finds by how much they are.
+    """
 
     forward: Finite
     """forward scale at the start"""
@@ -174,7 +183,9 @@ class PackedRelative(Part):
     confidence: Confidence = 1.0
     """how sure the detector is that something is there"""
     mark: Tick | None = None
-    """of an unnamed one: its number among those of the tick's Readings, `sightings` first and then `seen`, from 0"""
+    """of an unnamed one: its number among those of the tick's Readings, `landmark/?` too, `sightings` first and then
+    `seen`, from 0
+    """
 
 
 class Seen(Part):
@@ -250,18 +261,19 @@ class PackedEvidence(Part):
     nuisance: PackedNuisance
     """how the lasting errors behave"""
     state: PackedState | None = None
-    """the first-hand belief after the tick, from which a robot enters the joint; none: it has several hypotheses, and
+    """the first-hand belief after the tick, what it gained included, from which a robot enters the joint; none: it has
+    several hypotheses, and
     `belief` counts; or it is in the joint, and leaves it out to save bytes
     """
     increment: PackedIncrement | None = None
-    """what was gained in this tick over the prediction; none: nothing"""
+    """what was gained in this tick over the prediction; none: nothing, as in the tick in which an epoch begins"""
     relatives: Annotated[list[PackedRelative], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)
     """the newest sighting of each mate and object"""
     profile: Annotated[list[tuple[NonNegative, NonNegative]], Field(max_length=MAX_PROFILE), ListedRows] = Field(
         default_factory=list
     )
-    """instead of range and bearing variances: the variance of the seen position in each coordinate (unit^2) by the
-    true distance (unit), interpolated
+    """instead of range and bearing variances: pairs of a true distance (unit) and the variance of the seen position in
+    each coordinate (unit^2), by growing distance, interpolated
     """
     seen: Annotated[list[Seen], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)
     """sightings of further kinds, with their covariances"""

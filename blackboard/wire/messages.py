@@ -360,7 +360,7 @@ class Status(Message):
     tick: Tick
     """the newest tick it did"""
     time: Finite
-    """team time of that tick, seconds; of a board that has settled nothing yet (`"idle"`) the time of sending"""
+    """team time of that tick, seconds; before the first (`"idle"`) of a board the time of sending, of a robot 0"""
     phase: Literal["reported", "consensus", "agreed", "idle"] = "idle"
     """what of the tick is done: a robot sends `"reported"`, a board the other two"""
     subjects: Subjects = Field(default_factory=list)
