@@ -11,6 +11,7 @@ import numpy as np
 
 from blackboard.errors import Degenerate
 from blackboard.opinion.cooperative import Coalition
+from blackboard.opinion.gaussian.absent import Absent
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Contacts
 from blackboard.opinion.gaussian.evidence import UnusedCounts, Verdict
@@ -94,6 +95,7 @@ class TeamState:
     called: Mapping[str, Moments] = field(
         default_factory=dict
     )  # where a board that began earlier has tracks, by their names there
+    absent: dict[str, Absent] = field(default_factory=dict)  # by name: what was lost since it was told of
     rings: dict[str, Ring] = field(default_factory=dict)  # of objects of which only ranges or bearings alone are known
     elapsed: float = 0.0  # seconds that were settled
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other
@@ -126,6 +128,7 @@ class TeamState:
             limits=self.limits.copy(),
             naming=self.naming.copy(),
             tracks=self.tracks.copy(),
+            absent=dict(self.absent),
             rings={subject: ring.copy() for subject, ring in self.rings.items()},
             known=dict(self.known),
             seen=dict(self.seen),

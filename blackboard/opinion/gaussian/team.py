@@ -25,7 +25,7 @@ from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.rings import RingPlace
 from blackboard.opinion.gaussian.sightings import batches, close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
-from blackboard.opinion.gaussian.tracking import end_tick
+from blackboard.opinion.gaussian.tracking import end_tick, pass_absent
 from blackboard.opinion.gaussian.vehicle import AXES, LATELY, STATES, UNSTEADY, Motion, Nuisance, drive, speed
 from blackboard.opinion.grid import Grid
 
@@ -184,6 +184,7 @@ class TeamJoint(TeamState):
         self.offsets.pass_time(dt)
         self.freshness.pass_time(dt)
         self.tracks.pass_time(dt)
+        pass_absent(self, dt)
         self.elapsed += dt
         for name in self.seen:
             kind = self.tracks.kind(name)

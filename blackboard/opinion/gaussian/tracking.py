@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from blackboard.opinion.chi_squared import DOUBT, GATE, quantile
 from blackboard.opinion.classes import kind_of, stem
+from blackboard.opinion.gaussian.absent import Absent, bounded, found_again
 from blackboard.opinion.gaussian.assignment import CLEAR, posterior
 from blackboard.opinion.gaussian.joint import squared_distance
 from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.rolling import Rolling
 from blackboard.opinion.gaussian.state import TeamState
-from blackboard.opinion.gaussian.tracks import LIKELY, TINY, Place
+from blackboard.opinion.gaussian.tracks import KEPT, LIKELY, TINY, Place
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in, wrap
 from blackboard.opinion.grid import Array
 
@@ -99,24 +101,70 @@ def _is_anywhere(team: TeamState, block: str) -> bool:
     return region > team.naming.area
 
 
+def pass_absent(team: TeamState, dt: float) -> None:
+    """Let `dt` seconds pass for what may be out of sight; what stays so for long is forgotten."""
+    passed = {name: one.passed(dt) for name, one in team.absent.items()}
+    team.absent = bounded({name: one for name, one in passed.items() if one.unseen <= KEPT}, team.left_out)
+
+
+def _note(team: TeamState) -> None:
+    """Keep which tracks are lost, and where those that are told of were seen last."""
+    for block in team.tracks:
+        was_told = team.tracks.is_told(block)
+        team.tracks.lose(block, math.sqrt(team.marginal(block).covariance.trace() / 2))
+        if was_told and not team.tracks.is_told(block) and block in team.absent:
+            team.absent[block] = replace(team.absent[block], lost=True)
+        if team.tracks.is_told(block) and team.seen[block] == 0.0:
+            kind, rolling = _going(team, block)
+            team.absent[block] = Absent(kind, rolling.moments(), rolling.fastest, team.tracks.observers(block))
+
+
+def _going(team: TeamState, block: str) -> tuple[str, Rolling]:
+    """The class of what a track is of, and how it goes."""
+    kind = team.tracks.kind(block)
+    return kind, team.walks.rolling(block, team.marginal(block), team.objects.drift_of(block), kind)
+
+
+def _found_again(team: TeamState, new: Sequence[str], taken: Collection[str]) -> dict[str, str]:
+    """Of tracks that are to have a name those that are of a thing out of sight, by its name, which is none of those `taken`."""
+    absent = {
+        name: one
+        for name, one in team.absent.items()
+        if name not in taken and not (name in team.tracks and team.tracks.is_told(name))
+    }
+    return found_again({block: _going(team, block) for block in new if absent}, absent, team.naming.area)
+
+
 def end_tick(team: TeamState) -> None:
     """Drop the tracks that are over, and name those that are sure."""
     gone = {block for block in team.tracks if block not in team.joint or _is_anywhere(team, block)}
     for block in sorted(gone.union(team.tracks.ended())):
-        team.tally.tracks["tracks_died"] += team.tracks.is_named(block)
-        team.tracks.drop(block)
-        team.forget_object(block)
-    for block in team.tracks:
-        team.tracks.lose(block, math.sqrt(team.marginal(block).covariance.trace() / 2))
+        if block not in gone and block in team.absent and not team.absent[block].lost:  # it is not where it has to be
+            del team.absent[block]
+        _drop(team, block)
+    _note(team)
     new, same = team.tracks.to_be_named(), _called(team)
+    again = _found_again(team, [block for block in new if block not in same], set(same.values()))
+    for name in sorted(again.values()):
+        if name in team.tracks:
+            _drop(team, name)
+    same |= again
     for block in new:
-        name = same.get(block) or team.tracks.new_name(
-            block, lambda name: name in team.called or _is_used(team, name), team.called
-        )
+        name = same.get(block) or team.tracks.new_name(block, lambda name: _was_given(team, name), team.called)
         _call(team, block, name)
         team.tally.tracks["tracks_born"] += 1
     for block in sorted(same.keys() - set(new)):
         _call(team, block, same[block])
+
+
+def _drop(team: TeamState, block: str) -> None:
+    team.tally.tracks["tracks_died"] += team.tracks.is_named(block)
+    team.tracks.drop(block)
+    team.forget_object(block)
+
+
+def _was_given(team: TeamState, name: str) -> bool:
+    return name in team.called or name in team.absent or _is_used(team, name)
 
 
 def _is_used(team: TeamState, name: str) -> bool:
@@ -131,11 +179,15 @@ def _call(team: TeamState, block: str, name: str) -> None:
 def _called(team: TeamState) -> dict[str, str]:
     """What a board that began earlier calls the tracks that are sure here: where it is clear which is which, by their places.
 
-    A name that is in use here, or over, is of something else.
+    A name that is in use here, or over for good, is of something else.
     """
     new = team.tracks.to_be_named()
     blocks = [block for block in team.tracks if block in new or team.tracks.is_named(block)] if team.called else []
-    names = sorted(block for block in team.called if not (_is_used(team, block) or team.tracks.is_over(block)))
+    names = sorted(
+        name
+        for name in team.called
+        if not _is_used(team, name) and (name in team.absent or not team.tracks.is_over(name))
+    )
     weights = np.zeros((len(blocks), len(names)))
     for row, block in enumerate(blocks):
         mine = team.marginal(block)

@@ -258,6 +258,10 @@ class Tracks:
         """Whether an observer alone has seen a track."""
         return block in self._tracks and self._tracks[block].observers == {observer}
 
+    def observers(self, block: str) -> frozenset[str]:
+        """Who has seen a track."""
+        return frozenset(self._tracks[block].observers)
+
     def area(self, observer: str, kind: str) -> float:
         """How large a part of the map an observer sees things of a class in (unit^2)."""
         return self._view(observer, kind).area
@@ -353,6 +357,7 @@ class Tracks:
         track = self._tracks.pop(block)
         if not track.named:
             self._learn(track, 1.0)
+        self._over = tuple(over for over in self._over if over != name)
         self._tracks[name] = replace(track, named=True, shown=track.shown if track.named else AGAIN)
 
     def ended(self) -> list[str]:

@@ -77,6 +77,11 @@ class Walks:
         now = course.rolling.moments()
         return Moments(now.mean[VELOCITY], now.covariance[VELOCITY, VELOCITY])
 
+    def rolling(self, subject: str, place: Moments, prior: float, kind: str) -> Rolling:
+        """How an object rolls, if it does, as its own sightings show it; of one that was not seen twice as others of its kind do."""
+        course = self._courses.get(subject)
+        return course.rolling if course else Rolling.begun(place, prior, self._habits_of(kind))
+
     def pass_time(self, subject: str, prior: float, dt: float, model: Model = "learn", kind: str = "") -> Moments:
         """Let an object move for `dt` seconds: the way that it goes, shape (2,), and the covariance of that, shape (2, 2).
 

@@ -130,6 +130,20 @@ def test_who_goes_on_where_nobody_looks_is_told_of_no_more_and_found_again_by_th
     assert joint.marginal("person/1").mean == pytest.approx(place, abs=1.0)
 
 
+@pytest.mark.parametrize("seed", range(1, 3))
+def test_who_comes_back_after_its_track_is_over_because_nobody_knew_its_place_has_its_name(seed: int) -> None:
+    joint, robots = a_team(seed=seed)
+    over = False
+    for tick in range(24):
+        place = robots[0].place + [5.0, -0.5 * tick]
+        hidden = 10 <= tick < 20
+        joint.settle(tick, 1.0, with_people(robots, tick, {} if hidden else {it.name: [place] for it in robots}))
+        over |= not list(joint.tracks)
+    assert over
+    assert tracks(joint) == ["person/1"]
+    assert joint.marginal("person/1").mean == pytest.approx(place, abs=1.5)
+
+
 def test_who_may_be_anywhere_is_no_track_any_more() -> None:
     joint, robots = a_team()
     walked(joint, robots, range(5), [4.0, -2.0])
