@@ -116,6 +116,7 @@ pub struct Object {
     pub mean: Vector2<f64>,
     pub covariance: Matrix2<f64>,
     cross: Matrix2x3<f64>,
+    missed: bool, // whether its newest sighting contradicts it
 }
 
 fn wrap(angle: f64) -> f64 {
@@ -166,7 +167,7 @@ impl Filter {
 
     /// Whether what it measures contradicts its pose for long. Then begin anew.
     pub fn lost(&self) -> bool {
-        self.refuted >= 3
+        self.refuted >= 3 || !self.pose.mean.iter().all(|number| number.is_finite())
     }
 
     /// Take the Readings of a later tick in.
@@ -221,7 +222,7 @@ impl Filter {
         if let Some(odometry) = &readings.odometry {
             let (sin, cos) = pose.mean.z.sin_cos();
             let step = Vector3::new(odometry.distance * cos, odometry.distance * sin, odometry.turn);
-            pose.mean -= step * (age / odometry.dt);
+            pose.mean -= step * (age / odometry.dt.max(1e-3));
         }
         pose
     }
@@ -289,15 +290,23 @@ impl Filter {
                     object.mean += gain * off;
                     object.covariance -= gain * spread * gain.transpose();
                     object.cross -= gain * (back * object.cross + by * pose.covariance);
+                    object.missed = false;
                     continue;
                 }
+                if !object.missed {
+                    object.missed = true;
+                    continue; // an outlier, or the first after somebody kicked it
+                }
             }
-            let turned = *Rotation2::new(pose.mean.z).matrix(); // new, or carried to elsewhere
+            let turned = *Rotation2::new(pose.mean.z).matrix(); // new, or kicked to elsewhere
             let away = turned * seen;
             let by = Matrix2x3::new(1.0, 0.0, -away.y, 0.0, 1.0, away.x);
             let noise = turned * self.sensors.noise(sighting, sighting.range) * turned.transpose();
             let (mean, covariance) = (pose.mean.xy() + away, by * pose.covariance * by.transpose() + noise);
-            self.objects.insert(sighting.subject.clone(), Object { mean, covariance, cross: by * pose.covariance });
+            self.objects.insert(
+                sighting.subject.clone(),
+                Object { mean, covariance, cross: by * pose.covariance, missed: false },
+            );
         }
     }
 }

@@ -1,5 +1,9 @@
-//! A robot that takes part in a joint, written from docs/wire.md and its pages alone. It reads Readings as `robot-agent` does,
-//! runs its own filter, and reports what it believes with the evidence for the team. It prints where the team has it.
+//! A robot that takes part in a joint, written from docs/wire.md and its pages alone. It reads Readings and Clock as `robot-agent`
+//! does, runs a filter of its own, reports what it believes with the evidence for the team, and prints where the team has it:
+//!
+//!     cargo run --bin joint_robot demo a r1 tcp/127.0.0.1:7447
+//!
+//! It begins with a fix and a heading, takes nothing back from the team, and believes every Clock.
 
 mod evidence;
 mod filter;
@@ -85,8 +89,8 @@ fn main() -> Result<(), Fault> {
     let to = sender.clone();
     hear(&session, format!("{world}/reading/{me}"), move |readings| drop(to.send(Event::Readings(readings))))?;
     hear(&session, format!("{home}/agreed/robot/{me}"), |agreed: Agreed| {
-        if let Some(State { mean }) = agreed.state {
-            println!("{} {:.3} {:.3} {:.3}", agreed.tick, mean[0], mean[1], mean[2]);
+        if let Some([x, y, heading, ..]) = agreed.state.as_ref().map(|state| &state.mean[..]) {
+            println!("{} {x:.3} {y:.3} {heading:.3}", agreed.tick);
         }
     })?;
     hear(&session, format!("{home}/refused/{me}"), |refusal: Refusal| {
