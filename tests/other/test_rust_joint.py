@@ -188,17 +188,20 @@ class Stage:
         )
         self.put("cop/t/world/reading/r1", its)
 
-    def answers(self, tick: int, times: int = 1) -> Report:
-        """Wait until it has reported a tick so often; the newest report about itself."""
-        heard: list[Envelope] = []
+    def answers(self, tick: int) -> Report:
+        """Wait until it has reported a tick; the report about itself."""
+        reports: list[Report] = []
+        done: list[Status] = []
 
-        def done() -> bool:
-            heard.extend(self.link.receive(0.05))
+        def is_done() -> bool:
+            heard = self.link.receive(0.05)
+            told = [decode(Report, e.payload) for e in heard if e.key == "cop/t/a/report/r1/robot/r1"]
+            reports.extend(report for report in told if report.tick == tick)
             statuses = [decode(Status, e.payload) for e in heard if e.key == "cop/t/a/status/r1"]
-            return sum(s.tick == tick and s.phase == "reported" for s in statuses) >= times
+            done.extend(it for it in statuses if it.tick == tick and it.phase == "reported")
+            return bool(reports and done)
 
-        wait_until(done, f"tick {tick} is reported")
-        reports = [decode(Report, e.payload) for e in heard if e.key == "cop/t/a/report/r1/robot/r1"]
+        wait_until(is_done, f"tick {tick} is reported")
         return reports[-1]
 
 
