@@ -175,7 +175,13 @@ class Stage:
         robots = {"a": ["r1"]} if mode == "lockstep" else {}
         self.put("cop/t/world/clock", Clock(run=run, tick=tick, time=0.2 * tick, mode=mode, robots=robots))
 
-    def readings(self, tick: int, run: str = "x", fix: tuple[float, float] | None = None) -> None:
+    def readings(
+        self, tick: int, run: str = "x", fix: tuple[float, float] | None = None, post: tuple[float, float] | None = None
+    ) -> None:
+        """`post`: a landmark that is there, and is seen 5 cells ahead."""
+        seen = [Sighting(subject="object/ball", range=7.0, bearing=0.0)]
+        if post is not None:
+            seen.append(Sighting(subject="landmark/post", range=5.0, bearing=0.0, landmark=post, range_sigma=0.1))
         its = Readings(
             run=run,
             robot="r1",
@@ -184,7 +190,7 @@ class Stage:
             odometry=Odometry(distance=0.2, turn=0.0, dt=0.2),
             compass=0.0,
             fix=None if fix is None else Fix(position=fix, sigma=0.5),
-            sightings=[Sighting(subject="object/ball", range=7.0, bearing=0.0)],
+            sightings=seen,
         )
         self.put("cop/t/world/reading/r1", its)
 
@@ -250,6 +256,25 @@ def test_late_repeated_lost_and_broken_clocks_end_nothing(
         stage.readings(3, "y")  # its Clock is lost
         stage.answers(3)
         assert rust.running.poll() is None
+
+
+def test_a_robot_that_was_carried_away_doubts_itself_and_finds_itself_by_a_landmark(
+    joint: str, endpoint: str, connect: Callable[[str], Link]
+) -> None:
+    stage = Stage(connect("stage"))
+    with command(joint, "t", "a", "r1", endpoint):
+        stage.begin()
+        stage.readings(1, fix=(5.0, 6.0))
+        stage.clock(1)
+        first = stage.answers(1)
+        for tick in range(2, 12):
+            stage.readings(tick, post=(17.0, 14.0))  # so it is at (12, 14)
+            stage.clock(tick)
+            found = stage.answers(tick)
+        assert unpack(found.belief).mean() == pytest.approx([12.0, 14.0], abs=0.5)
+        assert first.evidence is not None
+        assert found.evidence is not None
+        assert found.evidence.epoch > first.evidence.epoch
 
 
 def test_it_answers_queries_and_goes_on_without_a_world(

@@ -153,7 +153,7 @@ impl Filter {
             sensors: sensors.clone(),
             pose: Pose { mean, covariance: Matrix3::from_diagonal(&variances) },
             objects: BTreeMap::new(),
-            epoch: (readings.time * 1000.0).max(0.0) as u64,
+            epoch: epoch(readings),
             gained: None,
             travelled: Travelled::zeros(),
             tick: readings.tick,
@@ -165,9 +165,16 @@ impl Filter {
         Some(filter)
     }
 
-    /// Whether what it measures contradicts its pose for long. Then begin anew.
+    /// Whether what it measures contradicts its pose for long.
     pub fn lost(&self) -> bool {
         self.refuted >= 3 || !self.pose.mean.iter().all(|number| number.is_finite())
+    }
+
+    /// Begin another epoch at the same pose, which is known less well than it was thought to be.
+    pub fn doubt(&mut self, readings: &Readings) {
+        self.pose.covariance *= 25.0;
+        self.objects.clear();
+        (self.epoch, self.travelled, self.gained, self.refuted) = (epoch(readings), Travelled::zeros(), None, 0);
     }
 
     /// Take the Readings of a later tick in.
@@ -309,6 +316,11 @@ impl Filter {
             );
         }
     }
+}
+
+/// Grows with each beginning: milliseconds of team time.
+fn epoch(readings: &Readings) -> u64 {
+    (readings.time * 1000.0).max(0.0) as u64
 }
 
 pub fn unnamed(subject: &str) -> bool {

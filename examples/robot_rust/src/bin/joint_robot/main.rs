@@ -199,7 +199,9 @@ impl Robot {
             filter.take(readings);
         }
         if at.filter.as_ref().is_none_or(Filter::lost) {
-            at.filter = Filter::begin(&self.sensors, readings);
+            let anew = Filter::begin(&self.sensors, readings);
+            at.filter.as_mut().map(|filter| filter.doubt(readings)); // where the Readings cannot tell it
+            at.filter = anew.or(at.filter.take());
         }
         at.evidence = at.filter.as_ref().map(|filter| evidence::evidence(filter, readings));
     }
