@@ -211,7 +211,9 @@ impl Filter {
         self.pose.mean.z = wrap(self.pose.mean.z);
         let by = Matrix3::new(1.0, 0.0, -distance * sin, 0.0, 1.0, distance * cos, 0.0, 0.0, 1.0);
         let axes = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
-        let noise = axes * Matrix3::from_diagonal(&Vector3::from(variances)) * axes.transpose();
+        let wheels = [self.sensors.of("scale") * distance, 0.0, self.sensors.of("turn_scale") * turn];
+        let own = Vector3::from(variances) + Vector3::from(wheels).map(|off| off * off); // to this filter that is noise, too
+        let noise = axes * Matrix3::from_diagonal(&own) * axes.transpose();
         self.pose.covariance = by * self.pose.covariance * by.transpose() + noise;
         for object in self.objects.values_mut() {
             object.cross *= by.transpose();
