@@ -174,6 +174,7 @@ def _is_used(team: TeamState, name: str) -> bool:
 def _call(team: TeamState, block: str, name: str) -> None:
     team.tracks.call(block, name)
     team.rename(block, name)
+    team.absent.pop(block, None)  # nobody has its old name any more
 
 
 def _called(team: TeamState) -> dict[str, str]:

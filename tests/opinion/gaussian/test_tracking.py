@@ -11,6 +11,7 @@ import pytest
 
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.identifying import MOST_SEEN
+from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
@@ -142,6 +143,17 @@ def test_who_comes_back_after_its_track_is_over_because_nobody_knew_its_place_ha
     assert over
     assert tracks(joint) == ["person/1"]
     assert joint.marginal("person/1").mean == pytest.approx(place, abs=1.5)
+
+
+def test_a_name_that_was_exchanged_for_that_of_an_elder_board_is_nobodys() -> None:
+    joint, robots = a_team()
+    walked(joint, robots, range(5), [4.0, -2.0])
+    joint.called = {"person/9": Moments(joint.marginal("person/1").mean + [1.0, 0.0], np.eye(2) * 0.1)}
+    walked(joint, robots, range(5, 6), [4.0, -2.0])
+    assert tracks(joint) == ["person/9"]
+    joint.called = {}
+    walked(joint, robots, range(6, 10), [4.0, -2.0], [4.0, 0.5])
+    assert tracks(joint) == ["person/2", "person/9"]
 
 
 def test_who_may_be_anywhere_is_no_track_any_more() -> None:
