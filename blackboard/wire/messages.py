@@ -378,8 +378,8 @@ class Status(Message):
     ages: Annotated[dict[Text, Finite], Field(max_length=MAX_OPINIONS)] = Field(default_factory=dict)
     """seconds since it heard each source"""
     settings: Settings = Field(default_factory=dict)
-    """what is in force; of a robot in a joint also what it has found out of its wheels and its camera, as `curve turn
-    scale`, `lag` or `range noise`, each with its `sigma`
+    """what is in force; of a robot in a joint also what it has found out of its wheels, camera, fixes and compass,
+    as `curve turn scale`, `lag` or `fix noise`, errors that last each with its `sigma`
     """
     learned: Annotated[list[Learned], Field(max_length=MAX_OPINIONS)] = Field(default_factory=list)
     """of a board with `independence = "learn"`: all that it has learned of its robots, and of the other sub-teams and

@@ -1,12 +1,31 @@
-"""What is measured absolutely, a fix and a compass: a pose to begin with, and corrections of a robot in a joint."""
+"""What is measured absolutely, a fix and a compass: a pose to begin with, and corrections of a robot in a joint.
+
+Other people's GPS and compasses err in ways that nobody told. Two fixes in a row, less the way between them by odometry, show the
+noise that is fresh in each. Where it is larger than claimed, it counts. Where it is surely smaller, the claim holds all the same,
+and the rest of it is an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as one at
+the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, field, replace
+
 import numpy as np
 
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, correct, wrap
-from blackboard.wire.messages import Readings
+from blackboard.opinion.gaussian.relation import bias_block
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, Nuisance, correct, drive, wrap
+from blackboard.wire.messages import Fix, Readings
+from robot_agent.gaussian.noise import NoiseFactor, NoiseFactors
+
+#: Seconds after which the lasting error of a fix is another one: some tens of seconds to minutes (Rankin, "An error model for sensor
+#: simulation: GPS and differential GPS", IEEE PLANS 1994).
+LASTS = 30.0
+FARTHEST = 4.0  # times the squared distance of the gate: farther off, a reading says nothing
+#: Readings in a row beyond the gate, and seconds, after which it is the belief that is wrong.
+FEWEST, PATIENCE = 5, 5.0
 
 
 def starting_pose(readings: Readings, compass: float) -> Moments | None:
@@ -27,17 +46,128 @@ def starting_pose(readings: Readings, compass: float) -> Moments | None:
     return Moments(np.array([*place, heading]), covariance)
 
 
-def take_absolute(joint: Joint, robot: Block, readings: Readings, compass: float) -> None:
-    """Correct a robot's block by the fix and by the compass (its sigma by the model, radians)."""
-    fix, rows = readings.fix, np.eye(STATES)
-    if fix is not None:
-        off = np.array(fix.position) - joint.moments(robot).mean[AXES]
-        correct(joint, Factor(off, {robot: rows[AXES]}, np.eye(2) * fix.sigma**2))
-    headings = []
+def surely(noise: NoiseFactor) -> float:
+    """The variance of a noise relative to what is claimed, where that is surely larger or smaller; else the claim holds, 1.
+
+    Larger to one sigma, because a claim that is too good is the worse mistake; smaller to two.
+    """
+    larger, smaller = (float(4.0 ** (noise.mean + sigmas * noise.sigma)) for sigmas in (-1, 2))
+    return larger if larger > 1.0 else min(smaller, 1.0)
+
+
+def place_factor(joint: Joint, robot: Block, fix: Fix, variance: float = 1.0, lasting: float = 0.0) -> Factor:
+    """A fix as a measurement of a robot's block: the fresh and the lasting part of its variance, relative to what it claims."""
+    off, rows = np.array(fix.position) - joint.moments(robot).mean[AXES], np.eye(STATES)[AXES]
+    noise = np.eye(2) * fix.sigma**2 * variance
+    if not lasting:
+        return Factor(off, {robot: rows}, noise)
+    error = bias_block(str(robot), "fix", LASTS)
+    known = joint.moments(error).mean if error in joint else np.zeros(2)
+    by = np.eye(2) * fix.sigma * math.sqrt(lasting)
+    return Factor(off - by @ known, {robot: rows, error: by}, noise, {error: Moments(np.zeros(2), np.eye(2))})
+
+
+def heading_factor(joint: Joint, robot: Block, heading: float, sigma: float) -> Factor:
+    """A heading (rad) as a measurement of a robot's block."""
+    off = np.array([wrap(heading - float(joint.moments(robot).mean[HEADING]))])
+    return Factor(off, {robot: np.eye(STATES)[[HEADING]]}, np.array([[sigma**2]]))
+
+
+def headings(readings: Readings, compass: float) -> dict[str, tuple[float, float]]:
+    """Headings and sigmas (rad) that the readings hold, of the compass (its sigma by the model) and of the fix."""
+    told, fix = {}, readings.fix
     if readings.compass is not None:
-        headings.append((readings.compass, readings.compass_sigma or compass))
+        told["compass"] = readings.compass, readings.compass_sigma or compass
     if fix is not None and fix.heading is not None:
-        headings.append((fix.heading, fix.heading_sigma))
-    for heading, sigma in headings:
-        off = np.array([wrap(heading - float(joint.moments(robot).mean[HEADING]))])
-        correct(joint, Factor(off, {robot: rows[[HEADING]]}, np.array([[sigma**2]])))
+        told["fix heading"] = fix.heading, fix.heading_sigma
+    return told
+
+
+def take_absolute(joint: Joint, robot: Block, readings: Readings, compass: float) -> None:
+    """Correct a robot's block by the fix and by the compass (its sigma by the model, radians), as they claim to be."""
+    if readings.fix is not None:
+        correct(joint, place_factor(joint, robot, readings.fix))
+    for heading, sigma in headings(readings, compass).values():
+        correct(joint, heading_factor(joint, robot, heading, sigma))
+
+
+@dataclass
+class Absolute:
+    """Mutable: fixes and compass of a robot, as far as they can be believed. `move` with each motion, then `take` the readings."""
+
+    robot: str
+    nuisance: Nuisance
+    #: Of the fresh noise of fixes, and of headings by what tells them.
+    fix: NoiseFactor = field(default_factory=NoiseFactor)
+    headings: dict[str, NoiseFactor] = field(default_factory=dict)
+    _factors: dict[str, NoiseFactors] = field(default_factory=dict)
+    _newest: Fix | None = None
+    _since: Joint | None = None  # the robot from the newest fix on, its place then counted as known
+    #: What tells it -> team time (s) of the first in a row beyond the gate, and how many.
+    _beyond: dict[str, tuple[float, int]] = field(default_factory=dict)
+
+    @property
+    def lasting(self) -> float:
+        """The part of a fix's claimed variance that lasts: what is surely not fresh."""
+        return max(0.0, 1.0 - surely(self.fix))
+
+    def forget(self) -> None:
+        """The belief was given up: what comes next is compared with nothing."""
+        self._newest, self._since = None, None
+        self._beyond.clear()
+
+    def fits(self) -> None:
+        """Landmarks fit the belief, so that it is the readings here that are wrong."""
+        self._beyond.clear()
+
+    def contradicts(self, time: float) -> bool:
+        """Whether readings have been beyond the gate for so long that the belief must be wrong, at a team time (s)."""
+        return any(number >= FEWEST and time - first >= PATIENCE for first, number in self._beyond.values())
+
+    def move(self, motion: Motion) -> None:
+        """Lead the place of the newest fix on."""
+        if self._since is not None:
+            drive(self._since, self.robot, motion, self.nuisance)
+
+    def take(self, joint: Joint, readings: Readings, compass: float) -> None:
+        """Correct the robot by the fix and by the compass (its sigma by the model, radians), but for what is beyond the gate."""
+        if (fix := readings.fix) is not None:
+            self._judge(joint, fix)
+            factor = place_factor(joint, self.robot, fix, surely(self.fix), self.lasting)
+            self._correct(joint, "fix", factor, readings.time)
+        for name, (heading, sigma) in headings(readings, compass).items():
+            noise = self.headings.setdefault(name, NoiseFactor())
+            claimed = heading_factor(joint, self.robot, heading, sigma)
+            rest = joint.expected(claimed).spread
+            self._factors.setdefault(name, NoiseFactors((noise,))).weigh(
+                claimed.residual, rest, claimed.noise[np.newaxis]
+            )
+            self._correct(joint, name, claimed.widened(max(1.0, surely(noise))), readings.time)
+
+    def _judge(self, joint: Joint, fix: Fix) -> None:
+        """How far two fixes in a row are apart, but for the way between them, shows what noise is fresh in both."""
+        belief = joint.moments(self.robot)
+        if self._newest is not None and self._since is not None:
+            led = self._since.moments(self.robot)
+            error = np.array(fix.position) - np.array(self._newest.position) - led.mean[AXES]
+            fresh = np.eye(2) * (fix.sigma**2 + self._newest.sigma**2)
+            factors = self._factors.setdefault("fix", NoiseFactors((self.fix,)))
+            factors.weigh(error, led.covariance[AXES, AXES], fresh[np.newaxis])
+        here = Moments(belief.mean.copy(), belief.covariance.copy())
+        here.mean[AXES] = 0.0
+        here.covariance[AXES] = here.covariance[:, AXES] = 0.0
+        self._newest, self._since = fix, Joint.of({self.robot: here})
+
+    def _correct(self, joint: Joint, name: str, factor: Factor, time: float) -> None:
+        """Take a reading at a team time (s), with as much noise as brings it to the gate."""
+        expected = joint.expected(factor)
+        innovation = expected.innovation(factor)
+        beyond = innovation.squared / quantile(GATE, len(factor.residual))
+        if beyond <= 1.0:
+            self._beyond.pop(name, None)
+        else:
+            first, number = self._beyond.get(name, (time, 0))
+            self._beyond[name] = first, number + 1
+            factor = replace(factor, noise=beyond * innovation.covariance - expected.spread)
+        if beyond <= FARTHEST:
+            correct(joint, factor)

@@ -39,7 +39,7 @@ from blackboard.opinion.gaussian.vehicle import (
 )
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings, Sighting
-from robot_agent.gaussian.absolute import starting_pose, take_absolute
+from robot_agent.gaussian.absolute import Absolute, headings, starting_pose
 from robot_agent.gaussian.findings import findings
 from robot_agent.gaussian.jitter import Jitter
 from robot_agent.gaussian.landmarks import Landmarks, Named, blurred
@@ -103,11 +103,13 @@ class FirstHand:
     camera: CameraNoise = field(default_factory=CameraNoise)
     landmarks: Landmarks = field(init=False)
     jitter: Jitter = field(default_factory=Jitter)
+    absolute: Absolute = field(init=False)
 
     def __post_init__(self) -> None:
         self.landmarks = Landmarks(self.sensors.landmarks, self.sensors.camera.together)
         self.wheels = WheelNoise(self.robot, self.sensors.wheels.nuisance, self.sensors.wheels.given)
         self.mishaps = Mishaps(self.robot, self.sensors.wheels.nuisance)
+        self.absolute = Absolute(self.robot, self.sensors.wheels.nuisance)
 
     @property
     def known(self) -> bool:
@@ -156,7 +158,7 @@ class FirstHand:
         if not self.known:
             self._start(readings)
         else:
-            take_absolute(self.joint, self.robot, readings, self.sensors.compass)
+            self.absolute.take(self.joint, readings, self.sensors.compass)
         if self.known:
             self._sight(seen_landmarks, motion, linear, readings.time, named)
         increment = None
@@ -181,9 +183,14 @@ class FirstHand:
         if self.known and _is_absurd(self.joint):
             self.restart(readings.time)
             return True
-        if not self.lost():
+        contradicted = self.known and self.absolute.contradicts(readings.time)
+        if not contradicted and not self.lost():
             return False
         self.mishaps.moved = 1.0
+        if contradicted:
+            self._before = None
+            self._reopen(self._as_told(readings))
+            return True
         self._before = None
         self.camera = CameraNoise()  # it was judged from a wrong place
         if team is not None and apart <= ABSURD:
@@ -229,7 +236,7 @@ class FirstHand:
             return {"moved": 1.0} if self.mishaps.moved else {}
         if not any(self.sensors.wheels.nuisance.sigmas):
             return {}
-        return findings(belief, self.wheels, self.camera, self.mishaps)
+        return findings(belief, self.wheels, self.camera, self.absolute, self.mishaps)
 
     def silent(self) -> None:
         """The evidence of the newest tick was not sent: what is gained in the next one is gained over what was known before it."""
@@ -257,6 +264,7 @@ class FirstHand:
         self._before = self._unsent = self._ring = None
         self.wheels.give_up()
         self.mishaps.forget()
+        self.absolute.forget()
 
     def enter(self, pose: Moments) -> None:
         """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid. ValueError: there is a belief already."""
@@ -271,7 +279,17 @@ class FirstHand:
         self.joint, self._misses = Joint(), []
         self.wheels.give_up()
         self.mishaps.forget()
+        self.absolute.forget()
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
+
+    def _as_told(self, readings: Readings) -> Array:
+        """The own pose, shape (3,), its place and heading replaced by what readings tell of them."""
+        pose = self.joint.moments(self.robot).mean[POSE].copy()
+        if readings.fix is not None:
+            pose[AXES] = readings.fix.position
+        for heading, _ in headings(readings, self.sensors.compass).values():
+            pose[HEADING] = heading
+        return pose
 
     # --- inside ---------------------------------------------------------------------------------------------------------
 
@@ -313,6 +331,7 @@ class FirstHand:
         for joint in (self.joint if self.known else None, self._unsent):
             if joint is not None:
                 drive(joint, self.robot, motion, self.sensors.wheels.nuisance)
+        self.absolute.move(motion)
 
     def _squared(self, at: Array) -> float:
         """The squared Mahalanobis distance of a pose from the own belief, whose variances count as at least 1."""
@@ -394,6 +413,7 @@ class FirstHand:
             self._misses = [*self._misses, (len(seen) + named.strange, missed)][-LOST:]
         if seen and not missed and not self._is_flat():
             self.mishaps.fitted(self.joint.moments(self.robot))
+            self.absolute.fits()
 
 
 def _is_absurd(joint: Joint) -> bool:

@@ -1,4 +1,4 @@
-"""What a robot has found out of its wheels and its camera while it drives, in numbers by name, for its status. Pure."""
+"""What a robot has found out of its wheels, camera, fixes and compass while it drives, in numbers by name, for its status. Pure."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from blackboard.opinion.gaussian.vehicle import (
     TURN,
 )
 from blackboard.opinion.grid import Array
+from robot_agent.gaussian.absolute import Absolute, surely
 from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 
@@ -42,7 +43,9 @@ FOUND: dict[str, tuple[float, Array]] = {
 }
 
 
-def findings(belief: Moments, wheels: WheelNoise, camera: CameraNoise, mishaps: Mishaps) -> dict[str, float]:
+def findings(
+    belief: Moments, wheels: WheelNoise, camera: CameraNoise, absolute: Absolute, mishaps: Mishaps
+) -> dict[str, float]:
     """Of a belief of the whole block, shape (12,) and (12, 12). Scales are true over told; sigmas follow their value.
 
     Noise is the factor of the model's sigma. `stuck`: seconds for which its wheels have turned while it stood; `moved`: 1 while it is
@@ -54,5 +57,7 @@ def findings(belief: Moments, wheels: WheelNoise, camera: CameraNoise, mishaps: 
         told[f"{name} sigma"] = math.sqrt(max(0.0, float(row @ belief.covariance @ row)))
     noise = {"along": wheels.along, "heading": wheels.heading, "range": camera.range, "bearing": camera.bearing}
     told |= {f"{name} noise": math.sqrt(learned.variance) for name, learned in noise.items()}
+    claimed = {"fix": absolute.fix} | absolute.headings
+    told |= {f"{name} noise": math.sqrt(surely(learned)) for name, learned in claimed.items()}
     told |= {"stuck": mishaps.stuck, "moved": mishaps.moved}
     return {name: round(value, 4) for name, value in told.items()}

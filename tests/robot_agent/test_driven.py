@@ -153,7 +153,7 @@ def test_the_tables_of_one_robot_count_for_a_program_s_own_robot_too() -> None:
 def test_wheels_that_are_off_are_found_out() -> None:
     robot = new_robot()
     robot.step(START, NOW)
-    x = 1.0
+    x = 5.0
     for number in range(1, 41):
         x += 0.1  # 5 % more than it is told
         fix = Fix(position=(x, 5.0), sigma=0.02)
