@@ -20,8 +20,8 @@ from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Mot
 from blackboard.wire.messages import Fix, Readings
 from robot_agent.gaussian.noise import NoiseFactor, NoiseFactors
 
-#: Seconds after which the lasting error of a fix is another one: some tens of seconds to minutes (Rankin, "An error model for sensor
-#: simulation: GPS and differential GPS", IEEE PLANS 1994).
+#: Seconds after which the lasting error of a fix is another one, an Ornstein-Uhlenbeck process as of receivers at rest (Sensors
+#: 20(21), 6050, 2020): between what is best for errors that last 5 s and 60 s, on development seeds (docs/notes/wrong-models.md).
 LASTS = 30.0
 FARTHEST = 4.0  # times the squared distance of the gate: farther off, a reading says nothing
 #: Readings in a row beyond the gate, and seconds, after which it is the belief that is wrong.
@@ -129,12 +129,18 @@ class Absolute:
         if self._since is not None:
             drive(self._since, self.robot, motion, self.nuisance)
 
-    def take(self, joint: Joint, readings: Readings, compass: float) -> None:
-        """Correct the robot by the fix and by the compass (its sigma by the model, radians), but for what is beyond the gate."""
+    def fix_factor(self, joint: Joint, fix: Fix) -> Factor:
+        """A fix as a measurement, with the noise that was found."""
+        return place_factor(joint, self.robot, fix, surely(self.fix), self.lasting)
+
+    def take(self, joint: Joint, readings: Readings, compass: float) -> bool:
+        """Correct the robot by the fix and by the compass (its sigma by the model, radians), but for what is far beyond the gate.
+
+        Whether there is a fix that is not beyond it.
+        """
         if (fix := readings.fix) is not None:
             self._judge(joint, fix)
-            factor = place_factor(joint, self.robot, fix, surely(self.fix), self.lasting)
-            self._correct(joint, "fix", factor, readings.time)
+            self._correct(joint, "fix", self.fix_factor(joint, fix), readings.time)
         for name, (heading, sigma) in headings(readings, compass).items():
             noise = self.headings.setdefault(name, NoiseFactor())
             claimed = heading_factor(joint, self.robot, heading, sigma)
@@ -143,6 +149,7 @@ class Absolute:
                 claimed.residual, rest, claimed.noise[np.newaxis]
             )
             self._correct(joint, name, claimed.widened(max(1.0, surely(noise))), readings.time)
+        return fix is not None and "fix" not in self._beyond
 
     def _judge(self, joint: Joint, fix: Fix) -> None:
         """How far two fixes in a row are apart, but for the way between them, shows what noise is fresh in both."""

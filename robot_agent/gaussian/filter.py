@@ -146,7 +146,12 @@ class FirstHand:
             for sighting in further
             if sighting.landmark
         ]
-        if self.known and (noise := self.mishaps.judge(self.joint, seen_landmarks, motion)) is not None:
+
+        def places_told(joint: Joint, motions: Mapping[str, Motion]) -> list[Factor]:
+            factors = [linearise(joint, seen, motions, place) for seen, place in seen_landmarks if seen.places]
+            return factors + ([] if readings.fix is None else [self.absolute.fix_factor(joint, readings.fix)])
+
+        if self.known and (noise := self.mishaps.judge(self.joint, places_told, motion)) is not None:
             motion = motion.plus(noise)
             self._drive(noise)
         prediction = self.belief
@@ -157,8 +162,8 @@ class FirstHand:
         linear = team if apart <= NEAR else None
         if not self.known:
             self._start(readings)
-        else:
-            self.absolute.take(self.joint, readings, self.sensors.compass)
+        elif self.absolute.take(self.joint, readings, self.sensors.compass) and not seen_landmarks:
+            self.mishaps.fitted(self.joint.moments(self.robot))
         if self.known:
             self._sight(seen_landmarks, motion, linear, readings.time, named)
         increment = None

@@ -1,23 +1,21 @@
-"""Wheels that turn while the robot stands, and a robot that was moved: noticed by landmarks, and named. Pure.
+"""Wheels that turn while the robot stands, and a robot that was moved: noticed by landmarks and fixes, and named. Pure.
 
-Where most landmarks of a tick contradict the motion that the odometry measured, a robot asks whether it has stood since they
-last fitted. If that fits them, its belief is widened by all that the odometry measured meanwhile, and the sightings decide. A
-misread barcode fits neither story, so it changes nothing.
+Where most of these in a tick contradict the motion that the odometry measured, a robot asks whether it has stood since they
+last fitted. If that fits them, its belief is widened by all that the odometry measured meanwhile, and they decide. A
+misread barcode, or a fix that is an outlier, fits neither story, so it changes nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from blackboard.opinion.chi_squared import GATE, quantile
-from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.linearising import linearise
-from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, drive
-from blackboard.opinion.grid import Array
 
-Seen = Sequence[tuple[Relative, Array]]  # sightings of landmarks with their places
+#: What tells a place in a tick, as measurements of a belief of it, and of how robots moved in the tick.
+Told = Callable[[Joint, Mapping[str, Motion]], Sequence[Factor]]
 
 STOOD = Motion(
     along=0.02**2, across=0.02**2, heading=0.02**2
@@ -28,7 +26,7 @@ LONGEST = 10.0  # seconds since landmarks last fitted: later, nothing is said of
 
 @dataclass
 class Mishaps:
-    """Mutable. Each tick `judge` the landmarks in view before they are taken, then tell whether they `fitted`."""
+    """Mutable. Each tick `judge` the landmarks in view and the fix before they are taken, then tell whether they `fitted`."""
 
     robot: str
     nuisance: Nuisance
@@ -43,36 +41,31 @@ class Mishaps:
         self._sound, self._since, self.stuck = None, Motion(), 0.0
 
     def fitted(self, belief: Moments) -> None:
-        """All landmarks that were seen in the tick fit this belief, which has taken them."""
+        """All that told a place in the tick fits this belief, which has taken it."""
         if not self._widened:
             self.stuck = self.moved = 0.0
         self._sound, self._since, self._widened = belief, Motion(), False
 
-    def judge(self, joint: Joint, seen: Seen, motion: Motion) -> Motion | None:
+    def judge(self, joint: Joint, told: Told, motion: Motion) -> Motion | None:
         """What has to be added to the motion of a tick, in noise alone, if the robot stood meanwhile; else None."""
         self._since = self._since.plus(motion)
         since, self._widened = self._since, False
-        if not seen or self._sound is None or since.dt > LONGEST or not (since.distance or since.turn):
+        if self._sound is None or since.dt > LONGEST or not (since.distance or since.turn):
             return None
-        told = _squares(joint, seen, {self.robot: motion})
-        if 2 * sum(squared > limit for squared, limit in told) <= len(told):
+        moved = _squares(joint, told(joint, {self.robot: motion}))
+        if 2 * sum(squared > limit for squared, limit in moved) <= len(moved):
             return None
         still = Joint()
         still.add(self.robot, self._sound)
         drive(still, self.robot, STOOD, self.nuisance)
-        stood = _squares(still, seen, {})
-        gained = sum(squared for squared, _ in told) - sum(squared for squared, _ in stood)
+        stood = _squares(still, told(still, {}))
+        gained = sum(squared for squared, _ in moved) - sum(squared for squared, _ in stood)
         if gained < SURE or any(squared > limit for squared, limit in stood):
             return None
         self.stuck, self._widened = self.stuck + since.dt, True
         return Motion(along=since.distance**2, across=since.distance**2, heading=since.turn**2)
 
 
-def _squares(joint: Joint, seen: Seen, motions: dict[str, Motion]) -> list[tuple[float, float]]:
-    """The squared Mahalanobis distance of each sighting that tells a place, and the limit beyond which it contradicts."""
-    squares = []
-    for relative, place in seen:
-        if relative.places:
-            factor = linearise(joint, relative, motions, place)
-            squares.append((joint.innovation(factor).squared, quantile(GATE, len(factor.residual))))
-    return squares
+def _squares(joint: Joint, factors: Sequence[Factor]) -> list[tuple[float, float]]:
+    """The squared Mahalanobis distance of each measurement, and the limit beyond which it contradicts."""
+    return [(joint.innovation(factor).squared, quantile(GATE, len(factor.residual))) for factor in factors]

@@ -34,6 +34,7 @@ class Sensor:
     compass: float | None = None  # sigma; None: there is none
     misread: float = 0.0  # share of the compass's headings
     carried: float = math.inf  # when somebody carries the robot 3 units away
+    stuck: tuple[float, float] = (0.0, 0.0)  # from when to when its wheels turn and it stands
 
     def errors(self, random: np.random.Generator, steps: int) -> tuple[Array, Array]:
         """Of the fixes, shape (steps, 2), and of the headings, shape (steps,)."""
@@ -56,6 +57,7 @@ class Course:
     errors: Array
     places: Array
     headings: Array
+    named: Array  # the seconds for which the filter said at each of these steps that it was stuck
     filter: FirstHand
 
     @property
@@ -71,19 +73,29 @@ class Course:
         return float(np.mean(self.headings <= INSIDE_95_OF_ONE))
 
 
-def drive(sensor: Sensor, claimed: float = CLAIMED, seeds: tuple[int, ...] = SEEDS, seconds: float = 60.0) -> Course:
+def drive(
+    sensor: Sensor,
+    claimed: float = CLAIMED,
+    seeds: tuple[int, ...] = SEEDS,
+    seconds: float = 60.0,
+    every: int = EVERY,
+) -> Course:
     """Robots that drive about alone, each with a start, wheels that nobody described, and such a sensor."""
-    errors, places, headings, robot = [], [], [], FirstHand("robot/r1")
+    errors, places, headings, named, robot = [], [], [], [], FirstHand("robot/r1")
     for seed in seeds:
         truth = Truth()
         world, steps = World(seed, truth, ("r1",)), round(10 * seconds)
+        before = world.poses["r1"].copy()
         fixes, compass = sensor.errors(np.random.default_rng(seed + 100), steps)
         robot = FirstHand("robot/r1", Sensors(wheels=UNKNOWN_WHEELS))
         for step, said in enumerate(world.steps(seconds)):
             pose = world.poses["r1"]
+            if 10 * sensor.stuck[0] <= step < 10 * sensor.stuck[1]:
+                pose[:] = before
+            before = pose.copy()
             if step == round(10 * min(sensor.carried, seconds)):
                 pose[0] += 3.0 if pose[0] < 5.0 else -3.0
-            fix = None if step % EVERY else Fix(position=tuple(pose[:2] + fixes[step]), sigma=claimed)
+            fix = None if step % every else Fix(position=tuple(pose[:2] + fixes[step]), sigma=claimed)
             heading = None if sensor.compass is None else math.remainder(pose[2] + compass[step], math.tau)
             robot.step(readings(step, said["r1"], fix, heading, truth))
             if step > 50:
@@ -94,7 +106,8 @@ def drive(sensor: Sensor, claimed: float = CLAIMED, seeds: tuple[int, ...] = SEE
                 errors.append(math.hypot(off[0], off[1]))
                 places.append(off[:2] @ np.linalg.solve(belief.covariance[:2, :2], off[:2]))
                 headings.append(off[2] ** 2 / belief.covariance[2, 2])
-    return Course(np.array(errors), np.array(places), np.array(headings), robot)
+                named.append(robot.mishaps.stuck)
+    return Course(np.array(errors), np.array(places), np.array(headings), np.array(named), robot)
 
 
 def readings(step: int, said: Said, fix: Fix | None, heading: float | None, truth: Truth) -> Readings:
@@ -161,6 +174,17 @@ def test_a_robot_that_was_carried_away_is_found_by_its_fixes_after_seconds_and_s
     assert course.errors[since < 0].max() <= 1.0
     assert course.errors[(since > 1) & (since < 4)].min() >= 1.5
     assert course.errors[since > 10].max() <= 1.0
+
+
+def test_wheels_that_turn_while_the_robot_stands_are_noticed_by_exact_fixes() -> None:
+    """They were taken for outliers: 3 units of way that it did not go."""
+    course = drive(Sensor(fresh=0.02, stuck=(30.0, 36.0)), claimed=0.02, every=10)
+    assert course.errors.max() <= 0.8
+    assert course.coverage >= 0.85
+    time = np.tile(np.arange(51, 600) / 10, len(SEEDS))
+    inside = (time > 31.5) & (time < 35.5)
+    assert np.mean(course.named[inside] > 0) >= 0.8
+    assert np.mean(course.named[(time < 30) | (time > 38)] > 0) <= 0.02
 
 
 def test_what_it_found_out_of_its_fixes_and_compass_is_told() -> None:
