@@ -1,9 +1,9 @@
 """What is measured absolutely, a fix and a compass: a pose to begin with, and corrections of a robot in a joint.
 
 Other people's GPS and compasses err in ways that nobody told. Two fixes in a row, less the way between them by odometry, show the
-noise that is fresh in each. Where it is larger than claimed, it counts. Where it is surely smaller, the claim holds all the same,
-and the rest of it is an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as one at
-the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
+independent noise of each. Where it is larger than claimed, it counts. Where it is surely smaller, the claimed variance stays, and
+the rest of it counts as an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as
+one at the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robot_agent.gaussian.noise import NoiseFactor, NoiseFactors
 #: 20(21), 6050, 2020): between what is best for errors that last 5 s and 60 s, on development seeds (docs/notes/wrong-models.md).
 LASTS = 30.0
 FARTHEST = 4.0  # times the squared distance of the gate: farther off, a reading says nothing
-#: Readings in a row beyond the gate, and seconds, after which it is the belief that is wrong.
+#: Readings in a row beyond the gate, and seconds that they span, after which the belief counts as wrong.
 FEWEST, PATIENCE = 5, 5.0
 
 
@@ -56,7 +56,7 @@ def surely(noise: NoiseFactor) -> float:
 
 
 def place_factor(joint: Joint, robot: Block, fix: Fix, variance: float = 1.0, lasting: float = 0.0) -> Factor:
-    """A fix as a measurement of a robot's block: the fresh and the lasting part of its variance, relative to what it claims."""
+    """A fix as a measurement of a robot's block; `variance` is independent, `lasting` lasts, both relative to the claimed variance."""
     off, rows = np.array(fix.position) - joint.moments(robot).mean[AXES], np.eye(STATES)[AXES]
     noise = np.eye(2) * fix.sigma**2 * variance
     if not lasting:
@@ -92,40 +92,39 @@ def take_absolute(joint: Joint, robot: Block, readings: Readings, compass: float
 
 
 @dataclass
-class Absolute:
+class AbsoluteSensors:
     """Mutable: fixes and compass of a robot, as far as they can be believed. `move` with each motion, then `take` the readings."""
 
     robot: str
     nuisance: Nuisance
-    #: Of the fresh noise of fixes, and of headings by what tells them.
-    fix: NoiseFactor = field(default_factory=NoiseFactor)
-    headings: dict[str, NoiseFactor] = field(default_factory=dict)
+    fix: NoiseFactor = field(default_factory=NoiseFactor)  # of the independent noise of fixes
+    headings: dict[str, NoiseFactor] = field(default_factory=dict)  # of the noise of headings: "compass", "fix heading"
     _factors: dict[str, NoiseFactors] = field(default_factory=dict)
     _newest: Fix | None = None
-    _since: Joint | None = None  # the robot from the newest fix on, its place then counted as known
-    #: What tells it -> team time (s) of the first in a row beyond the gate, and how many.
+    _since: Joint | None = None  # the robot's motion since the newest fix, by odometry
+    #: Sensor -> team time (s) of the first reading of a row beyond the gate, and how many there are.
     _beyond: dict[str, tuple[float, int]] = field(default_factory=dict)
 
     @property
     def lasting(self) -> float:
-        """The part of a fix's claimed variance that lasts: what is surely not fresh."""
+        """The share of a fix's claimed variance that counts as a lasting error."""
         return max(0.0, 1.0 - surely(self.fix))
 
     def forget(self) -> None:
-        """The belief was given up: what comes next is compared with nothing."""
+        """The belief was given up: the next fix is not compared with the one before."""
         self._newest, self._since = None, None
         self._beyond.clear()
 
     def fits(self) -> None:
-        """Landmarks fit the belief, so that it is the readings here that are wrong."""
+        """Landmarks fit the belief, so readings beyond the gate do not speak against it."""
         self._beyond.clear()
 
     def contradicts(self, time: float) -> bool:
-        """Whether readings have been beyond the gate for so long that the belief must be wrong, at a team time (s)."""
+        """Whether, at a team time (s), readings of a sensor have been beyond the gate for `PATIENCE`: the belief counts as wrong."""
         return any(number >= FEWEST and time - first >= PATIENCE for first, number in self._beyond.values())
 
     def move(self, motion: Motion) -> None:
-        """Lead the place of the newest fix on."""
+        """Move on from the newest fix by odometry."""
         if self._since is not None:
             drive(self._since, self.robot, motion, self.nuisance)
 
@@ -152,7 +151,7 @@ class Absolute:
         return fix is not None and "fix" not in self._beyond
 
     def _judge(self, joint: Joint, fix: Fix) -> None:
-        """How far two fixes in a row are apart, but for the way between them, shows what noise is fresh in both."""
+        """Weigh the noise of fixes by the distance between two in a row, less the way between them by odometry."""
         belief = joint.moments(self.robot)
         if self._newest is not None and self._since is not None:
             led = self._since.moments(self.robot)

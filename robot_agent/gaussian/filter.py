@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -38,8 +39,8 @@ from blackboard.opinion.gaussian.vehicle import (
     wrap,
 )
 from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Readings, Sighting
-from robot_agent.gaussian.absolute import Absolute, headings, starting_pose
+from blackboard.wire.messages import Fix, Readings, Sighting
+from robot_agent.gaussian.absolute import AbsoluteSensors, headings, starting_pose
 from robot_agent.gaussian.findings import findings
 from robot_agent.gaussian.jitter import Jitter
 from robot_agent.gaussian.landmarks import Landmarks, Named, blurred
@@ -47,6 +48,8 @@ from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.sensing import unseen
+
+Seen = list[tuple[Relative, Array]]  # sightings of landmarks with their places
 
 LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
 FEWEST = 8  # sightings in those ticks
@@ -103,13 +106,13 @@ class FirstHand:
     camera: CameraNoise = field(default_factory=CameraNoise)
     landmarks: Landmarks = field(init=False)
     jitter: Jitter = field(default_factory=Jitter)
-    absolute: Absolute = field(init=False)
+    absolute: AbsoluteSensors = field(init=False)
 
     def __post_init__(self) -> None:
         self.landmarks = Landmarks(self.sensors.landmarks, self.sensors.camera.together)
         self.wheels = WheelNoise(self.robot, self.sensors.wheels.nuisance, self.sensors.wheels.given)
         self.mishaps = Mishaps(self.robot, self.sensors.wheels.nuisance)
-        self.absolute = Absolute(self.robot, self.sensors.wheels.nuisance)
+        self.absolute = AbsoluteSensors(self.robot, self.sensors.wheels.nuisance)
 
     @property
     def known(self) -> bool:
@@ -146,11 +149,7 @@ class FirstHand:
             for sighting in further
             if sighting.landmark
         ]
-
-        def places_told(joint: Joint, motions: Mapping[str, Motion]) -> list[Factor]:
-            factors = [linearise(joint, seen, motions, place) for seen, place in seen_landmarks if seen.places]
-            return factors + ([] if readings.fix is None else [self.absolute.fix_factor(joint, readings.fix)])
-
+        places_told = partial(self._places_told, seen_landmarks, readings.fix)
         if self.known and (noise := self.mishaps.judge(self.joint, places_told, motion)) is not None:
             motion = motion.plus(noise)
             self._drive(noise)
@@ -175,16 +174,23 @@ class FirstHand:
         self._unsent = None
         seen = tuple(r for name, r in relatives.items() if name not in places)
         seen += tuple(self.sensors.relative(self.robot, sighting) for sighting in further if not sighting.landmark)
-        unnamed = self.sensors.unnamed(self.robot, told, self._turned, motion.dt)  # numbered among all without a name
-        seen += tuple(
-            self.camera.scaled(sighting) if sighting.kind == "range-bearing" else sighting for sighting in unnamed
-        )
+        seen += self._unnamed(told, motion.dt)
         if self._gave_up(readings, team, apart):
             increment = unsent = None
         return FilterResult(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
 
+    def _unnamed(self, told: Readings, dt: float) -> tuple[Relative, ...]:
+        """The sightings of a tick of `dt` seconds that name a class alone, numbered among all without a name."""
+        unnamed = self.sensors.unnamed(self.robot, told, self._turned, dt)
+        return tuple(self.camera.scaled(seen) if seen.kind == "range-bearing" else seen for seen in unnamed)
+
+    def _places_told(self, seen: Seen, fix: Fix | None, joint: Joint, motions: Mapping[str, Motion]) -> list[Factor]:
+        """What landmarks and the fix of a tick measure of a place, linearised at a joint."""
+        factors = [linearise(joint, relative, motions, place) for relative, place in seen if relative.places]
+        return factors if fix is None else [*factors, self.absolute.fix_factor(joint, fix)]
+
     def _gave_up(self, readings: Readings, team: Array | None, apart: float) -> bool:
-        """Whether the belief was given up: as absurd; or for the team's, or a new one, where landmarks contradict it."""
+        """Whether the belief was given up: as absurd, or because fixes, a compass or landmarks contradict it."""
         if self.known and _is_absurd(self.joint):
             self.restart(readings.time)
             return True
@@ -192,11 +198,10 @@ class FirstHand:
         if not contradicted and not self.lost():
             return False
         self.mishaps.moved = 1.0
+        self._before = None
         if contradicted:
-            self._before = None
             self._reopen(self._as_told(readings))
             return True
-        self._before = None
         self.camera = CameraNoise()  # it was judged from a wrong place
         if team is not None and apart <= ABSURD:
             self._reopen(team)
@@ -288,7 +293,7 @@ class FirstHand:
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
 
     def _as_told(self, readings: Readings) -> Array:
-        """The own pose, shape (3,), its place and heading replaced by what readings tell of them."""
+        """The own pose, shape (3,), with place and heading of the fix and the compass where there are any."""
         pose = self.joint.moments(self.robot).mean[POSE].copy()
         if readings.fix is not None:
             pose[AXES] = readings.fix.position
@@ -394,9 +399,7 @@ class FirstHand:
         covariance = self.joint.moments(self.robot).covariance
         return bool(np.trace(covariance[AXES, AXES]) > KNOWN)
 
-    def _sight(
-        self, seen: list[tuple[Relative, Array]], motion: Motion, at: Array | None, time: float, named: Named
-    ) -> None:
+    def _sight(self, seen: Seen, motion: Motion, at: Array | None, time: float, named: Named) -> None:
         """Landmarks; what is beyond the gate is not taken, and counted, as is what is not on the map.
 
         What is known but roughly to be this landmark says nothing of the camera.

@@ -19,7 +19,7 @@ from blackboard.opinion.gaussian.vehicle import (
     TURN,
 )
 from blackboard.opinion.grid import Array
-from robot_agent.gaussian.absolute import Absolute, surely
+from robot_agent.gaussian.absolute import AbsoluteSensors, surely
 from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 
@@ -44,7 +44,7 @@ FOUND: dict[str, tuple[float, Array]] = {
 
 
 def findings(
-    belief: Moments, wheels: WheelNoise, camera: CameraNoise, absolute: Absolute, mishaps: Mishaps
+    belief: Moments, wheels: WheelNoise, camera: CameraNoise, absolute: AbsoluteSensors, mishaps: Mishaps
 ) -> dict[str, float]:
     """Of a belief of the whole block, shape (12,) and (12, 12). Scales are true over told; sigmas follow their value.
 

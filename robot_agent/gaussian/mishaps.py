@@ -14,7 +14,7 @@ from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, drive
 
-#: What tells a place in a tick, as measurements of a belief of it, and of how robots moved in the tick.
+#: The measurements of place in a tick (landmarks, the fix), linearised at a joint; the motions are those of the tick, by robot.
 Told = Callable[[Joint, Mapping[str, Motion]], Sequence[Factor]]
 
 STOOD = Motion(
@@ -41,7 +41,7 @@ class Mishaps:
         self._sound, self._since, self.stuck = None, Motion(), 0.0
 
     def fitted(self, belief: Moments) -> None:
-        """All that told a place in the tick fits this belief, which has taken it."""
+        """All measurements of place in the tick fit this belief, which has taken them."""
         if not self._widened:
             self.stuck = self.moved = 0.0
         self._sound, self._since, self._widened = belief, Motion(), False

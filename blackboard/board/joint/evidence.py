@@ -19,7 +19,9 @@ from blackboard.wire.messages import Learned
 MOST = 1e7  # of places and their variances: ten times what stands for a place of which nothing is known
 MOST_ERROR = 1e3  # of angles (rad), of scales, and of their errors and walks
 WAYS = ("distance", "along", "across", "curved", "driven", "faster", "quicker")  # that no robot has more than `MOST` of
-TICK = 10.0  # seconds: longer than any tick, and a sum of so little time is told exactly enough on a poor link, too
+#: Seconds since an epoch began, up to which a sum of times that stays the same means that no time passed. Later it may be rounding,
+#: because a robot on a poor link rounds what it sends.
+TICK = 10.0
 GROWING = ("time", "moving", "along", "across", "heading")  # sums of an epoch that never shrink
 
 
@@ -45,10 +47,9 @@ def unpack(robot: str, tick: int, time: float, packed: PackedEvidence) -> Eviden
 
 
 def check(packed: PackedEvidence) -> None:
-    """Refused: "fields".
+    """Refused: "fields", for numbers so large that they would spoil, by rounding, what others say in the same joint.
 
-    That are numbers so large that they would spoil, by rounding, what others say in the same joint; wheels that never move it;
-    and a profile that is not in the order of its distances.
+    Also for a scale of the wheels that is 0, and for a profile that is not in the order of its distances.
     """
     places, errors = [abs(getattr(packed.travelled, name)) for name in WAYS], [0.0]
     if packed.state is not None:
@@ -76,9 +77,9 @@ def check(packed: PackedEvidence) -> None:
 
 
 def shrank(before: PackedEvidence, packed: PackedEvidence) -> bool:
-    """Whether a time or a variance that is summed over an epoch is less than it was in the same epoch, or it moved in no time.
+    """Whether a time or a variance that is summed over an epoch shrank within the epoch, or it moved while no time passed.
 
-    A robot that tells the odometry of each tick instead of its sum does the one or the other.
+    That happens where a robot tells the odometry of each tick instead of its sum.
     """
     sums = [(getattr(before.travelled, name), getattr(packed.travelled, name)) for name in GROWING]
     then, now = ((its.time, its.distance, its.turn) for its in (before.travelled, packed.travelled))

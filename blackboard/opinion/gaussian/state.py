@@ -95,7 +95,9 @@ class TeamState:
     called: Mapping[str, Moments] = field(
         default_factory=dict
     )  # where a board that began earlier has tracks, by their names there
-    absent: dict[str, Absent] = field(default_factory=dict)  # by name: what was lost since it was told of
+    absent: dict[str, Absent] = field(
+        default_factory=dict
+    )  # named tracks when they were seen last, by name: to be found again
     rings: dict[str, Ring] = field(default_factory=dict)  # of objects of which only ranges or bearings alone are known
     elapsed: float = 0.0  # seconds that were settled
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other

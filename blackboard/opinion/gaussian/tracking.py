@@ -102,13 +102,13 @@ def _is_anywhere(team: TeamState, block: str) -> bool:
 
 
 def pass_absent(team: TeamState, dt: float) -> None:
-    """Let `dt` seconds pass for what may be out of sight; what stays so for long is forgotten."""
+    """Let `dt` seconds pass for tracks that may be found again; after `KEPT` seconds unseen they are forgotten."""
     passed = {name: one.passed(dt) for name, one in team.absent.items()}
     team.absent = bounded({name: one for name, one in passed.items() if one.unseen <= KEPT}, team.left_out)
 
 
 def _note(team: TeamState) -> None:
-    """Keep which tracks are lost, and where those that are told of were seen last."""
+    """Mark tracks whose place is no longer known as lost, and keep the motion of the published ones that were just seen."""
     for block in team.tracks:
         was_told = team.tracks.is_told(block)
         team.tracks.lose(block, math.sqrt(team.marginal(block).covariance.trace() / 2))
@@ -120,13 +120,13 @@ def _note(team: TeamState) -> None:
 
 
 def _going(team: TeamState, block: str) -> tuple[str, Rolling]:
-    """The class of what a track is of, and how it goes."""
+    """A track's class and its motion."""
     kind = team.tracks.kind(block)
     return kind, team.walks.rolling(block, team.marginal(block), team.objects.drift_of(block), kind)
 
 
 def _found_again(team: TeamState, new: Sequence[str], taken: Collection[str]) -> dict[str, str]:
-    """Of tracks that are to have a name those that are of a thing out of sight, by its name, which is none of those `taken`."""
+    """New track -> name of the thing out of sight that it is of; names in `taken` are not given."""
     absent = {
         name: one
         for name, one in team.absent.items()
@@ -139,7 +139,7 @@ def end_tick(team: TeamState) -> None:
     """Drop the tracks that are over, and name those that are sure."""
     gone = {block for block in team.tracks if block not in team.joint or _is_anywhere(team, block)}
     for block in sorted(gone.union(team.tracks.ended())):
-        if block not in gone and block in team.absent and not team.absent[block].lost:  # it is not where it has to be
+        if block not in gone and block in team.absent and not team.absent[block].lost:  # observers saw nothing there
             del team.absent[block]
         _drop(team, block)
     _note(team)
@@ -174,7 +174,7 @@ def _is_used(team: TeamState, name: str) -> bool:
 def _call(team: TeamState, block: str, name: str) -> None:
     team.tracks.call(block, name)
     team.rename(block, name)
-    team.absent.pop(block, None)  # nobody has its old name any more
+    team.absent.pop(block, None)  # under the name that it had here before
 
 
 def _called(team: TeamState) -> dict[str, str]:

@@ -78,7 +78,7 @@ class Walks:
         return Moments(now.mean[VELOCITY], now.covariance[VELOCITY, VELOCITY])
 
     def rolling(self, subject: str, place: Moments, prior: float, kind: str) -> Rolling:
-        """How an object rolls, if it does, as its own sightings show it; of one that was not seen twice as others of its kind do."""
+        """An object's motion by its own sightings; before its second sighting, the prior of its class."""
         course = self._courses.get(subject)
         return course.rolling if course else Rolling.begun(place, prior, self._habits_of(kind))
 
