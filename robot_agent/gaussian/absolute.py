@@ -144,7 +144,7 @@ class AbsoluteSensors:
             noise = self.headings.setdefault(name, NoiseFactor())
             claimed = heading_factor(joint, self.robot, heading, sigma)
             rest = joint.expected(claimed).spread
-            self._factors.setdefault(name, NoiseFactors((noise,))).weigh(
+            self._factors.setdefault(name, NoiseFactors((noise,), wild=True)).weigh(
                 claimed.residual, rest, claimed.noise[np.newaxis]
             )
             self._correct(joint, name, claimed.widened(max(1.0, surely(noise))), readings.time)
@@ -157,7 +157,7 @@ class AbsoluteSensors:
             led = self._since.moments(self.robot)
             error = np.array(fix.position) - np.array(self._newest.position) - led.mean[AXES]
             fresh = np.eye(2) * (fix.sigma**2 + self._newest.sigma**2)
-            factors = self._factors.setdefault("fix", NoiseFactors((self.fix,)))
+            factors = self._factors.setdefault("fix", NoiseFactors((self.fix,), wild=True))
             factors.weigh(error, led.covariance[AXES, AXES], fresh[np.newaxis])
         here = Moments(belief.mean.copy(), belief.covariance.copy())
         here.mean[AXES] = 0.0

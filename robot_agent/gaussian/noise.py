@@ -3,7 +3,8 @@
 Each kind of noise has a factor s of its sigma. Its logarithm has a mean and a sigma over a grid, by the likelihood of what was seen
 and a log-normal prior. Where somebody gave the model, s is the median: the prior holds back what may be luck. Where the model is a
 guess, s^2 is its expected value, so that doubt counts as noise. Errors that follow each other are alike and look smaller than they
-are. So few sightings are judged: one of each landmark in `ALIKE` seconds.
+are. So few sightings are judged: one of each landmark in `ALIKE` seconds. What a stranger's fix or compass claims may be wild: there
+the prior is Student's t.
 
 The wheels are judged by spans of motion: where did what was seen meanwhile put the robot, compared with odometry alone? With P the
 covariance of the pose by odometry alone and P' that of the belief afterwards, a correction d along an axis of both is worth a
@@ -41,6 +42,8 @@ INFORMED = 0.1  # share by which what was seen moves a pose from where odometry 
 TINY = 1e-9  # a share of odometry's variances; and unit^2 or radians^2: no measurement is more exact
 MEMORY = 40.0  # samples after which what was seen has faded to 1 / e
 LOGS = np.arange(-3.0, 3.01, 0.25)  # binary logarithms of s
+CLAIMED_LOGS = np.arange(-3.0, 10.01, 0.25)  # where the model is only claimed
+TAILS = 2.0  # degrees of freedom of a claim's prior, Student's t: a wild claim costs it 5 nats, not 30
 #: The correlation of the logarithms of two kinds of noise that are found together: one floor and one pair of wheels make both.
 #: None where one model was given and the other is a guess.
 TOGETHER = 0.8
@@ -63,35 +66,39 @@ class NoiseFactor:
             return max(self.least, self._expected)
         return max(self.least, float(4.0**self.mean))
 
-    def take(self, weights: Array) -> None:
-        """Its posterior is this, shape (13,), over `LOGS`."""
-        self._expected = float(weights @ 4.0**LOGS)
-        self.mean = float(weights @ LOGS)
-        self.sigma = float(np.sqrt(weights @ (LOGS - self.mean) ** 2))
+    def take(self, weights: Array, logs: Array) -> None:
+        """Its posterior is this, shape (n,), over these logarithms of s, shape (n,)."""
+        self._expected = float(weights @ 4.0**logs)
+        self.mean = float(weights @ logs)
+        self.sigma = float(np.sqrt(weights @ (logs - self.mean) ** 2))
 
 
 @dataclass
 class NoiseFactors:
     """Mutable: the factors of kinds of noise that make one error together, by the likelihood of each combination.
 
-    The prior of their logarithms is normal, one sigma of which is a factor of 2. A given model is its median; a guess is what the
-    prior expects s^2 to be.
+    The prior of their logarithms is normal, one sigma of which is a factor of 2, or Student's t where they are only claimed. A given
+    model is its median; a guess is what the prior expects s^2 to be.
     """
 
     kinds: tuple[NoiseFactor, ...]
-    _prior: Array = field(init=False)  # logarithms, shape (13,) * kinds
+    wild: bool = False  # whether the model is only claimed, and may be wrong by a factor of a thousand
+    _logs: Array = field(init=False)  # binary logarithms of s, shape (n,)
+    _prior: Array = field(init=False)  # logarithms, shape (n,) * kinds
     _seen: Array = field(init=False)  # the log-likelihood of each combination, faded, as `_prior`
-    _variances: Array = field(init=False)  # of each combination, shape (13 ** kinds, kinds)
+    _variances: Array = field(init=False)  # of each combination, shape (n ** kinds, kinds)
 
     def __post_init__(self) -> None:
         number = len(self.kinds)
-        combined = np.stack(np.meshgrid(*[LOGS] * number, indexing="ij"), axis=-1)
+        self._logs = CLAIMED_LOGS if self.wild else LOGS
+        combined = np.stack(np.meshgrid(*[self._logs] * number, indexing="ij"), axis=-1)
         apart = combined - [0.0 if kind.given else -np.log(2) for kind in self.kinds]
         alike = TOGETHER if len({kind.given for kind in self.kinds}) == 1 else 0.0
         # A factor below its bound is used as the bound, so it has the bound's likelihood and says no more of the other kind.
         least = [kind.least if alike else 0.0 for kind in self.kinds]
         correlation = alike + (1 - alike) * np.eye(number)
-        self._prior = -0.5 * np.sum(apart @ np.linalg.inv(correlation) * apart, axis=-1)
+        squared = np.sum(apart @ np.linalg.inv(correlation) * apart, axis=-1)
+        self._prior = -0.5 * (TAILS + number) * np.log1p(squared / TAILS) if self.wild else -0.5 * squared
         self._seen = np.zeros_like(self._prior)
         self._variances = np.maximum(least, 4.0 ** combined.reshape(-1, number))
 
@@ -109,7 +116,7 @@ class NoiseFactors:
         weights = np.exp(logs - logs.max())
         weights /= weights.sum()
         for axis, kind in enumerate(self.kinds):
-            kind.take(weights.sum(axis=tuple(it for it in range(len(self.kinds)) if it != axis)))
+            kind.take(weights.sum(axis=tuple(other for other in range(len(self.kinds)) if other != axis)), self._logs)
 
 
 class _Measured(NamedTuple):
