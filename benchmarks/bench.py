@@ -4,8 +4,6 @@ Each script beside this one answers one question. Absolute times drift on shared
 one run against something else on the same work.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -8,8 +8,6 @@ from the last report sent to the last one received. Both take turns with the sam
 In real time the ticks are sent at a rate, whether the board follows or not.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

@@ -8,8 +8,6 @@ Each team has a bus of its own, as it would have a router; what passes between t
 that of boards and shares, without Zenoh. `--costs` measures real boards behind a real router instead, for `blackboard plan`.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import itertools

@@ -6,8 +6,6 @@ as a belief of which nothing is known. Messages and bytes are those of reports, 
 world's clock needs in each tick, are not counted.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ cells about one place on 200 x 200 cells, as they are ("computed") and as a boar
 dense random ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Programs as processes of their own, from when they are ready until a block ends, and what they use meanwhile."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

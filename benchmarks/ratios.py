@@ -1,7 +1,5 @@
 """What the scripts here have in common: one measured ratio with what was asked beside it, and the times it is made of."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterable

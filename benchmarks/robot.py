@@ -10,8 +10,6 @@ through it as one row. That `sum` is most of the cost on a large grid, so a seco
 dependency of this package: without it (`pip install filterpy`) these rows are left out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 

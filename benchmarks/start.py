@@ -4,8 +4,6 @@ Processor seconds of commands, the best of several; the memory of a robot and a 
 are ready (wall time, the best of several). A router runs beside them on 127.0.0.1.
 """
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

@@ -8,8 +8,6 @@ the arena of the demo, and in one that has as much room for each robot. What a b
 the sightings of all robots; its growth is by their number.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

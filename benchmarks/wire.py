@@ -5,8 +5,6 @@ as the raw array in msgpack. And the time that Zenoh needs to carry that array t
 127.0.0.1 and back (wall time, in turns with the encoding).
 """
 
-from __future__ import annotations
-
 import queue
 import time
 from collections.abc import Callable, Iterator

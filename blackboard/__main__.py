@@ -1,7 +1,5 @@
 """The door of the blackboard: all commands, each loaded when it is asked for, so that a health check loads no pool and no grid."""
 
-from __future__ import annotations
-
 import sys
 from typing import Literal
 

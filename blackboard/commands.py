@@ -1,7 +1,5 @@
 """The commands of the blackboard that run processes: `blackboard demo | up | scenario | serve | router`."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

@@ -7,8 +7,6 @@ mistake raises `UserError`, which a door prints as one line before it exits with
 which a door prints the same way before it exits with status 1.
 """
 
-from __future__ import annotations
-
 import difflib
 import sys
 from collections.abc import Iterable, Iterator

@@ -3,8 +3,6 @@
 Faults of sensors (`is_of_sensors`) change what the world measures, the others what the robot says. All times are team time in seconds.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Literal, Self, get_args
 

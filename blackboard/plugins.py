@@ -6,8 +6,6 @@ A package offers a rule or a localizer in its `pyproject.toml`, for example
     trimmed = "my_package.rules:Trimmed"
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from blackboard.errors import UserError

@@ -1,7 +1,5 @@
 """The tables of a scenario file, as they stand in it. Loads no pydantic, so that a health check starts quickly."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """How the documentation becomes a site: `make docs`, into build/docs. Pages that are made from the code are made here."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from importlib.metadata import version as version_of

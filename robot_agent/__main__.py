@@ -1,7 +1,5 @@
 """The door of a robot: `robot-agent --team T --sub-team S --id r1`."""
 
-from __future__ import annotations
-
 import socket
 from typing import Annotated
 

@@ -9,8 +9,6 @@ now, or to wait for something better. It rises while the bucket is empty, and fa
 (`slots.py`), one is said in each slot.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace

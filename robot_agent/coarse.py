@@ -3,8 +3,6 @@
 The coding stays "log8" (docs/bytes.md), so that every reader reads it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

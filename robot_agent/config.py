@@ -5,8 +5,6 @@ in [world], so that a robot with a wrong model can be tested. How far team-mates
 `[board] feedback`, one setting for robots and boards.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """A likelihood over a grid of two axes, and in which windows it has to be computed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

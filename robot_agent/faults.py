@@ -5,8 +5,6 @@ they are sent. Everything is computed from the message and the scenario's seed, 
 the same way.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """What a robot acts on: the readings that go on with those before, and what its boards agreed on since its last tick. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 from blackboard.errors import Refused

@@ -5,8 +5,6 @@ RobotSection and the team's Grid, and returns a `robot_agent.localizer.Localizer
 factory as an entry point of the group `cop_blackboard.localizers`; a script registers one with `localizer`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from importlib.metadata import EntryPoint

@@ -1,7 +1,5 @@
 """Operations on 2-D arrays of cells that both localizers use: moving mass, reading between cells, ratios of beliefs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """What a robot says of its reports by what its team knows, a `Budget` beside what was agreed on last, and of its speed. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 

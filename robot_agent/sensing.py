@@ -3,8 +3,6 @@
 The world's physics (`sim_world.sensors`) is written separately on purpose, so that a robot with a wrong model can be tested.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass

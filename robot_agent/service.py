@@ -3,8 +3,6 @@
 The table `blackboard.process.rounds.ROBOT` says when a phase of a tick is over (docs/ticks.md, "A tick in lockstep").
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import deque

@@ -5,8 +5,6 @@ in five bytes or in one. Some numbers cannot be rounded each for itself: a messa
 known. So sums never shrink, a covariance only grows, and an increment gains nothing in directions in which it gained nothing.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import Any

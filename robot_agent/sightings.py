@@ -5,8 +5,6 @@ two places tell, because it keeps what they share. So it is computed from the si
 uncertainty along and across the line of sight. It grows with time, and is at most that of both places.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 Slots are of team time, so all robots of a team speak in the same ticks. A joint then holds a sighting against where both ends were.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The service of a robot as a scenario asks for it: an honest one, or one under faults."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

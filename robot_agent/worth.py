@@ -1,7 +1,5 @@
 """What reports are worth, in nats of log score, as they are and coarser (`budget`). Pure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

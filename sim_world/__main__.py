@@ -1,7 +1,5 @@
 """The door of the world: `sim-world SCENARIO.toml`, a simulated team or a recorded one, and a scorecard at the end."""
 
-from __future__ import annotations
-
 from blackboard.judge.card import scorecard, text
 from blackboard.judge.samples import series_file
 from blackboard.run import door

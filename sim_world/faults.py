@@ -1,7 +1,5 @@
 """Sensors that creep or freeze: the [[fault]]s of a scenario in what the world measures. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -4,8 +4,6 @@ A token alone does not count: a board, or a robot that the scenario does not nam
 its token. Such a robot is waited for once it has answered a tick.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator
 

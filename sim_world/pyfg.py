@@ -4,8 +4,6 @@ Team time is seconds since the start. What a robot is given at time t rests on n
 start with an error that is drawn. Its odometry is dead reckoning over the ticks, and each measurement carries its age.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

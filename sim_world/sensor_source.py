@@ -1,7 +1,5 @@
 """What every source of sensor data can do: the simulated world, the replay of a recording, and either of them under faults."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Where sensor data come from: the simulated world, or the replay of a recording."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from blackboard.config import Scenario

@@ -1,7 +1,5 @@
 """A clock that a test moves, in place of the system's."""
 
-from __future__ import annotations
-
 from blackboard.process.clock import UnixClock
 
 

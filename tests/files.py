@@ -1,7 +1,5 @@
 """Where the project, its pages and tapes are, and recordings beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """All that the services of a team say on their bus, by topic."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from blackboard.net.bus import Bus

@@ -1,7 +1,5 @@
 """What an object holds: how many entries each container has that can be reached from it, so that growth can be told from a table that is full."""
 
-from __future__ import annotations
-
 import gc
 import types
 from array import array

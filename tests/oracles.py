@@ -1,7 +1,5 @@
 """The slow and obvious versions: written as the formulas are, without regard to speed; they judge the fast ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from decimal import Context, Decimal, localcontext

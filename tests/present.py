@@ -1,7 +1,5 @@
 """What a test needs to be there before it looks into it."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 T = TypeVar("T")

@@ -1,7 +1,5 @@
 """Waiting for facts, and processes that are surely stopped."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

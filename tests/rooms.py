@@ -4,8 +4,6 @@ The sources are read, not run. An import inside a function, or for types alone, 
 is imported follows from the others. tests/test_rooms.py holds the sources to the list, and a fresh interpreter to what it says.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Small teams that several rooms run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

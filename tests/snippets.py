@@ -1,7 +1,5 @@
 """The blocks of code in the documentation, fenced or indented, so that tests can run them and none is forgotten."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The rule part of [board]: what a person may write, what is in force then, and what a mistake is told."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

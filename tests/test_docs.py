@@ -1,7 +1,5 @@
 """The pages as a whole: every page has its place in the site, every link its target, and every command line is one."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

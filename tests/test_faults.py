@@ -1,7 +1,5 @@
 """[[fault]] of a scenario: what may stand there, what is wrong with it in one line, and whom it concerns when."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """What the package tells other programs about itself: its version, and that it is typed."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The settings and lines of Python in rules.md, network.md and faults.md: each is read as the programs read it."""
 
-from __future__ import annotations
-
 import tomllib
 from typing import Any
 

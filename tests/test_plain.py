@@ -1,7 +1,5 @@
 """Pages that people read from the first line to the last: short pages of short sentences."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Who may import whom: the sources against the one list (docs/design.md), and the list against a fresh interpreter."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Every block of code in the documentation is claimed: by a test that reads it from its page, or with the reason why none runs it."""
 
-from __future__ import annotations
-
 import ast
 from dataclasses import dataclass
 from functools import cache

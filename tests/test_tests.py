@@ -1,7 +1,5 @@
 """What holds of the tests themselves: helpers live in modules without tests, and nothing private of the product is looked at."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable, Iterator
 

@@ -3,8 +3,6 @@
 The only file that names `cryptography` (extra `keys`).
 """
 
-from __future__ import annotations
-
 import ipaddress
 from dataclasses import dataclass
 

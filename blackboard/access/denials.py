@@ -4,8 +4,6 @@ Zenoh's access control logs each of its decisions at the level `trace` and has n
 for the first time, it lists all kinds of messages; only the decisions after that list are about a message that came.
 """
 
-from __future__ import annotations
-
 import mmap
 import re
 from collections import Counter

@@ -3,8 +3,6 @@
 Folders are 0700 and files 0600: a private key is for its owner alone.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

@@ -1,7 +1,5 @@
 """Reports to each member how many of its messages the router denied, and to the operator what was denied to whom. Pure."""
 
-from __future__ import annotations
-
 import json
 import logging
 import re

@@ -3,8 +3,6 @@
 This needs no `cryptography`: a robot carries files, and Zenoh reads them.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import dataclass

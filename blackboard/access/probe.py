@@ -3,8 +3,6 @@
 Zenoh says only that it could not connect, so this makes a TLS handshake by the standard library.
 """
 
-from __future__ import annotations
-
 import socket
 import ssl
 

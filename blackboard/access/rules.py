@@ -4,8 +4,6 @@ A rule of Zenoh allows kinds of messages on key expressions in one direction as 
 Whatever no rule allows is denied.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any

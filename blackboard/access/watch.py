@@ -1,7 +1,5 @@
 """A service that prints the denials that a router reports."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from blackboard.access.doorkeeper import read

@@ -6,8 +6,6 @@ arrival. With fusion = "joint" the robots' evidence is kept beside them, and wha
 a subject.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping

@@ -4,8 +4,6 @@ Pure.
 Where a world gives the time, all stamps are its own, and nothing is corrected.
 """
 
-from __future__ import annotations
-
 import logging
 from typing import TypeVar
 

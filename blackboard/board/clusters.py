@@ -11,8 +11,6 @@ took over the name of another thing gives it another one.
 No frame speaks against a track, because a board does not know where a robot looked.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping

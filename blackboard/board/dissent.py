@@ -10,8 +10,6 @@ Where half of the sources or more would be named at once, it cannot be decided w
 camps are reported: groups that agree among themselves and contradict each other, two of them equally large.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -4,8 +4,6 @@ Where there is no room, the source that says most gives way to one that says les
 its own, and what a robot reports of itself, and what a board settled itself, always has room.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass

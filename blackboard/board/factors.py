@@ -1,7 +1,5 @@
 """From comparisons of sources to variance factors, correlations and weights; `learning` says what they mean. Pure."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections import deque

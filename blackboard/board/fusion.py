@@ -4,8 +4,6 @@ independent opinions ── rule (COP) ──► first-hand ──┐
 overlapping opinions ───────────────────────────────┴── Chernoff ──► fused
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

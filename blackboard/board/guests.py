@@ -5,8 +5,6 @@ A name costs nothing: a process that may report under any name could have as man
 a guest is confirmed once a robot that the scenario names has seen it where it says it is. From then on it counts as everybody.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 
 from blackboard.board.dissent import distance

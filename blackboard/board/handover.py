@@ -3,8 +3,6 @@
 So both go on alike, whichever of them was restarted; and a leader that repeats itself costs little.
 """
 
-from __future__ import annotations
-
 import math
 
 from blackboard.board.board import Board

@@ -9,8 +9,6 @@ settled for longest has it, and among equals, as at the beginning of a run, the 
 as one that starts: what reaches it first may be old.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterator

@@ -13,8 +13,6 @@ measured against the members.
 Before any evidence the advice is the rule's default; an estimate counts with the share n / (n + PRIOR_COUNT) of n effective samples.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

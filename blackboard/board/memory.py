@@ -4,8 +4,6 @@ Who goes on from it does what the board does, to the bit. What another board say
 `remembered` gives a learner within the bounds that it keeps by itself, or refuses.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from itertools import combinations
 

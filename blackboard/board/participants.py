@@ -4,8 +4,6 @@ Without a world a message may come before the token of its sender, or before the
 refused, and tried again when more is known.
 """
 
-from __future__ import annotations
-
 from blackboard.board.guests import Guests
 from blackboard.errors import Refused
 from blackboard.process.intake import TooEarly

@@ -1,7 +1,5 @@
 """What a board settles, and publishes: where it leads, all that it settled; where it follows, its status alone. Pure."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """What a board takes from robots and from other boards: whose message counts, by whose clock, and what has arrived of a tick. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from blackboard.board.board import Board

@@ -6,8 +6,6 @@ others, or one of them has fallen silent. Robots may report shortly after each o
 is followed by one that ends where the longest pause was.
 """
 
-from __future__ import annotations
-
 from blackboard.process.roll_call import MAX_SOURCES
 
 LONGER = 2.0  # a pause within a tick that is longer by this factor than the one before its first step is where ticks should end

@@ -1,7 +1,5 @@
 """Sightings that name a class only, for a consensus and a status: which subjects they may show, and counts. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 from blackboard.opinion.gaussian.naming import Unnamed

@@ -9,8 +9,6 @@ All is in the frame that the team's grid names, or "map", in the grid's unit, wi
 a tick settled.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

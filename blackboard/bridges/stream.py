@@ -1,7 +1,5 @@
 """What a bridge shows of a team: each settled tick once, in its order, and what happened. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Protocol
 

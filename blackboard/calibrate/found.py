@@ -1,7 +1,5 @@
 """What was found of a team's sensors, robot by robot: numbers with intervals, residuals, and how well they predict the rest."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

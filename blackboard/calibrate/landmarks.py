@@ -1,7 +1,5 @@
 """Landmarks that are not where the map has them, or that carry each other's names: by where all robots see them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

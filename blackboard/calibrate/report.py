@@ -1,7 +1,5 @@
 """What `blackboard calibrate` prints: numbers with intervals, tables to paste into a scenario, and how well they predict."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

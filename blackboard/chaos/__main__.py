@@ -1,7 +1,5 @@
 """The doors of the storm: `blackboard chaos` and `python -m blackboard.chaos soak`, which `make soak` runs."""
 
-from __future__ import annotations
-
 import asyncio
 import signal
 import sys

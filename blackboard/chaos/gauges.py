@@ -1,7 +1,5 @@
 """What Linux says that a process uses."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

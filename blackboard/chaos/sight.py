@@ -4,8 +4,6 @@ A board's belief about an object is settled while the newest agreed one is at mo
 robot must also contain what the robot itself said at most `FRESH` seconds ago.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Sequence
 from contextlib import suppress

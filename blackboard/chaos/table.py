@@ -1,7 +1,5 @@
 """One case after the other with a team of real processes, and the table of what came of them."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import signal

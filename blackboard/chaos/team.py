@@ -1,7 +1,5 @@
 """A team of real processes whose lines to the router go through proxies, and an observer that looks at it all the time."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

@@ -1,7 +1,5 @@
 """The door of `blackboard share`: a process that joins two teams."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Annotated

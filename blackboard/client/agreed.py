@@ -1,7 +1,5 @@
 """What a team agrees on, as a program hears of it: about each subject every belief that is newer than the one before. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 What cannot be is a ValueError of one sentence that names the argument.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from numbers import Real

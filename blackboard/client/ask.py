@@ -1,7 +1,5 @@
 """Which team is meant, and on which grid, as the boards that answer say in their statuses."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace

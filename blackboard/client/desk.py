@@ -1,7 +1,5 @@
 """What stands between the team's thread and the program's: calls into the service, and streams of what was agreed on."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, wait

@@ -5,8 +5,6 @@ each of its ticks with the stamp that it had, until it is `STANDS` seconds old. 
 robot, too.
 """
 
-from __future__ import annotations
-
 from blackboard.client.agreed import TeamNews
 from blackboard.config import BoardSection
 from blackboard.errors import OpinionError, Refused

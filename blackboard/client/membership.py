@@ -1,7 +1,5 @@
 """A robot's place in a team, for a program of one's own, whatever it says there: the door between a thread and the network."""
 
-from __future__ import annotations
-
 import asyncio
 import atexit
 import logging

@@ -9,8 +9,6 @@ when it was gathered too. What holds nothing newer than the other team has is no
 `max_age` ends. So a belief without new evidence ends in all teams.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import re

@@ -1,7 +1,5 @@
 """Team: a robot that reports beliefs of its own making (docs/client.md)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from blackboard.client.agreed import TeamNews

@@ -1,7 +1,5 @@
 """Why the team believes what it believes about a subject, as the boards themselves tell it. Pure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from blackboard.process.printable import quoted

@@ -1,7 +1,5 @@
 """The text tables of a recording in the MRCLAM format, and its map."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from pathlib import Path

@@ -5,8 +5,6 @@ families `O1_landmark` and `O2_mate` one landmark, or one robot, is an object th
 landmark is, and the robot does not take part.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ A name is letters and a number: the letters are the robot's (of a point the whol
 A covariance is its upper triangle, row by row. Other elements are counted and left out.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter, defaultdict

@@ -4,8 +4,6 @@ Positions, distances and sigmas are in the grid's unit (cells in the paper's wor
 robots' models have keys of their own in [robot], so that a robot with a wrong model can be tested.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator

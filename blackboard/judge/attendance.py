@@ -4,8 +4,6 @@ In every judged tick a robot is expected to have a belief about its own place, a
 belief about an object is expected only after the robot has seen it; from then on also of the team.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field

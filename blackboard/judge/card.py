@@ -1,7 +1,5 @@
 """The scorecard: what a run showed, as JSON (docs/design.md fixes its names) and as text for people."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

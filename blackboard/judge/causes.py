@@ -4,8 +4,6 @@ A reason (`Referee.verdict`) says which check failed; a cause says what in the r
 the scores, by the thresholds below; where none of them fits, none is named.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

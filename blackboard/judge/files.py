@@ -4,8 +4,6 @@ A row has a value, which may be None, for each column, and every row is written 
 is not finite is null in JSON lines, which have no other word for it.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import math

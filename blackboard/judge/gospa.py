@@ -5,8 +5,6 @@ alpha = 2. It is the least value of (sum of d^p over assigned pairs + c^p / 2 fo
 over all assignments of tracks to things.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

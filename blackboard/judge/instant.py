@@ -1,7 +1,5 @@
 """One tick as the world keeps it: what is true, who takes part, and what everybody sent about it. Pure bookkeeping."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

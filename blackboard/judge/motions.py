@@ -1,7 +1,5 @@
 """Headings and velocities that were agreed on, against the truth. Pure; running sums."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Iterable

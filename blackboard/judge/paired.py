@@ -3,8 +3,6 @@
 The run is cut into BLOCKS pieces of time of the same length, which are taken as independent (`intervals.mean_of_blocks`).
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import asdict

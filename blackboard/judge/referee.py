@@ -7,8 +7,6 @@ name, through which its evidence counts in the exchange. Robots that a [[fault]]
 believe about objects is not judged.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections import Counter

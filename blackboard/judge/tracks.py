@@ -5,8 +5,6 @@ track is which thing lasts: a pair stays until it is farther apart than the cut,
 (K. Bernardin, R. Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics", 2008).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

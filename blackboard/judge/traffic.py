@@ -1,7 +1,5 @@
 """What the processes of a team sent, received and refused in a run: the sum of what their newest statuses count. Pure."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 

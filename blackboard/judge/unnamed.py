@@ -1,7 +1,5 @@
 """What a team makes of sightings without a name: whom it took them for, and its tracks of things that have none. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 from typing import Any, TypeVar
 

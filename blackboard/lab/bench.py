@@ -3,8 +3,6 @@
 Everything is computed from the samples that the referee judged (`blackboard.judge.samples`), by the definitions in `DEFINITIONS`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

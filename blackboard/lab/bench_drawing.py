@@ -1,7 +1,5 @@
 """The bench's pictures: of each protocol the robots' ways, their errors and the areas of their 95 % regions over time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The door of the calibration: `blackboard calibrate` finds what a team's sensors are like, from a tape or a recording."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from blackboard.calibrate import report

@@ -1,7 +1,5 @@
 """The pictures of a calibration: what is left of each robot's readings and motions once its sensors are known (extra `plot`)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib as mpl

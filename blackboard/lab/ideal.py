@@ -5,8 +5,6 @@ and a sighting's sigma that depends on the true distance. On a recording, whose 
 Kalman filter with the sensor models of the robots.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from typing import Any

@@ -1,7 +1,5 @@
 """Whole teams one robot of which is led astray, and the probability of being lost that their boards tell of each robot. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

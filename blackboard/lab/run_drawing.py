@@ -1,7 +1,5 @@
 """The pictures of a run: error, 95 % region, entropy and coverage over time, and where everything was (extra `plot`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from math import ceil
 from pathlib import Path

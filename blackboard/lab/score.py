@@ -1,7 +1,5 @@
 """The door of the bench: `blackboard score` runs a recorded team, protocol by protocol, and shows what each fusion was worth."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

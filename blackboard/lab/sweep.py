@@ -4,8 +4,6 @@ Each run is a whole team (boards, exchange, feedback) in one process (`blackboar
 processes of `blackboard up`, to the bit.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """The picture of a sweep: each run as a dot, the mean of each combination with its 95 % interval (extra `plot`)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

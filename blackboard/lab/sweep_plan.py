@@ -1,7 +1,5 @@
 """The runs of a sweep: every combination of some settings with every seed, as scenarios. Pure."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json

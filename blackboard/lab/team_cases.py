@@ -4,8 +4,6 @@ in one process, without network, board or feedback.
 First-hand beliefs do not depend on what a board makes of them, so the cases of one run serve every rule.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import numpy as np

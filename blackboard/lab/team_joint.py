@@ -4,8 +4,6 @@ What a robot sends as evidence rests on its own readings alone, so it is made on
 against a running team, is the place at which a robot's filter linearises, which comes back from the board and is no evidence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from blackboard.config import Scenario

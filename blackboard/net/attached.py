@@ -2,8 +2,6 @@
 message for who comes late. It is how ROS 2 speaks over Zenoh (`blackboard.bridges.ros`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Protocol
 

@@ -5,8 +5,6 @@ strangers flood, a link listens only to what the holders of tokens write under t
 it. After a pause it listens to all again, to find out whether the flood is over.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from typing import Protocol

@@ -4,8 +4,6 @@ Each source has a quota of its own, so that it can only displace what it sent it
 that it is true, nobody can tell without keys. All who hold no liveliness token share one quota and are read last.
 """
 
-from __future__ import annotations
-
 import threading
 from collections import Counter, deque
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What a process with keys hears at the router's door: whether its certificate is known there, and what of it was denied."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Callable

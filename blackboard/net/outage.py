@@ -1,7 +1,5 @@
 """When a link has lost its router, and when it is connected to one again. Pure; `now` is Unix time in seconds."""
 
-from __future__ import annotations
-
 #: Seconds from one line about a loss to the next, so that a router that comes and goes leaves few lines in a log.
 PAUSE = 10.0
 

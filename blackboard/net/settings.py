@@ -1,7 +1,5 @@
 """The settings of a Zenoh session: what a person sets by file or flag, and our own defaults for the rest."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """How an old belief spreads: by the speed that its robot gave, else by `[board] drift`. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Do opinions agree? Distances between two opinions on one grid (II-A.1), and the paper's entropy test for a conflict."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Averages of opinions: the linear and the logarithmic pool of the paper, and the family of means between and beyond them."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """Beliefs that are near enough to a Gaussian for a mean and a covariance to say what they claim."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

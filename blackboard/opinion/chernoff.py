@@ -4,8 +4,6 @@ Along P^w Q^(1-w) the entropy of Gaussians is convex in w, of other beliefs it n
 part, a golden section the minimum there. A narrow second minimum can be missed; the result is then less sharp, and still valid.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

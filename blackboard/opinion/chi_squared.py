@@ -3,8 +3,6 @@
 A sum of the squares of f independent standard normal numbers is chi-squared with f degrees of freedom.
 """
 
-from __future__ import annotations
-
 import math
 
 MEDIAN, DOUBT, GATE = 0.5, 0.99, 0.999  # the shares whose quantiles are asked for

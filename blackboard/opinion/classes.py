@@ -1,7 +1,5 @@
 """What a sighting may name instead of a subject: a class, as `robot/?` or `object/ball?`; and how tracks of a class are named."""
 
-from __future__ import annotations
-
 LANDMARK = "landmark/?"  # the class of what a map has; robots find out which themselves
 LONGEST = 32  # characters of the name of a class that the names of its tracks have: with a number they are names, too
 DIGITS = 9  # of the number in a track's name, so that the next one has room in a name, too

@@ -16,8 +16,6 @@ C_q is linear in each opinion, so P_i dC_q/dP_i is the part of C_q that comes fr
 run backwards (reverse differentiation) gives it for all opinions at once, again with non-negative terms only.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 

@@ -1,7 +1,5 @@
 """The Cooperative Opinion Pool, P = K sum_q C_q^(1/alpha_q) (V-.2), and the rules that are made of its components."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import ClassVar, Literal
 

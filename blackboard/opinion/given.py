@@ -6,8 +6,6 @@ each cell by Gauss-Legendre quadrature. A grid cannot represent anything narrowe
 standard deviation is taken as that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache

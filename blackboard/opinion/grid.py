@@ -4,8 +4,6 @@ Axis i of an array is coordinate i of the world: a 2-D belief is `p[ix, iy]`. Ce
 [origin, origin + cell); the centre of cell i is origin + (i + 1/2) cell.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

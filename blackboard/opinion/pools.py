@@ -18,8 +18,6 @@ Which rule does what (idempotent: equal opinions give the same again; veto: one 
     channel-filter    veto                   the product without known common information
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ Multiplying opinions is right only where they rest on different evidence. An opi
 information it contains. Opinions without a common ancestor are independent; all others may hold the same evidence twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Highest-density regions: which cells are in one, and the polygons around them."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

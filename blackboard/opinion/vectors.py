@@ -3,8 +3,6 @@
 `opinions` is always (N, *grid shape): N opinions over the same cells, each non-negative and summing to 1.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

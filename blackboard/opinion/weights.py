@@ -1,7 +1,5 @@
 """The entropy of an opinion, and the weights that opinions get by it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A table that keeps so many entries: the oldest are forgotten first. Pure."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 K = TypeVar("K")

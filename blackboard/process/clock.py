@@ -1,7 +1,5 @@
 """The only place that reads a clock."""
 
-from __future__ import annotations
-
 import time
 from datetime import UTC, datetime
 

@@ -1,7 +1,5 @@
 """Rows as text: in columns, or as a table of Markdown; and numbers that may be missing. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Sequence
 
 LEAST_LAST = 12  # characters that the last column keeps before another one falls away

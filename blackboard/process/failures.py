@@ -1,7 +1,5 @@
 """Exceptions that a process survives, whatever message or tick met them: counted, and logged once per source and kind."""
 
-from __future__ import annotations
-
 import logging
 from collections import Counter
 from collections.abc import Iterator

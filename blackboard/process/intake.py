@@ -1,7 +1,5 @@
 """Intake: what every process does with the bytes that reach it. Open, count, refuse, warn once, and keep what came too early."""
 
-from __future__ import annotations
-
 import logging
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Hearing a team: by whose clock it goes, and what its boards say. A listener speaks nothing. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

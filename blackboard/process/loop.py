@@ -1,7 +1,5 @@
 """The loop that runs the service of every process; there is no other endless loop."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable

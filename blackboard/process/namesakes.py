@@ -4,8 +4,6 @@ What a process sends itself is not delivered to it, so a status there is another
 started again: what the one before it sent last may still be on its way, but not for long.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

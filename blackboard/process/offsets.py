@@ -9,8 +9,6 @@ Without any round trip only what is certain is known: a clock that stamps the fu
 behind looks like a slow network until a round trip tells the two apart.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from typing import TypeVar

@@ -4,8 +4,6 @@ The owner of a peer gets the cues of the team clock (`reactions`) and the messag
 world that has not received them asks again.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Texts from outside on a terminal: what could move its cursor, forge a line or turn the order of letters is shown as an escape."""
 
-from __future__ import annotations
-
 import re
 
 SHOWN = 200  # characters of a text from outside in a line of the log

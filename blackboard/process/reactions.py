@@ -1,7 +1,5 @@
 """What a robot does on news of the team clock, as a table. Pure. `python -m blackboard.process.reactions` prints it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import Enum
 

@@ -4,8 +4,6 @@ Whose it was, the key says, because what is refused may be unreadable. A message
 once it has waited for a whole `PERIOD` without being taken after all.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from blackboard.errors import Refused

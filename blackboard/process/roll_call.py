@@ -1,7 +1,5 @@
 """Roll call: has everything that a source lists for a tick arrived? Pure, and bounded: the oldest is forgotten first."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Generic, TypeVar
 

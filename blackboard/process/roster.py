@@ -5,8 +5,6 @@ When a router dies, all tokens vanish, a process's own among them, in any order.
 meanwhile, and then everybody else has `comeback` seconds to return.
 """
 
-from __future__ import annotations
-
 import math
 
 from blackboard.process.bounded import put

@@ -5,8 +5,6 @@ when that is and which phase follows; what a process does at the end of a phase 
 `python -m blackboard.process.rounds` prints them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The interface between a service and the loop that runs it (`blackboard.process.loop`), and how a service is connected."""
 
-from __future__ import annotations
-
 from typing import Protocol, runtime_checkable
 
 from blackboard.wire.envelope import Envelope

@@ -13,8 +13,6 @@ seconds, unless the world's token has come anew. So a single Clock moves no proc
 a false one has stopped.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from enum import Enum

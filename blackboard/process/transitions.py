@@ -1,7 +1,5 @@
 """A machine as a table: what may happen in which of its states, and what follows. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum

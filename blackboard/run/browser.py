@@ -1,7 +1,5 @@
 """Open a page in the browser of this machine's user, if this machine has a display."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable, Mapping

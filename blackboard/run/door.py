@@ -4,8 +4,6 @@ Exit codes: 0 done, 1 the run or its check failed, 2 a user error (one clear lin
 141 nobody reads standard output any more (`| head -1`), 143 a board or a robot that did not end in order in time.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import re

@@ -1,7 +1,5 @@
 """The flags that several commands share, each declared once: what to run, how long, and how to show what came of it."""
 
-from __future__ import annotations
-
 import json
 import logging
 import sys

@@ -1,7 +1,5 @@
 """A router with keys: it reads in its own Zenoh's log what was denied, and informs members and the operator."""
 
-from __future__ import annotations
-
 import fcntl
 import logging
 import math

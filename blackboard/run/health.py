@@ -5,8 +5,6 @@ settled last is. A world must answer with its Clock, and a session must open thr
 time of the tick that was settled, so that a board which repeats its status and settles nothing is not healthy.
 """
 
-from __future__ import annotations
-
 import math
 import socket
 import sys

@@ -1,7 +1,5 @@
 """The door of a team's keys: `blackboard keys init | add | renew | revoke | list | watch`."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The process table of a scenario, and running it: start all in order, wait until they are ready, stop all when the world ends."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import signal

@@ -1,7 +1,5 @@
 """Ending a process together with the one that started it."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

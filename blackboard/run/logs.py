@@ -1,7 +1,5 @@
 """How a process logs: one line per event on standard error, for people or as JSON."""
 
-from __future__ import annotations
-
 import json
 import logging
 import sys

@@ -4,8 +4,6 @@ docs/messages.md is what `python -m blackboard.run.messages` prints. A field's o
 the model's schema.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """`--set`: keys of a scenario and the values that a command gives them. Pure."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from copy import deepcopy

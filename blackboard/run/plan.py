@@ -1,7 +1,5 @@
 """How many teams, boards and levels a fleet needs, by measured costs: `blackboard plan`."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import asdict, dataclass

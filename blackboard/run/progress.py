@@ -1,7 +1,5 @@
 """A progress bar on a terminal, with the time left; elsewhere nothing, or a line after the first and each tenth."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

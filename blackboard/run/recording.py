@@ -1,7 +1,5 @@
 """The recorder beside the processes of a run: started before them, stopped after the world has ended."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

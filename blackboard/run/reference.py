@@ -4,8 +4,6 @@ A field's own docstring says what it means, and begins with its unit in brackets
 may be given comes from the model's schema, in the words of error messages.
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import inspect

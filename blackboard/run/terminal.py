@@ -1,7 +1,5 @@
 """What a command prints: nothing but printable characters and line breaks reaches its standard output and error."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, TextIO
 

@@ -1,7 +1,5 @@
 """Alarms: what an operator must not miss. An alarm stays after what raised it is over, until it is looked at. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

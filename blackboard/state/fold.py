@@ -1,7 +1,5 @@
 """The fold: envelopes in, the state of the teams out. Pure: time is an argument, memory is bounded whatever arrives."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any

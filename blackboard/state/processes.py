@@ -1,7 +1,5 @@
 """The processes of a team as an observer sees them: who is alive, how far it is, how fast, and what it refused. Pure."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """What was received about a subject, and how it is drawn: a box of bytes, its mean, its entropy and its 95 % region. Pure."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

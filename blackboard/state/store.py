@@ -1,7 +1,5 @@
 """The newest messages of each source about each subject, bounded. Pure."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Generic
 

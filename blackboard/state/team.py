@@ -3,8 +3,6 @@
 A moment is complete when every board that is alive has its status "agreed" of a tick in, or when a later tick is agreed on.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """The door of the tapes: `blackboard record`, `blackboard replay` and `blackboard tape info | recover | cut | table`."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

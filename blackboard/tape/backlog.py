@@ -1,7 +1,5 @@
 """Bytes on their way to a file whose disk may be full for a while."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import BinaryIO
 

@@ -1,7 +1,5 @@
 """Reports on replays: scorecards side by side, and whether a replay equals the recording. Pure."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from blackboard.judge.samples import GROUPS, LEVELS

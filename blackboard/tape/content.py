@@ -1,7 +1,5 @@
 """What is on a tape, for those that need all of it at once: replays, tables, summaries."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property

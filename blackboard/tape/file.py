@@ -5,8 +5,6 @@ Each key is a channel of its own, with the key as its topic. A message lies ther
 same topic (encoding "json", schema `cop.v1.Event`). The recorder's own counters are on `LINK`. Times are Unix time at the recorder.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

@@ -4,8 +4,6 @@ The order in which a recorder receives messages is not the one in which a board 
 count. So the board's process itself says what it handed to the board, by the digests of the messages; their bytes are on the tape.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from hashlib import blake2b

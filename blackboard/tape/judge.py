@@ -4,8 +4,6 @@ The truth, who took part, and what robots believed alone come from the tape; the
 that boards made in a replay. So the scorecards of both have one shape, and the same samples.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What if a robot lied about where it is: its reports, moved. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 from blackboard.errors import Refused, UserError

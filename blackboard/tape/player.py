@@ -1,7 +1,5 @@
 """The player: a tape into a live network, at a chosen speed (`blackboard.process.service.Service`)."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """The recorder: every message and token of a team goes onto a tape (`blackboard.process.service.Service`)."""
 
-from __future__ import annotations
-
 import logging
 
 from blackboard.process.service import Quiet

@@ -3,8 +3,6 @@
 So it does again what it did, to the bit, in every pace: nothing of it depends on the recorder's order of arrival.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress

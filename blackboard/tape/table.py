@@ -1,7 +1,5 @@
 """A tape as a table: a row for each tick, subject and level, with the error where the tape has the truth. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

@@ -7,8 +7,6 @@ the changed boards. Readings do not depend on the team, but `informed` beliefs d
 linearise: these are those of the recorded run.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection
 

@@ -1,7 +1,5 @@
 """The doors for people: `blackboard why | status | echo | hz | view | top`. They look on, and send nothing."""
 
-from __future__ import annotations
-
 import logging
 import os
 import shutil

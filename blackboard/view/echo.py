@@ -1,7 +1,5 @@
 """Messages for people: one line for each, and how often they come on each key. Pure."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """A fold that follows a running team over a link, or a tape: what `why`, `status`, `top` and the page look through."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice

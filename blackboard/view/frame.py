@@ -7,8 +7,6 @@
 The beliefs stand in the header in the order of their bytes; each takes box[0] * box[1] of them.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """The state of a team in one table: what `blackboard status` prints, and what the live page shows of the processes. Pure."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from blackboard.process.columns import cell, columns, shortened

@@ -6,8 +6,6 @@ how far the rest may be trusted. A belief of the joint is a marginal of one Gaus
 weight, so only who was used and who was not is shown.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches

@@ -3,8 +3,6 @@
 What did not change anything is left out; the JSON has it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

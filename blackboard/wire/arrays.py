@@ -15,8 +15,6 @@ Reading is deterministic, and unpack(pack(b)) of a b that came from `pack` in th
 beliefs.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

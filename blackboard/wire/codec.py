@@ -1,7 +1,5 @@
 """Messages as bytes and back. Bytes are a message or raise `Refused`, never anything else."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import TypeVar
 

@@ -1,7 +1,5 @@
 """An envelope: bytes on a key. Services and the network exchange nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 

@@ -5,8 +5,6 @@ bias, slip, range scale, curved way and turn, lag). A robot without the last thr
 of n rows is sent as its upper triangle, row by row, n (n + 1) / 2 numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Self
 

@@ -1,7 +1,5 @@
 """Reports that say something else than their robot believes: displaced, or too sure. Beliefs and evidence are changed alike. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

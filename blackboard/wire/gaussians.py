@@ -1,7 +1,5 @@
 """States, increments and sightings as the messages of `evidence` have them, and back."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The topic table: every key expression of a team, once. docs/messages.md shows it."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import cache, lru_cache

@@ -5,8 +5,6 @@ before it, one byte each. "log16" (levels up to 65535) sends the difference of e
 of the logarithm of a Gaussian these are all alike but for their rounding, however fine the levels are. Both are compressed by zlib.
 """
 
-from __future__ import annotations
-
 import zlib
 from typing import Any, Literal
 

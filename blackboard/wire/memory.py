@@ -3,8 +3,6 @@
 Everything that a board has learned follows from these numbers, to the bit (`blackboard.board.memory` packs and checks them).
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

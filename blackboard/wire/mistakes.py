@@ -3,8 +3,6 @@
 The words come from the model's own schema, so they are those of docs/scenario.md too. pydantic's messages are never shown.
 """
 
-from __future__ import annotations
-
 import re
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence

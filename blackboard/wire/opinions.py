@@ -1,7 +1,5 @@
 """Which opinions a message holds: the one admission of reports and consensuses, for boards and for who checks them. Pure."""
 
-from __future__ import annotations
-
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.provenance import Opinion

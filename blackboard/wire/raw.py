@@ -3,8 +3,6 @@
 It knows no message and loads neither NumPy nor pydantic, so that a health check and a link start quickly.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping
 from functools import lru_cache

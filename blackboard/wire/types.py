@@ -1,7 +1,5 @@
 """The types that fields of messages are made of, and the bounds of what a process takes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from typing import Annotated, Literal
 

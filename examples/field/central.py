@@ -3,8 +3,6 @@
 Of all robots it is the best that any team can do; of one robot it is a filter of its own.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

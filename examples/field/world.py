@@ -3,8 +3,6 @@
 Metres, radians, seconds. Errors are drawn from the numbers of a `Truth`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

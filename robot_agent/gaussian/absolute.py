@@ -6,8 +6,6 @@ the rest of it counts as an error that lasts, as of satellites and their reflect
 one at the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

@@ -5,8 +5,6 @@ sees of an object errs with its own place. As evidence, what the readings of a t
 the team agreed that it was, moved on by what it measured since.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ the place to linearise at: that is no evidence. A robot whose heading is known a
 position; one that knows neither has no Gaussian belief, and its caller keeps a grid until that has one hypothesis (`enter`).
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """What a robot has found out of its wheels, camera, fixes and compass while it drives, in numbers by name, for its status. Pure."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

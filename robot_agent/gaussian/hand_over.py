@@ -1,7 +1,5 @@
 """The hand-over from a grid to a Gaussian filter: once a robot that looked for its pose has one hypothesis left."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

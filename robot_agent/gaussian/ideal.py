@@ -3,8 +3,6 @@
 No report, no increment and no board is in between, so nothing is forgotten and nothing is counted twice.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

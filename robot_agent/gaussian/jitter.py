@@ -7,8 +7,6 @@ The second differences of the turns remove constant and evenly growing rates of 
 makes a large difference in some ticks, noise in all of them. So a low quantile of the differences gives the size of the noise.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Which landmark of the map an unnamed sighting is of, by where the robot believes to be. Pure but for what `Naming` learns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -5,8 +5,6 @@ last fitted. If that fits them, its belief is widened by all that the odometry m
 misread barcode, or a fix that is an outlier, fits neither story, so it changes nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 

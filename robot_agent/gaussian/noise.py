@@ -16,8 +16,6 @@ looks small over a span, and what the whole team shares looks small to all of th
 along the way only: a heading that is believed too well turns the whole team, and without landmarks nobody sees it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ in between. So what the team gets of it is counted once, however the filter work
 would be counted again with each posterior. `Independence` notices that, because then what was gained says what the team believed.
 """
 
-from __future__ import annotations
-
 import statistics
 from collections import deque
 from collections.abc import Sequence

@@ -13,8 +13,6 @@ A model of the correlations themselves (an error of the scale that lasts 2 s, ra
 landmarks were in view and was far too sure of itself without them. Units: metres or cells, radians, seconds.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

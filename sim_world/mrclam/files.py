@@ -1,7 +1,5 @@
 """The files of a recorded team in the MRCLAM format, read once and looked up by time. Times are Unix seconds."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

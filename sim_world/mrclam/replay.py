@@ -7,8 +7,6 @@ Time stamps are corrected here: the commands lead the motion by `odometry_lag`, 
 earlier, and a sighting carries its age. Scales and biases of the sensors are left to the robot's models.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

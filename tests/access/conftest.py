@@ -1,7 +1,5 @@
 """One directory of keys and one router for the tests that do not change them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path

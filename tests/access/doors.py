@@ -1,7 +1,5 @@
 """A directory of keys, a router that goes by it, and people at its door."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The client with keys: its team and sub-team are those of its certificate, and it is told of refusals through the same door."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a router's log says, and what is told of it."""
 
-from __future__ import annotations
-
 import json
 import logging
 

@@ -1,7 +1,5 @@
 """The files: who can read them, what is never overwritten, and what `add`, `renew` and `revoke` change."""
 
-from __future__ import annotations
-
 import json
 import stat
 import sys

@@ -1,7 +1,5 @@
 """Real sessions at a real router's door: what gets through, and who is told of what does not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

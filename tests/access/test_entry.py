@@ -1,7 +1,5 @@
 """Real sessions at a real router's door: who gets in, and the one line that says why somebody does not."""
 
-from __future__ import annotations
-
 import shutil
 from contextlib import suppress
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Who may do what, held against the topic table in words of its own, and against what the services really ask for."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

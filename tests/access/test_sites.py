@@ -1,7 +1,5 @@
 """Two sites with a router each and keys: what crosses the link between them, and what its certificate cannot do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path

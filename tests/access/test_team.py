@@ -1,7 +1,5 @@
 """The commands as a person runs them: a whole team behind its door, and a team's keys made, added to, renewed and revoked."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

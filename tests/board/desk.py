@@ -1,7 +1,5 @@
 """A board process under test without a network, and the messages that others send to it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from blackboard.board.service import BoardService

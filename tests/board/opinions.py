@@ -1,7 +1,5 @@
 """Opinions of several sources about one object, tick by tick, with errors as a test wants them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

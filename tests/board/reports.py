@@ -1,7 +1,5 @@
 """Reports and boards for the tests of this room, on two grids."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

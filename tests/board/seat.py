@@ -1,7 +1,5 @@
 """A board among the boards of its sub-team, under test without a process: what it hears of them, and the time that passes."""
 
-from __future__ import annotations
-
 from blackboard.board.lead import FROZEN, Lead, Publication
 from blackboard.process.roster import Roster
 from blackboard.wire import keys

@@ -1,7 +1,5 @@
 """How an old belief spreads: by the speed that its robot gave, else by the drift."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

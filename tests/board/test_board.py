@@ -1,7 +1,5 @@
 """The board of one sub-team: the reports it takes, the consensuses it settles, and what it does not count twice."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sightings of a class on a board without a joint: clustered by their overlap, pooled as opinions are, under names that last."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Who disagrees with the others: named after some seconds, counted less, back slowly; and camps of which nobody is named."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from functools import partial

@@ -1,7 +1,5 @@
 """The exchange between the boards of sub-teams: the agreed belief, and what is not counted twice in it."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.board.board import Board

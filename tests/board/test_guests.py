@@ -1,7 +1,5 @@
 """Robots that the scenario does not name: whom a board hears, and how much many of them count."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """A belief that claims to hold everybody's information is one opinion, and passes a gate as any other."""
 
-from __future__ import annotations
-
 import math
 
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Which of a sub-team's boards leads: at the start, when one dies, freezes or comes back, and what is never lost or said twice."""
 
-from __future__ import annotations
-
 import math
 
 from blackboard.board.lead import HOLD, MAX_KEPT, BoardRole

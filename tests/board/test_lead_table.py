@@ -1,7 +1,5 @@
 """When a board's part changes: each row of the table is walked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

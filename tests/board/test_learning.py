@@ -1,7 +1,5 @@
 """A board that learns how far its sources may be believed: the laws of the learner, and what the board tells of it."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

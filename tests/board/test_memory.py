@@ -1,7 +1,5 @@
 """What a board remembers, packed and taken over: the same to the bit from then on, and nothing that is out of bounds."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -8,8 +8,6 @@ What holds, for any cover of the robots by sub-teams, with the same reports:
   entropy; and where the rule multiplies all (independence 1, no gate that bites) it has the entropy of one board that hears everybody.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import pytest

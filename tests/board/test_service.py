@@ -1,7 +1,5 @@
 """A tick of a board process in lockstep: for whom it waits before it settles, and before it exchanges."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.wire import keys

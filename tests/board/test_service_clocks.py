@@ -1,7 +1,5 @@
 """By whose time a board process goes: a world's Clock, its token, real time, and Unix time without a world."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.process.team_clock import WORLD_SILENT

@@ -1,7 +1,5 @@
 """A board that is slower than the ticks of real time: it goes on with the newest one, and says how many it left out."""
 
-from __future__ import annotations
-
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind

@@ -1,7 +1,5 @@
 """What a board process refuses, and what it keeps until it can be judged: bad input changes nothing."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

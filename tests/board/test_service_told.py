@@ -1,7 +1,5 @@
 """A robot learns why its reports are refused; the status of a board places the team's grid; frames are compared by name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """When a board without a world has reason to settle early: held against robots that step at any times."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 from hypothesis import given

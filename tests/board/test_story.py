@@ -1,7 +1,5 @@
 """What a consensus says about how it was made: rule, outcome, weights, components, ancestors and conflict."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Who reports a uniform belief knows nothing: what the others believe is not made wider by it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a robot claims first-hand counts no more than its sensors can know."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

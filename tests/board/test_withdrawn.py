@@ -1,7 +1,5 @@
 """What the exchange between boards holds on to, and what it lets go."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.config import Scenario

@@ -1,7 +1,5 @@
 """The export for Foxglove, read back with another library than the one that wrote it."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from collections import Counter

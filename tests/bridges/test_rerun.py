@@ -1,7 +1,5 @@
 """The bridge into Rerun: a tape as a recording, read back. Skipped where the extra is missing, which is large (`make bridges`)."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

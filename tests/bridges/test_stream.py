@@ -1,7 +1,5 @@
 """What bridges show: each settled tick once, in order, each event once, and the masses of a belief as they are."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.bridges.stream import TeamStream, agreed, corner, masses

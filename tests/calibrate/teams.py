@@ -1,7 +1,5 @@
 """A simulated team whose wheels and cameras are known: straight ways, curves, spins and stops among landmarks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

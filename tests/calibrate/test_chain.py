@@ -1,7 +1,5 @@
 """The chain of ticks against plain linear algebra, and the model's derivatives against differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

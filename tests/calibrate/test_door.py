@@ -1,7 +1,5 @@
 """`blackboard calibrate`: on a tape of simulated readings, and on the recording whose numbers are known."""
 
-from __future__ import annotations
-
 import io
 import json
 import statistics

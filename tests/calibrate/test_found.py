@@ -1,7 +1,5 @@
 """What a simulated team's sensors are is found without its truth, within the intervals that are claimed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The table's rows, and a scenario prepared for one."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """The proxy with real sockets on 127.0.0.1."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager

@@ -1,7 +1,5 @@
 """What a lie costs, as rows and as a table."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

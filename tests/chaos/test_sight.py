@@ -1,7 +1,5 @@
 """What counts as settled again, and from when on."""
 
-from __future__ import annotations
-
 from blackboard.chaos.sight import FRESH, Look, Sight, recovery, settled
 from blackboard.config import TeamSection
 from blackboard.opinion.belief import uniform

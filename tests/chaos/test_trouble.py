@@ -1,7 +1,5 @@
 """What a line does to a stream: delays, losses as TCP shows them, and never another order."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

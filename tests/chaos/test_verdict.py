@@ -1,7 +1,5 @@
 """A soak's verdict: each line is true of a good run, and fails of one that is not."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.chaos.gauges import Gauge, read

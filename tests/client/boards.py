@@ -1,7 +1,5 @@
 """Real boards at a router, in threads of this process; stopped however the test ends."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

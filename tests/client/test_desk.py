@@ -1,7 +1,5 @@
 """Calls from another thread into the team's: each has its own result, however late it comes."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A robot whose beliefs another program makes: when it speaks, what it refuses, what it hears; without a network or a clock."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`Robot` at a real board and router: readings in, poses out; and each wrong call is one sentence that names the argument."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What a team agrees on, told to another one: over real boards on a bus, without a network or a clock."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """A program joins a real board through a real router: the client's own threads, its streams, asyncio, and what goes wrong."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import subprocess

@@ -3,8 +3,6 @@
 Facts are waited for by following `docker events` or a log; nothing here sleeps.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -4,8 +4,6 @@ One run for the plain case and one for the injuries, which come one after the ot
 who lives. The second has no end: the world is stopped once the longest absence of a robot is a small part of it.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """A team of `Robot`s on a field, against one Kalman filter that has all readings and the true models."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Boards without a world, in virtual time: what is agreed is as young as the robots' steps, and each settlement has a tick of its own."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """A team of four different robots with steps of their own, whose sensors are in no scenario, beside one filter with all readings."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.field.play import Score

@@ -4,8 +4,6 @@ Each has sensors, rates and errors of its own, and none is described in the scen
 true models. Metres, radians, seconds.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 import sys

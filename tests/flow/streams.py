@@ -1,7 +1,5 @@
 """What consumers of a team's consensuses get of a run."""
 
-from __future__ import annotations
-
 from blackboard.lab.team import Team
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope

@@ -1,7 +1,5 @@
 """A robot of another program in a world that waits for everybody: nobody waits in vain, and it is in every consensus."""
 
-from __future__ import annotations
-
 from blackboard.client.member import Member
 from blackboard.lab.team import Team
 from blackboard.opinion.belief import gaussian

@@ -1,7 +1,5 @@
 """Robots and boards whose clocks are seconds off, without a world: corrected and told, not refused in silence."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 

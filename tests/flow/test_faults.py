@@ -1,7 +1,5 @@
 """Whole teams with faults: the same seed is the same run, who lies is named, the honest are scored alone, and names are no votes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

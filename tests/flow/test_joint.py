@@ -1,7 +1,5 @@
 """A team whose boards keep a joint belief: the same everywhere, whatever the network does, and beside robots that send beliefs only."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

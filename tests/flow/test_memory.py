@@ -1,7 +1,5 @@
 """What boards learn outlives them: a board that was restarted is as its twin, and a tape that begins late is replayed to the bit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A robot in two sub-teams: what both boards agree on is as good as what one board with all robots makes of the same run."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """A team among people whom nobody names: every board tells of the same tracks, whatever the network does."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

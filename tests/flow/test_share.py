@@ -1,7 +1,5 @@
 """What a team of other people knows, told to a simulated team, whose scores it must not touch."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

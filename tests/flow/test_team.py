@@ -1,7 +1,5 @@
 """A whole team in one process: real services and bytes, any order of arrival, losses, deaths and liars."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two boards of each sub-team: one speaks, whoever dies, and the beliefs are those of a team with one board each."""
 
-from __future__ import annotations
-
 from collections import Counter
 from functools import cache
 from typing import Any

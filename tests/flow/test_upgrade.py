@@ -6,8 +6,6 @@ and `camps`:
     git worktree add /tmp/before e498b09 && cd /tmp/before && blackboard demo --robots 3 --seconds 3 --record before.mcap
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

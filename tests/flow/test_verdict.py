@@ -1,7 +1,5 @@
 """Disasters that are no PASS, with real services: a board that dies and stays away, and robots that all begin anew in the middle."""
 
-from __future__ import annotations
-
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
 from robot_agent.team import robot_of

@@ -4,8 +4,6 @@ Each lie is tried on a short team in a joint or with opinions (`blackboard.chaos
 agreed RMSE grows against the same seed without it. What is printed last belongs into the catalogue.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import os

@@ -1,7 +1,5 @@
 """A team of real services in one process, and somebody who sends it what he likes in the middle of a run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import Any

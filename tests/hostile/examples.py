@@ -1,7 +1,5 @@
 """Messages of every type for this team, with every field said, from names that hold a token in it and from others: what the fuzz begins with."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from blackboard.wire.messages import Camp, Consensus, Dissent, Learned, Report, Status

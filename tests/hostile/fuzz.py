@@ -4,8 +4,6 @@
 run did not come to its end, or a service holds more than its bounds. Each run is repeated by its own seed.
 """
 
-from __future__ import annotations
-
 import argparse
 import logging
 import multiprocessing

@@ -1,7 +1,5 @@
 """Texts that move a terminal's cursor, forge lines or turn the order of letters, in every place of a message that takes any text."""
 
-from __future__ import annotations
-
 import sys
 import unicodedata
 from typing import Any

@@ -1,7 +1,5 @@
 """The searching adversary's moves; `make adversary` searches."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from blackboard.chaos.lies.catalogue import CATALOGUE

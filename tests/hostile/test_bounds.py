@@ -1,7 +1,5 @@
 """Memory and work that one source can cause are bounded, and what it takes is not what others need."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

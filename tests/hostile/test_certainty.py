@@ -1,7 +1,5 @@
 """Who claims to know better than any sensor of the team could: a whole team with real bytes."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

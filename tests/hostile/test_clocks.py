@@ -1,7 +1,5 @@
 """Clocks that are not the world's: none is followed for longer than it must be."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.process.team_clock import CLOCKLESS

@@ -1,7 +1,5 @@
 """One robot of four lies in its evidence with any numbers that a message can hold: the honest ones keep their places in the joint."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

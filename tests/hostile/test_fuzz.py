@@ -1,7 +1,5 @@
 """A small part of `make fuzz`: changed messages of every type through the services of a team."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.hostile.fuzz import run

@@ -1,7 +1,5 @@
 """The joint: who breaks it, or speaks for others, is left out itself, and nobody else is."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.errors import Degenerate, Refused

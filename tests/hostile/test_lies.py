@@ -3,8 +3,6 @@
 `make test` tries one of each kind in a joint, `make fuzz` all of them in both fusions.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

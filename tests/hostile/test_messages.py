@@ -1,7 +1,5 @@
 """One message, or a handful, from a member that is broken or from a stranger: nobody ends, and the run goes on to its end."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where each process goes by its own clock: whatever a status says of clocks, speeds and leads, a board goes on, within its bounds."""
 
-from __future__ import annotations
-
 import msgpack
 import numpy as np
 import pytest

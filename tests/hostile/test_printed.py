@@ -1,7 +1,5 @@
 """What commands print: of texts from outside nothing but printable characters reaches a terminal, and no line is forged."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

@@ -1,7 +1,5 @@
 """Tapes that somebody made to stop whoever looks at them: each is read in a time and memory of its size, or is one line."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

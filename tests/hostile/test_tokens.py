@@ -1,7 +1,5 @@
 """Liveliness tokens of processes that say nothing, or nothing more: the run goes on, and no bit changes where nothing was said."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.wire import keys

@@ -1,7 +1,5 @@
 """Ticks with exact beliefs for the tests of the referee."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The result of a run with something in every part of its card."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from blackboard.judge.card import RunResult

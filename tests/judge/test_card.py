@@ -1,7 +1,5 @@
 """A scorecard is made from a value: no service, no network, no clock."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """docs/fields.md documents every JSON field that is really printed, and no other; docs/scorecard.md every word."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What is named as the likely cause of a FAIL, from scores that are made up, and from a run in which something is wrong."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

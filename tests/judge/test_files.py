@@ -1,7 +1,5 @@
 """Rows as a file: each ending gives back what was written, and a mistake is one line before anything runs."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """Probabilities against what happened: exact numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """GOSPA against every assignment there is, and as a metric."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

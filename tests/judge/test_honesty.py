@@ -1,7 +1,5 @@
 """What a PASS means: few samples missing, robots that know how far they err, and regions that hold the truth as often as they claim."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

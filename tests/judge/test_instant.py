@@ -1,7 +1,5 @@
 """One tick as the world keeps it: when a board is done, who speaks for a sub-team, and who is not listened to."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Intervals: by the books, against slow versions, and whether they hold the truth as often as they say."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

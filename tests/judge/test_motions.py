@@ -1,7 +1,5 @@
 """Headings and velocities that were agreed on, against the truth: exact numbers."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two runs on the same samples: what changed, with the intervals of batch means."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

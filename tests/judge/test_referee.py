@@ -1,7 +1,5 @@
 """The referee: exact numbers on hand-made beliefs, the same samples for every level, and a hash without order."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import math

@@ -1,7 +1,5 @@
 """The series: what the referee says of each sample, and the file that gives it back exactly."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from dataclasses import astuple, replace

@@ -1,7 +1,5 @@
 """Running sums give the same numbers as the entries themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Tracks against things: what each mistake of a tracker costs, and in which number it is seen."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

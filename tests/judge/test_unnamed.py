@@ -1,7 +1,5 @@
 """The referee on things that nobody names: what was agreed on is compared with whatever is there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The verdict of the referee: every check of a run, and the reasons for a FAIL."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

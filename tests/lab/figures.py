@@ -1,7 +1,5 @@
 """The numbers behind the paper's figures, of a few small runs that are made once."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Runs of a team of two robots whose errors are known, as a bench keeps them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The bench: slow versions of its numbers, and the tables by hand."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

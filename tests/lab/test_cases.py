@@ -1,7 +1,5 @@
 """The generated trials: what their sources believe, and a case of some sources."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The comparison of rules: what it counts, what it marks, and what the default must show."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures: the same numbers give the same bytes, and a missing extra or a wrong name is one clear line."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Scores of many cases and their intervals, which are over runs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

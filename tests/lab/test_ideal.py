@@ -1,7 +1,5 @@
 """The centralised filter: honest where it is told the world's noise, exact against plain linear algebra, and no worse than a team."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

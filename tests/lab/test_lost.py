@@ -1,7 +1,5 @@
 """Teams one robot of which is led astray: what `blackboard lab --lost` counts, and how it shows it."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.config import load

@@ -1,7 +1,5 @@
 """The numbers behind the paper's figures: golden ones, and its claims with what became of them."""
 
-from __future__ import annotations
-
 import json
 from functools import reduce
 from pathlib import Path

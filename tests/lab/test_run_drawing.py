@@ -1,7 +1,5 @@
 """The pictures of a run: what is in them, and that the same samples give the same bytes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The door of the bench: which runs it makes, what it keeps, and its mistakes in one line; no process is started here."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable

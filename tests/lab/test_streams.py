@@ -1,7 +1,5 @@
 """Streams of fusions of the same sources, and what a board that learns gains on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A sweep: which runs there are, what is kept of them, and what is said of them."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

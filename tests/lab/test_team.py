@@ -1,7 +1,5 @@
 """A team in one process as a tool: its scorecard, its time, and who joins and leaves. What the team does is in tests/flow."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

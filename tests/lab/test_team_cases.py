@@ -1,7 +1,5 @@
 """The cases of a team are the opinions that its boards get, and scores by team size count what one more robot adds."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tuning: every candidate against the pool itself, and the choice against its own rules."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Drawn cases of a trial, and what rules score on them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from blackboard.lab import comparison

@@ -1,7 +1,5 @@
 """A short form of the table of network trouble, as a person gets it: real processes behind proxies, on 127.0.0.1."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A long run holds no more than a short one: what the world, the boards and the robots of a team keep is bounded."""
 
-from __future__ import annotations
-
 from collections import Counter
 from functools import reduce
 from operator import and_, or_

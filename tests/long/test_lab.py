@@ -1,7 +1,5 @@
 """The laboratory as a person runs it, twice: the same table, the same figures to the byte, and the numbers of the same runs as processes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

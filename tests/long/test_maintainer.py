@@ -1,7 +1,5 @@
 """CONTRIBUTING.md as a maintainer follows it, in a copy of the sources: a rule, a localizer and a message more, and what is made anew."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

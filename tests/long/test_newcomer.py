@@ -3,8 +3,6 @@
 What docs/tutorial.md says runs at its full length, in the clone and once more with the wheel in an empty environment elsewhere.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

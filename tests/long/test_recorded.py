@@ -1,7 +1,5 @@
 """The recorded team as processes, scored."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

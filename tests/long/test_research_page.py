@@ -1,7 +1,5 @@
 """docs/research.md as a researcher follows it: its commands one after the other, on a smaller team and for a shorter time."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """A tape of processes that die: everything is on it, and a recorder that is killed leaves all but its last second."""
 
-from __future__ import annotations
-
 import os
 import signal
 from contextlib import suppress

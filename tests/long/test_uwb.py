@@ -1,7 +1,5 @@
 """Four recorded robots with UWB ranges to each other and to one anchor: the joint against one filter that has everything."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@
 Their mates correct them, their own model of the odometry adapts, and nobody is left out as a liar.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.opinion.gaussian.team import TeamJoint

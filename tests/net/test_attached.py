@@ -1,7 +1,5 @@
 """A link that attaches bytes to messages, holds a token for each publisher, and keeps the last message for who comes late."""
 
-from __future__ import annotations
-
 import threading
 
 import zenoh

@@ -1,7 +1,5 @@
 """When strangers flood, and to whom a link listens then."""
 
-from __future__ import annotations
-
 import pytest
 import zenoh
 

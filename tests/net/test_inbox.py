@@ -1,7 +1,5 @@
 """The inbox is bounded, in order, fair, and never loses the newest state of a token."""
 
-from __future__ import annotations
-
 import threading
 
 import pytest

@@ -1,7 +1,5 @@
 """What only a link over Zenoh has: its samples, its threads, and how it is opened. The rest is in test_network.py."""
 
-from __future__ import annotations
-
 import itertools
 import threading
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A router that is lost is one line in the log, and so is that it is back."""
 
-from __future__ import annotations
-
 import logging
 import re
 

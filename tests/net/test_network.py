@@ -1,7 +1,5 @@
 """What services rely on, asked of a real Zenoh router and of the in-process bus alike."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -1,7 +1,5 @@
 """The router dies with -9 and comes back: everything is restored, nothing is raised in between, and nobody hangs."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.net.link import Link

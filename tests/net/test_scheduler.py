@@ -1,7 +1,5 @@
 """Services in virtual time: when each is woken, what is late, lost or doubled on its way, who is stopped, whose clock is off."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The settings of a session: flags before the file, `cfg` before both, our defaults where none of them sets a key."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Two routers, each with the configuration in examples/: what crosses the link between two sites, and how often."""
 
-from __future__ import annotations
-
 from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path

@@ -4,8 +4,6 @@ A failure is one line with its seed, the commit and what broke first; then the n
 (`tests.nights.gift`). The exit status is 1 where something broke.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

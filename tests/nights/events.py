@@ -1,7 +1,5 @@
 """What oracles see of a night: everything that was said, and every process from inside."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache

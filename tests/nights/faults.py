@@ -6,8 +6,6 @@ stage does at any moment follows from the faults that are active then, so that a
 Long, because the list of all faults is one table.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a failure leaves: the smallest night that still fails, as a tape for `blackboard why` and `view`, and as a test of a few lines."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

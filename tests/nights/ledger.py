@@ -4,8 +4,6 @@ A piece of evidence is named by its robot, its epoch, and how long that lasted w
 grow. So no board has a say in the name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace

@@ -5,8 +5,6 @@ An oracle sees events (`see`) and says at the end what it found broken first (`v
 Long, because all that is promised stands in one list.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence

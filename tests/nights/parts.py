@@ -1,7 +1,5 @@
 """Whether somebody speaks for each sub-team, also while a board hangs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from blackboard.board.lead import HOLD, PHASES

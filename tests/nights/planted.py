@@ -3,8 +3,6 @@
 Each is a mistake that a person could make, as one text of a file and what stands there instead.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

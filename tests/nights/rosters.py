@@ -1,7 +1,5 @@
 """Whether those who count as there are there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from blackboard.board.service import BoardService

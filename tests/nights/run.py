@@ -1,7 +1,5 @@
 """A night from its beginning to its verdict."""
 
-from __future__ import annotations
-
 import logging
 import math
 import time

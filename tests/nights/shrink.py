@@ -1,7 +1,5 @@
 """From a night that breaks an oracle to the smallest one that still does: fewer faults, shorter ones, a smaller team. Pure but for the nights."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The ledger notices what counts twice, and boards that differ; and it is quiet about a team at work."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Nights of a seed, as `make nights` lives through thousands of them; and that a night is data."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The planted bugs can be planted, and one of them is noticed at once."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

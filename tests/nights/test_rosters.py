@@ -1,7 +1,5 @@
 """Who counts as there: a team at work is right, and who is wrong is named."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.wire import keys

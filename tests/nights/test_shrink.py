@@ -1,7 +1,5 @@
 """A night that fails becomes the smallest one that does, for the same reason."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.nights import faults

@@ -1,7 +1,5 @@
 """What each fault does to a team, seen from outside: by what was said, and by the tokens and clocks of the processes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

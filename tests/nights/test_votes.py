@@ -1,7 +1,5 @@
 """Honest robots count and boards agree: a team at work is right, and what is wrong is named; over many nights a lie moves by little."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from dataclasses import replace
 

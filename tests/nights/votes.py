@@ -1,7 +1,5 @@
 """One robot, one vote: who is honest counts, and boards agree again; how far a lie moves others is judged over all nights."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter, defaultdict
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Opinions of every kind that a law must hold for, made from a drawn seed."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st

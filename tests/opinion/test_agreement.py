@@ -1,7 +1,5 @@
 """Distances, agreement and conflict."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

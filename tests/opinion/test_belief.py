@@ -1,7 +1,5 @@
 """Grids, the shapes of beliefs, and how mass moves on a grid."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The geometric mean with the weights of least entropy: two opinions, and many."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

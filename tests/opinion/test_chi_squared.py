@@ -1,7 +1,5 @@
 """The quantiles of chi-squared against its distribution function, by the recursion from f to f + 2 degrees of freedom."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """What belongs to a class of things."""
 
-from __future__ import annotations
-
 from blackboard.opinion.classes import could_be, is_class, kind_of, stem
 
 

@@ -1,7 +1,5 @@
 """What is left out of the Cooperative Opinion Pool on large grids is less than rounding, and what is alike is counted as often as it is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

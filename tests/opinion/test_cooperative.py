@@ -1,7 +1,5 @@
 """The exact recursion against the sum over all subsets, its special cases, and its size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

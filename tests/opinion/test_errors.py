@@ -1,7 +1,5 @@
 """Bad input: the error names the opinion, the cell and the value, and says the cure."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Beliefs of what people have: sums, moments, and an error that names what cannot become a belief."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

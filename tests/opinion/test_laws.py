@@ -1,7 +1,5 @@
 """The laws that every rule obeys, and those that tell the rules apart."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's numbers and claims, with the readings of its formulas that this project takes."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

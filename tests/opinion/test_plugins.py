@@ -1,7 +1,5 @@
 """Rules of users: by the decorator in one's own script, and by the entry point of an installed package."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import sys

@@ -1,7 +1,5 @@
 """Which opinions may be multiplied."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

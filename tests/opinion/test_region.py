@@ -1,7 +1,5 @@
 """What is read out of a belief: its mode, its highest-density regions as cells and polygons, samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

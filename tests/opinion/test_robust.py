@@ -1,7 +1,5 @@
 """The rules that a lying minority cannot capture, and the clique that leaves it out."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

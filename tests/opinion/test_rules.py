@@ -1,7 +1,5 @@
 """The parameters of the rules: their bounds, their defaults, and what `tune` tries."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

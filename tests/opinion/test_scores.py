@@ -1,7 +1,5 @@
 """Scores: by hand, against the slow version, and honest about honest beliefs."""
 
-from __future__ import annotations
-
 import json
 import math
 

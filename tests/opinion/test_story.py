@@ -1,7 +1,5 @@
 """What a rule says that each opinion contributed: its weight in this very rule, by hand and against the slow version."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

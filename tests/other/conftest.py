@@ -1,7 +1,5 @@
 """Programs in Rust, built by cargo into `.cargo-target/` (or CARGO_TARGET_DIR); a first build takes minutes and needs the crates."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

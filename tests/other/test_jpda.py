@@ -1,7 +1,5 @@
 """Tracks of a whole team against a centralised JPDA that is given the same sightings, and where every robot truly is."""
 
-from __future__ import annotations
-
 import tomllib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The bridge to ROS 2 against a node by hiroz, an implementation that shares no code with it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The robot in Rust shares a board with robots by the client, by the wire page in Python, and `robot-agent`; each is in the consensus."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """The robot in Rust that sends evidence: as sharp in a joint as ours, and no late, repeated or lost message ends it."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """The clock never jumps back."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

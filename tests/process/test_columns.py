@@ -1,7 +1,5 @@
 """Rows in columns: they stand under each other, and in a narrow place columns fall away in their order."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

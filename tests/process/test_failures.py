@@ -1,7 +1,5 @@
 """Exceptions that are survived: counted, logged once, and never as more than one line."""
 
-from __future__ import annotations
-
 import logging
 
 import pytest

@@ -1,7 +1,5 @@
 """Intake: what is handed over, counted, refused, logged once and kept for later."""
 
-from __future__ import annotations
-
 import logging
 
 import msgpack

@@ -1,7 +1,5 @@
 """Who only hears a team: what is handed on, and that nothing is said."""
 
-from __future__ import annotations
-
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.process.listener import ClockNews, Listener

@@ -1,7 +1,5 @@
 """The one loop: what it declares and in which order, when it wakes a service, and when it ends."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.process.loop import AFTER_FAILURE, LONGEST_WAIT, run

@@ -1,7 +1,5 @@
 """Another process of the same name is told once, and one that was started again is no other."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.process.namesakes import AGAIN, GAP, SURE, Namesakes

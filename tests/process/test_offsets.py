@@ -1,7 +1,5 @@
 """How far a clock is off: by round trips, by what is certain without any, in steps, and bounded."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """A robot among its boards: what it does on each news of the clock, what it says when, whom it believes; whatever its beliefs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

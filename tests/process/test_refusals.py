@@ -1,7 +1,5 @@
 """What a board tells of what it refused: the newest of each robot, once a second, and nothing that was taken after all."""
 
-from __future__ import annotations
-
 from blackboard.errors import Refused
 from blackboard.process.refusals import MAX_SOURCES, PERIOD, Refusals
 from blackboard.wire.types import MAX_NAME

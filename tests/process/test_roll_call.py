@@ -1,7 +1,5 @@
 """Roll call: what is listed must have arrived; held against the obvious version that keeps everything."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

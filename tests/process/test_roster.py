@@ -1,7 +1,5 @@
 """Roster: who counts as there, for how long, and what a router that dies means."""
 
-from __future__ import annotations
-
 import math
 
 from blackboard.process.roster import MAX_GONE, Roster

@@ -1,7 +1,5 @@
 """Rounds: the tables are walked; each phase ends as its row says, and none is a dead end."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

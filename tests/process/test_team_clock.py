@@ -1,7 +1,5 @@
 """Team time: whose clock is followed, and when it no longer is."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any

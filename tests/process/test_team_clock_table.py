@@ -1,7 +1,5 @@
 """Whose clock is followed: each row of the table is walked, and no sequence of events is unknown to it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """A simulated robot that gets stuck, is pushed or is carried away: `python -m tests.robot_agent.mishaps` prints how soon it notices."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import dataclass, field

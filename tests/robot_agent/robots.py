@@ -1,7 +1,5 @@
 """What tests of a robot are made of: its readings, what its team agreed on, and its reports by subject."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A robot's process without a network, and what its world and its team say to it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from blackboard.opinion.belief import gaussian

@@ -1,7 +1,5 @@
 """Fixes and compasses of others: outliers, noise that is not what is claimed, and errors that last."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The agent: two estimators on the same readings, and what is told of them."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """A robot on a poor link: what is sent stays within the budget, nothing is left unsaid for ever, and without limits nothing changes."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from itertools import pairwise

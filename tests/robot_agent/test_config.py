@@ -1,7 +1,5 @@
 """Every key of [robot] does something: another value changes what a robot reports. A key that nobody reads fails here."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import cache

@@ -1,7 +1,5 @@
 """Spreading and moving mass between cells without widening it more than asked."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

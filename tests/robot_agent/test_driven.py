@@ -1,7 +1,5 @@
 """A robot whose program gives its readings by calls: what a step makes of them, alone, with a board, and in a world's ticks."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

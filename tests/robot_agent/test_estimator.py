@@ -1,7 +1,5 @@
 """The estimator: objects, team-mates as landmarks, and whose information is in it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """What a robot under a fault says instead: lies, over-confidence, stamps and losses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

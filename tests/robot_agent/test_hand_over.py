@@ -1,7 +1,5 @@
 """The hand-over between a robot's grid and its Gaussian filter."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

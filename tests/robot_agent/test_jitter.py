@@ -1,7 +1,5 @@
 """Which turns are more than the noise of the odometry, by measured turns alone."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The agent of a robot whose boards keep a joint: what it believes alone, what it sends as evidence, what it takes from the team."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

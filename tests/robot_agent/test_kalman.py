@@ -1,7 +1,5 @@
 """The robot's first-hand Gaussian filter: starts, evidence and loss."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

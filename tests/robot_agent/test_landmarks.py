@@ -1,7 +1,5 @@
 """Sightings of `landmark/?`: a robot with a map finds out which ones it sees, and takes no more of them than it can know."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

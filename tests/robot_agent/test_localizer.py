@@ -1,7 +1,5 @@
 """The laws of a localizer: both of the package's own, and both sensor models of the position grid."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

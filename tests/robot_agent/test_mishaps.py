@@ -1,7 +1,5 @@
 """Wheels that turn while the robot stands are named by its landmarks, and it is found again; sound drives name nothing."""
 
-from __future__ import annotations
-
 import statistics
 from functools import cache
 

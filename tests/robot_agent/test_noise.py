@@ -1,7 +1,5 @@
 """The noise of wheels and camera, estimated on line: larger or smaller than the model says, and no lie breaks it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A robot with a filter of its own: what its posteriors gained is told once, and what came from the team is noticed."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

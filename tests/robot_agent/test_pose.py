@@ -1,7 +1,5 @@
 """The pose grid against exact expectations, on a grid whose cell is not 1 and whose origin is not 0, and its laws of motion."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The motion of the pose grid, slice by slice, against the slow and obvious."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The position grid against exact expectations and brute force."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Raster operations against the slow and obvious."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

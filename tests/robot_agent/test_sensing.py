@@ -1,7 +1,5 @@
 """The robot's sensor models: the printed numbers, and the slow formulas."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The process of a robot: when it acts with a world, without one, and when a world comes and goes."""
 
-from __future__ import annotations
-
 import logging
 
 import pytest

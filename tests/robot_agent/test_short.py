@@ -1,7 +1,5 @@
 """Evidence in fewer bytes: what is rounded is never refused, never claims what was not known, and is nearly what it was."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """What a sighting adds to a joint: less if one was sent just now, more with time, nothing of an error that lasts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot of a team whose messages are counted: one datagram in each slot, and nothing that was seen or gained is lost."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Windows of a grid, and the position grid that works in one against the same on all cells, slow and obvious."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

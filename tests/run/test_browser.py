@@ -1,7 +1,5 @@
 """A page is opened in the browser where somebody would see it, and nowhere else; no browser is opened here."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from typing import Any

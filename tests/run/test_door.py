@@ -1,7 +1,5 @@
 """The doors as a person meets them: one clear line, the right status, data and logs apart."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """The shared flags: what each sets in a scenario, what is refused, and that every command has the same ones."""
 
-from __future__ import annotations
-
 import pytest
 from cyclopts import App
 

@@ -1,7 +1,5 @@
 """Health is what a process says, not that it exists."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import pytest

@@ -1,7 +1,5 @@
 """The process table of a scenario, and how a run starts, ends and fails; the processes are small stand-ins."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

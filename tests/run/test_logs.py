@@ -1,7 +1,5 @@
 """One line per event, for people or as JSON, with what the event says besides its text."""
 
-from __future__ import annotations
-
 import json
 import logging
 import re

@@ -1,7 +1,5 @@
 """What the launcher sees of a team."""
 
-from __future__ import annotations
-
 from blackboard.config import Scenario
 from blackboard.net.bus import Bus
 from blackboard.run.launch import Observer

@@ -1,7 +1,5 @@
 """`--set`: a key of a scenario and its values."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

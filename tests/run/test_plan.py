@@ -1,7 +1,5 @@
 """What `blackboard plan` says of any fleet, whatever was measured."""
 
-from __future__ import annotations
-
 import json
 import re
 

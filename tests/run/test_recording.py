@@ -1,7 +1,5 @@
 """The recorder of a run: the team waits until it listens, and goes on without it."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """docs/scenario.md is what the command prints now, and says of every key what it means and in which unit."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The supervisor with small real processes: their lines, their deaths, and that none is left behind."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal

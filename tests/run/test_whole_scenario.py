@@ -1,7 +1,5 @@
 """Mistakes that only the whole scenario shows: a launcher tells them before anything starts, a process started alone does not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A tiny recording in MRCLAM format, and the times of a real one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 T0 = 1248446200.0  # the start of the window that its page uses

@@ -1,7 +1,5 @@
 """The robots of a factor graph without grids and processes: their filters with the joint of a board, and one filter that has everything."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

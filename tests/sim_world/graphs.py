@@ -1,7 +1,5 @@
 """Factor graphs in PyFG format: a small one of two robots and an anchor, and one with errors added to it."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

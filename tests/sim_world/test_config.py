@@ -1,7 +1,5 @@
 """Every key of [world] does something: another value changes what is true or what is measured."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a detector tells of what is seen: who is unnamed, what is lost, what is not there, and whom a body hides."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Sensors that creep or freeze, in the readings that the world sends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

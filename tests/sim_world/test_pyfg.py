@@ -1,7 +1,5 @@
 """A recorded team as a factor graph: what is read, what is refused, and a replay that tells nothing too early."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The [world] tables: what ships is sound, and a fault is one line with file, field and cure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The physics of the sensors: the paper's numbers, and errors that are as large as they say."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which source a scenario asks for, and that chance comes in from outside."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The simulated world: the same from the same seed, nobody leaves it, and one more robot changes nothing."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

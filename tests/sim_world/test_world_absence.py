@@ -1,7 +1,5 @@
 """Who is not there: the world waits for them, gives up, goes on without them, and takes them in again."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.wire.envelope import Envelope, Kind

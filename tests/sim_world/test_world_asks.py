@@ -1,7 +1,5 @@
 """Who is missing is asked, and only who lost something is asked to repeat it: a slow team is not given more work."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.wire.codec import decode

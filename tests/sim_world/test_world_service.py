@@ -1,7 +1,5 @@
 """The world process without a network: its ticks in lockstep and in real time, its boards, and its scorecard."""
 
-from __future__ import annotations
-
 import logging
 import math
 

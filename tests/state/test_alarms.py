@@ -1,7 +1,5 @@
 """Alarms: they stay after what raised them is over, keep their beginning, and are bounded."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

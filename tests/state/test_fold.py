@@ -1,7 +1,5 @@
 """The fold: what a whole run leaves in it, and that nothing which arrives breaks it or makes it grow without bound."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from typing import Any

@@ -1,7 +1,5 @@
 """Moments: bounded in number and bytes, and the same when they are old as when they were new."""
 
-from __future__ import annotations
-
 from blackboard.state.moments import About, Moment, Timeline
 from tests.view.recorded import team_of
 

@@ -1,7 +1,5 @@
 """How a belief is drawn: the box of bytes, the region, and the frame that carries them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

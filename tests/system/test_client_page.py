@@ -1,7 +1,5 @@
 """docs/client.md and docs/robots.md to the letter: their commands run, its Python runs, and what it says that is printed is printed."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """Robots of three kinds share one board: by the client, by the wire page alone, and `robot-agent`; each is in the consensus."""
 
-from __future__ import annotations
-
 import re
 from contextlib import ExitStack
 

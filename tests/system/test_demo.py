@@ -1,7 +1,5 @@
 """The commands as a person runs them: real processes, real Zenoh, on 127.0.0.1."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

@@ -1,7 +1,5 @@
 """A lockstep run of real processes while a stranger talks into it: it ends, and not a bit of what the team believes has changed."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import subprocess

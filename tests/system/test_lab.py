@@ -1,7 +1,5 @@
 """The laboratory as a person runs it: tables, JSON, pictures, mistakes, and Ctrl-C."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

@@ -1,7 +1,5 @@
 """Two processes of one name are told, by each of the two and by those who look on; one that is started again is not."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """A board whose team says more than it can take in ends within 2 s of a SIGTERM, at any time."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A real robot, as docs/hosts.md says: sensors are fed to `robot-agent`, and no world runs."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 
 import pytest

@@ -1,7 +1,5 @@
 """`blackboard share` between real teams, as docs/fleets.md says: what one sees the others believe, by the root of a tree."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

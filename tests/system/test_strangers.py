@@ -1,7 +1,5 @@
 """Somebody else's robot, written from docs/wire.md alone, and a hostile client, against a real board."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

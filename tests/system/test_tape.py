@@ -1,7 +1,5 @@
 """Tapes of real processes: recorded in lockstep and in real time, replayed to the bit, and played into a network."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Teams in one process with journals and a recorder: tapes as a real team makes them, without its processes."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is on a tape: its parts, its table, its summary, what a cut leaves, and who is played into a network."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

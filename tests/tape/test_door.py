@@ -8,8 +8,6 @@ A change of what boards compute shows here first: then record it again, and put 
 last bit of a belief in another way, so here the scores are compared; tests that record a tape themselves compare the bits.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import sys

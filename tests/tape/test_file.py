@@ -1,7 +1,5 @@
 """Tapes as files: what was written is read, a broken place is one line or is stepped over, foreign bytes are refused."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A disk that is full for a while, or for good: the tape keeps every whole record, and it is known how many messages are missing."""
 
-from __future__ import annotations
-
 import errno
 import io
 from pathlib import Path

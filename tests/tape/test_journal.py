@@ -1,7 +1,5 @@
 """The journal of a board: what it was given, in order, ahead of what it made of it."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 from hypothesis import given

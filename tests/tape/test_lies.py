@@ -1,7 +1,5 @@
 """A robot that lies in a replay: what it reports is moved, and what is not about its place is left as it is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

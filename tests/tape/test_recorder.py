@@ -1,7 +1,5 @@
 """The recorder: it listens to everything of one team, and what the link counts is on the tape."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

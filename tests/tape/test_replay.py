@@ -1,7 +1,5 @@
 """A replay does again what the boards did, to the bit: in lockstep, in real time, without a world, with kills and losses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

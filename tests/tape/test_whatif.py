@@ -1,7 +1,5 @@
 """Other boards on a tape: without a change the recorded consensuses, with one what it changes, and nobody waits for ever."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

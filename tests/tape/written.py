@@ -1,7 +1,5 @@
 """A small tape of every kind of envelope, as bytes and as a file."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

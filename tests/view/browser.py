@@ -1,7 +1,5 @@
 """A headless Chromium, driven by its DevTools protocol: what a person's browser makes of the page. Nothing is downloaded for it."""
 
-from __future__ import annotations
-
 import base64
 import json
 import shutil

@@ -1,7 +1,5 @@
 """The envelopes of a team in one process, with the tokens that its services hold, and the frames that a page gets of them."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from typing import Any

@@ -3,8 +3,6 @@
 Without a tape it records one: the demo of 40 s. Other sizes and themes for one's own eyes: `--all FOLDER`.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """The page's server in a thread, a recorded run for it to tell, and what a browser asks of it."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time

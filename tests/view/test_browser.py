@@ -1,7 +1,5 @@
 """The page in a real headless Chromium, which looks at the golden tape and at a team that runs on a bus. Skipped where there is none."""
 
-from __future__ import annotations
-
 import queue
 import time
 from collections.abc import Callable, Iterator, Sequence

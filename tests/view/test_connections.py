@@ -1,7 +1,5 @@
 """Connections to the page's server that are silent, stop in the middle, or send what is no text: none is held, none is logged."""
 
-from __future__ import annotations
-
 import logging
 import socket
 import time

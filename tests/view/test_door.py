@@ -1,7 +1,5 @@
 """The commands of people, on a link that tells a recorded run: what they print, and their exit statuses."""
 
-from __future__ import annotations
-
 import json
 import sys
 

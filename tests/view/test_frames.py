@@ -1,7 +1,5 @@
 """What the page shows of a team: when a frame is due, what browsers share of it, and what can be gone back to."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

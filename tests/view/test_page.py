@@ -1,7 +1,5 @@
 """The page's own code for frames and contours, run by Node.js where there is one: it reads what the server writes."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

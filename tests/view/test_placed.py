@@ -1,7 +1,5 @@
 """Who looks at a team knows in which frame its grid is and where on Earth that is; a grid that is none breaks nothing."""
 
-from __future__ import annotations
-
 import pytest
 
 from blackboard.opinion.belief import uniform

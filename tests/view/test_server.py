@@ -1,7 +1,5 @@
 """The page's server over a real socket of 127.0.0.1, fed with a recorded run: files, frames, reasons, and whom it turns away."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from urllib.error import HTTPError

@@ -1,7 +1,5 @@
 """What `status`, `echo` and `hz` print."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

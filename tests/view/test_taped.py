@@ -1,7 +1,5 @@
 """The one fold on a tape: the golden one gives the same moments as its messages, and `why` and `status` look at it without a network."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The terminal with textual's pilot, on the golden tape and on a team that has told nothing; and the pure map behind it."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 from collections.abc import Callable, Coroutine

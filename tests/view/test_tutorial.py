@@ -1,7 +1,5 @@
 """The commands of docs/tutorial.md that look at a tape, run on the golden one: shorter, so its tick 9 and its robot r1 stand for others."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

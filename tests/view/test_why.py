@@ -1,7 +1,5 @@
 """Why: what is computed again is what was published, what is left out is really left out, and the sentences say it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Beliefs of every kind that the coding must bear, for property tests."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Messages of which a test says only what it cares about, and the envelopes in which they travel."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

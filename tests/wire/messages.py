@@ -1,7 +1,5 @@
 """One message of each model with every field said, and the key it belongs on."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgpack

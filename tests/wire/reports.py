@@ -1,7 +1,5 @@
 """A robot's report with beliefs and with evidence of every kind, for tests of what is done to reports."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from blackboard.opinion.belief import gaussian

@@ -1,7 +1,5 @@
 """The belief coding: its error bound, its fixed point, and everything hostile that can stand in its fields."""
 
-from __future__ import annotations
-
 import math
 import tracemalloc
 import zlib

@@ -1,7 +1,5 @@
 """Bytes are a message, or they are refused with the first reason that applies."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whatever the bytes are, they are a message or are refused: random bytes, objects and changes."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any
 

@@ -1,7 +1,5 @@
 """docs/messages.md is what the models print now; docs/wire.md and docs/bytes.md have the code's limits, and worked examples that are true."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

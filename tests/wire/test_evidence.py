@@ -1,7 +1,5 @@
 """Evidence as a message and back, and what of it is refused."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Reports that are displaced or too sure: beliefs and evidence alike."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

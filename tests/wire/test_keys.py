@@ -1,7 +1,5 @@
 """THE topic table: keys in, parts out, and nothing wild."""
 
-from __future__ import annotations
-
 from typing import get_args
 
 import pytest

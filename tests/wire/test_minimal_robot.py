@@ -1,7 +1,5 @@
 """The example robot: short, of nothing of ours, and what it says is understood."""
 
-from __future__ import annotations
-
 import ast
 import sys
 from pathlib import Path

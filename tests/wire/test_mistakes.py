@@ -1,7 +1,5 @@
 """Whatever is wrong with a scenario or a message, a person is told what may be given, and never in pydantic's words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Any, get_args

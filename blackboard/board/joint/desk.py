@@ -5,8 +5,6 @@ once. What has arrived is settled step by step, in each step one tick of every r
 ticks are the robots' own, there are as many steps as the robot that reports most often needs.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import Counter, deque

@@ -1,7 +1,5 @@
 """Evidence as it comes from the wire, and why it was left out."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable

@@ -3,8 +3,6 @@
 Planes are planes: z, roll and pitch are 0, and so are their variances. A grid in cells is taken as one in metres.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence

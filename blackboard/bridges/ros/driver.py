@@ -1,7 +1,5 @@
 """A robot's ROS odometry, absolute poses and sightings as the Readings of its `robot-agent`. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 After docs/design.md of ros2/rmw_zenoh; the golden strings of the tests were taken by `hiroz`, another implementation.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What a team agrees on, and how its processes are, as messages of a ROS node: each agreed belief once. Pure."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 

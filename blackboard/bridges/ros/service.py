@@ -4,8 +4,6 @@ What is agreed on is published (`publisher`). Odometry, fixes and sightings beco
 reports of others.
 """
 
-from __future__ import annotations
-
 import logging
 from collections import Counter
 from collections.abc import Callable, Mapping

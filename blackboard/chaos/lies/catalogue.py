@@ -3,8 +3,6 @@
 Issue 23's findings are `certain`, `pulls-mates`, `epochs-*`, `knows-*`, `mates-always`, `guests-*`, `invents-*`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from blackboard.chaos.lies.changes import (

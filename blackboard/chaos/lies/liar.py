@@ -3,8 +3,6 @@
 What it sends in a tick is made once, so what is sent again is the same lie.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from blackboard.chaos.lies.catalogue import Lie

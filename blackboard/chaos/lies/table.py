@@ -1,7 +1,5 @@
 """What each lie costs against the same seed without it, as rows, as a table, and beside what is asked for. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any

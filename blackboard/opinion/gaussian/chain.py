@@ -1,7 +1,5 @@
 """Measurements that are judged one after the other, each given those before it that are taken, and then taken in one update."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

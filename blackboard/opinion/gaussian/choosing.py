@@ -1,7 +1,5 @@
 """Whom to believe about a robot's place, where some evidence about it contradicts the joint."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -4,8 +4,6 @@ The predicted marginal, what the robot's own increment says, and what each sight
 grid of their own, they form the coalitions of the Cooperative Opinion Pool; the winning one is multiplied in.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

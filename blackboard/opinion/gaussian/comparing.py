@@ -1,7 +1,5 @@
 """What robots tell of themselves into the joint: how they enter, their increments, and their beliefs held against each other."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace

@@ -6,8 +6,6 @@ and the shear S. What is asked for meanwhile is computed for the states that are
 and when they are taken depends on the changes and on `matrix` alone: so equal steps give equal bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A Gaussian drawn on the team's grid, and back."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

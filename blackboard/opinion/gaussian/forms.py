@@ -1,7 +1,5 @@
 """Sightings in coordinates in which they are nearly linear in what they depend on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Unnamed sightings into the joint: as those of a known subject where that is clear, or else in the mean."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

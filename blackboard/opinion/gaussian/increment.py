@@ -4,8 +4,6 @@ A belief divided by its own prediction is the likelihood of what came in between
 the channel filter (Grime and Durrant-Whyte, Control Engineering Practice 2(5), 1994).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

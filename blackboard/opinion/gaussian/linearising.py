@@ -1,7 +1,5 @@
 """Sightings as evidence on a joint belief: factors, linear in the blocks of both ends and of the lasting errors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ the one that is lost. Errors are alike for seconds. So evidence counts by the ti
 second, and by `COUNTED` of that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Named sightings into the joint: of mates, of objects that it knows, and of objects that enter by them."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What a joint holds of a team, and the steps that change it in one place: robots and objects enter, are moved, widened, dropped."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace

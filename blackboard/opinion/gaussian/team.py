@@ -5,8 +5,6 @@ arrival changes nothing. What was settled is never taken again (`_news`): a repe
 its evidence, and no evidence is counted twice.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Tracks of unnamed things in the joint: which a sighting may be of, what a frame says of all of them, how they begin and end."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace

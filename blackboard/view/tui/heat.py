@@ -1,7 +1,5 @@
 """A map of beliefs for a terminal: colours of character cells, two of the map in each, and letters on them. Pure."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

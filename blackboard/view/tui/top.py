@@ -1,7 +1,5 @@
 """The terminal that shows a team live, by textual: who is there, what is believed, a heat map, and why."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import ClassVar
 

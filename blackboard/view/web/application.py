@@ -4,8 +4,6 @@ One task takes in what arrives and makes each frame once, however many browsers 
 as soon as it has taken the one before. So a slow one loses frames and nothing else. Nothing is loaded from elsewhere.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Callable

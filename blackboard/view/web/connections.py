@@ -1,7 +1,5 @@
 """Connections to the live page's server that do not come to their point: closed after a while, or for newer ones."""
 
-from __future__ import annotations
-
 import asyncio
 
 from uvicorn.protocols.http.h11_impl import H11Protocol

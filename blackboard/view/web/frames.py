@@ -1,7 +1,5 @@
 """What the page shows of a team: the newest frame, those of moments that are over, and a line of each for charts. Pure."""
 
-from __future__ import annotations
-
 import json
 from collections import deque
 from dataclasses import dataclass

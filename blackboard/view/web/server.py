@@ -1,7 +1,5 @@
 """The server of the live page: it listens, takes in what arrives, and rests as long as that took."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from collections.abc import AsyncIterator, Callable, Sequence

@@ -1,7 +1,5 @@
 """The joint behind a board, and evidence for it: of robots that stand, and with numbers of all magnitudes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from functools import partial
 

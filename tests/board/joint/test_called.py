@@ -1,7 +1,5 @@
 """A joint that began later, as of a board that was started again, calls tracks as the one that began earlier."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The joint behind a board: each piece of evidence once, whoever passes it on, and a story for what it says."""
 
-from __future__ import annotations
-
 import math
 import re
 

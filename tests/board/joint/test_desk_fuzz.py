@@ -1,7 +1,5 @@
 """Whatever numbers a member sends as evidence, the board goes on and its honest members are not shut out."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import numpy as np

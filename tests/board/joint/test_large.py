@@ -1,7 +1,5 @@
 """A joint so large that its changes wait: boards that settle the same evidence agree to the bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

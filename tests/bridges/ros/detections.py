@@ -1,7 +1,5 @@
 """What a detector publishes, made by rosbags' types of another distribution."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a node of ROS 2 Jazzy reads of what the bridge sends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rosbags.typesys import Stores, get_typestore

@@ -1,7 +1,5 @@
 """Beliefs as messages and back, read by rosbags' types of another distribution; bytes that are none are refused and harm nobody."""
 
-from __future__ import annotations
-
 import math
 import struct
 from typing import Any

@@ -1,7 +1,5 @@
 """`blackboard ros`: every mistake on its command line is one line that says where, what and the cure."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

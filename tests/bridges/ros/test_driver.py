@@ -1,7 +1,5 @@
 """Odometry as readings: every way is told once, however often it comes and however it turns."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`blackboard ros --keys`: the team behind a router with certificates, the nodes of ROS on a router of their own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

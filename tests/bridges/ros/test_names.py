@@ -1,7 +1,5 @@
 """Keys, tokens and attachments of rmw_zenoh. The golden strings are those of ../shared/ros2.md, taken by `hiroz` 0.2.1 with ROS 2 Jazzy."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

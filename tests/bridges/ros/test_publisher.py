@@ -1,7 +1,5 @@
 """What the bridge publishes of a recorded team: each agreed belief once, as a pose and now and then as a map, under a name that ROS takes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The bridge among a board and its robots on a bus: what it takes in from ROS, refuses, and says of itself."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

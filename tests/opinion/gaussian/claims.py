@@ -1,7 +1,5 @@
 """What two robots say of one place, with errors as large as a test wants them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

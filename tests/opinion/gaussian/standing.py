@@ -1,7 +1,5 @@
 """Six robots that stand on a circle, and what an honest one of them says."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

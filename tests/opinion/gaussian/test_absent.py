@@ -1,7 +1,5 @@
 """Things that were out of sight: which new track is of which of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

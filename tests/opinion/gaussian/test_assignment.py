@@ -1,7 +1,5 @@
 """The posterior over assignments against all of them, one by one."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Many sightings at once are what each is alone, and a chain of measurements what they are one after the other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Coalitions as the gate of a joint: a lone voice against the prediction is left out, two that agree win over it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Contacts: honest pairs agree, a liar contradicts whoever sees it, and one misread sighting changes nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

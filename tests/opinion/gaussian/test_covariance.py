@@ -1,7 +1,5 @@
 """A large covariance whose changes wait is the one that is changed at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

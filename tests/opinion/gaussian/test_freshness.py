@@ -1,7 +1,5 @@
 """Who says again what the team believes makes it no surer, and takes nothing along."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

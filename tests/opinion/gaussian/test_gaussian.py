@@ -1,7 +1,5 @@
 """The joint Gaussian and what is done to it: against numeric derivatives and plain Bayes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

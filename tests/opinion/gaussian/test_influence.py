@@ -1,7 +1,5 @@
 """What each robot has moved is known exactly, and stays within what an honest one would move, whatever it says."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

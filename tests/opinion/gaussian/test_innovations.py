@@ -1,7 +1,5 @@
 """What a source's innovations say of its noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sightings of every kind: their derivatives, what they share with range and bearing, and what a straight line misses of a ring."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

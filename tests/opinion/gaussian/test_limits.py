@@ -1,7 +1,5 @@
 """How much one robot's evidence may be worth, whatever it claims."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Literal
 

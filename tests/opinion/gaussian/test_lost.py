@@ -1,7 +1,5 @@
 """How likely a robot is lost: by evidence of two ends, of which either may be the one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from blackboard.opinion.gaussian.evidence import Verdict

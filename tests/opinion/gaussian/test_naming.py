@@ -1,7 +1,5 @@
 """Sightings of `robot/?` in a joint: taken for whom they clearly are of, left out where that is not clear, held against nobody."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

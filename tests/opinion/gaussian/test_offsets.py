@@ -1,7 +1,5 @@
 """Who keeps seeing its mates off moves itself alone."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What only ranges or bearings are known of: a place once they close, both of two mirror images until then."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What rolls is followed by its velocity, what walks at random is not, whatever was told of it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot that has lied and is honest again is taken back; one that goes on is not, and neither is one that lies now and then."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

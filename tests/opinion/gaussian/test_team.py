@@ -1,7 +1,5 @@
 """The team's joint belief: each piece of evidence counts once, whatever the network does."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

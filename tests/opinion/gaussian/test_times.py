@@ -1,7 +1,5 @@
 """Robots whose ticks end at times of their own: a sighting relates where both were when it was taken."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

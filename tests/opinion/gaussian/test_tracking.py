@@ -1,7 +1,5 @@
 """A team that drives past people whom nobody names: tracks in its joint."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Records of unnamed things: what frames say for and against them, how much room and how many votes one observer has."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

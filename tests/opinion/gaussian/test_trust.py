@@ -1,7 +1,5 @@
 """Who is believed where sightings contradict each other."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 from blackboard.opinion.believed import FIRM

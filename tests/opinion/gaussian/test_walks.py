@@ -1,7 +1,5 @@
 """How fast an object moves is found from its sightings, whatever was told."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The MRCLAM files: read in any tidiness, and a fault is named by file and line."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The replay: what a robot is told rests on nothing stamped later, and each protocol withholds what it says."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from pathlib import Path
