@@ -58,6 +58,36 @@ class Score:
         return float(np.mean(np.array(self.distances) <= CHI[level])) if self.distances else math.nan
 
 
+Scores = dict[str, dict[str, Score]]  # by who believes, and of what
+
+
+def new_scores() -> Scores:
+    return defaultdict(lambda: defaultdict(Score))
+
+
+def add_all(totals: Scores, played: Scores) -> None:
+    for who, scores in played.items():
+        for name, score in scores.items():
+            totals[who][name].take(score)
+
+
+def note(scores: Scores, robot: str, pose: Moments | None, truth: np.ndarray, central: Central, alone: Central) -> None:
+    """Judge a robot's place as its team, one filter with all readings, and one with its own have it, where the team does."""
+    if pose is not None:
+        scores["team"][robot].add(pose.mean, pose.covariance, truth)
+        for who, oracle in (("central", central), ("alone", alone)):
+            scores[who][robot].add(*oracle.of(f"robot/{robot}"), truth)
+
+
+def show(totals: Scores) -> None:
+    for name in totals["team"]:
+        team, central, alone = (totals[who].get(name) or Score() for who in ("team", "central", "alone"))
+        print(
+            f"{name:6} team {team.rmse:.3f} central {central.rmse:.3f} alone {alone.rmse:.3f} ratio {team.rmse / central.rmse:.3f} "
+            f"log {team.log_score:.3f} c50 {team.coverage(0.5):.3f} c95 {team.coverage():.3f} | central c95 {central.coverage():.3f}"
+        )
+
+
 def new_scenario(truth: Truth, told: bool, **board: object) -> Scenario:
     """`told`: the robots' odometry is in the scenario."""
     robot = {"robot": {"odometry": {"along": 0.05, "across": 0.0, "turn": truth.turn}}} if told else {}
@@ -109,7 +139,32 @@ def posterior(said: Said, truth: Truth, sigmas: bool, own: Central, robot: str) 
     return SinceStep(step.odometry or still, None, None, step.sightings, posterior=Moments(mean, covariance))
 
 
-class Field(Scheduler):
+class Robots(Scheduler):
+    """A board and the robots of a scenario on one bus, which begins `began` seconds after a board's period does."""
+
+    def __init__(self, chosen: Scenario, began: float = 0.0) -> None:
+        super().__init__(now=1_700_000_000.0 + began)
+        self.cell = chosen.grid.cell
+        self.agreed: dict[str, Agreed] = {}
+        self.robots: dict[str, Driven] = {}
+        self.board = board_of(chosen, "a", "board-a")
+        self.join(self.board)
+        for robot in chosen.team.robots:
+            news = TeamNews(chosen.grid, lambda agreed: self.agreed.update({agreed.subject: agreed})).take
+            joint = chosen.board.fusion == "joint"
+            named = {"team": "t", "sub_teams": ["a"], "robot": robot, "grid": chosen.grid, "joint": joint}
+            self.robots[robot] = driven(news, chosen, **named)
+            self.join(self.robots[robot])
+
+    def note_ball(self, scores: Scores, name: str, truth: np.ndarray, central: Central) -> None:
+        """Judge what is agreed on about the ball, if anything is."""
+        if (ball := self.agreed.get("object/ball")) is not None:
+            mean, covariance = ball.belief.mean(), ball.belief.covariance() + np.eye(2) * self.cell**2 / 12
+            scores["team"][name].add(mean, covariance, truth)
+            scores["central"][name].add(*central.of("object/ball"), truth)
+
+
+class Field(Robots):
     """Boards and robots of a scenario, whose robots are driven by a world.
 
     `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement. `unplaced`: these are
@@ -130,31 +185,19 @@ class Field(Scheduler):
         cautious: float = 1.0,
         began: float = 0.0,
     ) -> None:
-        super().__init__(now=1_700_000_000.0 + began)
+        super().__init__(chosen, began)
         self.world, self.sigmas, self.own, self.fed_back, self.unplaced = world, sigmas, own, fed_back, unplaced
         self.claimed = replace(world.truth, range=cautious * world.truth.range, bearing=cautious * world.truth.bearing)
         self.phases = dict(phases or {})  # robot -> seconds that it steps late
-        self.agreed: dict[str, Agreed] = {}
-        self.robots: dict[str, Driven] = {}
-        self.board = board_of(chosen, "a", "board-a")
-        self.join(self.board)
-        for robot in world.robots:
-            news = TeamNews(chosen.grid, lambda agreed: self.agreed.update({agreed.subject: agreed})).take
-            driven_robot = driven(
-                news, chosen, team="t", sub_teams=["a"], robot=robot, grid=chosen.grid,
-                joint=chosen.board.fusion == "joint",
-            )  # fmt: skip
-            self.robots[robot] = driven_robot
-            self.join(driven_robot)
         self.work: list[float] = []
         self.ages: list[float] = []  # of what is agreed on the ball, in seconds, whenever a robot steps
 
-    def play(self, seconds: float) -> dict[str, dict[str, Score]]:
+    def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
         world, truth = self.world, self.world.truth
         central = Central(world.robots, truth)
         alone = {robot: Central((robot,), truth) for robot in world.robots}
-        scores: dict[str, dict[str, Score]] = defaultdict(lambda: defaultdict(Score))
+        scores = new_scores()
         begin = self.now + 1.0
         self.run_to(begin)
         for said in world.steps(seconds):
@@ -177,15 +220,11 @@ class Field(Scheduler):
                 pose, out = self.robots[robot].step(since, self.now, at)
                 self.work.append(time.thread_time() - began)
                 self.send(self.robots[robot], out)
-                if settled and pose is not None:
-                    scores["team"][robot].add(pose.mean, pose.covariance, world.poses[robot])
-                    scores["central"][robot].add(*central.of(f"robot/{robot}"), world.poses[robot])
-                    scores["alone"][robot].add(*alone[robot].of(f"robot/{robot}"), world.poses[robot])
+                if settled:
+                    note(scores, robot, pose, world.poses[robot], central, alone[robot])
             ball = self.agreed.get("object/ball")
-            if settled and ball is not None:
-                mean, covariance = ball.belief.mean(), ball.belief.covariance() + np.eye(2) * 0.25**2 / 12
-                scores["team"]["ball"].add(mean, covariance, world.ball)
-                scores["central"]["ball"].add(*central.of("object/ball"), world.ball)
+            if settled:
+                self.note_ball(scores, "ball", world.ball, central)
             if settled and ball is not None and ball.velocity is not None:
                 scores["team"]["velocity"].add(ball.velocity.mean, ball.velocity.covariance, world.velocity)
         return scores
@@ -194,27 +233,20 @@ class Field(Scheduler):
 def main(
     seeds: list[int], told: bool, sigmas: bool, own: bool, fed_back: bool, seconds: float = 90.0, **board: object
 ) -> None:
-    totals: dict[str, dict[str, Score]] = defaultdict(lambda: defaultdict(Score))
+    totals = new_scores()
     work, ages, phases = list[float](), list[float](), {"r2": 0.03, "r3": 0.06}
     for seed in seeds:
         world = World(seed)
         began = 0.2 * (0.618 * seed % 1.0)  # no robot knows when a board's periods begin
         chosen = new_scenario(world.truth, told, **board)
         field_ = Field(world, chosen, sigmas, phases, own=own, fed_back=fed_back, began=began)
-        for who, scores in field_.play(seconds).items():
-            for name, score in scores.items():
-                totals[who][name].take(score)
+        add_all(totals, field_.play(seconds))
         work += field_.work
         ages += field_.ages
         for robot, driven_robot in field_.robots.items():
             if (judged := driven_robot.independence) is not None:
                 print(seed, robot, judged.gains, judged.ratio, judged.fed_back, flush=True)
-    for name in totals["team"]:
-        team, central, alone = (totals[who].get(name) or Score() for who in ("team", "central", "alone"))
-        print(
-            f"{name:5} team {team.rmse:.3f} central {central.rmse:.3f} alone {alone.rmse:.3f} ratio {team.rmse / central.rmse:.3f} "
-            f"log {team.log_score:.3f} c50 {team.coverage(0.5):.3f} c95 {team.coverage():.3f} | central c95 {central.coverage():.3f}"
-        )
+    show(totals)
     print(f"step: median {1000 * np.median(work):.1f} ms, 95 % {1000 * np.quantile(work, 0.95):.1f} ms")
     print(f"ball's age: mean {np.mean(ages):.3f} s, 95 % {np.quantile(ages, 0.95):.3f} s, most {max(ages):.3f} s")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from examples.field.world import Truth, World
-from tests.field.play import Field, Score, new_scenario
+from tests.field.play import Field, Scores, add_all, new_scenario, new_scores
 
 pytestmark = pytest.mark.team
 SEEDS = (101, 102)  # the longer runs of `python -m tests.field.play` are on others
@@ -19,20 +19,16 @@ def played(seed: int, *, own: bool = False) -> Field:
 
 
 @pytest.fixture(scope="module")
-def scores() -> dict[str, dict[str, Score]]:
-    scores_of: dict[str, dict[str, Score]] = {}
+def scores() -> Scores:
+    scores_of = new_scores()
     for seed in SEEDS:
-        play = played(seed)
-        for who, by_name in play.play(SECONDS).items():
-            for name, score in by_name.items():
-                sums = scores_of.setdefault(who, {}).setdefault(name, Score())
-                sums.take(score)
+        add_all(scores_of, played(seed).play(SECONDS))
     return scores_of
 
 
 @pytest.mark.parametrize("robot", ["r1", "r2", "r3"])
 def test_each_robot_is_about_as_good_as_the_central_filter_and_never_worse_than_alone(
-    scores: dict[str, dict[str, Score]], robot: str
+    scores: Scores, robot: str
 ) -> None:
     team, central, alone = (scores[who][robot] for who in ("team", "central", "alone"))
     assert team.rmse <= 1.25 * central.rmse
@@ -40,7 +36,7 @@ def test_each_robot_is_about_as_good_as_the_central_filter_and_never_worse_than_
     assert team.coverage() >= 0.85  # 80 s of errors that last: few samples
 
 
-def test_the_ball_is_about_where_the_central_filter_has_it(scores: dict[str, dict[str, Score]]) -> None:
+def test_the_ball_is_about_where_the_central_filter_has_it(scores: Scores) -> None:
     assert scores["team"]["ball"].rmse <= 1.25 * scores["central"]["ball"].rmse
 
 
@@ -68,7 +64,7 @@ def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_
     assert by_who["team"]["ball"].coverage() >= 0.85
 
 
-def test_the_oracle_is_honest(scores: dict[str, dict[str, Score]]) -> None:
+def test_the_oracle_is_honest(scores: Scores) -> None:
     assert 0.85 <= np.mean([score.coverage() for score in scores["central"].values()]) <= 1.0
 
 

@@ -2,26 +2,24 @@
 
 import pytest
 
-from tests.field.play import Score
-from tests.field.yard import BALL, KITS, Options, World, Yard
+from tests.field.play import Score, Scores
+from tests.field.yard import BALL, KITS, World, Yard
 
 pytestmark = pytest.mark.team
 SEED = 931  # for longer runs on other seeds: `python -m tests.field.yard FIRST PAST`
 
 
 @pytest.fixture(scope="module")
-def scores() -> dict[str, dict[str, Score]]:
-    return Yard(World(SEED), Options()).play(40.0)
+def scores() -> Scores:
+    return Yard(World(SEED)).play(40.0)
 
 
 @pytest.mark.parametrize("subject", [*KITS, BALL])
-def test_who_is_in_the_team_is_as_near_as_by_one_filter_that_has_all(
-    scores: dict[str, dict[str, Score]], subject: str
-) -> None:
+def test_who_is_in_the_team_is_as_near_as_by_one_filter_that_has_all(scores: Scores, subject: str) -> None:
     assert scores["team"][subject].rmse < 1.5 * scores["central"][subject].rmse
 
 
-def test_together_they_are_nearer_than_alone_with_the_true_models(scores: dict[str, dict[str, Score]]) -> None:
+def test_together_they_are_nearer_than_alone_with_the_true_models(scores: Scores) -> None:
     together, alone = Score(), Score()
     for robot in KITS:
         together.take(scores["team"][robot])
@@ -30,5 +28,5 @@ def test_together_they_are_nearer_than_alone_with_the_true_models(scores: dict[s
 
 
 @pytest.mark.parametrize("subject", [*KITS, BALL])
-def test_regions_hold_the_truth(scores: dict[str, dict[str, Score]], subject: str) -> None:
+def test_regions_hold_the_truth(scores: Scores, subject: str) -> None:
     assert scores["team"][subject].coverage() > 0.75
