@@ -3,8 +3,6 @@
 Where the boards keep a joint, `robot_agent.gaussian.agent` is the agent, and this one is what it falls back on.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -58,7 +56,7 @@ class TeamBelief:
     state: Moments | None = None  # of a robot in the team's joint, shape (12,) and (12, 12)
 
     @classmethod
-    def unpacked(cls, consensus: Consensus, grid: Grid) -> TeamBelief:
+    def unpacked(cls, consensus: Consensus, grid: Grid) -> "TeamBelief":
         """The belief, and the state, of a consensus on the team's grid; Refused: "fields", "grid", "mass"."""
         state = None if consensus.state is None else unpack_state(consensus.state)
         return cls(consensus.tick, consensus.time, unpack(consensus.belief, grid), consensus.ancestors, state)

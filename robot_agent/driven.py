@@ -4,8 +4,6 @@ It is the robot process (`robot_agent.service`) without Readings on the wire. Th
 last step, and a step makes one tick of them.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable
@@ -61,7 +59,7 @@ class SinceStep:
     seen: tuple[Seen, ...] = ()  # of other kinds
     posterior: Moments | None = None  # of a filter of the robot's own
 
-    def plus(self, later: SinceStep) -> SinceStep:
+    def plus(self, later: "SinceStep") -> "SinceStep":
         """Both: ways and turns add up, of place and heading the newest counts."""
         before, odometry = self.odometry, later.odometry
         if before is not None and odometry is not None:

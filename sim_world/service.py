@@ -3,8 +3,6 @@
 The protocol is in docs/ticks.md, "A tick in lockstep", and the table of its phases in `blackboard.process.rounds.WORLD`.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import Counter
@@ -37,7 +35,7 @@ LONGEST = 5  # times that the wait until asking again is doubled
 SHOWN_TICKS = 1000  # a run without end logs its progress ten times in so many ticks
 
 
-def world_of(scenario: Scenario, record: Keep | None = None) -> WorldService:
+def world_of(scenario: Scenario, record: Keep | None = None) -> "WorldService":
     """The world of a scenario with its referee; `record` is given every sample that counts. UserError: a mistake in the scenario."""
     sensors = open_sensor_source(scenario)
     world = scenario.section("world", WorldSection)

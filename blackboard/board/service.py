@@ -5,8 +5,6 @@ It only routes: `Reception` judges what arrives, the table `blackboard.process.r
 `_take` and `_turn`.
 """
 
-from __future__ import annotations
-
 import logging
 from collections import Counter
 
@@ -34,7 +32,7 @@ log = logging.getLogger(__name__)
 SILENT = 5.0  # seconds that a leader may publish nothing of what this board has settled; another one then has all that it lacks
 
 
-def board_of(scenario: Scenario, sub_team: str, board: str | None = None) -> BoardService:
+def board_of(scenario: Scenario, sub_team: str, board: str | None = None) -> "BoardService":
     """The board of a sub-team as a scenario asks for it, under the name that `blackboard up` gives to its first one."""
     return BoardService(
         team=scenario.team.name,

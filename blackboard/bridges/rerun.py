@@ -10,8 +10,6 @@
 Pictures are in cells, row 0 at the top, so places are too: x to the right, and y downwards from the upper edge.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict, deque
 from pathlib import Path
@@ -30,7 +28,7 @@ DEPTH = 9.0  # nats below the highest peak that are shown
 TROUBLE = {"gone", "conflict", "left out", "refused", "namesake"}  # events that are warnings
 
 
-def open_viewer(team: str, save: Path | None, viewer: str | None) -> RerunSink:
+def open_viewer(team: str, save: Path | None, viewer: str | None) -> "RerunSink":
     """A file, a viewer that runs (`rerun+http://127.0.0.1:9876/proxy`), or else one that is started here. UserError: no extra."""
     with extra("rerun", "the bridge"):
         import rerun

@@ -4,8 +4,6 @@ The unknowns of a tick are tied to those of the tick before and to the shared on
 border, and everything takes a time in proportion to the ticks. The inverse is made only where the matrix is not zero.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,7 +37,7 @@ class NormalEquations:
     shared_right: Array  # (s,)
 
     @staticmethod
-    def of(ticks: int, robots: int, each: int) -> NormalEquations:
+    def of(ticks: int, robots: int, each: int) -> "NormalEquations":
         """Empty equations of robots with a pose and `each` shared numbers."""
         n, s = 3 * robots, each * robots
         blocks = np.zeros((ticks, n, n))
@@ -73,7 +71,7 @@ class NormalEquations:
                 block = np.einsum("mia,mi,mib->mab", shared, factors.weight, also)
                 np.add.at(self.corner, (rows[:, :, None], columns[:, None, :]), block)
 
-    def solved(self) -> Solved:
+    def solved(self) -> "Solved":
         """The solution; numpy.linalg.LinAlgError: something is not determined."""
         ticks, n, s = self.border.shape
         left, inverse, gain = (np.empty_like(self.diagonal) for _ in range(3))

@@ -5,8 +5,6 @@ mixture: Gaussian, or anywhere in view. Noise is found by variance components: t
 would be if they had been free (MacKay, Neural Computation 4(3), 1992; Harville, JASA 72, 1977).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -36,7 +34,7 @@ class Prior:
     information: Array
 
     @staticmethod
-    def wide(robots: int) -> Prior:
+    def wide(robots: int) -> "Prior":
         return Prior(np.tile(EXPECTED, (robots, 1)), np.diag(np.tile(1 / WIDE**2, robots)))
 
 
@@ -103,7 +101,7 @@ class _Here:
     density: float  # its logarithm, of all that was measured and of the poses and shared numbers
 
     @staticmethod
-    def at(model: Model, poses: Array, shared: Array, noise: Noise, prior: Prior) -> _Here:
+    def at(model: Model, poses: Array, shared: Array, noise: Noise, prior: Prior) -> "_Here":
         odometry, sighted = model.odometry(poses, shared, noise), model.sightings(poses, shared, noise)
         believed, density = _believed(model, sighted, noise)
         absolute = model.fixes(poses), model.headings(poses)

@@ -1,7 +1,5 @@
 """How what a team measured follows from its poses and from what its sensors are like: residuals and derivatives."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 
@@ -32,7 +30,7 @@ class Noise:
     misread: Array  # (N,)
 
     @staticmethod
-    def usual(robots: int) -> Noise:
+    def usual(robots: int) -> "Noise":
         """Where a search begins: wide."""
         return Noise.alike(robots, (0.05, 0.02, 0.08), 0.1, 0.1, 0.07, 0.05, misread=0.02)
 
@@ -45,12 +43,12 @@ class Noise:
         share: float,
         bearing: float,
         misread: float = 0.01,
-    ) -> Noise:
+    ) -> "Noise":
         """The same of every robot: sigmas along, across and of the turn in motion, their share while it stands, those of sightings."""
         each, flat = np.tile(np.square(moving), (robots, 1)), np.ones(robots)
         return Noise(each, each * standing**2, floor * flat, share * flat, bearing * flat, misread * flat)
 
-    def times(self, factor: float) -> Noise:
+    def times(self, factor: float) -> "Noise":
         """The same with all sigmas of the readings so many times as large."""
         return replace(self, floor=self.floor * factor, share=self.share * factor, bearing=self.bearing * factor)
 

@@ -5,8 +5,6 @@ the sections it uses: [team] [grid] [time] [board] here, [robot] in `robot_agent
 [[fault]] in `blackboard.faults`.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import math
@@ -289,12 +287,12 @@ class Scenario:
     def board(self) -> BoardSection:
         return self.section("board", BoardSection)
 
-    def changed(self, section: str, **values: object) -> Scenario:
+    def changed(self, section: str, **values: object) -> "Scenario":
         """The scenario with some keys of one section set (those that are not None)."""
         table = {**self.tables.get(section, {}), **{k: v for k, v in values.items() if v is not None}}
         return Scenario({**self.tables, section: table}, self.where)
 
-    def with_rule(self, name: str | None) -> Scenario:
+    def with_rule(self, name: str | None) -> "Scenario":
         """The scenario with another rule for its boards, without the parameters of the rule it had; None: unchanged."""
         board = self.board
         if name is None or name == board.rule:

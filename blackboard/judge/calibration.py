@@ -5,8 +5,6 @@ of the whole team. Neighbouring blocks may be correlated (`intervals.autocorrela
 block, and nothing is concluded from fewer than FEWEST blocks.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -66,7 +64,7 @@ class Calibration:
             self._widen(2 * self._width)
 
     @staticmethod
-    def merged(parts: Iterable[Calibration]) -> Calibration:
+    def merged(parts: "Iterable[Calibration]") -> "Calibration":
         """All samples of several, as a new one."""
         calibrations = list(parts)
         whole = Calibration(_width=max((part._width for part in calibrations), default=1))

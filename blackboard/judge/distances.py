@@ -1,7 +1,5 @@
 """How far estimates are from the truth, in bounded memory: few distances are kept, many are counted in bins. Pure."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 
@@ -36,7 +34,7 @@ class Distances:
         """Take in one."""
         self._extend(np.array([distance]))
 
-    def add_all(self, other: Distances) -> None:
+    def add_all(self, other: "Distances") -> None:
         """Take in all of another one."""
         if other._bins is None:
             self._extend(other._kept[: other._n])

@@ -1,7 +1,5 @@
 """Forecasts of events (probabilities) against what happened: Brier score, AUROC and calibration. Pure; counts in bins."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
@@ -26,7 +24,7 @@ class Forecasts:
         self._squares += (told - happened) ** 2
 
     @staticmethod
-    def merged(parts: Iterable[Forecasts]) -> Forecasts:
+    def merged(parts: "Iterable[Forecasts]") -> "Forecasts":
         """All of several, as new ones."""
         whole = Forecasts()
         for part in parts:

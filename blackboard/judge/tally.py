@@ -1,7 +1,5 @@
 """The scores of many beliefs as running sums, for a world that runs for long. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,7 +29,7 @@ class Tally:
         self._sums += (score.entropies[0], score.log_scores[0], *score.held_first())
 
     @staticmethod
-    def merged(parts: Iterable[Tally]) -> Tally:
+    def merged(parts: "Iterable[Tally]") -> "Tally":
         """The entries of several, as a new one."""
         whole = Tally()
         for part in parts:

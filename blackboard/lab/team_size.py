@@ -1,7 +1,5 @@
 """What one more robot adds: the belief of a robot, alone and fused with those of 1, 2, ... team-mates. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -28,7 +26,7 @@ class TeamSizeScores:
     levels: list[list[float]] = field(default_factory=list)  # mass of the cells denser than the true one
     borders: list[list[float]] = field(default_factory=list)  # and of those as dense as it
 
-    def merge(self, other: TeamSizeScores) -> TeamSizeScores:
+    def merge(self, other: "TeamSizeScores") -> "TeamSizeScores":
         return TeamSizeScores(*(getattr(self, name) + getattr(other, name) for name in self.__dataclass_fields__))
 
     def means(self, values: Array) -> Array:

@@ -4,8 +4,6 @@ Callbacks only enqueue into one bounded inbox, so that one thread owns all state
 answered to queries.
 """
 
-from __future__ import annotations
-
 import atexit
 import json
 import logging
@@ -57,7 +55,7 @@ class Link:
         patience: float = 10.0,
         stopped: Callable[[], bool] = lambda: False,
         clock: UnixClock | None = None,
-        beside: Link | None = None,
+        beside: "Link | None" = None,
     ) -> None:
         """Connect within `patience` seconds; what arrives is received by the link `beside`, where there is one.
 

@@ -9,8 +9,6 @@ for
   (`board/learning.py`, `gaussian/innovations.py`), and by their sum whether two robots can both be honest (`gaussian/contacts.py`).
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -50,7 +48,7 @@ class Verdicts:
     number: int = 0
     sigmas: float = 0.0
 
-    def plus(self, against: bool, keep: float = ACCUSED, sigmas: float = 0.0) -> Verdicts:
+    def plus(self, against: bool, keep: float = ACCUSED, sigmas: float = 0.0) -> "Verdicts":
         """With one more, beside which `keep` of the past counts; at first the plain mean."""
         keep = min(keep, self.number / (self.number + 1))
         share, far = keep * self.share + (1 - keep) * against, keep * self.sigmas + (1 - keep) * sigmas

@@ -8,8 +8,6 @@ of a component. The margin is chosen such that all that is left out is together 
 Beliefs that were on the wire have an even floor: cells in which every opinion is at its least are alike, and one stands for all.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -39,7 +37,7 @@ class Cells:
     where: Places | None = None
     others: Places = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
-    def only(self, chosen: Places) -> Cells:
+    def only(self, chosen: Places) -> "Cells":
         """The chosen of these cells, in ascending order."""
         if self.where is None:
             return Cells(self.size, chosen)
@@ -89,7 +87,7 @@ class Chosen:
     logs: Array
     terms: Array
     cells: Cells
-    wide: Wide | None = None
+    wide: "Wide | None" = None
 
     @cached_property
     def mass(self) -> Array:

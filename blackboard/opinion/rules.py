@@ -5,8 +5,6 @@ table `blackboard.opinion.pools.POOLS`; others come from a user's own script, or
 the entry point `cop_blackboard.pools` (docs/rules.md, "A rule of your own").
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import numbers
@@ -117,7 +115,7 @@ class Rule:
         return tuple(own.name for own in dataclasses.fields(cls))  # type: ignore[arg-type]
 
     @classmethod
-    def read(cls, table: Mapping[str, Any]) -> Rule:
+    def read(cls, table: Mapping[str, Any]) -> "Rule":
         """The rule with the parameters of a table that has no unknown key."""
         return cls(**table)
 

@@ -1,7 +1,5 @@
 """How good a belief was, once the truth is known: error, log score and coverage, which are shown beside every entropy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -89,7 +87,7 @@ class Score:
         self.levels.append(1.0 if index is None else hdr_level(belief.p, index))
         self.borders.append(0.0 if index is None else border_mass(belief.p, index))
 
-    def merge(self, other: Score) -> Score:
+    def merge(self, other: "Score") -> "Score":
         """The entries of both, as a new score."""
         return Score(
             self.errors + other.errors,

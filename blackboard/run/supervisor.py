@@ -4,8 +4,6 @@ Each process gets a session of its own (setsid), so that Ctrl-C in a terminal re
 supervisor (`blackboard.run.lifeline`), so that nothing is left behind even when the supervisor is killed with -9.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os
@@ -54,7 +52,7 @@ class Supervisor:
         self.pids: dict[str, int] = {}  # of those that run, by name
         self.last_lines: dict[str, str] = {}  # of the log of each process that was started, by name
 
-    async def __aenter__(self) -> Supervisor:
+    async def __aenter__(self) -> "Supervisor":
         await self._group.__aenter__()
         return self
 

@@ -1,7 +1,5 @@
 """Moments: what a team believed when its boards had settled a tick, kept for the last minutes within a bound of bytes. Pure."""
 
-from __future__ import annotations
-
 import math
 import pickle
 import zlib
@@ -104,7 +102,7 @@ class When:
     seconds: float | None = None
 
     @staticmethod
-    def of(text: str) -> When:
+    def of(text: str) -> "When":
         """A tick as 200, or seconds as 20s. ValueError: it is neither."""
         if text.endswith("s"):
             seconds = float(text[:-1])

@@ -1,7 +1,5 @@
 """The team that a command looks at: one on a tape, or one that runs. For doors, because it connects."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,7 +37,7 @@ class TeamSource:
         name: str,
         patience: float = PATIENCE,
         stopped: Callable[[], bool] = lambda: False,
-    ) -> Taped | Running:
+    ) -> "Taped | Running":
         """The team, as a context manager: a tape, or one to which `name` connects within `patience` seconds when it is entered.
 
         UserError: no tape or an empty one, flags for a network beside a tape, no such scenario, or a team of no possible name.
@@ -64,7 +62,7 @@ class Running:
         self.team, self.drift, self._which = chosen.team.name, chosen.board.drift, which
         self._config, self._name, self._patience, self._stopped = config, name, patience, stopped
 
-    def __enter__(self) -> Running:
+    def __enter__(self) -> "Running":
         """UserError: no name was given, and there are several teams."""
         self._link = Link(self._config, self._name, patience=self._patience, stopped=self._stopped)
         self._link.__enter__()

@@ -1,7 +1,5 @@
 """A tape to look at: read through the fold, as far as a question needs it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
@@ -40,7 +38,7 @@ class Taped:
         if about.get("scenario"):
             self.feed.fold.expect(self.team, scenario.team.sub_teams)
 
-    def __enter__(self) -> Taped:
+    def __enter__(self) -> "Taped":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

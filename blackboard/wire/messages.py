@@ -5,8 +5,6 @@ in the grid's unit, angles in radians, counter-clockwise. Subjects are `robot/<i
 `landmark/<name>`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -428,7 +426,7 @@ class Status(Message):
         """How often it noticed that another process sends under its name, as it counts them."""
         return self.counters.get("namesakes", 0)
 
-    def beside(self, before: Status | None) -> Status:
+    def beside(self, before: "Status | None") -> "Status":
         """With what it leaves out as it was `before`."""
         if before is None or not self.is_brief:
             return self

@@ -1,7 +1,5 @@
 """A field played in virtual time: the product's robots and boards on a bus, beside the oracle. `python -m tests.field.play SEEDS`."""
 
-from __future__ import annotations
-
 import math
 import sys
 import time
@@ -40,7 +38,7 @@ class Score:
         self.distances.append(float(apart @ np.linalg.solve(spread, apart)))
         self.logs.append(-0.5 * self.distances[-1] - 0.5 * math.log(np.linalg.det(spread)) - math.log(2 * math.pi))
 
-    def take(self, other: Score) -> None:
+    def take(self, other: "Score") -> None:
         """Take in all of another one."""
         self.squared += other.squared
         self.distances += other.distances

@@ -3,8 +3,6 @@
 A night is data, and its `repr` is the Python that makes it again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
@@ -149,7 +147,7 @@ class Night:
         """Whether nobody lies."""
         return not self.liars
 
-    def without(self, fault: Fault) -> Night:
+    def without(self, fault: Fault) -> "Night":
         return replace(self, faults=tuple(other for other in self.faults if other is not fault))
 
 

@@ -3,8 +3,6 @@
 What runs, who is frozen, who sees whose tokens and which clock is off follows at each moment from the faults that are active then.
 """
 
-from __future__ import annotations
-
 import errno
 import math
 from collections import deque
@@ -74,7 +72,7 @@ class Seen(Envelope):
 class Watched(Around):
     """A process by its name: the oracles see all that it says and does, and every exception that leaves it."""
 
-    def __init__(self, name: str, service: Service, stage: Stage) -> None:
+    def __init__(self, name: str, service: Service, stage: "Stage") -> None:
         super().__init__(service)
         self.name, self._stage = name, stage
         self._woken: deque[float] = deque(maxlen=OFTEN)  # when it was woken last, seconds of the night
@@ -145,7 +143,7 @@ class Disk(BytesIO):
 class Guest(Around):
     """A program of other people: it reports twice a second where it sees an object."""
 
-    def __init__(self, stage: Stage, member: Member, chance: Random) -> None:
+    def __init__(self, stage: "Stage", member: Member, chance: Random) -> None:
         super().__init__(member)
         self._stage, self._member, self._chance, self._due = stage, member, chance, 0.0
 

@@ -8,8 +8,6 @@
 three robots of `examples.field.world`, whose wheels are worse than their model. `demo` draws each robot's models wrong.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -174,7 +172,7 @@ def fields(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Score, f
                 yield f"{name}, told {source}: {group}", total, total.rmse / totals["central", group].rmse
 
 
-def demos(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Judged, float]]:
+def demos(seeds: Iterable[int], seconds: float) -> "Iterable[tuple[str, Judged, float]]":
     """Teams of `blackboard demo` with right models, and with each robot's models wrong by factors from 1/3 to 3."""
     right: dict[str, Judged] = {}
     for name in ("right", "wrong"):

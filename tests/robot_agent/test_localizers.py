@@ -1,7 +1,5 @@
 """Which localizers there are: the package's own, a script's, and those of installed packages."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,7 +64,7 @@ def test_what_lacks_a_method_is_a_mistake() -> None:
         settings: RobotSection
         grid: Grid
 
-        def predict(self, motion: TickMotion, compass: float | None) -> Half:
+        def predict(self, motion: TickMotion, compass: float | None) -> "Half":
             return self
 
     with pytest.raises(UserError, match=r"robot\.localizer: 'half' makes a Half, which has not all methods of .*; add"):

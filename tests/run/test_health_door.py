@@ -1,7 +1,5 @@
 """`blackboard health` asks about the team that the scenario names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,7 +21,7 @@ class Nobody:
     def __init__(self, *_: Any, **__: Any) -> None:
         self.asked.clear()
 
-    def __enter__(self) -> Nobody:
+    def __enter__(self) -> "Nobody":
         return self
 
     def __exit__(self, *_: object) -> None: ...

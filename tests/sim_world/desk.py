@@ -1,7 +1,5 @@
 """A world process under test without a network, and a team that answers it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Literal
 
@@ -45,7 +43,7 @@ def new_service(
     return WorldService(scenario, simulated, Referee(scenario.grid, settings.check, robots))
 
 
-def begun(*arguments: Any, silent: Collection[str] = (), lose: Lost = lambda envelope: False, **named: Any) -> Desk:
+def begun(*arguments: Any, silent: Collection[str] = (), lose: Lost = lambda envelope: False, **named: Any) -> "Desk":
     """A desk whose whole team has come; who is silent says nothing, and what is lost does not arrive."""
     desk = Desk(*arguments, **named)
     desk.silent, desk.lose = set(silent), lose

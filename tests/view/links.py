@@ -1,7 +1,5 @@
 """A recorded run in place of the network, for commands that look at a running team."""
 
-from __future__ import annotations
-
 from types import TracebackType
 from typing import Any
 
@@ -24,7 +22,7 @@ class Recording(Deaf):
         self.left = [envelope for envelope, _ in recorded()]
         self.team = "*"
 
-    def __enter__(self) -> Recording:
+    def __enter__(self) -> "Recording":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

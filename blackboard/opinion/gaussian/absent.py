@@ -4,8 +4,6 @@ Track segment association: a new track is held against what is expected of each 
 Deb, IEEE TAES 31(4), 1995; Zhang and Bar-Shalom, IEEE TAES 47(3), 2011). All new and lost tracks are assigned together.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -43,7 +41,7 @@ class Absent:
         False  # its track ended because its place was no longer known, not because observers looked and saw nothing
     )
 
-    def passed(self, dt: float) -> Absent:
+    def passed(self, dt: float) -> "Absent":
         """`dt` seconds later."""
         return replace(self, unseen=self.unseen + dt)
 

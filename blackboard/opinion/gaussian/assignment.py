@@ -7,8 +7,6 @@ In a crowd that is too large for that it is approximated by belief propagation (
 How often something is seen that is no known subject is found out for each observer.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -44,7 +42,7 @@ class Rate:
     def rate(self) -> float:
         return self.seen / self.frames
 
-    def plus(self, seen: float, frames: float = 1.0) -> Rate:
+    def plus(self, seen: float, frames: float = 1.0) -> "Rate":
         """After one more frame, or so much of one, with so many."""
         kept = 1.0 - frames / REMEMBERED
         return Rate(kept * self.seen + seen, kept * self.frames + frames)

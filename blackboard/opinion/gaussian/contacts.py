@@ -16,8 +16,6 @@ A robot that has seen nothing to correct its place for long goes by its odometry
 contradicts its mates and is honest; they are what corrects it. So it is held against nobody meanwhile.
 """
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Collection, Mapping
@@ -91,7 +89,7 @@ class Contacts:
     _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     _reckoned: dict[str, tuple[float, float]] = field(default_factory=dict)  # robot -> variances: reckoned, and in all
 
-    def copy(self) -> Contacts:
+    def copy(self) -> "Contacts":
         """The same, which may be changed without changing this one."""
         return Contacts(dict(self._pairs), self._corrected.copy(), dict(self._reckoned))
 

@@ -6,8 +6,6 @@ that last longer than their observer says. How small the differences are is summ
 Research Workers, 1932): of n independent ones -2 ln p, each p its lower tail, is chi-squared with 2 n degrees of freedom.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 
@@ -47,7 +45,7 @@ class Freshness:
     _observers: dict[str, tuple[float, ...]] = field(default_factory=dict)
     _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
 
-    def copy(self) -> Freshness:
+    def copy(self) -> "Freshness":
         """The same, which may be changed without changing this one."""
         return Freshness(dict(self._trails), dict(self._observers), dict(self._held))
 

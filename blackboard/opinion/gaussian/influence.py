@@ -10,8 +10,6 @@ Evidence that moves somebody else's place, so that D is beyond the 99.9 % region
 of those alone who have moved it (Schmidt 1966).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -45,7 +43,7 @@ class Influence:
         default_factory=dict
     )  # object -> how far it went as it was seen to move, shape (2,)
 
-    def copy(self) -> Influence:
+    def copy(self) -> "Influence":
         """The same, which may be changed without changing this one."""
         return Influence(
             list(self._sources), list(self._places), self._moved.copy(), self._honest.copy(), dict(self._went)

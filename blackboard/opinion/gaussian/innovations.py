@@ -5,8 +5,6 @@ chi-squared says that the noise is larger: the excess is put down to the source'
 A source is never taken for better than it claims, because noise that is alike from one tick to the next looks smaller than it is.
 """
 
-from __future__ import annotations
-
 import statistics
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -24,7 +22,7 @@ class Innovations:
 
     _ratios: dict[Source, tuple[float, ...]] = field(default_factory=dict)
 
-    def copy(self) -> Innovations:
+    def copy(self) -> "Innovations":
         """The same, which may be changed without changing this one."""
         return Innovations(dict(self._ratios))
 

@@ -1,7 +1,5 @@
 """Which known subject an unnamed sighting is of, by where the joint expects each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -61,7 +59,7 @@ class Naming:
     area: float = 1000.0
     _strangers: dict[tuple[str, str], Rate] = field(default_factory=dict)  # by observer and class
 
-    def copy(self) -> Naming:
+    def copy(self) -> "Naming":
         """The same, which may be changed without changing this one."""
         return Naming(self.area, dict(self._strangers))
 

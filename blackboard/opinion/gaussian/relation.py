@@ -1,7 +1,5 @@
 """A sighting relative to the robot that took it, and the lasting errors of ranges."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -94,7 +92,7 @@ class Relative:
         turn[AXES, AXES] = np.stack([sight, QUARTER @ sight]) * np.array([along, across])[:, None]
         return np.asarray(turn @ triangle(self.spread) @ turn.T)
 
-    def without_profile(self) -> Relative:
+    def without_profile(self) -> "Relative":
         """The sighting with the variances that its profile has at the measured range."""
         if not self.profile:
             return self

@@ -5,8 +5,6 @@ observers stand on one line: then both are known, each with its weight, until a 
 Gaussians by the curvature at the optimum (Laplace's approximation).
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field, replace
@@ -61,7 +59,7 @@ class Ring:
     walk: float = 0.0
     _lines: deque[Line] = field(default_factory=lambda: deque(maxlen=MOST))
 
-    def copy(self) -> Ring:
+    def copy(self) -> "Ring":
         """The same, which may be changed without changing this one."""
         return Ring(self.walk, self._lines.copy())
 

@@ -5,8 +5,6 @@ saw, contradict is left out (as coalitions leave out the smaller one), and an ob
 entered at a wrong place. Where two equally large camps contradict each other, neither is left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from blackboard.opinion.believed import ACCUSED, FEWEST, REDEEMED_PAIR, Pair, Verdicts, accusers, camps_of
@@ -18,7 +16,7 @@ class Trust:
 
     _pairs: dict[tuple[str, str], Verdicts] = field(default_factory=dict)  # observer and subject
 
-    def copy(self) -> Trust:
+    def copy(self) -> "Trust":
         """The same, which may be changed without changing this one."""
         return Trust(dict(self._pairs))
 

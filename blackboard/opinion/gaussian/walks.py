@@ -6,8 +6,6 @@ drift that was told: the prior of a drift is log-normal. A member that is far fr
 An object walks until its sightings say beyond doubt that it rolls (`ROLLS`), and again once they say no more than that it may.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -58,7 +56,7 @@ class Walks:
     _courses: dict[str, _Course] = field(default_factory=dict)
     _habits: dict[str, Habits] = field(default_factory=dict)  # of things without a name, by class
 
-    def copy(self) -> Walks:
+    def copy(self) -> "Walks":
         """The same, which may be changed without changing this one."""
         return Walks(dict(self._banks), dict(self._courses), dict(self._habits))
 

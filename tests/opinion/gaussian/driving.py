@@ -1,7 +1,5 @@
 """Robots that drive in a row, are told their places now and then, and see each other where they stand at the end of the tick."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +32,7 @@ class Own:
         self.joint.add(self.name, entering(pose, NUISANCE))
         self.fixed: list[Array] = []
 
-    def tick(self, tick: int, others: Sequence[Own]) -> Evidence:
+    def tick(self, tick: int, others: "Sequence[Own]") -> Evidence:
         self.travelled = self.travelled.plus(Motion(1.0, 0.0, 1.0, 1.0, along=0.04, across=0.02))
         drive(self.joint, self.name, Motion(1.0, 0.0, 1.0, 1.0, along=0.04, across=0.02), NUISANCE)
         self.place = self.place + [1.0, 0.0]
@@ -51,7 +49,7 @@ class Own:
             self.name, self.epoch, tick, self.travelled, NUISANCE, belief, increment, relatives, float(tick)
         )
 
-    def see(self, other: Own) -> Relative:
+    def see(self, other: "Own") -> Relative:
         dx, dy = other.place - self.place + self.chance.normal(0, 0.2, 2)
         distance = math.hypot(dx, dy)
         return Relative(self.name, other.name, distance, math.atan2(dy, dx), 0.04, 0.04 / distance**2)
