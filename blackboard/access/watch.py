@@ -3,22 +3,17 @@
 from collections.abc import Callable
 
 from blackboard.access.doorkeeper import read
+from blackboard.process.service import Quiet
 from blackboard.wire.envelope import Envelope, Kind
 
 
-class DenialWatch:
+class DenialWatch(Quiet):
     """Listens to what a router says about every member, and hands a line to `show` whenever a count has changed."""
 
     def __init__(self, team: str, show: Callable[[str], object]) -> None:
         self._team, self._show = team, show
         self._counts: dict[str, int] = {}
-        self.tokens: tuple[str, ...] = ()
-        self.watches: tuple[str, ...] = ()
-        self.done = False
-
-    @property
-    def listens(self) -> tuple[str, ...]:
-        return (f"door/{self._team}/**",)
+        self.listens = (f"door/{team}/**",)
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         told = read(envelope.payload) if envelope.kind is Kind.PUT else None
@@ -27,12 +22,3 @@ class DenialWatch:
             self._counts[who] = told[0]
             self._show(f"{who}: {told[0]} denied, the last: {told[1]!r}")
         return []
-
-    def wake(self, now: float) -> list[Envelope]:
-        return []
-
-    def wake_at(self, now: float) -> float | None:
-        return None
-
-    def record_link_counters(self, counters: dict[str, int]) -> None:
-        pass

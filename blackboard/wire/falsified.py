@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from blackboard.opinion.gaussian.vehicle import AXES, HEADING, wrap
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.evidence import PackedEvidence, PackedRelative, PackedState, Seen
 from blackboard.wire.messages import Informed, Report
+
+AnySighting = TypeVar("AnySighting", PackedRelative, Seen)
 
 
 def displaced(report: Report, offset: Sequence[float]) -> Report:
@@ -99,23 +102,14 @@ def _narrowed(evidence: PackedEvidence, factor: float) -> PackedEvidence:
                 "vector": tuple(number * square for number in increment.vector),
             }
         )
+
+    def surer(sighting: AnySighting, **variances: object) -> AnySighting:
+        biases = [(sigma / factor, seconds) for sigma, seconds in sighting.biases]
+        return sighting.model_copy(update={**variances, "biases": biases})
+
     relatives = [
-        sighting.model_copy(
-            update={
-                "range_variance": sighting.range_variance / square,
-                "bearing_variance": sighting.bearing_variance / square,
-                "biases": [(sigma / factor, seconds) for sigma, seconds in sighting.biases],
-            }
-        )
-        for sighting in evidence.relatives
+        surer(s, range_variance=s.range_variance / square, bearing_variance=s.bearing_variance / square)
+        for s in evidence.relatives
     ]
-    seen = [
-        sighting.model_copy(
-            update={
-                "covariance": tuple(number / square for number in sighting.covariance),
-                "biases": [(sigma / factor, seconds) for sigma, seconds in sighting.biases],
-            }
-        )
-        for sighting in evidence.seen
-    ]
+    seen = [surer(s, covariance=tuple(number / square for number in s.covariance)) for s in evidence.seen]
     return evidence.model_copy(update={"state": state, "increment": increment, "relatives": relatives, "seen": seen})

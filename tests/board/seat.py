@@ -5,12 +5,9 @@ from blackboard.process.roster import Roster
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Status
+from tests.wire.envelopes import token
 
 SILENT = 5.0
-
-
-def token(board: str, kind: Kind = Kind.ALIVE) -> Envelope:
-    return Envelope(keys.BOARD.key(team="t", sub_team="a", board=board), kind=kind)
 
 
 class Seat:
@@ -24,7 +21,7 @@ class Seat:
 
     def here(self, *boards: str, kind: Kind = Kind.ALIVE) -> bool:
         for board in boards:
-            self.roster.hear_token(token(board, kind), self.now)
+            self.roster.hear_token(token(keys.BOARD, board, kind=kind), self.now)
         return self.lead.look(self.now)
 
     def freeze(self) -> None:

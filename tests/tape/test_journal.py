@@ -5,6 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
+from blackboard.process.service import Quiet
 from blackboard.tape.journal import TOO_LARGE, Journaled, digest, lives
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
@@ -13,10 +14,10 @@ from blackboard.wire.raw import MAX_BYTES
 from blackboard.wire.types import MAX_OPINIONS
 
 
-class Echo:
+class Echo(Quiet):
     """A service that answers every third message."""
 
-    tokens, listens, watches, done = ("token",), ("listen",), ("watch",), False
+    tokens, listens, watches = ("token",), ("listen",), ("watch",)
 
     def __init__(self) -> None:
         self.received: list[tuple[str, float]] = []
