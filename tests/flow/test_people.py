@@ -29,24 +29,26 @@ PEOPLE = Scenario(
     }
 )
 
+TEAM = ("robot/r1", "robot/r2", "robot/r3")
 Tracks = dict[str, dict[tuple[int, str], Consensus]]  # sub-team -> (tick, track) -> what was agreed on
 
 
 @cache
-def played(shuffle: int | None) -> tuple[Tracks, dict[str, Any]]:
-    team = Team(PEOPLE, None if shuffle is None else np.random.default_rng(shuffle))
+def played(scenario: Scenario = PEOPLE, shuffle: int | None = None) -> tuple[Tracks, dict[str, Any]]:
+    """What was agreed on about all but the robots of the team, and how the tracks of people are judged."""
+    team = Team(scenario, None if shuffle is None else np.random.default_rng(shuffle))
     heard = Heard(team.bus)
     card = team.run()
     agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}
     tracks = {
-        s: {(track.tick, track.subject): track for track in its if track.subject.startswith("person/")}
+        s: {(track.tick, track.subject): track for track in its if track.subject not in TEAM}
         for s, its in agreed.items()
     }
     return tracks, card["tracks"]["person"]
 
 
 def test_people_become_tracks_near_where_they_are() -> None:
-    tracks, judged = played(None)
+    tracks, judged = played()
     assert {subject for _, subject in tracks["a"]} >= {"person/1", "person/2"}
     assert all(track.existence is not None and track.existence > 0.5 for track in tracks["a"].values())
     assert judged["missed_share"] < 0.5
@@ -54,14 +56,14 @@ def test_people_become_tracks_near_where_they_are() -> None:
 
 
 def test_every_board_tells_of_the_same_tracks_to_the_bit() -> None:
-    tracks, _ = played(None)
+    tracks, _ = played()
     assert tracks["a"].keys() == tracks["b"].keys()
     for name, track in tracks["a"].items():
         assert (track.belief, track.existence) == (tracks["b"][name].belief, tracks["b"][name].existence), name
 
 
 def test_the_order_in_which_messages_come_changes_no_track() -> None:
-    calm, shuffled = played(None)[0], played(1)[0]
+    calm, shuffled = played()[0], played(shuffle=1)[0]
     for sub_team, tracks in calm.items():
         assert {name: track.existence for name, track in tracks.items()} == {
             name: track.existence for name, track in shuffled[sub_team].items()
@@ -129,18 +131,8 @@ OPINIONS = Scenario(
 )
 
 
-@cache
-def pooled(shuffle: int | None) -> tuple[Tracks, dict[str, Any]]:
-    team = Team(OPINIONS, None if shuffle is None else np.random.default_rng(shuffle))
-    heard = Heard(team.bus)
-    card = team.run()
-    agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}
-    tracks = {s: {(track.tick, track.subject): track for track in its} for s, its in agreed.items()}
-    return tracks, card["tracks"]["person"]
-
-
 def test_boards_of_opinions_have_tracks_that_are_near_people() -> None:
-    tracks, judged = pooled(None)
+    tracks, judged = played(OPINIONS)
     people = {name: track for name, track in tracks["a"].items() if name[1].startswith("person/")}
     assert people
     assert all(track.existence is not None and track.existence > 0.5 for track in people.values())
@@ -150,7 +142,7 @@ def test_boards_of_opinions_have_tracks_that_are_near_people() -> None:
 
 
 def test_boards_of_opinions_agree_on_tracks_to_the_bit_in_whichever_order_messages_come() -> None:
-    tracks, shuffled = pooled(None)[0], pooled(1)[0]
+    tracks, shuffled = played(OPINIONS)[0], played(OPINIONS, 1)[0]
     assert tracks["a"].keys() == tracks["b"].keys()
     for name, track in tracks["a"].items():
         others = tracks["b"][name], shuffled["a"][name], shuffled["b"][name]

@@ -12,7 +12,7 @@ from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import Sensors
 
 LANDMARKS = [(-2.0, -2.0), (8.0, -2.0), (8.0, 8.0), (-2.0, 8.0), (3.0, 11.0), (3.0, -5.0)]
-#: What is commanded, second by second: (unit, radians).
+#: What is commanded, second by second, again and again: ways (unit) and turns (radians); straight ways, curves and spins.
 DRIVES = [(0.3, 0.0)] * 8 + [(0.3, 0.5)] * 4 + [(0.3, 0.0)] * 4 + [(0.0, 0.6)] * 3 + [(0.3, -0.4)] * 3
 BEGAN = 60  # seconds: when the mishap begins
 NEAR = 0.3  # unit: a robot is found again once its error stays below

@@ -21,6 +21,7 @@ from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, NoiseFactor, NoiseFactors, WheelNoise
 from robot_agent.gaussian.sensors import Sensors, Wheels, sensors_of
+from tests.robot_agent.mishaps import DRIVES, LANDMARKS
 
 SPAN = max(SPANS)
 ALONG = 0.03  # unit / sqrt(s), as the physics say
@@ -163,8 +164,6 @@ def test_it_stays_between_the_physics_and_eight_times_them_whatever_a_team_says(
 
 # --- a whole robot ----------------------------------------------------------------------------------------------------
 
-LANDMARKS = [(-2.0, -2.0), (8.0, -2.0), (8.0, 8.0), (-2.0, 8.0), (3.0, 11.0), (3.0, -5.0)]
-
 
 @dataclass
 class Truth:
@@ -181,8 +180,6 @@ class Truth:
     jitter: float = 0.0  # rad / sqrt(s): of the turns that it is told
 
 
-#: Ways (unit) and turns (radians) of the seconds of a drive, again and again: straight ways, curves and spins.
-DRIVES = [(0.3, 0.0)] * 8 + [(0.3, 0.5)] * 4 + [(0.3, 0.0)] * 4 + [(0.0, 0.6)] * 3 + [(0.3, -0.4)] * 3
 STRAIGHT = [(0.1, 0.0)]
 
 

@@ -1,6 +1,7 @@
 """Why: what is computed again is what was published, what is left out is really left out, and the sentences say it."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -29,6 +30,24 @@ from tests.view.recorded import record, recorded, team_of
 
 #: What quantised logarithms on the wire cost: reports are read back before they are fused, the consensus is read back once more.
 QUANTISED = 2e-3  # nats
+
+
+def newest(team: TeamFold | None = None) -> tuple[TeamFold, Moment]:
+    """A team [default: that of the recorded run], and its newest moment."""
+    team = team_of() if team is None else team
+    return team, present(team.moments.newest)
+
+
+def folded_with(change: Callable[[Consensus], dict[str, Any]]) -> Fold:
+    """A fold of the recorded run, in which what was agreed on says something else."""
+    fold = Fold()
+    for envelope, now in recorded():
+        payload = envelope.payload
+        if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
+            said = decode(Consensus, payload)
+            payload = encode(said.model_copy(update=change(said)))
+        fold.hear_envelope(replace(envelope, payload=payload), now)
+    return fold
 
 
 def test_every_pooled_belief_is_computed_again_as_it_was_published() -> None:
@@ -102,23 +121,16 @@ def test_boards_are_compared_in_one_tick() -> None:
 
 def test_a_power_that_no_board_would_say_ends_nothing() -> None:
     for power in (0.0, 1e12):
-        fold = Fold()
-        for envelope, now in recorded():
-            if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
-                consensus = decode(Consensus, envelope.payload)
-                used = [opinion.model_copy(update={"power": power}) for opinion in consensus.used]
-                fold.hear_envelope(replace(envelope, payload=encode(consensus.model_copy(update={"used": used}))), now)
-            else:
-                fold.hear_envelope(envelope, now)
-        moment = fold.teams["t"].moments.newest
-        assert sentences(explain(fold.teams["t"], present(moment), "robot/r1"))
+
+        def used(consensus: Consensus, power: float = power) -> dict[str, Any]:
+            return {"used": [opinion.model_copy(update={"power": power}) for opinion in consensus.used]}
+
+        assert sentences(explain(*newest(folded_with(used).teams["t"]), "robot/r1"))
 
 
 def test_without_a_source_it_is_what_the_others_would_have_made() -> None:
     """The same by hand: first-hand and informed reports but those of r1, fused as the board does."""
-    team = team_of()
-    moment = team.moments.newest
-    assert moment is not None
+    team, moment = newest()
     subject = next(
         name
         for name, about in moment.subjects.items()
@@ -146,9 +158,7 @@ def test_without_a_source_it_is_what_the_others_would_have_made() -> None:
 
 
 def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
-    team = team_of(joint=True)
-    moment = team.moments.newest
-    assert moment is not None
+    team, moment = newest(team_of(joint=True))
     level = explain(team, moment, "robot/r1")["levels"][0]
     assert level["rule"] == "joint"
     assert level["without"] == {}
@@ -162,9 +172,7 @@ def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
 
 
 def test_the_first_sentence_answers_and_the_others_have_the_numbers() -> None:
-    team = team_of()
-    moment = team.moments.newest
-    assert moment is not None
+    team, moment = newest()
     for subject in moment.subjects:
         explained = explain(team, moment, subject)
         first, *rest = sentences(explained)
@@ -234,9 +242,7 @@ def who(level: dict[str, Any]) -> list[str]:
 
 
 def test_an_unknown_subject_is_a_person_s_mistake() -> None:
-    team = team_of()
-    moment = team.moments.newest
-    assert moment is not None
+    team, moment = newest()
     with pytest.raises(UserError, match="known are object/ball"):
         explain(team, moment, "object/nothing")
 
@@ -245,17 +251,8 @@ def test_who_keeps_disagreeing_and_opposed_camps_are_told() -> None:
     """As a board tells them: the messages of a run, re-sent with what its consensuses would say."""
     off = Dissent(level="agreed", source="r3", since=1.0, sigmas=4.2, weight=0.1)
     camps = [Camp(sources=["r1", "r2"], weight=0.6), Camp(sources=["r3", "r4"], weight=0.4)]
-    fold = Fold()
-    for envelope, now in recorded():
-        if "/agreed/" in envelope.key and envelope.kind is Kind.PUT:
-            consensus = decode(Consensus, envelope.payload)
-            consensus = consensus.model_copy(update={"dissent": [off], "camps": camps, "conflict": True})
-            fold.hear_envelope(replace(envelope, payload=encode(consensus)), now)
-        else:
-            fold.hear_envelope(envelope, now)
-    team = fold.teams["t"]
-    moment = team.moments.newest
-    assert moment is not None
+    fold = folded_with(lambda consensus: {"dissent": [off], "camps": camps, "conflict": True})
+    team, moment = newest(fold.teams["t"])
     said = "\n".join(sentences(explain(team, moment, "robot/r1")))
     assert (
         f"r3 keeps disagreeing with the others, for {moment.time - 1.0:.0f} s now, by 4.2 sigmas: it counts by 10 %."
