@@ -1,12 +1,16 @@
 """All that the services of a team say on their bus, by topic."""
 
+from collections import defaultdict
 from typing import Any
 
 from blackboard.net.bus import Bus
+from blackboard.wire import keys
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.keys import Topic
-from blackboard.wire.messages import MODELS
+from blackboard.wire.messages import MODELS, Consensus
+
+Agreed = dict[str, dict[tuple[int, str], Consensus]]  # sub-team -> tick and subject -> what was agreed on
 
 
 class Heard:
@@ -23,3 +27,10 @@ class Heard:
         )
         model = MODELS[topic.message]
         return [decode(model, payload) for named, payload in puts if named and parts.items() <= named.items()]
+
+    def agreed(self) -> Agreed:
+        """What was agreed on."""
+        agreed: Agreed = defaultdict(dict)
+        for consensus in self.of(keys.AGREED):
+            agreed[consensus.sub_team][consensus.tick, consensus.subject] = consensus
+        return agreed

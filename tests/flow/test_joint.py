@@ -1,7 +1,5 @@
 """A team whose boards keep a joint belief: the same everywhere, whatever the network does, and beside robots that send beliefs only."""
 
-from functools import cached_property
-
 import numpy as np
 import pytest
 
@@ -12,35 +10,19 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Forward
-from blackboard.wire.messages import Consensus
 from robot_agent.service import AgentService
 from robot_agent.team import robot_of
-from tests.heard import Heard
+from tests.heard import Agreed, Heard
 from tests.scenarios import SCENARIO
 
 JOINT = SCENARIO.changed("board", fusion="joint").changed("time", seconds=3.0)
 
 
-class Agreed:
-    """The agreed consensuses of a run: sub-team -> (tick, subject) -> consensus."""
-
-    def __init__(self, team: Team) -> None:
-        self._heard = Heard(team.bus)
-
-    @cached_property
-    def by_sub_team(self) -> dict[str, dict[tuple[int, str], Consensus]]:
-        """Once the run is over."""
-        return {
-            s: {(consensus.tick, consensus.subject): consensus for consensus in self._heard.of(keys.AGREED, sub_team=s)}
-            for s in "ab"
-        }
-
-
 def played(team: Team) -> tuple[str, Agreed]:
-    agreed = Agreed(team)
+    heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""
-    return team.world.referee.hash, agreed
+    return team.world.referee.hash, heard.agreed()
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +31,7 @@ def calm() -> tuple[str, Agreed]:
 
 
 def test_every_board_holds_the_same_joint_to_the_bit(calm: tuple[str, Agreed]) -> None:
-    mine, theirs = calm[1].by_sub_team["a"], calm[1].by_sub_team["b"]
+    mine, theirs = calm[1]["a"], calm[1]["b"]
     assert mine.keys() == theirs.keys()
     assert {subject for _, subject in mine} >= {"robot/r1", "robot/r2", "robot/r3"}
     for name, consensus in mine.items():
@@ -58,13 +40,13 @@ def test_every_board_holds_the_same_joint_to_the_bit(calm: tuple[str, Agreed]) -
 
 
 def test_the_joint_says_whose_evidence_it_took(calm: tuple[str, Agreed]) -> None:
-    for (_, subject), consensus in calm[1].by_sub_team["a"].items():
+    for (_, subject), consensus in calm[1]["a"].items():
         if subject.startswith("robot/"):
             assert consensus.rule == "joint"
             assert set(consensus.ancestors) == {"r1", "r2", "r3"}
             assert sum(used.weight for used in consensus.used) == pytest.approx(1.0) or not consensus.used
             assert {used.source for used in consensus.used} <= {"r1", "r2", "r3"}
-    assert any(len(c.used) > 1 for c in calm[1].by_sub_team["a"].values()), "somebody was seen by a mate"
+    assert any(len(c.used) > 1 for c in calm[1]["a"].values()), "somebody was seen by a mate"
 
 
 def test_the_order_of_arrival_changes_no_bit(calm: tuple[str, Agreed]) -> None:
@@ -82,8 +64,8 @@ def test_what_is_said_twice_counts_once(calm: tuple[str, Agreed]) -> None:
 
     team.bus.spies.append(echo)
     _, agreed = played(team)
-    for name, consensus in calm[1].by_sub_team["a"].items():
-        assert consensus.belief == agreed.by_sub_team["a"][name].belief
+    for name, consensus in calm[1]["a"].items():
+        assert consensus.belief == agreed["a"][name].belief
 
 
 def test_lost_messages_stop_nobody() -> None:
@@ -96,7 +78,7 @@ def test_lost_messages_stop_nobody() -> None:
 
     team.bus.lose = lose
     _, agreed = played(team)
-    assert max(tick for tick, _ in agreed.by_sub_team["a"]) == team.world.tick
+    assert max(tick for tick, _ in agreed["a"]) == team.world.tick
 
 
 def plain(name: str) -> AgentService:
@@ -110,7 +92,7 @@ def test_a_robot_that_sends_beliefs_only_is_pooled_beside_the_joint() -> None:
     team.join(plain("r2"))
     _, agreed = played(team)
     rules: dict[str, set[str]] = {}
-    for (_, subject), consensus in agreed.by_sub_team["b"].items():
+    for (_, subject), consensus in agreed["b"].items():
         rules.setdefault(subject, set()).add(consensus.rule)
     assert rules["robot/r1"] == rules["robot/r3"] == {"joint"}
     assert rules["robot/r2"] == {"coalition"}
@@ -123,8 +105,8 @@ def test_a_board_that_pools_opinions_only_is_not_waited_for() -> None:
     team.join(board_of(SCENARIO, "b"))
     _, agreed = played(team)
     assert team.boards["a"].counters["late"] == 0
-    assert {c.rule for (_, subject), c in agreed.by_sub_team["a"].items() if subject == "robot/r1"} == {"joint"}
-    assert {c.rule for (_, subject), c in agreed.by_sub_team["b"].items() if subject == "robot/r1"} == {"coalition"}
+    assert {c.rule for (_, subject), c in agreed["a"].items() if subject == "robot/r1"} == {"joint"}
+    assert {c.rule for (_, subject), c in agreed["b"].items() if subject == "robot/r1"} == {"coalition"}
 
 
 def test_evidence_from_another_time_is_refused() -> None:
@@ -139,13 +121,12 @@ def test_evidence_from_another_time_is_refused() -> None:
 
 def test_a_robot_that_dies_is_believed_less_and_less_and_then_no_more() -> None:
     team = Team(JOINT.changed("board", max_age=1.7))
-    agreed = Agreed(team)
+    heard = Heard(team.bus)
     team.run_until(lambda: team.world.tick == 2)
     team.leave(team.robots["r2"])
     team.run()
-    by_tick = {
-        t: c for (t, subject), c in agreed.by_sub_team["a"].items() if subject == "robot/r2" and c.rule == "joint"
-    }
+    agreed = heard.agreed()["a"]
+    by_tick = {t: c for (t, subject), c in agreed.items() if subject == "robot/r2" and c.rule == "joint"}
     spread = {tick: float(np.trace(unpack(c.belief).covariance())) for tick, c in by_tick.items()}
     last = max(spread)
     assert last < team.world.tick
@@ -159,22 +140,11 @@ def test_no_evidence_ends_a_board() -> None:
     def spoil(envelope: Envelope) -> None:
         if envelope.key == "cop/t/a/forward/board-a" and envelope.payload not in spoilt:
             forward = decode(Forward, envelope.payload)
-            worse = [
-                said.model_copy(
-                    update={
-                        "tick": said.tick + 1,
-                        "evidence": said.evidence.model_copy(
-                            update={
-                                "travelled": said.evidence.travelled.model_copy(
-                                    update={"distance": 1e12, "turn": -1e12, "heading": 1e12}
-                                ),
-                                "state": None,
-                            }
-                        ),
-                    }
-                )
-                for said in forward.evidence
-            ]
+            worse = []
+            for said in forward.evidence:
+                far = said.evidence.travelled.model_copy(update={"distance": 1e12, "turn": -1e12, "heading": 1e12})
+                absurd = said.evidence.model_copy(update={"travelled": far, "state": None})
+                worse.append(said.model_copy(update={"tick": said.tick + 1, "evidence": absurd}))
             payload = encode(forward.model_copy(update={"evidence": worse}))
             spoilt.add(payload)
             team.bus.send(Envelope(envelope.key, payload))
@@ -182,13 +152,12 @@ def test_no_evidence_ends_a_board() -> None:
     spoilt: set[bytes] = set()
     team.bus.spies.append(spoil)
     _, agreed = played(team)
-    assert max(tick for tick, _ in agreed.by_sub_team["b"]) == team.world.tick
+    assert max(tick for tick, _ in agreed["b"]) == team.world.tick
 
 
 def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
     """What a robot says after it began anew is not taken for the continuation of what it said before."""
     team = Team(JOINT.changed("time", seconds=5.5))
-    agreed = Agreed(team)
     heard = Heard(team.bus)
 
     def wait(ticks: int) -> None:
@@ -209,7 +178,7 @@ def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
     assert team.world.why == ""
     assert not any(board.refused["backwards"] or board.counters["joint_restarts"] for board in team.boards.values())
     truth = {shown.tick: shown.positions for shown in heard.of(keys.TRUTH)}
-    for by in agreed.by_sub_team.values():
+    for by in heard.agreed().values():
         for (tick, subject), consensus in by.items():
             if subject.startswith("robot/"):
                 belief = unpack(consensus.belief)

@@ -6,9 +6,7 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
-from blackboard.wire import keys
-from blackboard.wire.messages import Consensus
-from tests.heard import Heard
+from tests.heard import Agreed, Heard
 
 PRODUCT = {"independence": 1.0, "gate": 50.0}
 
@@ -26,17 +24,14 @@ def new_scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
     )
 
 
-def agreed(sub_teams: dict[str, list[str]], **board: object) -> dict[str, dict[tuple[int, str], Consensus]]:
-    """Sub-team -> tick and subject -> what was agreed, in a run to the end."""
+def agreed(sub_teams: dict[str, list[str]], **board: object) -> Agreed:
+    """What was agreed on in a run to the end."""
     team = Team(new_scenario(sub_teams, **board))
     heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""
     assert [service.counters["late"] for service in team.boards.values()] == [0] * len(sub_teams)
-    return {
-        s: {(consensus.tick, consensus.subject): consensus for consensus in heard.of(keys.AGREED, sub_team=s)}
-        for s in sub_teams
-    }
+    return heard.agreed()
 
 
 COVERS = ({"a": ["r1", "r2"], "b": ["r2", "r3"]}, {"a": ["r1", "r2"], "b": ["r2", "r3"], "c": ["r3", "r1"]})

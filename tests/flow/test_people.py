@@ -9,10 +9,8 @@ import pytest
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
-from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
-from blackboard.wire.messages import Consensus
-from tests.heard import Heard
+from tests.heard import Agreed, Heard
 
 PEOPLE = Scenario(
     {
@@ -30,19 +28,16 @@ PEOPLE = Scenario(
 )
 
 TEAM = ("robot/r1", "robot/r2", "robot/r3")
-Tracks = dict[str, dict[tuple[int, str], Consensus]]  # sub-team -> (tick, track) -> what was agreed on
 
 
 @cache
-def played(scenario: Scenario = PEOPLE, shuffle: int | None = None) -> tuple[Tracks, dict[str, Any]]:
+def played(scenario: Scenario = PEOPLE, shuffle: int | None = None) -> tuple[Agreed, dict[str, Any]]:
     """What was agreed on about all but the robots of the team, and how the tracks of people are judged."""
     team = Team(scenario, None if shuffle is None else np.random.default_rng(shuffle))
     heard = Heard(team.bus)
     card = team.run()
-    agreed = {s: heard.of(keys.AGREED, sub_team=s) for s in "ab"}
     tracks = {
-        s: {(track.tick, track.subject): track for track in its if track.subject not in TEAM}
-        for s, its in agreed.items()
+        s: {name: track for name, track in its.items() if name[1] not in TEAM} for s, its in heard.agreed().items()
     }
     return tracks, card["tracks"]["person"]
 
@@ -79,13 +74,9 @@ def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -
     team.boards["a"] = board_of(team.scenario, "a")
     team.join(team.boards["a"])
     team.run()
+    agreed = heard.agreed()
     mine, its = (
-        {
-            (track.tick, track.subject): unpack(track.belief).mean()
-            for track in heard.of(keys.AGREED, sub_team=sub_team)
-            if track.existence
-        }
-        for sub_team in "ab"
+        {name: unpack(track.belief).mean() for name, track in agreed[s].items() if track.existence} for s in "ab"
     )
     both = [name for name in mine if name[0] > 20 and name in its]
     assert len(both) > 0.7 * sum(tick > 20 for tick, _ in mine)
@@ -104,12 +95,7 @@ def test_boards_that_were_all_started_again_give_no_name_that_was_given_before(f
         team.boards[name] = board_of(team.scenario, name)
         team.join(team.boards[name])
     team.run()
-    tracks = [
-        (track.tick, track.subject)
-        for s in "ab"
-        for track in heard.of(keys.AGREED, sub_team=s)
-        if track.existence is not None
-    ]
+    tracks = [name for its in heard.agreed().values() for name, track in its.items() if track.existence is not None]
     before, after = ({name for tick, name in tracks if (tick > 18) == late} for late in (False, True))
     assert before
     assert after
