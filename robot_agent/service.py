@@ -82,6 +82,7 @@ class AgentService(Around):
             else partial(Agent, robot, settings, grid, feedback)
         )
         self._new_budget = partial(Budget, send, grid, robot, drift, self.peer.size)
+        self._arrivals = 0  # of boards, before the newest tick
         self._joined = -1  # the first tick of the run in which it followed a Clock
         self._pace = send.pace(robots, len(sub_teams)) if counted else None
         self._forget()
@@ -219,6 +220,7 @@ class AgentService(Around):
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         self._failed += 1
+        self._note_boards()
         with self.peer.intake.failures.survive("the robot's tick"):
             reports, solo = self.agent.tick(readings, TeamBeliefs(agreed, self.grid))
             if isinstance(self.agent, Agent):
@@ -233,3 +235,9 @@ class AgentService(Around):
             self.agent, self._failed = self._new_agent(), 0
         self.counters["ticks"] += 1
         return self.peer.say(Answers(readings.tick, readings.time, reports, solo, kept, speed, self.agent.found()), now)
+
+    def _note_boards(self) -> None:
+        """Let the agent know that a board has come since the last tick; not on a poor link, where its answer would cost too much."""
+        came, self._arrivals = self.peer.roster.arrivals != self._arrivals, self.peer.roster.arrivals
+        if came and not self._saves and isinstance(self.agent, JointAgent):
+            self.agent.on_board()

@@ -30,6 +30,7 @@ class Roster:
         self.boards: dict[str, list[str]] = {}  # sub-team -> its boards that count as there, sorted
         self.world = False  # whether a world counts as there
         self.worlds = 0  # how often the token of a world has come
+        self.arrivals = 0  # how often the token of a board has come
         self._grace, self._comeback = grace, comeback
         self._until: dict[str, float] = {}  # token -> until when it counts; infinity while it is held
         self._gone: dict[str, None] = {}  # tokens that counted once and do no longer, the oldest first
@@ -44,6 +45,8 @@ class Roster:
             return False
         if here and token not in self.tokens and keys.WORLD.match(token):
             self.worlds += 1
+        if here and token not in self.tokens and keys.BOARD.match(token):
+            self.arrivals += 1
         (self.tokens.add if here else self.tokens.discard)(token)
         back = here and token in self._until
         if token == self.own:

@@ -275,6 +275,10 @@ class PackedEvidence(Part):
     """
     seen: Annotated[list[Seen], Field(max_length=MAX_RELATIVES)] = Field(default_factory=list)
     """sightings of further kinds, with their covariances"""
+    returned: PackedState | None = None
+    """for 3 s after a board came, if it is sharper than `state`: the newest `state` that was agreed, moved on by the robot's own
+    measurements, its covariance times 2 (n - 1); n robots are its ancestors
+    """
 
     @property
     def subjects(self) -> list[str]:

@@ -42,6 +42,7 @@ def pack_evidence(
     state: Moments | None,
     increment: Increment | None,
     relatives: Sequence[Relative],
+    returned: Moments | None = None,
 ) -> PackedEvidence:
     """The evidence of one tick for a Report, but for a sighting with an error that no message holds; the profile is sent once."""
     errors = [
@@ -72,6 +73,7 @@ def pack_evidence(
         ],
         profile=list(told[0].profile) if told else [],
         seen=[_seen(sighting) for sighting in sound if sighting.kind != "range-bearing"][:MAX_RELATIVES],
+        returned=None if returned is None else pack_state(returned, states),
     )
 
 

@@ -38,6 +38,8 @@ from robot_agent.gaussian.sensors import Sensors, sensors_of
 from robot_agent.raster import with_outlier
 from robot_agent.sensing import trackable
 
+#: Seconds for which a robot returns what the joint knew of it after a board came: one that was started again has not heard it yet.
+RETURNING = 3.0
 NOTHING = np.diag([FLAT, FLAT, math.pi**2 / 3])  # the covariance of a pose (x, y, heading) that may be any
 
 
@@ -73,6 +75,9 @@ class JointAgent:
         self.team: Moments | None = None  # where the team's joint has this robot, moved on to the newest tick
         self._team_ancestors: Mapping[str, float] = {}
         self._team_until = -math.inf  # team time (s) of this robot's newest readings that it contained when it came
+        self._team_epoch = -1  # of the filter when it came
+        self._board_came = False  # since the newest tick
+        self._returns_until = -math.inf  # team time, seconds
         self._steps: deque[Step] = deque(maxlen=SNAPSHOTS)
         self._time: float | None = None  # team time of the newest readings, seconds
 
@@ -96,7 +101,10 @@ class JointAgent:
             assert moved is not None
             self.filter.independence.judge(self.subject, self.filter.gain, shown, moved)
         nuisance = self.filter.sensors.wheels.nuisance
-        evidence = pack_evidence(told.epoch, told.travelled, nuisance, told.belief, told.unsent, told.relatives)
+        returned = self._returned(readings.time, told)
+        evidence = pack_evidence(
+            told.epoch, told.travelled, nuisance, told.belief, told.unsent, told.relatives, returned
+        )
         if told.belief is None and isinstance(
             self.filter, Given
         ):  # it has none to begin with, and looks for its place itself
@@ -122,6 +130,10 @@ class JointAgent:
     def found(self) -> dict[str, float]:
         """What it has found out of its sensors, by name."""
         return self.filter.found()
+
+    def on_board(self) -> None:
+        """A board has come: in its next ticks the robot returns what the team knew of it."""
+        self._board_came = True
 
     def on_sent(self, choice: Sending) -> None:
         """What of the newest reports was sent: evidence that was not is gathered into that of the next tick."""
@@ -207,6 +219,7 @@ class JointAgent:
         newest, until = list(self._steps)[-1:], self._until(place)
         if place is not None and until is not None and self._team_until < until and self._steps[0].time <= until:
             self.team, self._team_until, self._team_ancestors = place.state, until, place.ancestors
+            self._team_epoch = self.filter.epoch
             newest = [step for step in self._steps if step.time > until]
         for step in newest:
             self.team = self._moved_on(self.team, step)
@@ -222,6 +235,23 @@ class JointAgent:
             correct(joint, gained)
         return joint.moments(self.subject)
 
+    def _returned(self, time: float, told: FilterResult) -> Moments | None:
+        """What the team knew of this robot before a board came, if that says more than the first-hand belief; shape (12,), (12, 12).
+
+        The errors of all its ancestors' places may be the same, in a joint that is gone. Half of the weight is left for what
+        robots tell first-hand, the others share the rest evenly: so nothing counts twice, as in a covariance intersection.
+        """
+        if self._board_came:
+            self._board_came, self._returns_until = False, time + RETURNING
+        sharing = len(self._team_ancestors) - 1
+        if time > self._returns_until or self.team is None or sharing < 1 or told.epoch != self._team_epoch:
+            return None
+        returned = Moments(self.team.mean, 2 * sharing * self.team.covariance)
+        own = told.belief
+        if own is None or _volume(returned) >= _volume(own):
+            return None
+        return returned
+
     def _informed(self, readings: Readings) -> Informed | None:
         if self.team is None:
             return None
@@ -229,3 +259,8 @@ class JointAgent:
         belief: PackedBelief = pack(drawn, self.settings.coding)
         ancestors = capped({**self._team_ancestors, self.robot: readings.time}, lambda: {self.robot})
         return Informed(belief=belief, ancestors=dict(sorted(ancestors.items())))
+
+
+def _volume(state: Moments) -> float:
+    """Of the region in which a robot's pose is."""
+    return float(np.linalg.det(state.covariance[POSE, POSE]))

@@ -14,6 +14,7 @@ from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire.evidence import PackedEvidence, PackedRelative
 from blackboard.wire.gaussians import pack_evidence
 from tests.board.joint.desks import MAKE, absurd, at, means, new_desk, wild
+from tests.present import present
 
 PLACES = {"r1": (10.0, 10.0), "r2": (15.0, 10.0), "r3": (20.0, 10.0)}
 #: Of 1060 seeds those that ended a tick of the joint for everybody, made it begin anew, moved an honest robot, or had one left out.
@@ -120,6 +121,28 @@ def lives_through(seed: int, caplog: pytest.LogCaptureFixture, *, anew: bool = F
             assert np.hypot(*np.subtract(places[f"robot/{name}"], place)) < 3.0
     assert desk.counters["joint_restarts"] == desk.counters["failed"] == 0
     assert not [name for name in PLACES if f"robot/{name} " in caplog.text]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_liar_has_no_more_say_in_a_new_joint_by_what_it_returns_than_by_what_it_tells_first_hand(seed: int) -> None:
+    moved = {name: farthest(np.random.default_rng(seed), name) for name in ("state", "returned")}
+    assert moved["returned"] <= moved["state"] + 0.2
+
+
+def farthest(rng: np.random.Generator, name: str) -> float:
+    """How far a fourth robot moves an honest one that enters a joint with it, by a false place in its state or what it returns."""
+    desk, false = new_desk(), present(at(*rng.uniform(0, 30, 2)).state)
+    covariance = tuple((np.array(false.covariance) * 10.0 ** rng.uniform(-8, 0)).tolist())
+    lie = {name: false.model_copy(update={"covariance": covariance})}
+    for tick in range(20):
+        for honest_name in PLACES:
+            said = honest(tick, honest_name)
+            desk.take_evidence(
+                honest_name, tick, 0.2 * tick, said.model_copy(update={"returned": said.state}), own=True
+            )
+        desk.take_evidence("r0", tick, 0.2 * tick, honest(tick, "r2").model_copy(update=lie), own=True)
+        places = means(desk.settle(0.2 * tick, MAKE))
+    return max(float(np.hypot(*np.subtract(places[f"robot/{name}"], place))) for name, place in PLACES.items())
 
 
 def test_a_robot_with_absurd_readings_says_what_a_message_can_hold_and_is_refused() -> None:

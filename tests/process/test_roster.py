@@ -30,6 +30,15 @@ def test_tokens_tell_who_is_there() -> None:
     assert roster.changes_at() == math.inf
 
 
+def test_a_board_whose_token_comes_again_has_arrived_again() -> None:
+    roster = Roster()
+    alive(roster, R1, BOARD, BOARD, OTHER)
+    assert roster.arrivals == 2
+    gone(roster, BOARD, now=1.0)
+    alive(roster, BOARD, now=1.1)
+    assert roster.arrivals == 3
+
+
 def test_what_is_no_token_of_a_team_is_ignored() -> None:
     roster = Roster()
     assert alive(roster, "cop/t/what/ever", "cop/t/a/member/*") == [False, False]

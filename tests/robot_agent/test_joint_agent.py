@@ -1,16 +1,18 @@
 """The agent of a robot whose boards keep a joint: what it believes alone, what it sends as evidence, what it takes from the team."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import triangle
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
-from blackboard.wire.evidence import Seen
+from blackboard.wire.evidence import PackedState, Seen
 from blackboard.wire.messages import Odometry, Readings, Report, Sighting
 from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection
@@ -130,6 +132,37 @@ def test_the_team_s_word_is_moved_on_by_what_was_measured_since() -> None:
         assert informed(own) == pytest.approx((14.0, 12.0), abs=0.3), "two ticks of half a cell since"
         assert present(own.informed).ancestors == {"r1": 1.5, "r2": 0.5}
     assert informed(by_subject(first)["robot/r1"]) == pytest.approx(informed(by_subject(second)["robot/r1"]), abs=1e-6)
+
+
+def returned(agent: JointAgent, tick: int, team: dict[str, TeamBelief] | None = None) -> PackedState | None:
+    reports, _ = agent.tick(readings(tick, fix=(10, 10) if tick == 0 else None), team or {})
+    return present(by_subject(reports)["robot/r1"].evidence).returned
+
+
+def test_it_returns_what_the_team_knew_of_it_while_a_board_is_new() -> None:
+    agent = new_agent()
+    assert returned(agent, 0) is returned(agent, 1) is returned(agent, 2, agreed(0.5, 13, 12)) is None
+    agent.on_board()
+    for tick in range(3, 10):
+        state = present(returned(agent, tick))
+        shown = present(agent.team)
+        assert state.mean[:2] == pytest.approx(shown.mean[AXES])
+        covariance = triangle(state.covariance)
+        assert covariance[AXES, AXES] == pytest.approx(2 * shown.covariance[AXES, AXES]), "r2's place errs with it"
+    assert returned(agent, 10) is None
+
+
+ALONE = replace(agreed(0.5, 13, 12)["robot/r1"], ancestors={"r1": 0.5})
+VAGUE = replace(agreed(0.5, 11, 10)["robot/r1"], state=state(11, 10, 30.0))
+
+
+@pytest.mark.parametrize("team", [ALONE, VAGUE])
+def test_it_returns_nothing_that_is_of_itself_alone_or_says_no_more_than_it_knows(team: TeamBelief) -> None:
+    agent = new_agent()
+    for tick in range(3):
+        returned(agent, tick, {"robot/r1": team} if tick == 2 else {})
+    agent.on_board()
+    assert returned(agent, 3) is None
 
 
 def test_an_older_word_of_the_team_is_not_taken_for_a_newer_one() -> None:

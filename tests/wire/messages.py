@@ -109,6 +109,7 @@ EVIDENCE = pack_evidence(
         measured("position", "robot/r1", "object/ball", (1.0, 2.0), (0.1, 0.05, 0.2), 0.05),
         measured("range", "robot/r1", "robot/r3", (3.0,), (0.1,), 0.05, (Bias(0.1, 7.0),), "uwb"),
     ],
+    STATE,
 )
 FORWARD = Forward(
     board="a1",

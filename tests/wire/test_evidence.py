@@ -39,6 +39,7 @@ def test_evidence_is_read_back_as_it_was() -> None:
         unpack_state(EVIDENCE.state) if EVIDENCE.state else None,
         unpack_increment(EVIDENCE.increment) if EVIDENCE.increment else None,
         unpack_relatives(EVIDENCE, "robot/r1"),
+        unpack_state(EVIDENCE.returned) if EVIDENCE.returned else None,
     )
     assert again == EVIDENCE
 

@@ -41,6 +41,7 @@ def unpack(robot: str, tick: int, time: float, packed: PackedEvidence) -> Eviden
         increment=None if packed.increment is None else unpack_increment(packed.increment),
         relatives=tuple(relative for relative in relatives if not relative.subject.startswith("landmark/")),
         time=time,
+        returned=None if packed.returned is None else unpack_state(packed.returned),
     )
 
 
@@ -50,8 +51,9 @@ def check(packed: PackedEvidence) -> None:
     Also for a scale of the wheels that is 0, and for a profile that is not in the order of its distances.
     """
     places, errors = [abs(getattr(packed.travelled, name)) for name in WAYS], [0.0]
-    if packed.state is not None:
-        places += [abs(value) for value in (*packed.state.mean, *packed.state.covariance)]
+    states = {name: state for name in ("state", "returned") if (state := getattr(packed, name)) is not None}
+    for state in states.values():
+        places += [abs(value) for value in (*state.mean, *state.covariance)]
     for relative in packed.relatives:
         places += [relative.range, relative.range_variance, *(sigma for sigma, _ in relative.biases)]
         errors += [abs(relative.bearing), relative.bearing_variance]
@@ -63,8 +65,7 @@ def check(packed: PackedEvidence) -> None:
         raise Refused("fields", "evidence.profile: give pairs (distance, variance) whose distances grow")
     nuisance = packed.nuisance
     scales = {"nuisance": (nuisance.forward, nuisance.turn)}
-    if packed.state is not None:
-        scales["state"] = packed.state.mean[FORWARD], packed.state.mean[TURN]
+    scales |= {name: (state.mean[FORWARD], state.mean[TURN]) for name, state in states.items()}
     for place, both in scales.items():
         if 0.0 in both:
             raise Refused("fields", f"evidence.{place}: a scale of its wheels is 0; 1 is a scale without an error")

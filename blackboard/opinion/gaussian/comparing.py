@@ -1,5 +1,6 @@
 """What robots tell of themselves into the joint: how they enter, their increments, and their beliefs held against each other."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,6 +22,7 @@ PATIENCE = 5  # increments of a robot that are left out in a row, before its blo
 #: Times the covariance of a robot that enters again: its mates keep what they learned of it before. Half of it counts, as in a
 #: covariance intersection with equal weights (Julier and Uhlmann, ACC 1997).
 AGAIN = 2.0
+RETURNING = 3.0  # seconds after the first robot entered, in which robots return what an earlier joint knew of them
 
 
 def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str, Motion]) -> set[str]:
@@ -75,8 +77,8 @@ def enter(team: TeamState, evidence: Evidence) -> bool:
     """A robot enters with its first-hand belief, once per epoch: what it adds later are increments.
 
     A new epoch rests on new evidence alone, so its belief is independent of everything in the joint. A robot that is
-    not in the joint though its epoch is not new (a board that was restarted) enters in the same way. What was learned of a robot
-    stays: who could begin with a clean record would do so after each lie.
+    not in the joint though its epoch is not new (a board that was restarted) enters in the same way, or by what it returns. What was
+    learned of a robot stays: who could begin with a clean record would do so after each lie.
     """
     robot, known = evidence.robot, team.known.get(evidence.robot)
     if known is None or known.epoch != evidence.epoch:
@@ -85,8 +87,27 @@ def enter(team: TeamState, evidence: Evidence) -> bool:
         team.contacts.begin(robot)
     if robot in team.joint or evidence.belief is None:
         return False
-    team.joint.add(robot, team.limits.entering(robot, evidence.belief))
+    own = team.limits.entering(robot, evidence.belief)
+    returned = _returned(team, evidence) if known is None else None
+    if returned is None and evidence.epoch <= 1000 * team.returned_at:
+        own = Moments(own.mean, AGAIN * own.covariance)
+    team.joint.add(robot, own if returned is None else returned)
     return True
+
+
+def _returned(team: TeamState, evidence: Evidence) -> Moments | None:
+    """What an earlier joint knew of a robot, where that counts: while this joint begins. It takes the place of the first-hand belief.
+
+    It rests on evidence of others, too, and their beliefs of themselves rest on the same. So with the first one half of each belief
+    that is in the joint counts, as of those that enter later. The robot has left the other half for that (`PackedEvidence.returned`).
+    """
+    team.first_entry = team.elapsed if team.first_entry is None else team.first_entry
+    if evidence.returned is None or team.elapsed - team.first_entry > RETURNING:
+        return None
+    if team.returned_at == -math.inf:
+        team.joint.covariance *= AGAIN
+    team.returned_at = max(team.returned_at, evidence.time)
+    return Moments(evidence.returned.mean, team.limits.blunted(evidence.returned.covariance))
 
 
 def multiply(team: TeamState, evidence: Evidence) -> None:

@@ -22,7 +22,7 @@ class Evidence:
     An epoch is a first-hand belief that was never begun anew; a robot that lost itself begins the next one. `travelled` is
     the sum of all motions of the epoch, so that a lost report loses no motion. `belief` is the whole first-hand block
     after the tick, from which a robot enters; None while it has no single hypothesis, and then `increment` is None too.
-    `time` is when the tick ended, in seconds of team time.
+    `time` is when the tick ended, in seconds of team time. `returned` is what an earlier joint knew of the robot (`comparing.enter`).
     """
 
     robot: str
@@ -34,6 +34,7 @@ class Evidence:
     increment: Increment | None = None
     relatives: tuple[Relative, ...] = ()
     time: float = 0.0
+    returned: Moments | None = None
 
     def named(self) -> Evidence:
         """Without the sightings of which only the class is told."""

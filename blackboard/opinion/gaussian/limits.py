@@ -57,7 +57,7 @@ class Limits:
             return belief
         left = self._entries.get(robot, ENTRIES)
         self._entries[robot] = max(0.0, left - 1.0)
-        belief = Moments(belief.mean, self._blunted(belief.covariance) / min(1.0, max(left, LEAST)))
+        belief = Moments(belief.mean, self.blunted(belief.covariance) / min(1.0, max(left, LEAST)))
         self._alone[robot] = Joint()
         self._alone[robot].add(robot, belief)
         return belief
@@ -100,7 +100,7 @@ class Limits:
             rows = np.triu_indices(2 if relative.kind == "position" else 3)
             covariance = np.zeros((rows[0][-1] + 1,) * 2)
             covariance[rows] = covariance.T[rows] = spread
-            blunted = self._blunted(covariance)
+            blunted = self.blunted(covariance)
             spread = spread if blunted is covariance else tuple(blunted[rows].tolist())
         sharp = relative.range_variance < least or relative.bearing_variance < across or spread is not relative.spread
         if not sharp and _floored(relative.profile, least) == relative.profile:
@@ -113,7 +113,7 @@ class Limits:
             spread=spread,
         )
 
-    def _blunted(self, covariance: Array) -> Array:
+    def blunted(self, covariance: Array) -> Array:
         """A covariance with a place that is known no better than the sharpest sensor could tell; the same one where it is not."""
         values, axes = np.linalg.eigh(covariance[AXES, AXES])
         lacking = np.maximum(0.0, self.sharpest**2 - values)

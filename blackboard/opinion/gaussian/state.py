@@ -1,5 +1,6 @@
 """What a joint holds of a team, and the steps that change it in one place: robots and objects enter, are moved, widened, dropped."""
 
+import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -103,6 +104,10 @@ class TeamState:
     left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, for now
     refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     known: dict[str, Known] = field(default_factory=dict)
+    first_entry: float | None = None  # `elapsed` when the first robot entered
+    returned_at: float = (
+        -math.inf
+    )  # team time (s) of the newest knowledge of an earlier joint that a robot has returned
     seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
     #: Observer -> the lasting errors of its sightings -> seconds since one with it was taken, the longest first.
     used: dict[str, dict[BiasBlock, float]] = field(default_factory=dict)

@@ -18,6 +18,7 @@ from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
 from tests.board.joint.desks import MAKE, at, means, new_desk, sighting
+from tests.present import present
 from tests.robot_agent.robots import readings
 
 PLACED = Seen(subject="object/ball", kind="position", values=(5.0, 2.0), covariance=(0.04, 0.01, 0.04))
@@ -391,3 +392,17 @@ def test_a_robot_that_the_others_see_elsewhere_is_told_to_be_lost_rather_than_th
     lost = [desk.lost(f"robot/{robot}") or 0.0 for robot in places]
     assert lost[1] > 0.2 > max(lost[0], lost[2])
     assert desk.lost("object/ball") is None
+
+
+@pytest.mark.parametrize("name", ["state", "returned"])
+def test_what_a_robot_tells_or_returns_of_itself_is_bounded(name: str) -> None:
+    told = present(at(10, 10).state)
+    for wrong, reason in (
+        ({"mean": (1e9, *told.mean[1:])}, "fields"),
+        ({"mean": (*told.mean[:3], 0.0, *told.mean[4:])}, "fields"),
+        ({"covariance": (-1.0, *told.covariance[1:])}, "mass"),
+    ):
+        evidence = at(10, 10).model_copy(update={name: told.model_copy(update=wrong)})
+        with pytest.raises(Refused) as refusal:
+            new_desk().take_evidence("r1", 0, 0.0, evidence, own=True)
+        assert refusal.value.reason == reason
