@@ -8,7 +8,7 @@ import numpy.typing as npt
 from blackboard.errors import OpinionError
 from blackboard.opinion.grid import Array
 from blackboard.opinion.vectors import checked
-from blackboard.opinion.weights import entropy, entropy_of
+from blackboard.opinion.weights import entropy_of
 
 SLACK = 1e-9  # nats by which entropies differ by rounding alone
 
@@ -41,10 +41,16 @@ def conflict(opinions: npt.ArrayLike, fused: npt.ArrayLike) -> bool:
 
     opinions (N, *grid shape), fused in the grid's shape; differences of rounding do not count.
     """
-    limit = entropy(fused) - SLACK
+    (whole,) = checked(np.asarray(fused)[np.newaxis])
+    return conflict_of(checked(opinions), whole)
+
+
+def conflict_of(opinions: Array, fused: Array) -> bool:
+    """As `conflict`, of opinions that are checked already."""
+    limit = entropy_of(fused) - SLACK
     # Renyi's entropy of order 2, -ln sum p^2, is at most Shannon's, and takes no logarithm of each cell
     # (III-B.1) is broken
-    return any(-math.log(float(np.square(p).sum())) < limit and entropy_of(p) < limit for p in checked(opinions))
+    return any(-math.log(float(np.square(p).sum())) < limit and entropy_of(p) < limit for p in opinions)
 
 
 def _pair(p: npt.ArrayLike, q: npt.ArrayLike) -> tuple[Array, Array]:

@@ -249,4 +249,5 @@ def _table(step: float, size: int) -> Array:
 
 def _total(table: Array, counts: npt.NDArray[np.intp]) -> float:
     """The sum of all cells' relative masses, correctly rounded, so that it depends on no order."""
-    return math.fsum((table * counts).tolist())
+    there = counts.nonzero()[0]
+    return math.fsum((table[there] * counts[there]).tolist())

@@ -74,13 +74,15 @@ class Covariance:
 
     def rows(self, blocks: Sequence[tuple[slice, Array]]) -> Array:
         """H P, shape (m, n), by the blocks where H, shape (m, n), is not zero, and what it is there."""
-        product = np.zeros((len(blocks[0][1]), len(self._matrix)))
-        for place, part in blocks:
-            if not self._waits:
+        product: Array = np.zeros((len(blocks[0][1]), len(self._matrix)))
+        if not self._waits:
+            for place, part in blocks:
                 product += part @ self._matrix[place]
-            else:
-                there = part @ self._local(np.arange(place.start, place.stop))
-                product += there @ self._matrix[place] - (there @ self._rows[:, place].T) @ self._rows
+            return product
+        index = [np.arange(place.start, place.stop) for place, _ in blocks]
+        there = np.hstack([part @ self._local(states) for (_, part), states in zip(blocks, index, strict=True)])
+        states = np.concatenate(index)
+        product = there @ self._matrix[states] - (there @ self._rows[:, states].T) @ self._rows
         return product if self._lean is None else product + product[:, self._on] * self._lean
 
     def diagonal(self) -> Array:

@@ -166,6 +166,7 @@ class Joint:
         """The same belief, which may be changed without changing this one."""
         other = Joint()
         other.blocks, other.mean, other.covariance = dict(self.blocks), self.mean.copy(), self.covariance.copy()
+        other._firsts = dict(self._firsts)
         return other
 
     def firsts(self, states: int) -> Array:
@@ -246,6 +247,8 @@ class Joint:
 
     def decay(self, keep: Mapping[Block, float], variance: float = 1.0) -> None:
         """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary `variance`."""
+        if not keep:
+            return
         factor = np.ones(len(self.mean))
         for block, share in keep.items():
             factor[self.blocks[block]] = share

@@ -247,10 +247,14 @@ class TeamState:
 
     def weighed(self, source: Source, factor: Factor, innovation: Innovation) -> tuple[Factor, float]:
         """A factor with the noise that its source's evidence has shown to have, and the squared distance of what it says then."""
+        squared = innovation.squared
         if not any(block in self.tracks for block in factor.jacobians):  # what is wrong may be whose the sighting is
             share = float(np.trace(np.linalg.solve(innovation.covariance, factor.noise))) / innovation.freedom
-            self.innovations.judge(source, innovation.squared, innovation.freedom, share)
-        wider = factor.widened(self.innovations.variance(source))
+            self.innovations.judge(source, squared, innovation.freedom, share)
+        variance = self.innovations.variance(source)
+        if variance == 1.0:
+            return factor, squared
+        wider = factor.widened(variance)
         return wider, squared_distance(innovation.residual, innovation.covariance + (wider.noise - factor.noise))
 
     def distance(self, relative: Relative) -> float:
