@@ -50,10 +50,14 @@ def lives(gauges: Iterable[Gauge]) -> dict[tuple[str, int], list[Gauge]]:
 
 def growth(mine: Sequence[Gauge]) -> tuple[float, float]:
     """How many MB more the second half of a life has than the first, by their medians, and how many minutes lie between these."""
+    return _more(mine, "memory"), _more(mine, "at") / 60
+
+
+def _more(mine: Sequence[Gauge], what: str) -> float:
+    """How much more the second half of a life has of something than the first, by their medians."""
     half = len(mine) // 2
-    first, second = mine[:half], mine[half:]
-    minutes = (median(g.at for g in second) - median(g.at for g in first)) / 60
-    return median(g.memory for g in second) - median(g.memory for g in first), minutes
+    first, second = (median(getattr(gauge, what) for gauge in part) for part in (mine[:half], mine[half:]))
+    return float(second - first)
 
 
 def longest(looks: Sequence[Look]) -> tuple[float, str]:
@@ -97,9 +101,7 @@ def _memory(judged: Mapping[tuple[str, int], Sequence[Gauge]], kind: str) -> Fin
 def _flat(judged: Mapping[tuple[str, int], Sequence[Gauge]], what: str) -> Finding:
     grown: dict[str, float] = {}
     for (name, _), mine in judged.items():
-        half = len(mine) // 2
-        first, second = (median(getattr(g, what) for g in part) for part in (mine[:half], mine[half:]))
-        grown[name] = max(grown.get(name, -99.0), second - first)
+        grown[name] = max(grown.get(name, -99.0), _more(mine, what))
     worst = max(grown, key=lambda name: grown[name], default="-")
     return Finding(
         bool(grown) and grown[worst] <= MORE,

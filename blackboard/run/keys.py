@@ -20,7 +20,7 @@ from blackboard.run.flags import TeamFlags
 SHORTEST, LONGEST = 1.0 / 24, 3650.0  # days of a certificate
 
 app = door.new_app("keys", "Make and revoke the certificates that shut a team's door (extra keys).")
-Directory = Annotated[Path, Parameter(name="--dir")]
+Directory = Annotated[Path, Parameter(name="--dir", help="The directory of the team's keys.")]
 Names = Annotated[list[str] | None, Parameter(name="--name", negative="")]
 
 
@@ -28,7 +28,7 @@ Names = Annotated[list[str] | None, Parameter(name="--name", negative="")]
 def init(
     scenario: str = "demo",
     *,
-    dir: Directory = Path("keys"),
+    dir: Annotated[Path, Parameter(name="--dir")] = Path("keys"),
     name: Names = None,
     robots: int | None = None,
     days: float = 365.0,
@@ -76,8 +76,6 @@ def add(
     ----------
     name
         Its name in the team; that of a kind of which a team has one is the kind.
-    dir
-        The directory of the team's keys.
     kind
         What it is.
     sub_team
@@ -113,8 +111,6 @@ def renew(*names: str, dir: Directory = Path("keys"), name: Names = None, days: 
     ----------
     names
         Whose, as r1 or robot/r1 [default: everybody's].
-    dir
-        The directory of the team's keys.
     name
         One more host name or address under which people reach the router.
     days
@@ -137,8 +133,6 @@ def revoke(name: str, *, dir: Directory = Path("keys")) -> int:
     ----------
     name
         Whose, as r3 or robot/r3.
-    dir
-        The directory of the team's keys.
     """
     _, member = directory.revoke(dir, name)
     _say(
@@ -152,13 +146,7 @@ def revoke(name: str, *, dir: Directory = Path("keys")) -> int:
 
 @app.command(name="list")
 def list_members(*, dir: Directory = Path("keys")) -> int:
-    """List who has a certificate, until when, and who was revoked.
-
-    Parameters
-    ----------
-    dir
-        The directory of the team's keys.
-    """
+    """List who has a certificate, until when, and who was revoked."""
     team, now, rows = directory.load(dir), UnixClock().now(), []
     for member in sorted(team.members, key=lambda m: (m.kind, m.name)):
         left = "EXPIRED" if member.not_after <= now else f"{(member.not_after - now) / 86400:.0f} days"

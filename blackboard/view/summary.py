@@ -82,7 +82,8 @@ def _unnamed(team: TeamFold) -> dict[str, int]:
 
 
 def _process(process: Process, now: float, lost: float | None) -> Table:
-    counters = {} if process.status is None else process.status.counters
+    status = process.status
+    counters = {} if status is None else status.counters
     silent = process.heard_at > 0 and now - process.heard_at > SILENT
     return {
         "name": process.name,
@@ -100,13 +101,9 @@ def _process(process: Process, now: float, lost: float | None) -> Table:
         "late": counters.get("late", 0),
         "skipped": counters.get("skipped", 0),  # ticks that a board in real time left out, to keep up
         "counters": dict(sorted(counters.items())),
-        "ages": {}
-        if process.status is None
-        else dict(process.status.ages),  # source -> seconds since that process heard it
-        "clocks": {}
-        if process.status is None
-        else dict(process.status.clocks),  # source -> seconds that its clock is ahead
-        "settings": {} if process.status is None else dict(process.status.settings),
+        "ages": {} if status is None else dict(status.ages),  # source -> seconds since that process heard it
+        "clocks": {} if status is None else dict(status.clocks),  # source -> seconds that its clock is ahead
+        "settings": {} if status is None else dict(status.settings),
     }
 
 
@@ -142,32 +139,20 @@ def _part(process: Process) -> str | None:
 def subject(about: About) -> Table:
     """What is believed about a subject, in a few numbers."""
     best = about.best
-    drawn = None if best is None else best.drawn
+    drawn, said = (None, None) if best is None else (best.drawn, best.message)
     score = about.scores.get("agreed") or next(iter(about.scores.values()), None)
+    unclear = [] if said is None else [sighting for sighting in said.unnamed if not sighting.taken]
     return {
-        "level": None if best is None else best.message.level,
-        "tick": None if best is None else best.message.tick,
+        **{name: getattr(said, name, None) for name in ("level", "tick", "entropy", "rule", "lost", "existence")},
         "mean": None if drawn is None else list(drawn.mean),
-        "entropy": None if best is None else best.message.entropy,
         "area": None if drawn is None else drawn.area,
         "error": None if score is None else score.error,
         "inside": None if score is None else score.denser < REGION,
-        "rule": None if best is None else best.message.rule,
-        "lost": None if best is None else best.message.lost,
-        "existence": None if best is None else best.message.existence,
-        "unclear": []
-        if best is None
-        else [
-            {"source": sighting.source, "mark": sighting.mark, "probability": sighting.probability}
-            for sighting in best.message.unnamed
-            if not sighting.taken
-        ],
-        "conflict": best is not None and best.message.conflict,
-        "left_out": []
-        if best is None
-        else [{"source": out.source, "reason": out.reason} for out in best.message.left_out],
-        "dissent": [] if best is None else [named.source for named in best.message.dissent],
-        "camps": [] if best is None else [list(camp.sources) for camp in best.message.camps],
+        "unclear": [sighting.model_dump(include={"source", "mark", "probability"}) for sighting in unclear],
+        "conflict": said is not None and said.conflict,
+        "left_out": [] if said is None else [{"source": out.source, "reason": out.reason} for out in said.left_out],
+        "dissent": [] if said is None else [named.source for named in said.dissent],
+        "camps": [] if said is None else [list(camp.sources) for camp in said.camps],
         "sources": sorted(about.reports),
     }
 

@@ -16,11 +16,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.config import Scenario, load
-from blackboard.judge.samples import Sample
+from blackboard.judge.samples import Sample, held_by, rms_error
 from blackboard.lab.team import Team, played
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.scores import held
 from blackboard.run.flags import RecordingFlags
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from examples.field.world import Truth, World
@@ -205,16 +204,14 @@ class Judged:
 
     @property
     def rmse(self) -> float:
-        return math.sqrt(np.mean([sample.error**2 for sample in self.samples]))
+        return rms_error(self.samples)
 
     @property
     def log_score(self) -> float:
         return float(np.mean([sample.log_score for sample in self.samples]))
 
     def coverage(self, level: float = 0.95) -> float:
-        return float(
-            held([sample.region for sample in self.samples], [sample.border for sample in self.samples], level).mean()
-        )
+        return float(held_by(self.samples, round(100 * level)).mean())
 
 
 def _wrong(chosen: Scenario, random: Random) -> Scenario:
