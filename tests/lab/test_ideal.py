@@ -21,6 +21,7 @@ from blackboard.wire.messages import Fix, Readings, Sighting
 from robot_agent.gaussian.ideal import Ideal, of_team
 from robot_agent.gaussian.sensors import simulated
 from sim_world.sources import open_sensor_source
+from tests.present import present
 
 #: Three robots that see all around themselves on a small grid, so that every object is seen by several.
 SMALL = (
@@ -67,8 +68,7 @@ def test_what_is_seen_by_two_and_of_each_other_is_plain_least_squares() -> None:
             vector += np.outer(row, (x, y)) / 0.49
     covariance = np.linalg.inv(information)
     for i, name in enumerate(names):
-        belief = ideal_filter.belief(name)
-        assert belief is not None
+        belief = present(ideal_filter.belief(name))
         assert belief.mean == pytest.approx((covariance @ vector)[i], abs=1e-3)
         assert belief.covariance == pytest.approx(np.eye(2) * covariance[i, i], abs=1e-3)
 
@@ -111,8 +111,7 @@ def test_it_is_honest_where_it_is_told_the_world_s_noise() -> None:
             truth, given = world.advance("x", tick)
             ideal_filter.step(0.2 if tick else 0.0, given)
             for robot in scenario.team.robots:
-                belief = ideal_filter.belief(f"robot/{robot}")
-                assert belief is not None
+                belief = present(ideal_filter.belief(f"robot/{robot}"))
                 away = np.array(truth.positions[f"robot/{robot}"]) - belief.mean
                 distances.append(float(away @ np.linalg.solve(belief.covariance, away)))
         by_seed.append([np.mean(distances)])

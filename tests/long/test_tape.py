@@ -8,6 +8,7 @@ from pathlib import Path
 from blackboard.tape.file import read
 from blackboard.wire.envelope import Kind
 from tests.commands import blackboard
+from tests.present import present
 from tests.processes import children, program, wait_until
 
 
@@ -22,8 +23,7 @@ def child(pid: int, named: str) -> int | None:
 
 def restarted(pid: int, named: str) -> None:
     """Kill a child, and wait until the launcher has started it again."""
-    victim = child(pid, named)
-    assert victim is not None
+    victim = present(child(pid, named))
     os.kill(victim, signal.SIGKILL)
     wait_until(lambda: child(pid, named) not in (None, victim), "it is started again")
 
@@ -40,8 +40,7 @@ def test_what_died_is_on_the_tape_and_a_killed_recorder_leaves_all_but_a_second(
         restarted(pid, "board-b")
         size = tape.stat().st_size
         wait_until(lambda: tape.stat().st_size > size + 100_000, "more is recorded")
-        recorder = child(pid, "record")
-        assert recorder is not None
+        recorder = present(child(pid, "record"))
         os.kill(recorder, signal.SIGKILL)
         wait_until(lambda: child(pid, "record") is None, "the recorder is gone")
         run.running.send_signal(signal.SIGINT)

@@ -13,6 +13,7 @@ from examples.field.world import Said, Truth, World
 from robot_agent.driven import UNKNOWN_WHEELS
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import Sensors
+from tests.present import present
 
 CLAIMED, COMPASS = 0.3, 0.05  # unit and radians: what all of them say of themselves
 SEEDS = (11, 12)
@@ -97,8 +98,7 @@ def drive(
             heading = None if sensor.compass is None else math.remainder(pose[2] + compass[step], math.tau)
             robot.step(readings(step, said["r1"], fix, heading, truth))
             if step > 50:
-                belief = robot.belief
-                assert belief is not None
+                belief = present(robot.belief)
                 off = belief.mean[:3] - pose
                 off[2] = math.remainder(off[2], math.tau)
                 errors.append(math.hypot(off[0], off[1]))
@@ -205,7 +205,6 @@ def test_what_it_found_out_of_its_fixes_and_compass_is_told() -> None:
 
 @pytest.mark.parametrize("wrong", [lambda: Sensor(outliers=1.0), lambda: Sensor(fresh=1e4), lambda: Sensor(fresh=1e-9)])
 def test_no_fix_ends_the_filter(wrong: Callable[[], Sensor]) -> None:
-    belief = drive(wrong(), seeds=(11,), seconds=20.0).filter.belief
-    assert belief is not None
+    belief = present(drive(wrong(), seeds=(11,), seconds=20.0).filter.belief)
     assert np.isfinite(belief.mean).all()
     assert (np.linalg.eigvalsh(belief.covariance[:3, :3]) > 0).all()

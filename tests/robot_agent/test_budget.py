@@ -258,8 +258,7 @@ def test_evidence_that_was_not_sent_is_gathered_into_the_next() -> None:
     drive(joint, own.robot, result.travelled.since(before.travelled), nuisance)
     gained = likelihood(joint, own.robot, result.unsent)
     correct(joint, present(gained))
-    now = own.belief
-    assert now is not None
+    now = present(own.belief)
     assert joint.moments(own.robot).mean[AXES] == pytest.approx(now.mean[AXES], abs=0.02)
     assert np.diag(joint.moments(own.robot).covariance)[AXES] == pytest.approx(np.diag(now.covariance)[AXES], rel=0.05)
 
@@ -345,8 +344,7 @@ def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() ->
     for status in statuses:
         tallied.hear_status("a", status)
     assert tallied.counters({})["ticks"] == full[-1].counters["ticks"]
-    shown = fold.teams["t"].processes["robot", "r1"].status
-    assert shown is not None
+    shown = present(fold.teams["t"].processes["robot", "r1"].status)
     assert shown.tick == statuses[-1].tick
     assert shown.settings == full[-1].settings
     assert shown.counters == full[-1].counters

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.present import present
 from tests.robot_agent.mishaps import BEGAN, Course, course
 
 SEEDS = range(30, 38)
@@ -27,8 +28,7 @@ def test_a_robot_that_is_stuck_says_so_while_it_is() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_it_is_found_again_and_no_longer_called_stuck(seed: int) -> None:
-    seconds = stuck(seed).found()
-    assert seconds is not None
+    seconds = present(stuck(seed).found())
     assert seconds <= SECONDS + 15
     assert stuck(seed).stuck[-1] == 0.0
     assert np.nanmax(stuck(seed).errors[BEGAN:]) < 2.0, "unit; it was commanded to drive 1.8"
@@ -44,6 +44,5 @@ def test_sound_wheels_are_not_called_stuck_and_nobody_moved(seed: int, misreads:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_robot_that_was_carried_away_says_so(seed: int) -> None:
-    after = course(seed, push=(2.0, 2.0), turn=1.0).named("moved")
-    assert after is not None
+    after = present(course(seed, push=(2.0, 2.0), turn=1.0).named("moved"))
     assert after <= 8

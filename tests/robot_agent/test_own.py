@@ -85,8 +85,7 @@ def test_a_filter_that_knows_its_heading_badly_tells_of_a_fix_as_much_as_it_took
         own.tell(0.1)
     own.drive(0.1)
     own.measure(own.mean, np.diag([0.01, 0.01, 1e6]))
-    increment = own.tell(0.1).increment
-    assert increment is not None
+    increment = present(own.tell(0.1).increment)
     assert np.diag(increment.information)[:2] == pytest.approx([100.0, 100.0], rel=0.01)
 
 
@@ -148,8 +147,7 @@ def judged(fed_back: bool, seed: int = 1) -> Independence:
     own.tell()
     truth = own.mean.copy()
     for _ in range(2 * FEWEST):
-        shown = own.given.belief
-        assert shown is not None
+        shown = present(own.given.belief)
         noise = shown.covariance[POSE, POSE].copy() if fed_back else np.diag([0.02, 0.02, 0.005])
         own.drive()
         truth = truth + [0.1, 0, 0]
@@ -182,8 +180,7 @@ def test_particles_are_one_hypothesis_or_none() -> None:
     random = np.random.default_rng(1)
     cloud = random.multivariate_normal([3.0, 4.0, math.pi], np.diag([0.1, 0.2, 0.05]), 4000)
     cloud[:, 2] = (cloud[:, 2] + math.pi) % (2 * math.pi) - math.pi  # on both sides of the seam
-    moments = of_particles(cloud)
-    assert moments is not None
+    moments = present(of_particles(cloud))
     assert moments.mean[:2] == pytest.approx((3, 4), abs=0.05)
     assert abs(math.remainder(moments.mean[2] - math.pi, math.tau)) < 0.05
     assert np.diag(moments.covariance) == pytest.approx((0.1, 0.2, 0.05), rel=0.15)

@@ -63,8 +63,7 @@ def test_an_increment_says_nearly_the_same_and_nothing_where_it_said_nothing(see
     rng = np.random.default_rng(seed)
     before = block(rng)
     after = measured(before, rng, rank)
-    whole = gained(before, after)
-    assert whole is not None
+    whole = present(gained(before, after))
     packed = shorter(evidence(after, whole))
     unpack("r1", 1, 0.2, packed)  # boards refuse what is no likelihood
     unpacked = unpack_increment(present(packed.increment))

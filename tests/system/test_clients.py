@@ -13,6 +13,7 @@ from blackboard.run.launch import free_port
 from blackboard.wire.codec import decode
 from blackboard.wire.messages import Consensus
 from tests.files import ROOT
+from tests.present import present
 from tests.processes import program, wait_until
 
 GRID = '{"shape": [50, 50], "cell": 1.0, "origin": [0.0, 0.0]}'
@@ -108,8 +109,7 @@ def test_a_robot_goes_on_when_the_board_and_the_router_are_started_again_and_one
                 robot.odometry(0.0, 0.0, 0.05)
                 if robot is not robots[0]:
                     robots[0].see(f"robot/{robot.robot}", 1.0, 0.0, 0.05, 0.02)
-                pose = robot.step()
-                assert pose is not None
+                assert robot.step() is not None
             known = robots[0].agreed
             return all(
                 f"robot/{client.robot}" in known and known[f"robot/{client.robot}"].time > since for client in robots
@@ -132,6 +132,5 @@ def test_a_robot_goes_on_when_the_board_and_the_router_are_started_again_and_one
         goes_on(0.0)  # alone, meanwhile
         running.enter_context(program(*router))
         agreed_again()
-        pose = robots[0].pose
-        assert pose is not None
+        pose = present(robots[0].pose)
         assert abs(pose.mean[0] - 2.0) < 0.1

@@ -6,6 +6,7 @@ from typing import Any
 from blackboard.view.frame import frame, line
 from blackboard.view.web.frames import BEAT, LEAST_GAP, Frames
 from blackboard.wire.messages import Clock
+from tests.present import present
 from tests.view.recorded import folded, read, team_of
 
 
@@ -67,8 +68,7 @@ def test_one_can_go_back_to_a_moment_with_the_processes_and_events_of_then() -> 
     frames, moments = remembered(), list(team_of().moments)
     frames.team.clock = None  # the world has ended since
     for n, moment in enumerate(moments):
-        shown = frames.at(moment.run, moment.tick, "robot/r1")
-        assert shown is not None
+        shown = present(frames.at(moment.run, moment.tick, "robot/r1"))
         header, _ = read(shown)
         assert (header["tick"], header["mode"]) == (moment.tick, "lockstep")
         assert next(process["tick"] for process in header["processes"] if process["name"] == "r1") == 1000 + n
@@ -81,8 +81,7 @@ def test_one_can_go_back_to_a_moment_with_the_processes_and_events_of_then() -> 
 def test_what_the_moments_forget_the_past_forgets() -> None:
     frames = remembered()
     frames.team.moments.most_bytes = 0
-    newest = frames.team.moments.newest
-    assert newest is not None
+    newest = present(frames.team.moments.newest)
     frames.team.moments.add(newest)
     frames.remember(newest.at)
     assert len(past(frames)["lines"]) == len(frames.team.moments)

@@ -15,6 +15,7 @@ from blackboard.wire import keys
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Status, UnnamedSighting
+from tests.present import present
 from tests.view.recorded import folded, recorded
 
 
@@ -113,10 +114,8 @@ def unclear(probability: float, *, taken: bool = False) -> UnnamedSighting:
 
 def track(existence: float | None, *sightings: UnnamedSighting) -> About:
     """The ball, as if it were a track that some sightings may be of."""
-    moment = folded().teams["t"].moments.newest
-    assert moment is not None
-    best = moment.subjects["object/ball"].best
-    assert best is not None
+    moment = present(folded().teams["t"].moments.newest)
+    best = present(moment.subjects["object/ball"].best)
     said = best.message.model_copy(update={"existence": existence, "unnamed": list(sightings)})
     return About(agreed={"a": replace(best, message=said)})
 

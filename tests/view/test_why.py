@@ -164,8 +164,7 @@ def test_in_a_joint_it_is_said_who_was_used_and_nobody_gets_a_weight() -> None:
     assert level["without"] == {}
     said = " ".join(sentences(explain(team, moment, "robot/r1")))
     assert "one joint belief of the whole team, without weights" in said
-    best = moment.subjects["robot/r1"].best
-    assert best is not None
+    best = present(moment.subjects["robot/r1"].best)
     assert level["heading"] == present(best.message.state).mean[HEADING]
     assert 0 < level["heading_sigma"] < 1
     assert explain(team, moment, "object/ball")["levels"][0]["heading"] is None

@@ -12,6 +12,7 @@ from blackboard.bridges.ros.convert import ANY_HEADING, Detection, PlanarPose
 from blackboard.bridges.ros.driver import FASTEST, GAP, PERIOD, Driver
 from blackboard.errors import Refused
 from blackboard.wire.messages import Readings
+from tests.present import present
 
 
 def at(stamp: float, x: float, y: float, yaw: float = 0.0, covariance: np.ndarray | None = None) -> PlanarPose:
@@ -31,16 +32,14 @@ def test_odometry_is_summed_up_and_told_once_per_period() -> None:
     for n in range(5):
         driver.move(at(5.0 + n / 10, n * 0.3, 0.0), 99.6 + n / 10)
     assert driver.due() == -math.inf
-    first = driver.readings(100.0)
-    assert first is not None
+    first = present(driver.readings(100.0))
     assert first.odometry is not None
     assert (first.robot, first.run, first.tick, first.time) == ("r1", "ros since 100", 0, 100.0)
     assert [first.odometry.distance, first.odometry.turn, first.odometry.dt] == pytest.approx([1.2, 0.0, 0.4])
     driver.move(at(5.5, 1.5, 0.0), 100.1)
     assert driver.readings(100.0 + PERIOD / 2) is None
     assert driver.due() == 100.0 + PERIOD
-    second = driver.readings(100.0 + PERIOD)
-    assert second is not None
+    second = present(driver.readings(100.0 + PERIOD))
     assert second.odometry is not None
     assert (second.run, second.tick) == (first.run, 1)
     assert second.odometry.distance == pytest.approx(0.3)
@@ -57,8 +56,7 @@ def test_the_way_comes_out_whichever_way_the_robot_looked_at_the_start(
         x, y = x + distance * math.cos(yaw + turn / 2), y + distance * math.sin(yaw + turn / 2)
         yaw = math.remainder(yaw + turn, math.tau)
         driver.move(at((n + 1) / 10, x, y, yaw), 0.0)
-    readings = driver.readings(0.0)
-    assert readings is not None
+    readings = present(driver.readings(0.0))
     assert readings.odometry is not None
     assert readings.odometry.distance == pytest.approx(sum(distance for distance, _ in steps), abs=1e-9)
     assert readings.odometry.turn == pytest.approx(sum(turn for _, turn in steps), abs=1e-9)
@@ -79,8 +77,7 @@ def test_a_sighting_waits_for_the_next_readings_and_says_its_age() -> None:
     driver.see("robot/r2", at(0.0, 3.0, 4.0, 0.5, np.diag([0.1, 0.2, ANY_HEADING])), 100.0)
     assert driver.due() is not None
     driver.move(at(0.1, 1.0, 1.0), 100.1)
-    readings = driver.readings(100.1)
-    assert readings is not None
+    readings = present(driver.readings(100.1))
     (sighting,) = readings.seen
     assert (sighting.kind, sighting.values) == ("position", (3.0, 4.0))  # nothing is known of the heading
     assert sighting.age == pytest.approx(0.1)
@@ -121,8 +118,7 @@ def test_where_its_source_begins_anew_at_zero_no_motion_is_made_up() -> None:
 def test_a_fix_goes_with_the_next_readings_once_as_wide_as_its_widest_axis() -> None:
     driver, covariance = Driver("r1"), np.array([[4.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.09]])
     driver.fix(at(1.0, 3.0, 4.0, 0.5, covariance))
-    readings = driver.readings(10.0)
-    assert readings is not None
+    readings = present(driver.readings(10.0))
     assert readings.odometry is None
     assert readings.fix is not None
     assert readings.fix.position == (3.0, 4.0)
@@ -130,8 +126,7 @@ def test_a_fix_goes_with_the_next_readings_once_as_wide_as_its_widest_axis() -> 
     assert driver.readings(20.0) is None
     covariance[2, 2] = ANY_HEADING
     driver.fix(at(1.0, 3.0, 4.0, 0.5, covariance))
-    again = driver.readings(20.0)
-    assert again is not None
+    again = present(driver.readings(20.0))
     assert again.fix is not None
     assert again.fix.heading is None
 
@@ -148,8 +143,7 @@ def test_readings_are_of_the_time_at_which_they_were_measured_however_late_they_
     driver.see("object/can", at(0.0, 3.0, 4.0), late)  # a stamp that nobody set
     for n in (20, 21, 22):
         driver.move(at(clock + n / 10, n * 0.1, 0.0), late)
-    readings = driver.readings(late)
-    assert readings is not None
+    readings = present(driver.readings(late))
     assert readings.odometry is not None
     assert readings.odometry.dt == pytest.approx(0.3)
     by_subject = {sighting.subject: sighting.age for sighting in readings.seen}
@@ -169,8 +163,7 @@ def test_what_a_detector_saw_goes_once_by_its_covariance_or_by_the_model_of_the_
     driver.detect([Detection("person/?", at(5.0, 1.0, 1.0, 0.0), 0.6)], 100.0)
     unsure = Detection("object/ball?", at(5.1, 3.0, 4.0, 0.0, np.zeros((3, 3))), 0.9)
     driver.detect([Detection("person/?", at(5.1, 1.0, 2.0), 0.7), unsure], 100.1)  # the newest message counts
-    readings = driver.readings(100.1)
-    assert readings is not None
+    readings = present(driver.readings(100.1))
     (placed,), (sighting,) = readings.seen, readings.sightings
     assert (placed.subject, placed.kind, placed.values, placed.confidence) == ("person/?", "position", (1.0, 2.0), 0.7)
     assert placed.covariance == (1.0, 0.0, 1.0)
@@ -189,6 +182,5 @@ def test_detections_that_readings_cannot_hold_are_refused_and_the_others_stay() 
     for things in ([detection] * 129, [flat], [detection, itself]):
         with pytest.raises(Refused):
             driver.detect(things, 100.1)
-    readings = driver.readings(100.1)
-    assert readings is not None
+    readings = present(driver.readings(100.1))
     assert len(readings.seen) == 1

@@ -343,8 +343,7 @@ def test_an_increment_gives_a_belief_back_to_its_own_prediction(seed: int) -> No
     joint = team(seed, robots=1)
     prediction, other = joint.moments("robot/r0"), joint.copy()
     evidence(joint, seed)
-    increment = gained(prediction, joint.moments("robot/r0"))
-    assert increment is not None
+    increment = present(gained(prediction, joint.moments("robot/r0")))
     assert np.linalg.eigvalsh(increment.information).min() > -1e-9 * np.linalg.norm(increment.information)
     factor = likelihood(other, "robot/r0", increment)
     other.update(present(factor))
@@ -382,8 +381,7 @@ def test_states_that_are_known_exactly_gain_nothing() -> None:
     joint = Joint()
     joint.add("robot/r0", prior)
     joint.update(Factor(np.array([0.5]), {"robot/r0": np.eye(STATES)[[X]]}, np.eye(1)))
-    increment = gained(prior, joint.moments("robot/r0"))
-    assert increment is not None
+    increment = present(gained(prior, joint.moments("robot/r0")))
     assert increment.information[X, X] == pytest.approx(1.0)
     assert not increment.information[FORWARD:].any()
     assert not increment.information[BEARING, RANGE]

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.tracks import FLEETING, HIDDEN, KEPT, LOST, MAX_TRACKS, NAMED, ROOM, STAYS, Tracks
+from tests.present import present
 
 KIND = "person/?"
 HERE = (3.0, 0.1, 0.5)  # where a track is from all observers: in the view of those that have seen as far
@@ -25,14 +26,12 @@ def looking(*observers: str) -> Tracks:
 
 
 def begun(tracks: Tracks, observer: str) -> str:
-    block = tracks.begin(observer, KIND)
-    assert block is not None
+    block = present(tracks.begin(observer, KIND))
     return block
 
 
 def existing(tracks: Tracks, block: str) -> float:
-    existence = tracks.existence(block)
-    assert existence is not None
+    existence = present(tracks.existence(block))
     return existence
 
 
@@ -238,8 +237,7 @@ def test_what_is_no_number_of_a_track_changes_no_name(numbers: dict[str, int]) -
 )
 def test_the_name_of_a_track_says_its_class_and_is_no_members(kind: str, name: str) -> None:
     tracks = Tracks()
-    block = tracks.begin("robot/r1", kind)
-    assert block is not None
+    block = present(tracks.begin("robot/r1", kind))
     assert tracks.name(block, lambda taken: False) == name
 
 
