@@ -26,13 +26,11 @@ def looking(*observers: str) -> Tracks:
 
 
 def begun(tracks: Tracks, observer: str) -> str:
-    block = present(tracks.begin(observer, KIND))
-    return block
+    return present(tracks.begin(observer, KIND))
 
 
 def existing(tracks: Tracks, block: str) -> float:
-    existence = present(tracks.existence(block))
-    return existence
+    return present(tracks.existence(block))
 
 
 def shown(tracks: Tracks, block: str, shares: dict[str, float], seconds: float) -> None:
